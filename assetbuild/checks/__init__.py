@@ -1,0 +1,1 @@
+"""Checks: one file per question asked of a built robot."""

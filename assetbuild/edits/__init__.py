@@ -1,0 +1,1 @@
+"""Edits: named changes of the robot or its meshes, one file each."""

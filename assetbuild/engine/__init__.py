@@ -1,0 +1,1 @@
+"""A content-addressed build engine. It knows steps, files and digests, and no robots."""

@@ -1,0 +1,68 @@
+"""A step: a pure function of named input files and its own fields."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from pydantic import BaseModel, ConfigDict
+
+from assetbuild.findings import Finding
+
+
+@dataclass(frozen=True, slots=True)
+class Files:
+    """Where a step reads and writes: two folders, nothing else.
+
+    inputs: holds each input under the name that the plan gave it; a name may contain slashes
+        (`meshes/calf/parts/`), one that ends in a slash is a folder. Read only.
+    outputs: empty; the step writes exactly its declared outputs there.
+    """
+
+    inputs: Path
+    outputs: Path
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Bounds of one step in its child process; running over one fails the step."""
+
+    wall_s: float = 300.0
+    memory_mb: int = 4096
+    file_mb: int = 4096
+    cpus: int = 1
+
+
+class Step(BaseModel):
+    """Base of all steps. The fields of a subclass are its parameters and part of its key.
+
+    No step reads the working folder, clock, environment, home or an unseeded random number.
+    Heavy libraries are imported inside `run`.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    version: ClassVar[str] = "1"
+    """Raised when the same inputs give other bytes; part of the key."""
+    tools: ClassVar[tuple[str, ...]] = ()
+    """Distributions whose version decides the output (`trimesh`); part of the key."""
+    outputs: ClassVar[tuple[str, ...]] = ()
+    """Files to write; one that ends in a slash is a folder whose content the data decide."""
+    isolated: ClassVar[bool] = False
+    """Run in a child process: native or heavy code, or hostile input."""
+    preload: ClassVar[tuple[str, ...]] = ()
+    """Modules that the child imports once for many steps (`trimesh`)."""
+    limits: ClassVar[Limits] = Limits()
+    network: ClassVar[bool] = False
+    """Only `fetch` may say True."""
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        """Read `files.inputs`, write `files.outputs`, yield findings."""
+        raise NotImplementedError
+
+    @classmethod
+    def step_name(cls) -> str:
+        """`read_urdf` for `assetbuild.steps.read_urdf`: the file name is the name."""
+        return cls.__module__.rsplit(".", 1)[-1]

@@ -1,0 +1,111 @@
+"""Errors, one class per person who must act; each builds its own sentence.
+
+An error stops the build. What only informs is a `Finding` (see `findings.py`).
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import ClassVar
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """A place in a file that the user wrote; lines and columns count from 1, 0 = unknown."""
+
+    file: str
+    line: int = 0
+    column: int = 0
+
+    def __str__(self) -> str:
+        parts = [self.file]
+        if self.line:
+            parts.append(str(self.line))
+            if self.column:
+                parts.append(str(self.column))
+        return ":".join(parts)
+
+
+class AssetBuildError(Exception):
+    """Base of all errors that a user can cause: what, where, next move."""
+
+    exit_code: ClassVar[int] = 1
+
+    def __init__(self, message: str, *, where: Where | None = None, hint: str = "") -> None:
+        super().__init__(message, where, hint)
+        self.message = message
+        self.where = where
+        self.hint = hint
+
+    def __str__(self) -> str:
+        text = f"{self.where}: {self.message}" if self.where else self.message
+        return f"{text}\nhint: {self.hint}" if self.hint else text
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _rebuild, (type(self), self.message, self.where, self.hint)
+
+
+def _rebuild(
+    cls: type[AssetBuildError], message: str, where: Where | None, hint: str
+) -> AssetBuildError:
+    return cls(message, where=where, hint=hint)
+
+
+class UsageError(AssetBuildError):
+    """The command line is wrong."""
+
+    exit_code = 2
+
+
+class RecipeError(AssetBuildError):
+    """The author of the recipe must act."""
+
+    exit_code = 2
+
+
+class SourceError(AssetBuildError):
+    """The robot's description (URDF, xacro, archive, paths) is wrong; nothing can be built."""
+
+    exit_code = 2
+
+
+class LockError(AssetBuildError):
+    """The lock file and what was found do not agree."""
+
+    exit_code = 2
+
+
+class OutOfDateError(AssetBuildError):
+    """Something that should have been up to date is not (`check`, `--frozen`)."""
+
+    exit_code = 3
+
+
+class NotReproducibleError(AssetBuildError):
+    """Two runs of one step gave different bytes."""
+
+    exit_code = 4
+
+
+class StepError(AssetBuildError):
+    """A step failed on what it was given, or crashed, or ran over a limit."""
+
+    exit_code = 1
+
+
+class MachineError(AssetBuildError):
+    """This machine lacks something: disk space, a permission, an optional package."""
+
+    exit_code = 1
+
+
+def did_you_mean(wrong: str, known: Iterable[str]) -> str:
+    """A hint that names the nearest of `known`, or lists them when none is near."""
+    names = sorted(set(known))
+    near = difflib.get_close_matches(wrong, names, n=1, cutoff=0.6)
+    if near:
+        return f"did you mean `{near[0]}`?"
+    shown = ", ".join(f"`{name}`" for name in names[:12])
+    return f"known: {shown}{', ...' if len(names) > 12 else ''}" if names else ""

@@ -1,0 +1,66 @@
+"""What is said about a robot, as data: rule, severity, subject, numbers, next move.
+
+Findings are cached with the result of the step that made them and replayed on a warm build,
+so they carry the name of what they speak of (`subject`), not its line: the report looks the
+line up in the source map of the day.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Literal, get_args
+
+Severity = Literal["error", "warning", "info"]
+Scalar = float | int | str | bool | None
+SEVERITIES: tuple[Severity, ...] = get_args(Severity)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One statement about the robot.
+
+    rule: stable id, `family.name`; each has an entry in docs/reference/rules.md.
+    subject: `link trunk`, `joint FR_hip_joint`, `mesh meshes/trunk.dae`, `actuator ...`,
+        `recipe collision.links`: the key into the source map.
+    where: `file:line`, filled in by the report; empty inside steps.
+    data: the numbers behind the message, SI units, names carry the unit.
+    """
+
+    rule: str
+    severity: Severity
+    subject: str
+    message: str
+    hint: str = ""
+    where: str = ""
+    data: Mapping[str, Scalar | tuple[Scalar, ...]] = field(default_factory=dict)
+
+    def at(self, where: str) -> Finding:
+        """The same finding with its place in the source filled in."""
+        return replace(self, where=where)
+
+    def to_json(self) -> dict[str, object]:
+        """Plain data in the field order of `report.json`."""
+        return asdict(self) | {"data": {k: self.data[k] for k in sorted(self.data)}}
+
+
+def finding_from_json(raw: Mapping[str, object]) -> Finding:
+    """Inverse of `Finding.to_json`; raises KeyError or TypeError on foreign data."""
+    data = raw["data"]
+    severity = raw["severity"]
+    if not isinstance(data, Mapping) or severity not in SEVERITIES:
+        raise TypeError("not a finding")
+    return Finding(
+        rule=str(raw["rule"]),
+        severity=severity,
+        subject=str(raw["subject"]),
+        message=str(raw["message"]),
+        hint=str(raw.get("hint", "")),
+        where=str(raw.get("where", "")),
+        data={k: tuple(v) if isinstance(v, list) else v for k, v in data.items()},
+    )
+
+
+def worst_first(findings: list[Finding]) -> list[Finding]:
+    """Errors, warnings, infos; within one severity by rule and subject."""
+    return sorted(findings, key=lambda f: (SEVERITIES.index(f.severity), f.rule, f.subject))

@@ -1,0 +1,1 @@
+"""Recipes: the models, and the loader that knows line numbers."""

@@ -1,0 +1,232 @@
+"""What a recipe may say. Every key has its meaning and unit in its description.
+
+Patterns are regular expressions that must match a whole name of the *source*, before merging.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from assetbuild.findings import Severity
+
+
+def _pattern(text: str) -> str:
+    try:
+        re.compile(text)
+    except re.error as error:
+        raise ValueError(f"not a regular expression: {error}") from error
+    return text
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise ValueError("must be finite")
+    return value
+
+
+Pattern = Annotated[str, AfterValidator(_pattern)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,63}$")]
+Real = Annotated[float, AfterValidator(_finite)]
+Positive = Annotated[float, Field(gt=0), AfterValidator(_finite)]
+NonNegative = Annotated[float, Field(ge=0), AfterValidator(_finite)]
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+
+
+class Model(BaseModel):
+    """Base of all recipe models: frozen, and an unknown key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Source(Model):
+    """Where the robot comes from: exactly one of path, pypi; exactly one of urdf, xacro, mjcf."""
+
+    path: str | None = Field(None, description="a folder, relative to the recipe")
+    pypi: str | None = Field(
+        None, description="`name==version` of a wheel", pattern=r"^[\w.-]+==[\w.+!-]+$"
+    )
+    root: str = Field(".", description="folder inside the source that all paths below start from")
+    urdf: str | None = Field(None, description="the URDF file")
+    packages: dict[str, str] = Field(
+        default_factory=dict, description="package:// name -> folder; explicit, nothing is searched"
+    )
+    license: str | None = Field(None, description="SPDX identifier of the source's licence")
+
+    @model_validator(mode="after")
+    def _one_of_each(self) -> Source:
+        if (self.path is None) == (self.pypi is None):
+            raise ValueError("give exactly one of `path`, `pypi`")
+        if self.urdf is None:
+            raise ValueError("give `urdf`, the robot's description below `root`")
+        return self
+
+
+class FixedJoints(Model):
+    """What happens to links that fixed joints hold together."""
+
+    merge: bool = Field(True, description="merge them exactly; the frames survive")
+    keep_bodies: tuple[Pattern, ...] = Field(
+        (), description="links that stay bodies of their own, for contact sensors"
+    )
+
+
+class Visual(Model):
+    """Meshes for the eye."""
+
+    max_faces: int | None = Field(
+        None, ge=100, description="goal per mesh; stops earlier, with a finding, to keep the shape"
+    )
+
+
+class CollisionRule(Model):
+    """How the collision geometry of a link is made."""
+
+    method: str = Field("auto", description="auto, keep, none or a plug-in of assetbuild.collision")
+    shape: Literal["box", "sphere", "capsule", "cylinder"] | None = Field(
+        None, description="of `primitive`; without it the best fit of all"
+    )
+    from_: Literal["auto", "collision", "visual"] = Field(
+        "auto", alias="from", description="the link's geometry to use; auto: collision, else visual"
+    )
+    max_hulls: int | None = Field(None, ge=1, le=1024, description="most pieces, where it applies")
+    max_vertices: int | None = Field(None, ge=4, le=256, description="most vertices of a piece")
+    threshold: Positive | None = Field(None, description="of `coacd`, relative concavity 0.01..1")
+
+
+class Exclude(Model):
+    """Pairs of bodies that never collide."""
+
+    adjacent: bool = Field(True, description="bodies that a joint connects")
+    pairs: tuple[tuple[str, str], ...] = Field((), description="pairs of source links")
+
+
+class Collision(Model):
+    """Collision geometry, by source link."""
+
+    default: CollisionRule = Field(default_factory=lambda: CollisionRule.model_validate({}))
+    links: dict[Pattern, CollisionRule] = Field(
+        default_factory=dict, description="the first pattern that matches a link wins"
+    )
+    exclude: Exclude = Field(default_factory=lambda: Exclude.model_validate({}))
+
+
+class Motor(Model):
+    """A motor with its gear, reusable by several rows of the actuator table."""
+
+    rotor_inertia: NonNegative | None = Field(None, description="kg m2, before the gear")
+    gear: Positive = Field(1.0, description="reduction; armature = rotor_inertia * gear^2")
+    effort: Positive | None = Field(None, description="N m or N, after the gear")
+    velocity: Positive | None = Field(None, description="rad/s or m/s, after the gear")
+    friction: NonNegative | None = Field(None, description="dry friction, N m or N")
+    source: str = Field("", description="where the numbers come from")
+
+
+class ActuatorRow(Model):
+    """One row of the actuator table; every moving joint matches exactly one."""
+
+    joints: Pattern = Field(description="matches whole joint names")
+    model: Literal["pd", "ideal_pd", "dc_motor", "velocity", "motor", "passive"] = Field(
+        "pd", description="pd is implicit: the simulator integrates the gains"
+    )
+    motor: str | None = Field(None, description="name in `motors`")
+    kp: NonNegative | None = Field(None, description="N m/rad or N/m")
+    kd: NonNegative | None = Field(None, description="of the drive, N m s/rad or N s/m")
+    damping: NonNegative | None = Field(
+        None, description="passive, of the joint; without it the source's own"
+    )
+    friction: NonNegative | None = Field(
+        None, description="dry; without it the motor's, else the source's own"
+    )
+    armature: NonNegative | None = Field(None, description="kg m2; without it the motor's")
+    effort: Positive | None = Field(None, description="without it the motor's, else the source's")
+    velocity: Positive | None = Field(None, description="without it the motor's, else the source's")
+
+
+class Keyframe(Model):
+    """A named pose."""
+
+    base: Literal["on_ground"] | tuple[Real, Real, Real] = Field(
+        "on_ground", description="on_ground: lowest collision point at z = 0; or x, y, z in metres"
+    )
+    joints: dict[Pattern, Real] = Field(
+        default_factory=dict, description="rad or m; joints that no pattern matches are 0"
+    )
+
+
+class Contact(Model):
+    """The surface of all collision geometry."""
+
+    friction: tuple[NonNegative, NonNegative, NonNegative] = Field(
+        (1.0, 0.005, 0.0001), description="sliding, torsional (m), rolling (m)"
+    )
+    condim: Literal[1, 3, 4, 6] = 3
+
+
+class Simulation(Model):
+    """What the generated files and checks step with."""
+
+    timestep: Positive = Field(0.005, description="s")
+    decimation: int = Field(4, ge=1, description="simulation steps per control step")
+    gravity: tuple[Real, Real, Real] = (0.0, 0.0, -9.81)
+
+
+class FreeFall(Model):
+    """Dropped without contact and drives."""
+
+    seconds: Positive = Field(0.4, description="s")
+    tolerance: Positive = Field(0.003, description="relative, against the integrator's formula")
+
+
+class Stand(Model):
+    """Held by its drives on a floor."""
+
+    keyframe: str = "home"
+    seconds: Positive = Field(2.0, description="s")
+    max_sag: Positive = Field(0.03, description="m of base height, warning")
+    max_tilt: Positive = Field(0.1, description="rad of the base, warning")
+    max_drift: Positive = Field(0.02, description="m sideways, warning")
+    feet: Pattern | None = Field(None, description="source links that may touch the floor")
+
+
+class Validate(Model):
+    """Which physical checks run, and their limits."""
+
+    free_fall: FreeFall | None = Field(default_factory=lambda: FreeFall.model_validate({}))
+    stand: Stand | None = None
+    simulators: tuple[Literal["mujoco", "physx"], ...] = ("mujoco",)
+
+
+class Waiver(Model):
+    """Another severity for a rule; it stays visible with its reason."""
+
+    severity: Severity
+    because: str = Field(min_length=3)
+
+
+class Recipe(Model):
+    """`recipes/<robot>.yaml`."""
+
+    schema_: Literal["assetbuild/v1"] = Field(alias="schema")
+    robot: Name
+    source: Source
+    base: Literal["floating", "fixed"] = "fixed"
+    fixed_joints: FixedJoints = Field(default_factory=lambda: FixedJoints.model_validate({}))
+    visual: Visual = Field(default_factory=lambda: Visual.model_validate({}))
+    collision: Collision = Field(default_factory=lambda: Collision.model_validate({}))
+    motors: dict[str, Motor] = Field(default_factory=dict)
+    actuators: tuple[ActuatorRow, ...] = ()
+    keyframes: dict[Name, Keyframe] = Field(default_factory=dict)
+    contact: Contact = Field(default_factory=lambda: Contact.model_validate({}))
+    simulation: Simulation = Field(default_factory=lambda: Simulation.model_validate({}))
+    targets: tuple[str, ...] = ("urdf", "mjcf", "usd")
+    validate_: Validate = Field(
+        default_factory=lambda: Validate.model_validate({}), alias="validate"
+    )
+    rules: dict[str, Waiver] = Field(default_factory=dict)
+    variants: dict[Name, dict[str, Any]] = Field(
+        default_factory=dict, description="named patches: maps are merged, all else is replaced"
+    )

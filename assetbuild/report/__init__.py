@@ -1,0 +1,1 @@
+"""Reports: findings and provenance to JSON, HTML and the model card."""

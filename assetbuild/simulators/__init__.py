@@ -1,0 +1,1 @@
+"""Physics engines that checks call, one file each."""

@@ -1,0 +1,1 @@
+"""Steps: what the plan wires together, one file each."""

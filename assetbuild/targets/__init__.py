@@ -1,0 +1,1 @@
+"""Targets: one file per format that a bundle can hold."""
