@@ -24,7 +24,8 @@ from typing import ClassVar, TypeVar
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.robot.model import Box, Capsule, Control, Cylinder, Mesh, Shapes, Sphere, Tree
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3
 
 ROBOT_PORTS = ("links.json", "tree.json", "shapes.json", "control.json", "meshes/")
 
@@ -50,6 +51,54 @@ def read_robot(files: Files) -> Robot:
         control=decode(Control, (folder / "control.json").read_bytes()),
         mesh_dir=folder / "meshes",
     )
+
+
+@dataclass(frozen=True)
+class MeshPart:
+    """One OBJ file of a converted mesh: all its triangles have one material.
+
+    material: the source's name for it; rgba, texture: None = the source states none.
+    """
+
+    file: str
+    vertices: int
+    faces: int
+    material: str | None = None
+    rgba: tuple[float, float, float, float] | None = None
+    texture: str | None = None
+
+
+@dataclass(frozen=True)
+class ConvertedMesh:
+    """`mesh.json` beside `parts/`: what `convert_mesh` and `decimate_mesh` write.
+
+    Metres, scale applied, outward normals. lower, upper: bounds. volume_m3: None when open.
+    """
+
+    parts: tuple[MeshPart, ...]
+    faces: int
+    area_m2: float
+    lower: Vec3
+    upper: Vec3
+    watertight: bool
+    volume_m3: float | None = None
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One collision piece. A `Mesh` geometry names a file in `pieces/`, a convex hull."""
+
+    geometry: Box | Sphere | Cylinder | Capsule | Mesh
+    X_frame_piece: Pose = IDENTITY
+    vertices: int = 0
+    faces: int = 0
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """`pieces.json` beside `pieces/`: what a collision method writes."""
+
+    pieces: tuple[Piece, ...]
 
 
 class Target(Step):

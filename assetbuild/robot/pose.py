@@ -39,7 +39,8 @@ class Pose:
         """Points (..., 3) of the child frame, in the parent frame."""
         p: Array = np.asarray(points, dtype=np.float64)
         turned: Array = p if self.quat == (1.0, 0.0, 0.0, 0.0) else p @ self.rotation.T
-        return turned + np.asarray(self.xyz)
+        moved: Array = turned + np.asarray(self.xyz)
+        return moved
 
     def is_identity(self, tolerance: float = 0.0) -> bool:
         """True when every entry of the translation and rotation vector is within `tolerance`."""
