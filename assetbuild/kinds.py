@@ -20,9 +20,10 @@ import pkgutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, TypeVar
+from typing import ClassVar, Self, TypeVar
 
 from assetbuild.engine.step import Files, Step
+from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Box, Capsule, Control, Cylinder, Mesh, Shapes, Sphere, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3
@@ -112,6 +113,11 @@ class Target(Step):
     reads: ClassVar[tuple[str, ...]] = ROBOT_PORTS
     """The robot ports that this target really reads; the rest is not linked to it."""
 
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self:
+        """The step that a recipe asks for."""
+        return cls(robot=recipe.robot)
+
 
 class Check(Step):
     """Reads the Robot and built files, yields findings, writes `figures.json`."""
@@ -121,8 +127,13 @@ class Check(Step):
     """Names of targets, and "source" for the untouched description."""
     reads: ClassVar[tuple[str, ...]] = ROBOT_PORTS
     """The robot ports that this check really reads."""
-    requires: ClassVar[tuple[str, ...]] = ()
-    """Optional packages; without them the plan skips the check and says how to get them."""
+    requires: ClassVar[Mapping[str, str]] = {}
+    """Optional module -> the extra that brings it; without it the plan skips the check and says so."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self | None:
+        """The step that a recipe asks for; None = the recipe does not want this check."""
+        return cls.model_validate({"robot": recipe.robot} if "robot" in cls.model_fields else {})
 
 
 def write_figures(files: Files, figures: Mapping[str, object]) -> None:

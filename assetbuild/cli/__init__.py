@@ -1,1 +1,59 @@
-"""The command line: verbs parse, call and print."""
+"""The command line: verbs parse, call and print. Nothing heavy is imported before it is needed."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+
+from assetbuild import __version__
+from assetbuild.errors import AssetBuildError
+
+VERBS = ("build", "check", "explain", "lock", "plan", "report", "schema", "verify")
+"""Each is a module of this package with `HELP`, `add_arguments(parser)` and `run(arguments)`."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; returns its exit code."""
+    parser = _parser()
+    arguments = parser.parse_args(argv)
+    if arguments.verb is None:
+        parser.print_help()
+        return 0
+    try:
+        return int(_module(arguments.verb).run(arguments))
+    except AssetBuildError as error:
+        print_error(error)
+        return error.exit_code
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:  # the reader of our output is gone: nobody is left to tell
+        sys.stderr.close()
+        return 1
+
+
+def print_error(error: AssetBuildError) -> None:
+    """What, where, next move; on stderr."""
+    print(f"error: {error}", file=sys.stderr)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="assetbuild",
+        description="A declarative build system for robot assets",
+        epilog="exit codes: 0 ok, 1 a step or check failed, 2 wrong input, 3 out of date, "
+        "4 not reproducible, 130 interrupted",
+    )
+    parser.add_argument("--version", action="version", version=f"assetbuild {__version__}")
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB")
+    for verb in VERBS:
+        module = _module(verb)
+        sub = verbs.add_parser(verb, help=module.HELP, description=module.HELP)
+        module.add_arguments(sub)
+    return parser
+
+
+def _module(verb: str):  # type: ignore[no-untyped-def] # noqa: ANN202 # a module, no type for it
+    return importlib.import_module(f"assetbuild.cli.{verb}")

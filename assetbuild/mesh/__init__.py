@@ -1,1 +1,1 @@
-"""Triangle meshes: arrays in, arrays out."""
+"""Triangle meshes: arrays in, arrays out. Metres, outward normals, float64."""

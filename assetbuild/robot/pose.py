@@ -27,7 +27,7 @@ class Pose:
     def inverse(self) -> Pose:
         """X_b_a from X_a_b."""
         w, x, y, z = self.quat
-        conjugate = (w, -x, -y, -z)
+        conjugate = (w, 0.0 - x, 0.0 - y, 0.0 - z)  # no negative zeros
         return Pose(vec3(-(rotation_of(conjugate) @ np.asarray(self.xyz))), conjugate)
 
     @property
@@ -140,13 +140,17 @@ def quat_of_rpy(roll: float, pitch: float, yaw: float) -> Quat:
 
 
 def rpy_of(quat: Quat) -> Vec3:
-    """Roll, pitch, yaw in rad with Rz(yaw) Ry(pitch) Rx(roll); at pitch +-90 deg roll is 0."""
+    """Roll, pitch, yaw in rad with Rz(yaw) Ry(pitch) Rx(roll); at pitch +-90 deg roll is 0.
+
+    Near gimbal lock only yaw -+ roll is well defined, so yaw is measured after roll is undone:
+    whatever noise roll carries, yaw takes back.
+    """
     r = rotation_of(quat)
     horizontal = math.hypot(r[2, 1], r[2, 2])
     pitch = math.atan2(-r[2, 0], horizontal)
-    if horizontal < 1e-9:  # gimbal lock: only yaw -+ roll is defined
-        return vec3((0.0, pitch, math.atan2(-r[0, 1], r[1, 1])))
-    return vec3((math.atan2(r[2, 1], r[2, 2]), pitch, math.atan2(r[1, 0], r[0, 0])))
+    roll = 0.0 if horizontal < 1e-12 else math.atan2(r[2, 1], r[2, 2])
+    s, c = math.sin(roll), math.cos(roll)
+    return vec3((roll, pitch, math.atan2(s * r[0, 2] - c * r[0, 1], c * r[1, 1] - s * r[1, 2])))
 
 
 def quat_between(a: ArrayLike, b: ArrayLike) -> Quat:

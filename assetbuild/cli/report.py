@@ -1,0 +1,42 @@
+"""`assetbuild report`: the verdict and findings of a bundle."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import webbrowser
+from pathlib import Path
+
+from assetbuild.errors import UsageError
+
+HELP = "show the report of a bundle"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("bundle", type=Path, help="a folder that `assetbuild build` wrote")
+    parser.add_argument("--open", action="store_true", help="open the page in a browser")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print verdict, checks and findings; 0 when ready for training, else 1."""
+    path: Path = arguments.bundle / "report" / "report.json"
+    try:
+        report = json.loads(path.read_bytes())
+    except FileNotFoundError:
+        raise UsageError(f"no `{path}`", hint="give a folder that `build` wrote") from None
+    except ValueError as error:
+        raise UsageError(f"{path}: not a report: {error}") from None
+    verdict = report["verdict"]
+    print(f"{report['robot']}: ready for training: {'yes' if verdict['ready'] else 'no'}")
+    for name, check in report["checks"].items():
+        print(f"  {check['status']:4}  {name}  {check.get('note', '')}".rstrip())
+    for finding in report["findings"]:
+        place = f"{finding['where']}: " if finding["where"] else ""
+        print(f"{finding['severity']}: {place}{finding['subject']}: {finding['message']}")
+    if arguments.open:
+        page = (arguments.bundle / "report" / "index.html").resolve()
+        if not webbrowser.open(page.as_uri()):
+            print(f"no browser found; open {page}", file=sys.stderr)
+    return 0 if verdict["ready"] else 1

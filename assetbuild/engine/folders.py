@@ -1,0 +1,17 @@
+"""Where the store lives when nobody says. Standard library only: the null build asks too."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+
+def default_store() -> str:
+    """`$ASSETBUILD_CACHE`, else the user's cache folder as the platform names it."""
+    chosen = os.environ.get("ASSETBUILD_CACHE")
+    if chosen:
+        return os.path.abspath(chosen)  # noqa: PTH100 - pathlib is not loaded here
+    home = os.path.expanduser("~")  # noqa: PTH111 - as above
+    if sys.platform == "darwin":
+        return f"{home}/Library/Caches/assetbuild"
+    return f"{os.environ.get('XDG_CACHE_HOME') or home + '/.cache'}/assetbuild"

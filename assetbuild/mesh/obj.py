@@ -1,0 +1,259 @@
+"""Wavefront OBJ: our own writer, whose bytes depend on the numbers alone, and a reader for any."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assetbuild.errors import StepError
+from assetbuild.mesh.triangles import Indices, TriangleMesh, fan_triangles
+from assetbuild.mesh.weld import first_seen
+from assetbuild.robot.pose import Array
+
+CHUNK = 4096
+"""Lines that one format call writes: fast, and the format string stays small."""
+
+
+def obj_bytes(mesh: TriangleMesh) -> bytes:
+    """The mesh as OBJ text: `v`, then `vt`, `vn` if there are any, then `f`.
+
+    Numbers by shortest round-trip `repr`, so reading gives the same float64. No comments, names
+    or groups: equal meshes give equal bytes.
+    """
+    blocks = [_lines("v %r %r %r\n", mesh.vertices + 0.0)]
+    columns = [mesh.faces + 1]
+    pattern = "%d"
+    if mesh.uv is not None:
+        text, index = _corner_table("vt %r %r\n", mesh.uv)
+        blocks.append(text)
+        columns.append(index + 1)
+        pattern += "/%d"
+    if mesh.normals is not None:
+        text, index = _corner_table("vn %r %r %r\n", mesh.normals)
+        blocks.append(text)
+        columns.append(index + 1)
+        pattern += "/%d" if mesh.uv is not None else "//%d"
+    corners = np.stack(columns, axis=2).reshape(len(mesh.faces), -1)
+    blocks.append(_lines(f"f {pattern} {pattern} {pattern}\n", corners))
+    return "".join(blocks).encode("ascii")
+
+
+def read_triangles(data: bytes, subject: str = "mesh") -> TriangleMesh:
+    """The mesh of an OBJ file as one piece: the inverse of `obj_bytes`.
+
+    Raises StepError naming `subject` and the line where the text is not OBJ.
+    """
+    obj = parse_obj(data, subject)
+    meshes = [obj.mesh_of(group) for group in obj.groups]
+    if len(meshes) == 1:
+        return meshes[0]
+    corners = [mesh.faces for mesh in meshes] or [np.zeros((0, 3), dtype=np.int64)]
+    return TriangleMesh(obj.positions, np.concatenate(corners))
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """The triangles of one `usemtl`; indices (m, 3) from 0, -1 = the corner has none."""
+
+    material: str | None
+    faces: Indices
+    uv: Indices
+    normals: Indices
+
+
+@dataclass(frozen=True, eq=False)
+class Obj:
+    """An OBJ file: tables shared by its groups, which come in order of first appearance.
+
+    libraries: names of the MTL files. skipped: counts of elements that are not surfaces.
+    """
+
+    positions: Array
+    texture: Array
+    directions: Array
+    groups: tuple[Group, ...]
+    libraries: tuple[str, ...] = ()
+    skipped: Mapping[str, int] = field(default_factory=dict)
+
+    def mesh_of(self, group: Group) -> TriangleMesh:
+        """One group as a mesh over all positions; texture, normals only where all corners agree."""
+        has_uv = len(group.faces) > 0 and bool((group.uv >= 0).all())
+        has_normals = len(group.faces) > 0 and bool((group.normals >= 0).all())
+        return TriangleMesh(
+            self.positions,
+            group.faces,
+            self.texture[group.uv] if has_uv else None,
+            self.directions[group.normals] if has_normals else None,
+        )
+
+
+def parse_obj(data: bytes, subject: str) -> Obj:
+    """Any OBJ file: polygons, negative indices, `usemtl`, vertex colours (ignored).
+
+    Raises StepError naming `subject`, the line and the defect.
+    """
+    tables: dict[bytes, list[bytes]] = {b"v": [], b"vt": [], b"vn": []}
+    faces: dict[str | None, list[tuple[int, bytes, int]]] = {}
+    seen: dict[str, int] = {}
+    libraries: list[str] = []
+    material: str | None = None
+    if b"\\\n" in data or b"\\\r\n" in data:
+        data = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
+    for number, line in enumerate(data.split(b"\n"), start=1):
+        key, _, rest = line.strip().partition(b" ")
+        if key == b"f":
+            faces.setdefault(material, []).append((number, rest, len(tables[b"v"])))
+        elif key in tables:
+            tables[key].append(rest)
+        elif key == b"usemtl":
+            material = rest.decode("utf-8", "replace").strip() or None
+        elif key == b"mtllib":
+            libraries.append(rest.decode("utf-8", "replace").strip())
+        elif key in (b"l", b"p", b"curv", b"surf"):
+            seen[key.decode()] = seen.get(key.decode(), 0) + 1
+    positions = _table(tables[b"v"], 3, data, b"v", subject)
+    texture = _table(tables[b"vt"], 2, data, b"vt", subject) if tables[b"vt"] else np.zeros((0, 2))
+    directions = (
+        _table(tables[b"vn"], 3, data, b"vn", subject) if tables[b"vn"] else np.zeros((0, 3))
+    )
+    sizes = (len(positions), len(texture), len(directions))
+    groups = tuple(_group(name, rows, sizes, subject) for name, rows in faces.items())
+    return Obj(positions, texture, directions, groups, tuple(libraries), seen)
+
+
+def _lines(pattern: str, rows: NDArray[np.float64] | Indices) -> str:
+    """The rows through a `%` pattern, one line each."""
+    parts = []
+    for start in range(0, len(rows), CHUNK):
+        chunk = rows[start : start + CHUNK]
+        parts.append((pattern * len(chunk)) % tuple(chunk.ravel().tolist()))
+    return "".join(parts)
+
+
+def _corner_table(pattern: str, values: Array) -> tuple[str, Indices]:
+    """Distinct rows of per-corner values (m, 3, k) as text, and their index (m, 3)."""
+    rows = values.reshape(-1, values.shape[2]) + 0.0
+    first, number = first_seen(rows)
+    return _lines(pattern, rows[first]), number.reshape(-1, 3)
+
+
+def _table(rows: Sequence[bytes], width: int, data: bytes, key: bytes, subject: str) -> Array:
+    """The first `width` numbers of each row; the rest (weights, colours) is ignored."""
+    if not rows:
+        return np.zeros((0, width))
+    columns = len(rows[0].split())
+    if columns >= width:
+        try:
+            # Equal columns everywhere, the usual case: one pass in C.
+            values = np.array(b" ".join(rows).split(), dtype=np.float64)
+        except ValueError:
+            values = np.zeros(0)
+        if len(values) == columns * len(rows) and _same_columns(rows, columns):
+            return np.ascontiguousarray(values.reshape(-1, columns)[:, :width])
+    out = np.zeros((len(rows), width))
+    for number, row in enumerate(rows):
+        try:
+            # A texture coordinate may come alone (`vt u`): v is 0 then.
+            found = [float(word) for word in row.split()[:width]]
+            out[number, : len(found)] = found
+        except ValueError:
+            found = []
+        if not found or (len(found) < width and key != b"vt"):
+            line = _line_of(data, key, number)
+            text = row.decode("utf-8", "replace")[:40]
+            raise StepError(f"{subject}: line {line}: not {width} numbers: `{key.decode()} {text}`")
+    return out
+
+
+def _same_columns(rows: Sequence[bytes], columns: int) -> bool:
+    spaces = columns - 1
+    return all(row.count(b" ") == spaces or len(row.split()) == columns for row in rows)
+
+
+def _line_of(data: bytes, key: bytes, number: int) -> int:
+    """Line, from 1, of element `number` (from 0) of a kind."""
+    count = -1
+    for line, text in enumerate(data.split(b"\n"), start=1):
+        if text.strip().partition(b" ")[0] == key:
+            count += 1
+            if count == number:
+                return line
+    return 0
+
+
+def _group(
+    material: str | None,
+    rows: Sequence[tuple[int, bytes, int]],
+    sizes: tuple[int, int, int],
+    subject: str,
+) -> Group:
+    words = [row.split() for _, row, _ in rows]
+    counts = np.array([len(w) for w in words], dtype=np.int64)
+    if (counts < 3).any():
+        line = rows[int(np.argmax(counts < 3))][0]
+        raise StepError(f"{subject}: line {line}: a face needs three corners")
+    corners = _corners([word for face in words for word in face])
+    if corners is None:
+        raise StepError(f"{subject}: line {_bad_face(rows)}: face indices are not whole numbers")
+    if (corners < 0).any():
+        _resolve_negative(corners, rows, counts, sizes)
+    lines = np.repeat([line for line, _, _ in rows], counts)
+    for column, (kind, size) in enumerate(zip(("v", "vt", "vn"), sizes, strict=True)):
+        # 0 = absent, which only texture and normals may be.
+        low = 1 if column == 0 else 0
+        bad = (corners[:, column] < low) | (corners[:, column] > size)
+        if bad.any():
+            at = int(np.argmax(bad))
+            raise StepError(
+                f"{subject}: line {lines[at]}: index {corners[at, column]} of `{kind}`, "
+                f"there are {size}"
+            )
+    fans = fan_triangles(counts)
+    return Group(
+        material, corners[fans, 0] - 1, corners[fans, 1] - 1, corners[fans, 2] - 1
+    )
+
+
+def _corners(words: Sequence[bytes]) -> Indices | None:
+    """(k, 3) indices v/vt/vn from 1, 0 = absent; None when a word is no index."""
+    text = b" ".join(words)
+    out = np.zeros((len(words), 3), dtype=np.int64)
+    try:
+        if b"/" not in text:
+            out[:, 0] = np.array(words, dtype=np.int64)
+            return out
+        slashes = words[0].count(b"/")
+        if all(word.count(b"/") == slashes for word in words):
+            filled = text.replace(b"//", b"/0/").replace(b"/", b" ").split()
+            if len(filled) == len(words) * (slashes + 1):
+                out[:, : slashes + 1] = np.array(filled, dtype=np.int64).reshape(len(words), -1)
+                return out
+        for number, word in enumerate(words):
+            values = [int(part or 0) for part in word.split(b"/")[:3]]
+            out[number, : len(values)] = values
+    except (ValueError, OverflowError):
+        return None
+    return out
+
+
+def _bad_face(rows: Iterable[tuple[int, bytes, int]]) -> int:
+    """Line of the first face that is not made of indices."""
+    return next((line for line, row, _ in rows if _corners(row.split()) is None), 0)
+
+
+def _resolve_negative(
+    corners: Indices,
+    rows: Sequence[tuple[int, bytes, int]],
+    counts: Indices,
+    sizes: tuple[int, int, int],
+) -> None:
+    """Negative indices count back from the elements read so far; in place."""
+    so_far = np.repeat(np.array([seen for _, _, seen in rows], dtype=np.int64), counts)
+    for column, size in enumerate(sizes):
+        # Exporters that use negative indices keep vt and vn in step with v; if not, all is read.
+        base = so_far if column == 0 or size == sizes[0] else size
+        negative = corners[:, column] < 0
+        corners[:, column] = np.where(negative, corners[:, column] + base + 1, corners[:, column])

@@ -1,0 +1,58 @@
+"""STL: binary or text, told apart by size and never by the first word."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+
+from assetbuild.errors import StepError
+from assetbuild.mesh.triangles import TriangleMesh
+
+HEADER = 80
+RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def read_stl(data: bytes, subject: str) -> TriangleMesh:
+    """The triangles of an STL file, not welded; its normals follow from the winding.
+
+    76 of 410 real binary files begin with `solid`: 84 + 50 n == size decides.
+    Raises StepError when the face count and the size disagree, or the text is not STL.
+    """
+    count = int.from_bytes(data[HEADER : HEADER + 4], "little") if len(data) >= HEADER + 4 else -1
+    expected = HEADER + 4 + RECORD.itemsize * count
+    if count >= 0 and expected == len(data):
+        corners = np.frombuffer(data, dtype=RECORD, offset=HEADER + 4)["corners"]
+        return _soup(corners.astype(np.float64).reshape(-1, 3))
+    if data[:512].lstrip().startswith(b"solid") and b"facet" in data[:4096]:
+        return _read_text(data, subject)
+    if count < 0:
+        raise StepError(f"{subject}: {len(data)} bytes are too few for an STL file")
+    raise StepError(
+        f"{subject}: the header promises {count} faces, which is {expected} bytes, "
+        f"the file has {len(data)}",
+        hint="the file is cut off, or it is not an STL file",
+    )
+
+
+def _read_text(data: bytes, subject: str) -> TriangleMesh:
+    import trimesh
+
+    if b"endsolid" not in data[-512:].lower():
+        line = data.count(b"\n") + 1
+        raise StepError(f"{subject}: cut off at line {line}: no `endsolid`")
+    try:
+        read = trimesh.exchange.stl.load_stl_ascii(io.StringIO(data.decode("utf-8", "replace")))
+        solids = list(read["geometry"].values()) if "geometry" in read else [read]
+        corners = [np.asarray(s["vertices"], dtype=np.float64)[s["faces"]] for s in solids]
+        soup = np.concatenate(corners).reshape(-1, 3)
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
+        raise StepError(f"{subject}: not a text STL: {error}") from error
+    if 3 * data.count(b"endfacet") != len(soup):
+        raise StepError(f"{subject}: {data.count(b'endfacet')} facets, {len(soup)} corners")
+    return _soup(soup)
+
+
+def _soup(corners: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> TriangleMesh:
+    faces = np.arange(len(corners), dtype=np.int64).reshape(-1, 3)
+    return TriangleMesh(corners, faces)

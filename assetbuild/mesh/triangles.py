@@ -1,0 +1,140 @@
+"""The triangle mesh that all geometry code speaks, and polygons cut into triangles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from assetbuild.robot.pose import Array, Pose, Vec3, vec3
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class TriangleMesh:
+    """Triangles over shared vertices; counter-clockwise seen from outside.
+
+    vertices: (n, 3) m; faces: (m, 3) indices into them.
+    uv: (m, 3, 2) and normals: (m, 3, 3) per corner of each face, so that a seam in either
+    does not split the surface. None = the source states none, or nothing needs them.
+    """
+
+    vertices: Array
+    faces: Indices
+    uv: Array | None = None
+    normals: Array | None = None
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """(lower, upper) corners, (3,) m each, of the vertices that faces use."""
+        used = self.vertices[np.unique(self.faces)]
+        return used.min(axis=0), used.max(axis=0)
+
+    @property
+    def diagonal(self) -> float:
+        """Length of the bounding box's diagonal, m: the scale of the mesh."""
+        lower, upper = self.bounds
+        return float(np.linalg.norm(upper - lower))
+
+    @property
+    def corners(self) -> Array:
+        """(m, 3, 3) positions of the corners of each face, m."""
+        return self.vertices[self.faces]
+
+    def select(self, faces: NDArray[np.bool_] | Indices) -> TriangleMesh:
+        """The mesh of some faces, by mask (m,) or index (k,); vertices stay as they are."""
+        return TriangleMesh(
+            self.vertices,
+            self.faces[faces],
+            None if self.uv is None else self.uv[faces],
+            None if self.normals is None else self.normals[faces],
+        )
+
+    def flipped(self) -> TriangleMesh:
+        """The same surface seen from the other side: winding and normals reversed."""
+        return TriangleMesh(
+            self.vertices,
+            np.ascontiguousarray(self.faces[:, ::-1]),
+            None if self.uv is None else self.uv[:, ::-1],
+            None if self.normals is None else -self.normals[:, ::-1],
+        )
+
+    def mapped(self, matrix: ArrayLike, offset: ArrayLike = (0.0, 0.0, 0.0)) -> TriangleMesh:
+        """The mesh under p -> A p + b; a mirroring A also reverses the winding.
+
+        matrix: (3, 3), any regular matrix; offset: (3,) m. Normals follow the inverse transpose,
+        so outward stays outward. Raises ValueError for a singular matrix.
+        """
+        a = np.asarray(matrix, dtype=np.float64)
+        b = np.asarray(offset, dtype=np.float64)
+        sign = float(np.sign(np.linalg.det(a)))
+        if sign == 0.0 or not np.isfinite(a).all():
+            raise ValueError("a mesh cannot be scaled to zero")
+        if np.array_equal(a, np.eye(3)) and not b.any():
+            return self
+        # A diagonal matrix multiplies each axis alone: no rounding from sums with zeros.
+        diagonal = np.diagonal(a)
+        straight = np.array_equal(a, np.diag(diagonal))
+        moved = (self.vertices * diagonal if straight else self.vertices @ a.T) + b
+        normals = self.normals
+        if normals is not None:
+            normals = unit_vectors(normals @ np.linalg.inv(a) * sign)
+        out = replace(self, vertices=moved, normals=normals)
+        if sign > 0.0:
+            return out
+        # Mirrored: `flipped` turns the normals, which already point outwards, so undo that.
+        turned = out.flipped()
+        return replace(turned, normals=None if turned.normals is None else -turned.normals)
+
+    def placed(self, pose: Pose) -> TriangleMesh:
+        """The mesh given in the child frame of `pose`, in its parent frame."""
+        return self.mapped(pose.rotation, pose.xyz) if pose != Pose() else self
+
+    def scaled(self, scale: Vec3) -> TriangleMesh:
+        """The mesh scaled per axis; a mirrored one keeps outward normals."""
+        return self.mapped(np.diag(scale))
+
+
+def merged(meshes: Sequence[TriangleMesh]) -> TriangleMesh:
+    """All faces in one mesh, in order; vertices are not welded; texture and normals are left."""
+    offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    if not meshes:
+        return TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
+    return TriangleMesh(
+        np.concatenate([mesh.vertices for mesh in meshes]),
+        np.concatenate([mesh.faces + k for mesh, k in zip(meshes, offsets, strict=False)]),
+    )
+
+
+def unit_vectors(vectors: Array) -> Array:
+    """Vectors (..., 3) divided by their length; zero vectors stay zero."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0.0, length, 1.0), dtype=np.float64)
+
+
+def face_normals(mesh: TriangleMesh) -> Array:
+    """(m, 3) unit normals of the faces; zero for degenerate ones."""
+    a, b, c = np.moveaxis(mesh.corners, 1, 0)
+    return unit_vectors(np.cross(b - a, c - a))
+
+
+def fan_triangles(counts: Indices) -> Indices:
+    """(k, 3) corner numbers that cut polygons of `counts` corners each into fans.
+
+    Corners are numbered through all polygons. Right for convex polygons, which exporters write;
+    polygons of fewer than three corners give none.
+    """
+    starts = np.cumsum(counts) - counts
+    fans = np.maximum(counts - 2, 0)
+    first = np.repeat(starts, fans)
+    step = np.arange(int(fans.sum())) - np.repeat(np.cumsum(fans) - fans, fans)
+    return np.stack([first, first + step + 1, first + step + 2], axis=1).astype(np.int64)
+
+
+def bounds_of(mesh: TriangleMesh) -> tuple[Vec3, Vec3]:
+    """(lower, upper) as plain floats, m."""
+    lower, upper = mesh.bounds
+    return vec3(lower), vec3(upper)

@@ -1,0 +1,67 @@
+"""Area, volume, centroid, and whether a mesh is closed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.robot.pose import Array
+
+
+def face_areas(mesh: TriangleMesh) -> Array:
+    """(m,) areas of the faces, m2."""
+    a, b, c = np.moveaxis(mesh.corners, 1, 0)
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0, dtype=np.float64)
+
+
+def area(mesh: TriangleMesh) -> float:
+    """Area of the surface, m2."""
+    return float(face_areas(mesh).sum())
+
+
+def signed_volume(mesh: TriangleMesh) -> float:
+    """Enclosed volume, m3, by the divergence theorem; negative when the mesh is inside out.
+
+    Of an open mesh it depends on where the hole is: ask `is_closed` first.
+    """
+    return float(_cone_volumes(mesh)[0].sum())
+
+
+def centroid(mesh: TriangleMesh) -> Array:
+    """(3,) centre of the enclosed volume, m; of the surface when the volume is zero."""
+    cones, about = _cone_volumes(mesh)
+    total = float(cones.sum())
+    if total != 0.0 and is_closed(mesh):
+        tips = (mesh.corners - about).sum(axis=1) / 4.0
+        return np.asarray(about + cones @ tips / total, dtype=np.float64)
+    areas = face_areas(mesh)
+    middle = mesh.corners.mean(axis=1)
+    return np.asarray(areas @ middle / max(float(areas.sum()), 1e-300), dtype=np.float64)
+
+
+def _cone_volumes(mesh: TriangleMesh) -> tuple[Array, Array]:
+    """Signed volumes (m,) of the cones from a point to each face, and that point.
+
+    The point is the middle of the bounds: a mesh far from its origin loses no digits.
+    """
+    if not len(mesh.faces):
+        return np.zeros(0), np.zeros(3)
+    lower, upper = mesh.bounds
+    about = (lower + upper) / 2.0
+    a, b, c = np.moveaxis(mesh.corners - about, 1, 0)
+    return np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0, about
+
+
+def is_closed(mesh: TriangleMesh) -> bool:
+    """True when every edge is used exactly twice, once in each direction.
+
+    Vertices must be welded. Stricter than "watertight" elsewhere: faces also agree on outside.
+    """
+    if not len(mesh.faces):
+        return False
+    start = mesh.faces.ravel()
+    end = mesh.faces[:, [1, 2, 0]].ravel()
+    n = len(mesh.vertices)
+    there = np.sort(start * n + end)
+    back = np.sort(end * n + start)
+    return bool(np.array_equal(there, back) and (there[1:] != there[:-1]).all())

@@ -1,0 +1,123 @@
+"""The files of a bundle beside the targets' own: manifest, provenance, licences, notice."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+
+from assetbuild import __version__
+from assetbuild.recipe.models import Recipe
+
+_MEDIA_TYPES = {
+    ".xml": "application/xml",
+    ".urdf": "application/xml",
+    ".obj": "model/obj",
+    ".png": "image/png",
+    ".json": "application/json",
+    ".html": "text/html",
+    ".md": "text/markdown",
+    ".yaml": "application/yaml",
+    ".py": "text/x-python",
+    ".usda": "model/vnd.usda",
+    ".usdc": "model/vnd.usd",
+    ".usd": "model/vnd.usd",
+}
+
+
+@dataclass(frozen=True)
+class BundleFile:
+    """One file of the bundle: by its digest in the store, or by its bytes."""
+
+    path: str
+    role: str
+    sha256: str
+    size: int
+    content: bytes | None = None
+
+    @classmethod
+    def of_bytes(cls, path: str, role: str, content: bytes) -> BundleFile:
+        """A file that the report wrote."""
+        return cls(path, role, hashlib.sha256(content).hexdigest(), len(content), content)
+
+    @classmethod
+    def of_text(cls, path: str, role: str, text: str) -> BundleFile:
+        """A text file, UTF-8."""
+        return cls.of_bytes(path, role, text.encode("utf-8"))
+
+
+def json_text(value: object) -> str:
+    """JSON as people read it: keys sorted, two spaces."""
+    return json.dumps(value, indent=2, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def manifest(robot: str, files: Iterable[BundleFile]) -> BundleFile:
+    """`manifest.json`: everything but itself and `provenance.json`."""
+    rows = [
+        {
+            "path": file.path,
+            "sha256": file.sha256,
+            "size": file.size,
+            "media_type": media_type(file.path),
+            "role": file.role,
+        }
+        for file in sorted(files, key=lambda file: file.path)
+    ]
+    content = {"schema": "assetbuild-bundle/v1", "robot": robot, "files": rows}
+    return BundleFile.of_text("manifest.json", "manifest", json_text(content))
+
+
+def media_type(path: str) -> str:
+    """By the suffix; licence texts and the like are plain text."""
+    return _MEDIA_TYPES.get(PurePosixPath(path).suffix.lower(), "text/plain")
+
+
+def notice(recipe: Recipe, pin: Mapping[str, object]) -> BundleFile:
+    """Where the robot comes from and that it was converted."""
+    source = recipe.source
+    lines = [
+        f"{recipe.robot}",
+        "",
+        f"Converted by assetbuild {__version__} from {source.pypi or source.path},",
+        f"file {source.urdf}.",
+        *(f"{key}: {value}" for key, value in sorted(pin.items())),
+        f"Licence of the source: {source.license or 'not stated in the recipe'}",
+        "Changes: meshes converted and simplified, fixed joints merged, collision geometry,",
+        "actuators and keyframes added as the recipe says; see model_card.md.",
+    ]
+    return BundleFile.of_text("NOTICE", "licence", "\n".join(lines) + "\n")
+
+
+def provenance(
+    files: Iterable[BundleFile],
+    recipe_digest: str,
+    parameters: Mapping[str, object],
+    materials: Iterable[Mapping[str, object]],
+    run: Mapping[str, object],
+) -> BundleFile:
+    """`provenance.json`: in-toto Statement v1 with the SLSA v1 predicate.
+
+    Times and hosts stand here alone. materials: resolved dependencies, each with name and digest.
+    """
+    statement = {
+        "_type": "https://in-toto.io/Statement/v1",
+        "subject": [
+            {"name": file.path, "digest": {"sha256": file.sha256}}
+            for file in sorted(files, key=lambda file: file.path)
+        ],
+        "predicateType": "https://slsa.dev/provenance/v1",
+        "predicate": {
+            "buildDefinition": {
+                "buildType": "urn:assetbuild:bundle:v1",
+                "externalParameters": {"recipe_sha256": recipe_digest, **parameters},
+                "resolvedDependencies": list(materials),
+            },
+            "runDetails": {
+                "builder": {"id": f"assetbuild/{__version__}"},
+                "metadata": dict(run),
+            },
+        },
+    }
+    return BundleFile.of_text("provenance.json", "provenance", json_text(statement))

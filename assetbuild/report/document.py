@@ -1,0 +1,124 @@
+"""The report as data: findings with their places, checks with their figures, one verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from assetbuild import __version__
+from assetbuild.findings import SEVERITIES, Finding, Severity, worst_first
+from assetbuild.recipe.models import Waiver
+
+Status = Literal["pass", "fail", "skip"]
+FailOn = Literal["error", "warning", "never"]
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """One check: its numbers, or why it was skipped."""
+
+    status: Status
+    figures: Mapping[str, object] = field(default_factory=dict)
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Ready for training or not, what blocks, and the next move."""
+
+    ready: bool
+    blocked_by: tuple[str, ...]
+    next_step: str
+
+
+@dataclass(frozen=True)
+class Report:
+    """All that is known about a built robot."""
+
+    robot: str
+    verdict: Verdict
+    findings: tuple[Finding, ...]
+    checks: Mapping[str, CheckResult]
+
+    def to_json(self) -> dict[str, object]:
+        """The content of `report.json`."""
+        return {
+            "robot": self.robot,
+            "assetbuild": __version__,
+            "verdict": {
+                "ready": self.verdict.ready,
+                "blocked_by": list(self.verdict.blocked_by),
+                "next_step": self.verdict.next_step,
+            },
+            "findings": [finding.to_json() for finding in self.findings],
+            "checks": {
+                name: {"status": check.status, "figures": dict(check.figures)}
+                | ({"note": check.note} if check.note else {})
+                for name, check in sorted(self.checks.items())
+            },
+        }
+
+
+def make_report(
+    robot: str,
+    findings: Sequence[Finding],
+    checks: Mapping[str, CheckResult],
+    waivers: Mapping[str, Waiver],
+    locate: Callable[[str], str],
+) -> Report:
+    """Waive, locate and order the findings, then judge.
+
+    locate: from a finding's subject to `file:line`, or "" when the source has no such line.
+    """
+    placed = [f if f.where else f.at(locate(f.subject)) for f in findings]
+    final = worst_first([_waived(f, waivers) for f in placed] + _unused(placed, waivers))
+    return Report(robot, _judge(final, checks), tuple(final), checks)
+
+
+def fails(report: Report, fail_on: FailOn) -> bool:
+    """Whether the build must exit with 1."""
+    if fail_on == "never":
+        return False
+    limit = SEVERITIES.index(fail_on)
+    return any(SEVERITIES.index(finding.severity) <= limit for finding in report.findings)
+
+
+def _waived(finding: Finding, waivers: Mapping[str, Waiver]) -> Finding:
+    waiver = waivers.get(finding.rule)
+    if waiver is None or waiver.severity == finding.severity:
+        return finding
+    data = {**finding.data, "severity_before": finding.severity, "because": waiver.because}
+    return replace(finding, severity=waiver.severity, data=data)
+
+
+def _unused(findings: Sequence[Finding], waivers: Mapping[str, Waiver]) -> list[Finding]:
+    found = {finding.rule for finding in findings}
+    severity: Severity = "info"
+    return [
+        Finding(
+            rule="rules.unused",
+            severity=severity,
+            subject=f"recipe rules.{rule}",
+            message=f"the recipe changes rule `{rule}`, which found nothing",
+            hint="remove it, or check its spelling",
+        )
+        for rule in waivers
+        if rule not in found
+    ]
+
+
+def _judge(findings: Sequence[Finding], checks: Mapping[str, CheckResult]) -> Verdict:
+    errors = [finding for finding in findings if finding.severity == "error"]
+    rules = tuple(dict.fromkeys(finding.rule for finding in errors))
+    if errors:
+        first = errors[0]
+        place = f"{first.where}: " if first.where else ""
+        return Verdict(False, rules, f"{place}{first.hint or first.message}")
+    warnings = [finding for finding in findings if finding.severity == "warning"]
+    if warnings:
+        return Verdict(True, (), f"read the {len(warnings)} warnings, then train")
+    skipped = [name for name, check in checks.items() if check.status == "skip"]
+    if skipped:
+        return Verdict(True, (), f"train; not checked here: {', '.join(sorted(skipped))}")
+    return Verdict(True, (), "train")

@@ -1,0 +1,109 @@
+"""`report/index.html`: one self-contained page, readable in a minute."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from html import escape
+
+from assetbuild.findings import Finding
+from assetbuild.report.document import CheckResult, Report
+
+_STYLE = """
+:root { color-scheme: light dark; --line: #8884; --bad: #c62828; --warn: #b26a00; --ok: #2e7d32; }
+@media (prefers-color-scheme: dark) { :root { --bad: #ef9a9a; --warn: #ffcc80; --ok: #a5d6a7; } }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
+h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; }
+table { border-collapse: collapse; width: 100%; font-size: .92rem; }
+th, td { text-align: left; vertical-align: top; padding: .3rem .6rem; }
+th, td { border-top: 1px solid var(--line); }
+code { font: .9em ui-monospace, monospace; overflow-wrap: anywhere; }
+.error, .fail { color: var(--bad); font-weight: 600; } .warning, .skip { color: var(--warn); }
+.pass, .ready { color: var(--ok); font-weight: 600; }
+.verdict { font-size: 1.2rem; padding: .8rem 1rem; border: 2px solid; border-radius: .5rem; }
+.hint { opacity: .8; }
+figure { display: inline-block; margin: .3rem; } figure img { max-width: 18rem; }
+"""
+
+
+def html_page(report: Report, card: str, images: Mapping[str, bytes]) -> str:
+    """The whole page. card: the model card's Markdown; images: name -> PNG bytes."""
+    return "\n".join(
+        (
+            "<!doctype html>",
+            '<html lang="en"><head><meta charset="utf-8">',
+            '<meta name="viewport" content="width=device-width, initial-scale=1">',
+            f"<title>{escape(report.robot)}: report</title><style>{_STYLE}</style></head>",
+            f"<body><main><h1>{escape(report.robot)}</h1>",
+            _verdict(report),
+            _pictures(images),
+            f"<h2>Findings ({len(report.findings)})</h2>",
+            _findings(report.findings),
+            "<h2>Checks</h2>",
+            _checks(report.checks),
+            f"<h2>Model card</h2><pre>{escape(card)}</pre>",
+            "</main></body></html>",
+            "",
+        )
+    )
+
+
+def _verdict(report: Report) -> str:
+    verdict = report.verdict
+    kind = "ready" if verdict.ready else "error"
+    answer = "yes" if verdict.ready else "no"
+    blocked = ", ".join(f"<code>{escape(rule)}</code>" for rule in verdict.blocked_by)
+    parts = [f"Ready for training: {answer}."]
+    if blocked:
+        parts.append(f"Blocked by {blocked}.")
+    parts.append(f"Next: {escape(verdict.next_step)}.")
+    return f'<p class="verdict {kind}" role="status">{" ".join(parts)}</p>'
+
+
+def _pictures(images: Mapping[str, bytes]) -> str:
+    figures = []
+    for name, png in sorted(images.items()):
+        data = base64.b64encode(png).decode("ascii")
+        caption = escape(name.removesuffix(".png").replace("_", " "))
+        figures.append(
+            f'<figure><img alt="{caption}" src="data:image/png;base64,{data}">'
+            f"<figcaption>{caption}</figcaption></figure>"
+        )
+    return "".join(figures)
+
+
+def _findings(findings: tuple[Finding, ...]) -> str:
+    if not findings:
+        return "<p>None.</p>"
+    rows = []
+    for finding in findings:
+        because = finding.data.get("because")
+        waived = f'<br><span class="hint">waived: {escape(str(because))}</span>' if because else ""
+        hint = f'<br><span class="hint">{escape(finding.hint)}</span>' if finding.hint else ""
+        rows.append(
+            f'<tr><td class="{finding.severity}">{finding.severity}</td>'
+            f"<td><code>{escape(finding.rule)}</code></td>"
+            f"<td>{escape(finding.subject)}<br><code>{escape(finding.where)}</code></td>"
+            f"<td>{escape(finding.message)}{hint}{waived}</td></tr>"
+        )
+    head = "<tr><th>Severity</th><th>Rule</th><th>Where</th><th>What</th></tr>"
+    return f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>"
+
+
+def _checks(checks: Mapping[str, CheckResult]) -> str:
+    rows = []
+    for name, check in sorted(checks.items()):
+        figures = "<br>".join(
+            f"{escape(key)}: {escape(_shown(value))}"
+            for key, value in sorted(check.figures.items())
+        )
+        rows.append(
+            f'<tr><td>{escape(name)}</td><td class="{check.status}">{check.status}</td>'
+            f"<td>{escape(check.note)}{figures}</td></tr>"
+        )
+    head = "<tr><th>Check</th><th>Status</th><th>Figures</th></tr>"
+    return f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>"
+
+
+def _shown(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,180 @@
+"""Kinematic trees: order, motion, and merging what fixed joints hold together."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from assetbuild.robot.inertia import combine, move_inertial
+from assetbuild.robot.model import Body, Frame, Joint, Tree
+from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat, vec3
+
+PLACEHOLDER_KG = 1e-5
+"""A root link lighter than this only names a place; no simulator can move it."""
+
+
+@dataclass(frozen=True)
+class Merged:
+    """How one body came about.
+
+    body: its name. links: the other links it is made of, depth first.
+    placeholder: the root link that gave its name and frame away, or "".
+    """
+
+    body: str
+    links: tuple[str, ...]
+    placeholder: str = ""
+
+
+def depth_first(root: str, joints: Iterable[Joint]) -> tuple[tuple[str, ...], tuple[Joint, ...]]:
+    """Links from the root down, children in the order of `joints`, and the joints to match.
+
+    Links that no joint connects to the root are absent.
+    """
+    below: dict[str, list[Joint]] = defaultdict(list)
+    for joint in joints:
+        below[joint.parent].append(joint)
+    links: list[str] = [root]
+    ordered: list[Joint] = []
+    stack = below[root][::-1]
+    while stack:
+        joint = stack.pop()
+        ordered.append(joint)
+        links.append(joint.child)
+        stack += below[joint.child][::-1]
+    return tuple(links), tuple(ordered)
+
+
+def joint_motion(joint: Joint, value: float) -> Pose:
+    """Pose of the child body in the joint frame at `value` (rad or m).
+
+    Raises ValueError for a joint without exactly one coordinate that is asked to move.
+    """
+    if value == 0.0:
+        return IDENTITY
+    x, y, z = joint.axis
+    if joint.kind == "prismatic":
+        return Pose(vec3((x * value, y * value, z * value)))
+    if joint.kind not in ("revolute", "continuous"):
+        raise ValueError(f"joint {joint.name} is {joint.kind}: it has no single coordinate")
+    s = math.sin(value / 2)
+    return Pose((0.0, 0.0, 0.0), normalised_quat((math.cos(value / 2), x * s, y * s, z * s)))
+
+
+def forward_kinematics(tree: Tree, positions: Mapping[str, float]) -> dict[str, Pose]:
+    """X_root_body of every body; positions by joint name, rad or m, 0 where absent.
+
+    Mimic joints move by their own entry, as every other.
+    """
+    poses = {tree.root: IDENTITY}
+    for joint in tree.joints:
+        moved = joint.X_parent_joint @ joint_motion(joint, positions.get(joint.name, 0.0))
+        poses[joint.child] = poses[joint.parent] @ moved
+    return poses
+
+
+def X_world_root(links: Tree, tree: Tree) -> Pose:  # noqa: N802 # the field's notation for poses
+    """Pose of the root body when the root *link* of the source lies in the world's origin.
+
+    Not the identity when a placeholder root gave its frame away: a fixed base must stand there.
+    """
+    return tree.placement(links.root)[1].inverse()
+
+
+def merge_fixed_joints(
+    tree: Tree, merge: bool, keep_bodies: Collection[str]
+) -> tuple[Tree, tuple[Merged, ...]]:
+    """Make one body of all links that fixed joints hold together; nothing is lost.
+
+    A body is named after its topmost link and keeps that link's frame; a root link without mass
+    (`PLACEHOLDER_KG`) hands both to the heaviest link merged into it. The other links become
+    frames. keep_bodies: links that stay bodies of their own on their fixed joint. Exact: only
+    poses that are not the identity change a number.
+    """
+    groups = _groups(tree, merge, frozenset(keep_bodies))
+    bodies: list[Body] = []
+    frames: dict[str, Frame] = {}
+    placed: dict[str, tuple[str, Pose]] = {}
+    facts: list[Merged] = []
+    for members in groups:
+        name = _name_giver(tree, members)
+        poses = _poses_from(name, tree, members)
+        placed |= {link: (name, poses[link]) for link in members}
+        inertials = [
+            move_inertial(inertial, poses[link])
+            for link in members
+            if (inertial := tree.by_body[link].inertial) is not None
+        ]
+        bodies.append(Body(name, combine(inertials) if inertials else None))
+        others = tuple(link for link in members if link != name)
+        frames |= {link: Frame(link, name, poses[link]) for link in others}
+        if others:
+            facts.append(Merged(name, others, members[0] if name != members[0] else ""))
+    merged = replace(
+        tree,
+        bodies=tuple(bodies),
+        joints=tuple(_attach(joint, placed) for joint in _remaining(tree, placed)),
+        frames=tuple(frames[b.name] for b in tree.bodies if b.name in frames),
+    )
+    return merged, tuple(facts)
+
+
+def _groups(tree: Tree, merge: bool, kept: frozenset[str]) -> list[list[str]]:
+    """Links that become one body each, the topmost first, groups and members depth first."""
+    groups: dict[str, list[str]] = {}
+    top: dict[str, str] = {}
+    for body in tree.bodies:
+        joint = tree.joint_above.get(body.name)
+        melts = merge and joint is not None and joint.kind == "fixed" and body.name not in kept
+        top[body.name] = top[joint.parent] if melts and joint else body.name
+        groups.setdefault(top[body.name], []).append(body.name)
+    return list(groups.values())
+
+
+def _name_giver(tree: Tree, members: list[str]) -> str:
+    """The link whose name and frame the body takes."""
+    first = members[0]
+    masses = {link: _mass(tree, link) for link in members}
+    if first != tree.root or masses[first] >= PLACEHOLDER_KG:
+        return first
+    heaviest = max(members, key=lambda link: masses[link])  # the first of equals
+    return heaviest if masses[heaviest] >= PLACEHOLDER_KG else first
+
+
+def _mass(tree: Tree, link: str) -> float:
+    inertial = tree.by_body[link].inertial
+    return inertial.mass_kg if inertial else 0.0
+
+
+def _poses_from(origin: str, tree: Tree, members: list[str]) -> dict[str, Pose]:
+    """X_origin_link of every member, composed along the fixed joints that lead there.
+
+    Going from `origin` and not from the root keeps the bits of whatever lies below it.
+    """
+    beside: dict[str, list[tuple[str, Pose]]] = defaultdict(list)
+    for link in members[1:]:
+        joint = tree.joint_above[link]
+        beside[joint.parent].append((link, joint.X_parent_joint))
+        beside[link].append((joint.parent, joint.X_parent_joint.inverse()))
+    poses = {origin: IDENTITY}
+    stack = [origin]
+    while stack:
+        link = stack.pop()
+        for other, X_link_other in beside[link]:
+            if other not in poses:
+                poses[other] = poses[link] @ X_link_other
+                stack.append(other)
+    return poses
+
+
+def _remaining(tree: Tree, placed: Mapping[str, tuple[str, Pose]]) -> list[Joint]:
+    """The joints that still connect two bodies."""
+    return [j for j in tree.joints if placed[j.parent][0] != placed[j.child][0]]
+
+
+def _attach(joint: Joint, placed: Mapping[str, tuple[str, Pose]]) -> Joint:
+    """The joint between the bodies that its links became part of."""
+    parent, X_body_link = placed[joint.parent]
+    return replace(joint, parent=parent, X_parent_joint=X_body_link @ joint.X_parent_joint)

@@ -1,0 +1,184 @@
+"""Put the built meshes and collision pieces in the places of the source's geometry."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+
+from assetbuild.engine.step import Files, Step
+from assetbuild.findings import Finding
+from assetbuild.kinds import ConvertedMesh, MeshPart, Pieces
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.model import Geometry, Material, Mesh, MeshAsset, Shape, Shapes
+from assetbuild.robot.pose import IDENTITY, Pose
+
+
+class VisualUse(BaseModel):
+    """The source shape `shape` is shown by the converted mesh in `folder` (None: a primitive)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    shape: str
+    folder: str | None = None
+    stem: str = ""
+
+
+class CollisionUse(BaseModel):
+    """Collision geometry of `link`, in order of preference of what is set.
+
+    pieces: folder with the result of a collision method, in the frame of `shape` when that is
+    set, else in the link's. mesh: folder of a converted mesh, taken as it is. Neither: the
+    primitive `shape` of the source, as it is.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    link: str
+    shape: str | None = None
+    pieces: str | None = None
+    mesh: str | None = None
+    stem: str = ""
+
+
+class Assemble(Step):
+    """Source shapes + meshes + pieces -> the final shapes, mesh paths swapped for digests."""
+
+    outputs = ("shapes.json", "meshes/")
+
+    visuals: tuple[VisualUse, ...]
+    collisions: tuple[CollisionUse, ...]
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads `shapes.json` of the source and the folders that the fields name."""
+        source = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        by_name = {shape.name: shape for shape in source.shapes}
+        library = _Library(files.outputs / "meshes")
+        palette = _Palette(source.materials)
+        shapes: list[Shape] = []
+        for visual in self.visuals:
+            shapes += _visual_shapes(visual, by_name[visual.shape], files.inputs, library, palette)
+        for collision in self.collisions:
+            origin = by_name[collision.shape] if collision.shape else None
+            shapes += _collision_shapes(collision, origin, files.inputs, library)
+        final = Shapes(_named(shapes), palette.used(), library.assets())
+        (files.outputs / "shapes.json").write_bytes(encode(final))
+        yield from ()
+
+
+def _visual_shapes(
+    use: VisualUse, shape: Shape, inputs: Path, library: _Library, palette: _Palette
+) -> list[Shape]:
+    if use.folder is None:
+        material = palette.of_source(shape.material)
+        return [Shape("", shape.link, "visual", shape.geometry, shape.X_link_shape, material)]
+    mesh = decode(ConvertedMesh, (inputs / use.folder / "mesh.json").read_bytes())
+    made = []
+    for part in mesh.parts:
+        asset = library.add(inputs / use.folder / "parts" / part.file, use.stem, part)
+        material = palette.of_part(part) or palette.of_source(shape.material)
+        made.append(Shape("", shape.link, "visual", Mesh(asset), shape.X_link_shape, material))
+    return made
+
+
+def _collision_shapes(
+    use: CollisionUse, shape: Shape | None, inputs: Path, library: _Library
+) -> list[Shape]:
+    X_link_source = shape.X_link_shape if shape else IDENTITY
+    made: list[tuple[Geometry, Pose]] = []
+    if use.pieces is not None:
+        folder = inputs / use.pieces
+        for piece in decode(Pieces, (folder / "pieces.json").read_bytes()).pieces:
+            geometry = piece.geometry
+            if isinstance(geometry, Mesh):
+                part = MeshPart(geometry.mesh, piece.vertices, piece.faces)
+                path = folder / "pieces" / geometry.mesh
+                geometry = Mesh(library.add(path, use.stem, part, convex=True))
+            made.append((geometry, X_link_source @ piece.X_frame_piece))
+    elif use.mesh is not None:
+        folder = inputs / use.mesh
+        parts = decode(ConvertedMesh, (folder / "mesh.json").read_bytes()).parts
+        names = [library.add(folder / "parts" / part.file, use.stem, part) for part in parts]
+        made += [(Mesh(name), X_link_source) for name in names]
+    elif shape is not None:
+        made.append((shape.geometry, X_link_source))
+    return [Shape("", use.link, "collision", geometry, pose) for geometry, pose in made]
+
+
+def _named(shapes: list[Shape]) -> tuple[Shape, ...]:
+    """`FR_foot_collision` when the link has one, `trunk_collision1`, `...2` when it has more."""
+    totals: dict[tuple[str, str], int] = {}
+    for shape in shapes:
+        key = (shape.link, shape.role)
+        totals[key] = totals.get(key, 0) + 1
+    seen: dict[tuple[str, str], int] = {}
+    named = []
+    for shape in shapes:
+        key = (shape.link, shape.role)
+        seen[key] = seen.get(key, 0) + 1
+        number = str(seen[key]) if totals[key] > 1 else ""
+        name = f"{shape.link}_{shape.role}{number}"
+        named.append(replace(shape, name=name))
+    return tuple(named)
+
+
+class _Library:
+    """Mesh files of the bundle, each content once."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._by_digest: dict[str, MeshAsset] = {}
+
+    def add(self, path: Path, stem: str, part: MeshPart, *, convex: bool = False) -> str:
+        """Name of the asset with this file's content; the first user gives it its stem."""
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        if digest not in self._by_digest:
+            name = f"{re.sub(r'[^A-Za-z0-9_]+', '_', stem) or 'mesh'}-{digest[:8]}"
+            asset = MeshAsset(name, f"{name}.obj", part.vertices, part.faces, convex)
+            shutil.copyfile(path, self._folder / asset.file)
+            self._by_digest[digest] = asset
+        return self._by_digest[digest].name
+
+    def assets(self) -> tuple[MeshAsset, ...]:
+        """All assets, by name."""
+        return tuple(sorted(self._by_digest.values(), key=lambda asset: asset.name))
+
+
+class _Palette:
+    """Materials of the source and of its meshes: one name, one colour."""
+
+    def __init__(self, source: tuple[Material, ...]) -> None:
+        self._source = {material.name: material for material in source}
+        self._used: dict[str, Material] = {}
+
+    def of_source(self, name: str | None) -> str | None:
+        """The material that the description gives; None stays None."""
+        material = self._source.get(name) if name is not None else None
+        return self._take(material) if material else None
+
+    def of_part(self, part: MeshPart) -> str | None:
+        """The material inside the mesh file, when it has a colour or a texture."""
+        if part.rgba is None and part.texture is None:
+            return None
+        rgba = part.rgba or (1.0, 1.0, 1.0, 1.0)
+        return self._take(Material(part.material or "material", rgba, part.texture))
+
+    def used(self) -> tuple[Material, ...]:
+        """The materials in use, in order of first use."""
+        return tuple(self._used.values())
+
+    def _take(self, material: Material) -> str:
+        name, number = material.name, 1
+        while name in self._used:
+            known = self._used[name]
+            if (known.rgba, known.texture) == (material.rgba, material.texture):
+                return name
+            number += 1
+            name = f"{material.name}_{number}"
+        self._used[name] = Material(name, material.rgba, material.texture)
+        return name

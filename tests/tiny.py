@@ -1,0 +1,404 @@
+"""Tiny robots as model values: no reader, no mesh tool, every number known by hand.
+
+`tiny_quadruped()` stands on four ball feet with 12 joints, `pendulum()` hangs from the world;
+`robots()` is a Hypothesis strategy of random trees. `write_robot_ports` lays a robot out as the
+engine would, `run_step` runs one step on files.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from hypothesis import strategies as st
+
+from assetbuild.engine.step import Files, Step
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import encode
+from assetbuild.robot.model import (
+    Actuator,
+    Body,
+    Box,
+    Capsule,
+    Contact,
+    Control,
+    Cylinder,
+    Frame,
+    Inertial,
+    Joint,
+    Keyframe,
+    Limits,
+    Material,
+    Mesh,
+    MeshAsset,
+    Mimic,
+    Shape,
+    Shapes,
+    Simulation,
+    Sphere,
+    Tree,
+)
+from assetbuild.robot.pose import Pose, Vec3, normalised_quat, rotation_of, vec3
+
+SEGMENT_M = 0.2
+FOOT_RADIUS_M = 0.02
+
+
+@dataclass(frozen=True)
+class TinyRobot:
+    """The four artefacts and the mesh files `{file name: bytes}`."""
+
+    links: Tree
+    tree: Tree
+    shapes: Shapes = field(default_factory=Shapes)
+    control: Control = field(default_factory=Control)
+    meshes: dict[str, bytes] = field(default_factory=dict)
+
+
+def write_robot_ports(folder: Path, robot: TinyRobot) -> Path:
+    """Writes links.json, tree.json, shapes.json, control.json and meshes/ into `folder`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "links.json").write_bytes(encode(robot.links))
+    (folder / "tree.json").write_bytes(encode(robot.tree))
+    (folder / "shapes.json").write_bytes(encode(robot.shapes))
+    (folder / "control.json").write_bytes(encode(robot.control))
+    (folder / "meshes").mkdir(exist_ok=True)
+    for name, data in robot.meshes.items():
+        (folder / "meshes" / name).write_bytes(data)
+    return folder
+
+
+def run_step(step: Step, inputs: Path, outputs: Path) -> list[Finding]:
+    """Runs `step` on two folders, as the engine would, and returns its findings."""
+    outputs.mkdir(parents=True, exist_ok=True)
+    return list(step.run(Files(inputs=inputs, outputs=outputs)))
+
+
+# --- inertias, from textbook formulas -----------------------------------------------------------
+
+
+def box_inertial(mass: float, size: Vec3, com: Vec3 = (0.0, 0.0, 0.0)) -> Inertial:
+    """A solid box. mass: kg; size: edges, m."""
+    x, y, z = (mass * edge * edge / 12.0 for edge in size)
+    return Inertial(mass, com, (y + z, x + z, x + y, 0.0, 0.0, 0.0))
+
+
+def ball_inertial(mass: float, radius: float, com: Vec3 = (0.0, 0.0, 0.0)) -> Inertial:
+    """A solid ball."""
+    moment = 0.4 * mass * radius * radius
+    return Inertial(mass, com, (moment, moment, moment, 0.0, 0.0, 0.0))
+
+
+def with_point_offset(a: Inertial, b: Inertial, offset: Vec3) -> Inertial:
+    """Two bodies as one, in the frame of `a`; `b` is moved by `offset`, its axes are parallel.
+
+    About the common centre of mass the pair adds mu (|d|^2 1 - d d^T), mu = reduced mass, d = the
+    way between the two centres.
+    """
+    com_a, com_b = np.array(a.com_m), np.array(b.com_m) + np.array(offset)
+    mass = a.mass_kg + b.mass_kg
+    d = com_b - com_a
+    pair = a.mass_kg * b.mass_kg / mass * (d @ d * np.eye(3) - np.outer(d, d))
+    own = np.array(a.inertia_com_kg_m2) + np.array(b.inertia_com_kg_m2)
+    xx, yy, zz, xy, xz, yz = (
+        float(v)
+        for v in own + [pair[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    )
+    com = vec3((a.mass_kg * com_a + b.mass_kg * com_b) / mass)
+    return Inertial(mass, com, (xx, yy, zz, xy, xz, yz))
+
+
+# --- meshes -------------------------------------------------------------------------------------
+
+
+def box_obj(size: Vec3) -> bytes:
+    """A closed box as OBJ text, 8 vertices, 12 triangles, outward normals."""
+    x, y, z = (edge / 2 for edge in size)
+    corners = [(sx * x, sy * y, sz * z) for sx in (-1, 1) for sy in (-1, 1) for sz in (-1, 1)]
+    quads = ((1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4))
+    lines = [f"v {a!r} {b!r} {c!r}" for a, b, c in corners]
+    for a, b, c, d in quads:
+        lines += [f"f {a} {b} {c}", f"f {a} {c} {d}"]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def flat_obj() -> bytes:
+    """A single open square in the plane z = 0: area but no volume."""
+    return b"v 0 0 0\nv 0.1 0 0\nv 0.1 0.1 0\nv 0 0.1 0\nf 1 2 3\nf 1 3 4\n"
+
+
+# --- robots -------------------------------------------------------------------------------------
+
+LEGS: tuple[tuple[str, float, float], ...] = (
+    ("FR", 1.0, -1.0),
+    ("FL", 1.0, 1.0),
+    ("RR", -1.0, -1.0),
+    ("RL", -1.0, 1.0),
+)
+
+
+def standing_height(thigh: float) -> float:
+    """Base height with hip 0, thigh q and calf -2 q: both segments lean by q."""
+    return 2 * SEGMENT_M * math.cos(thigh) + FOOT_RADIUS_M
+
+
+def tiny_quadruped() -> TinyRobot:
+    """12 joints, 13 bodies; `trunk_box.obj` as visual; feet and `imu` are merged frames."""
+    trunk = box_inertial(6.0, (0.4, 0.2, 0.1))
+    imu = box_inertial(0.01, (0.01, 0.01, 0.01))
+    X_trunk_imu = Pose((0.05, 0.01, 0.02), normalised_quat((1.0, 0.0, 0.0, 1.0)))
+    hip = box_inertial(0.5, (0.06, 0.06, 0.06), (0.0, 0.005, 0.0))
+    thigh = box_inertial(0.8, (0.03, 0.03, SEGMENT_M), (0.0, 0.0, -SEGMENT_M / 2))
+    calf = box_inertial(0.15, (0.02, 0.02, SEGMENT_M), (0.0, 0.0, -SEGMENT_M / 2))
+    foot = ball_inertial(0.05, FOOT_RADIUS_M)
+    to_foot = (0.0, 0.0, -SEGMENT_M)
+
+    links: list[Body] = [Body("trunk", trunk), Body("imu", imu)]
+    bodies: list[Body] = [Body("trunk", with_point_offset(trunk, imu, X_trunk_imu.xyz))]
+    fixed: list[Joint] = [Joint("imu_joint", "fixed", "trunk", "imu", X_trunk_imu)]
+    moving: list[Joint] = []
+    frames: list[Frame] = [Frame("imu", "trunk", X_trunk_imu)]
+    for leg, front, left in LEGS:
+        links += [Body(f"{leg}_hip", hip), Body(f"{leg}_thigh", thigh), Body(f"{leg}_calf", calf)]
+        links.append(Body(f"{leg}_foot", foot))
+        bodies += [Body(f"{leg}_hip", hip), Body(f"{leg}_thigh", thigh)]
+        bodies.append(Body(f"{leg}_calf", with_point_offset(calf, foot, to_foot)))
+        moving += _leg_joints(leg, front, left)
+        fixed.append(
+            Joint(f"{leg}_foot_fixed", "fixed", f"{leg}_calf", f"{leg}_foot", Pose(to_foot))
+        )
+        frames.append(Frame(f"{leg}_foot", f"{leg}_calf", Pose(to_foot)))
+    return TinyRobot(
+        links=Tree("tiny_quadruped", "floating", tuple(links), tuple(moving + fixed)),
+        tree=Tree("tiny_quadruped", "floating", tuple(bodies), tuple(moving), tuple(frames)),
+        shapes=_quadruped_shapes(),
+        control=_quadruped_control(tuple(moving)),
+        meshes={"trunk_box.obj": box_obj((0.4, 0.2, 0.1))},
+    )
+
+
+def _leg_joints(leg: str, front: float, left: float) -> list[Joint]:
+    thigh_limits, calf_limits = Limits(-0.7, 4.5, 24.0, 30.0), Limits(-2.8, -0.9, 36.0, 20.0)
+    return [
+        Joint(
+            f"{leg}_hip_joint",
+            "revolute",
+            "trunk",
+            f"{leg}_hip",
+            Pose((front * 0.18, left * 0.05, 0.0)),
+            (1.0, 0.0, 0.0),
+            Limits(-0.86, 0.86, 24.0, 30.0),
+        ),
+        Joint(
+            f"{leg}_thigh_joint",
+            "revolute",
+            f"{leg}_hip",
+            f"{leg}_thigh",
+            Pose((0.0, left * 0.08, 0.0)),
+            (0.0, 1.0, 0.0),
+            thigh_limits,
+        ),
+        Joint(
+            f"{leg}_calf_joint",
+            "revolute",
+            f"{leg}_thigh",
+            f"{leg}_calf",
+            Pose((0.0, 0.0, -SEGMENT_M)),
+            (0.0, 1.0, 0.0),
+            calf_limits,
+        ),
+    ]
+
+
+def _quadruped_shapes() -> Shapes:
+    middle = Pose((0.0, 0.0, -SEGMENT_M / 2))
+    shapes = [
+        Shape("trunk_visual", "trunk", "visual", Mesh("trunk_box"), material="grey"),
+        Shape("imu_visual", "imu", "visual", Box((0.01, 0.01, 0.01)), material="red"),
+        Shape("trunk_collision", "trunk", "collision", Box((0.4, 0.2, 0.1))),
+    ]
+    for leg, _, _ in LEGS:
+        shapes += [
+            Shape(f"{leg}_hip_collision", f"{leg}_hip", "collision", Cylinder(0.03, 0.04)),
+            Shape(
+                f"{leg}_thigh_collision", f"{leg}_thigh", "collision", Capsule(0.015, 0.15), middle
+            ),
+            Shape(f"{leg}_calf_collision", f"{leg}_calf", "collision", Capsule(0.01, 0.12), middle),
+            Shape(f"{leg}_foot_collision", f"{leg}_foot", "collision", Sphere(FOOT_RADIUS_M)),
+        ]
+    return Shapes(
+        tuple(shapes),
+        (Material("grey", (0.4, 0.4, 0.4, 1.0)), Material("red", (1.0, 0.0, 0.0, 1.0))),
+        (MeshAsset("trunk_box", "trunk_box.obj", 8, 12, convex=True),),
+    )
+
+
+def _quadruped_control(joints: tuple[Joint, ...]) -> Control:
+    actuators = tuple(
+        Actuator(
+            joint.name,
+            "pd",
+            kp=100.0,
+            kd=3.0,
+            damping=0.1,
+            friction=0.2,
+            armature=0.01 if joint.limits.effort == 24.0 else 0.02,
+            effort=joint.limits.effort,
+            velocity=joint.limits.velocity,
+            motor="small" if joint.limits.effort == 24.0 else "large",
+            source="made up",
+        )
+        for joint in joints
+    )
+    pairs = tuple(sorted({(min(j.parent, j.child), max(j.parent, j.child)) for j in joints}))
+    return Control(
+        actuators,
+        (_stance("home", joints, 0.8), _stance("crouch", joints, 1.2)),
+        pairs,
+        Contact((0.8, 0.02, 0.01), 3),
+        Simulation(0.005, 4),
+    )
+
+
+def _stance(name: str, joints: tuple[Joint, ...], thigh: float) -> Keyframe:
+    angle = {"hip": 0.0, "thigh": thigh, "calf": -2 * thigh}
+    values = tuple((joint.name, angle[joint.name.split("_")[1]]) for joint in joints)
+    return Keyframe(name, values, Pose((0.0, 0.0, standing_height(thigh))))
+
+
+def pendulum() -> TinyRobot:
+    """A fixed base and one swinging arm of 1 kg, 0.5 m; torque drive, limits +-2 rad, 5 N m."""
+    arm = box_inertial(1.0, (0.02, 0.02, 0.5), (0.0, 0.0, -0.25))
+    joint = Joint(
+        "swing_joint",
+        "revolute",
+        "base",
+        "arm",
+        Pose((0.0, 0.0, 1.0)),
+        (0.0, 1.0, 0.0),
+        Limits(-2.0, 2.0, 5.0, 10.0),
+        damping=0.05,
+    )
+    tree = Tree("pendulum", "fixed", (Body("base"), Body("arm", arm)), (joint,))
+    middle = Pose((0.0, 0.0, -0.25))
+    shapes = Shapes((Shape("arm_collision", "arm", "collision", Capsule(0.01, 0.4), middle),))
+    control = Control(
+        (Actuator("swing_joint", "motor", damping=0.05, effort=5.0, velocity=10.0),),
+        (Keyframe("home", (("swing_joint", 0.0),)),),
+    )
+    return TinyRobot(tree, tree, shapes, control)
+
+
+# --- random trees -------------------------------------------------------------------------------
+
+_unit = st.floats(-1.0, 1.0, allow_nan=False)
+
+
+@st.composite
+def poses(draw: st.DrawFn) -> Pose:
+    """Anywhere within a metre, any orientation."""
+    quat = draw(
+        st.tuples(_unit, _unit, _unit, _unit).filter(lambda q: sum(v * v for v in q) > 1e-3)
+    )
+    return Pose(vec3(draw(st.tuples(_unit, _unit, _unit))), normalised_quat(quat))
+
+
+@st.composite
+def unit_vectors(draw: st.DrawFn) -> Vec3:
+    """Directions; the axes come up often."""
+    plain = st.sampled_from([(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
+    if draw(st.booleans()):
+        return draw(plain)
+    v = np.array(
+        draw(st.tuples(_unit, _unit, _unit).filter(lambda v: sum(c * c for c in v) > 1e-3))
+    )
+    return vec3(v / np.linalg.norm(v))
+
+
+@st.composite
+def inertials(draw: st.DrawFn) -> Inertial:
+    """A real mass distribution: second moments s >= 0 along turned axes, so I = tr(S) 1 - S."""
+    mass = 10.0 ** draw(st.floats(-3.0, 2.0))
+    second = [10.0 ** draw(st.floats(-5.0, -1.0)) for _ in range(3)]
+    turn = rotation_of(draw(poses()).quat) if draw(st.booleans()) else np.eye(3)
+    spread = turn @ np.diag(second) @ turn.T * mass
+    moments = np.trace(spread) * np.eye(3) - (spread + spread.T) / 2
+    xx, yy, zz, xy, xz, yz = (
+        float(moments[i, j]) + 0.0 for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    )
+    return Inertial(mass, vec3(draw(st.tuples(_unit, _unit, _unit))), (xx, yy, zz, xy, xz, yz))
+
+
+@st.composite
+def robots(draw: st.DrawFn, max_bodies: int = 6) -> TinyRobot:
+    """Random trees in depth-first order, fixed or floating, with frames, drives and a keyframe."""
+    count = draw(st.integers(2, max_bodies))
+    parents = [-1] + [draw(st.integers(0, i - 1)) for i in range(1, count)]
+    order = _depth_first(parents)
+    bodies = tuple(Body(f"body{i}", draw(inertials())) for i in order)
+    joints = tuple(draw(_joints(f"body{parents[i]}", f"body{i}")) for i in order[1:])
+    frames = tuple(
+        Frame(f"frame{i}", f"body{draw(st.integers(0, count - 1))}", draw(poses()))
+        for i in range(draw(st.integers(0, 2)))
+    )
+    base = draw(st.sampled_from(("floating", "fixed")))
+    tree = Tree("random", base, bodies, joints, frames)
+    moving = tree.moving_joints
+    key = Keyframe(
+        "home",
+        tuple((joint.name, draw(_unit)) for joint in moving),
+        draw(poses()) if base == "floating" else None,
+    )
+    control = Control(tuple(draw(_drives(joint)) for joint in moving), (key,))
+    return TinyRobot(tree, tree, Shapes(), control)
+
+
+@st.composite
+def _joints(draw: st.DrawFn, parent: str, child: str) -> Joint:
+    kind = draw(st.sampled_from(("revolute", "continuous", "prismatic", "fixed")))
+    lower, width = draw(st.floats(-3.0, 3.0)), draw(st.floats(0.01, 3.0))
+    limits = Limits(lower, lower + width, 20.0, 5.0)
+    if kind in ("continuous", "fixed"):
+        limits = Limits(effort=20.0) if kind == "continuous" else Limits()
+    axis = draw(unit_vectors())
+    return Joint(f"{child}_joint", kind, parent, child, draw(poses()), axis, limits)
+
+
+@st.composite
+def _drives(draw: st.DrawFn, joint: Joint) -> Actuator:
+    size = st.floats(0.001, 500.0)
+    model = draw(st.sampled_from(("pd", "pd", "ideal_pd", "motor", "velocity", "passive")))
+    drive = Actuator(
+        joint.name,
+        model,
+        damping=draw(size),
+        friction=draw(st.sampled_from((0.0, 0.2))),
+        armature=draw(st.sampled_from((0.0, 0.01, 0.123456789))),
+    )
+    if model == "passive":
+        return drive
+    effort = draw(st.one_of(st.none(), size))
+    return replace(drive, kp=draw(size), kd=draw(size), effort=effort, velocity=draw(size))
+
+
+def with_mimic(
+    robot: TinyRobot, follower: str, leader: str, multiplier: float, offset: float
+) -> TinyRobot:
+    """The same robot; `follower` now copies `leader`."""
+    joints = tuple(
+        replace(j, mimic=Mimic(leader, multiplier, offset)) if j.name == follower else j
+        for j in robot.tree.joints
+    )
+    return replace(robot, tree=replace(robot.tree, joints=joints))
+
+
+def _depth_first(parents: list[int]) -> list[int]:
+    order: list[int] = []
+    waiting = [0]
+    while waiting:
+        here = waiting.pop()
+        order.append(here)
+        waiting += [i for i in reversed(range(len(parents))) if parents[i] == here]
+    return order
