@@ -3,6 +3,7 @@
 The null build imports this module: standard library only, heavy parts inside functions.
 """
 
+# ruff: noqa: PTH - pathlib is not loaded on the way of the null build
 from __future__ import annotations
 
 import os
@@ -49,7 +50,7 @@ def digest_file(path: str | os.PathLike[str]) -> str:
     import hashlib
 
     state = hashlib.sha256()
-    with open(path, "rb", buffering=0) as file:  # noqa: PTH123 - pathlib is not loaded here
+    with open(path, "rb", buffering=0) as file:
         while chunk := file.read(CHUNK):
             state.update(chunk)
     return state.hexdigest()
@@ -87,8 +88,8 @@ class StatCache:
         The stat comes first: an edit between stat and read then leaves a signature that no
         longer matches, never a fresh signature with an old digest.
         """
-        key = os.path.abspath(path)  # noqa: PTH100 - pathlib is not loaded here
-        found = os.stat(key)  # noqa: PTH116 - pathlib is not loaded here
+        key = os.path.abspath(path)
+        found = os.stat(key)
         if not stat.S_ISREG(found.st_mode):
             raise OSError(f"not a regular file: {key}")
         signature = signature_of(found)
@@ -124,7 +125,7 @@ def _load(path: str | os.PathLike[str]) -> dict[str, tuple[Signature, str]]:
     import json
 
     try:
-        with open(path, "rb") as file:  # noqa: PTH123 - pathlib is not loaded here
+        with open(path, "rb") as file:
             raw = json.load(file)
         if raw["format"] != CACHE_FORMAT:
             return {}
@@ -146,13 +147,13 @@ def _entry(raw: Iterable[object]) -> tuple[Signature, str]:
 def replace_file(path: str | os.PathLike[str], data: bytes) -> None:
     """Write beside, then rename: a reader sees the old bytes or the new ones, never a part."""
     target = os.fspath(path)
-    os.makedirs(os.path.dirname(target) or ".", exist_ok=True)  # noqa: PTH103, PTH120 - as above
+    os.makedirs(os.path.dirname(target) or ".", exist_ok=True)
     beside = f"{target}.{os.getpid():x}-{time.monotonic_ns():x}.tmp"
     try:
-        with open(beside, "wb") as file:  # noqa: PTH123 - as above
+        with open(beside, "wb") as file:
             file.write(data)
-        os.replace(beside, target)  # noqa: PTH105 - as above
+        os.replace(beside, target)
     except BaseException:
         if os.path.lexists(beside):
-            os.unlink(beside)  # noqa: PTH108 - as above
+            os.unlink(beside)
         raise

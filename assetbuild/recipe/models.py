@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -15,11 +16,36 @@ from assetbuild.findings import Severity
 
 
 def _pattern(text: str) -> str:
+    if len(text) > 500:
+        raise ValueError("a pattern may have at most 500 characters")
     try:
         re.compile(text)
-    except re.error as error:
+    except (re.error, OverflowError, RecursionError) as error:
         raise ValueError(f"not a regular expression: {error}") from error
     return text
+
+
+def _inside(text: str) -> str:
+    """A path that cannot lead out of the source: relative, no `..`, slashes only."""
+    path = PurePosixPath(text)
+    if not text or path.is_absolute() or ".." in path.parts:
+        raise ValueError("must be a relative path inside the source, without `..`")
+    if "\\" in text or any(ord(c) < 32 for c in text) or re.match(r"[A-Za-z]:", text):
+        raise ValueError("must be a plain path with `/` between folders")
+    return path.as_posix()
+
+
+def _no_repeats(values: tuple[str, ...]) -> tuple[str, ...]:
+    twice = sorted({value for value in values if values.count(value) > 1})
+    if twice:
+        raise ValueError(f"named twice: {', '.join(twice)}")
+    return values
+
+
+def _two_names(pair: tuple[str, str]) -> tuple[str, str]:
+    if pair[0] == pair[1]:
+        raise ValueError("a pair needs two different links")
+    return pair
 
 
 def _finite(value: float) -> float:
@@ -33,7 +59,13 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,63}$")]
 Real = Annotated[float, AfterValidator(_finite)]
 Positive = Annotated[float, Field(gt=0), AfterValidator(_finite)]
 NonNegative = Annotated[float, Field(ge=0), AfterValidator(_finite)]
+InsidePath = Annotated[str, AfterValidator(_inside)]
+Names = Annotated[tuple[str, ...], AfterValidator(_no_repeats)]
+LinkPair = Annotated[tuple[str, str], AfterValidator(_two_names)]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+
+
+PYPI_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*==[A-Za-z0-9][A-Za-z0-9.+!_-]*$"
 
 
 class Model(BaseModel):
@@ -46,12 +78,12 @@ class Source(Model):
     """Where the robot comes from: exactly one of path, pypi; exactly one of urdf, xacro, mjcf."""
 
     path: str | None = Field(None, description="a folder, relative to the recipe")
-    pypi: str | None = Field(
-        None, description="`name==version` of a wheel", pattern=r"^[\w.-]+==[\w.+!-]+$"
+    pypi: str | None = Field(None, description="`name==version` of a wheel", pattern=PYPI_PATTERN)
+    root: InsidePath = Field(
+        ".", description="folder inside the source that all paths below start from"
     )
-    root: str = Field(".", description="folder inside the source that all paths below start from")
-    urdf: str | None = Field(None, description="the URDF file")
-    packages: dict[str, str] = Field(
+    urdf: InsidePath | None = Field(None, description="the URDF file")
+    packages: dict[str, InsidePath] = Field(
         default_factory=dict, description="package:// name -> folder; explicit, nothing is searched"
     )
     license: str | None = Field(None, description="SPDX identifier of the source's licence")
@@ -78,7 +110,10 @@ class Visual(Model):
     """Meshes for the eye."""
 
     max_faces: int | None = Field(
-        None, ge=100, description="goal per mesh; stops earlier, with a finding, to keep the shape"
+        None,
+        ge=100,
+        le=10_000_000,
+        description="goal per mesh; stops earlier, with a finding, to keep the shape",
     )
 
 
@@ -94,14 +129,16 @@ class CollisionRule(Model):
     )
     max_hulls: int | None = Field(None, ge=1, le=1024, description="most pieces, where it applies")
     max_vertices: int | None = Field(None, ge=4, le=256, description="most vertices of a piece")
-    threshold: Positive | None = Field(None, description="of `coacd`, relative concavity 0.01..1")
+    threshold: Positive | None = Field(
+        None, ge=0.01, le=1, description="of `coacd`, relative concavity 0.01..1"
+    )
 
 
 class Exclude(Model):
     """Pairs of bodies that never collide."""
 
     adjacent: bool = Field(True, description="bodies that a joint connects")
-    pairs: tuple[tuple[str, str], ...] = Field((), description="pairs of source links")
+    pairs: tuple[LinkPair, ...] = Field((), description="pairs of source links")
 
 
 class Collision(Model):
@@ -163,15 +200,17 @@ class Contact(Model):
     friction: tuple[NonNegative, NonNegative, NonNegative] = Field(
         (1.0, 0.005, 0.0001), description="sliding, torsional (m), rolling (m)"
     )
-    condim: Literal[1, 3, 4, 6] = 3
+    condim: Literal[1, 3, 4, 6] = Field(
+        3, description="1: no friction, 3: sliding, 4: also torsional, 6: also rolling"
+    )
 
 
 class Simulation(Model):
     """What the generated files and checks step with."""
 
     timestep: Positive = Field(0.005, description="s")
-    decimation: int = Field(4, ge=1, description="simulation steps per control step")
-    gravity: tuple[Real, Real, Real] = (0.0, 0.0, -9.81)
+    decimation: int = Field(4, ge=1, le=10_000, description="simulation steps per control step")
+    gravity: tuple[Real, Real, Real] = Field((0.0, 0.0, -9.81), description="m/s2, world frame")
 
 
 class FreeFall(Model):
@@ -204,29 +243,41 @@ class Waiver(Model):
     """Another severity for a rule; it stays visible with its reason."""
 
     severity: Severity
-    because: str = Field(min_length=3)
+    because: str = Field(min_length=3, description="the reason, shown beside the finding")
 
 
 class Recipe(Model):
     """`recipes/<robot>.yaml`."""
 
-    schema_: Literal["assetbuild/v1"] = Field(alias="schema")
-    robot: Name
+    schema_: Literal["assetbuild/v1"] = Field(alias="schema", description="version of this format")
+    robot: Name = Field(description="name of the robot and of its bundle")
     source: Source
-    base: Literal["floating", "fixed"] = "fixed"
+    base: Literal["floating", "fixed"] = Field(
+        "fixed", description="whether the root moves freely or is bolted to the world"
+    )
     fixed_joints: FixedJoints = Field(default_factory=lambda: FixedJoints.model_validate({}))
     visual: Visual = Field(default_factory=lambda: Visual.model_validate({}))
     collision: Collision = Field(default_factory=lambda: Collision.model_validate({}))
-    motors: dict[str, Motor] = Field(default_factory=dict)
-    actuators: tuple[ActuatorRow, ...] = ()
-    keyframes: dict[Name, Keyframe] = Field(default_factory=dict)
+    motors: dict[str, Motor] = Field(
+        default_factory=dict, description="motors by name, for the actuator table"
+    )
+    actuators: tuple[ActuatorRow, ...] = Field(
+        (), description="the actuator table: every moving joint matches exactly one row"
+    )
+    keyframes: dict[Name, Keyframe] = Field(
+        default_factory=dict, description="poses by name; the first is the robot's initial state"
+    )
     contact: Contact = Field(default_factory=lambda: Contact.model_validate({}))
     simulation: Simulation = Field(default_factory=lambda: Simulation.model_validate({}))
-    targets: tuple[str, ...] = ("urdf", "mjcf", "usd")
+    targets: Names = Field(("urdf", "mjcf", "usd"), description="formats to write")
     validate_: Validate = Field(
         default_factory=lambda: Validate.model_validate({}), alias="validate"
     )
-    rules: dict[str, Waiver] = Field(default_factory=dict)
-    variants: dict[Name, dict[str, Any]] = Field(
-        default_factory=dict, description="named patches: maps are merged, all else is replaced"
+    rules: dict[str, Waiver] = Field(
+        default_factory=dict, description="other severities for rules, by rule id"
+    )
+    variants: dict[Name, dict[str, Any]] = Field(  # Any: checked by patching, see variants.py
+        default_factory=dict,
+        max_length=64,
+        description="named patches: maps are merged, all else is replaced",
     )

@@ -1,0 +1,84 @@
+"""`assetbuild build`: recipes to bundles."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from assetbuild.pipeline import Outcome, Request
+
+HELP = "build the bundle; only stale steps run"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE")
+    parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="default: build/<robot>")
+    parser.add_argument("-j", "--jobs", type=_positive, metavar="N", help="default: all cores")
+    parser.add_argument("-k", "--keep-going", action="store_true", help="build what still can be")
+    parser.add_argument("-n", "--dry-run", action="store_true", help="say what would run")
+    parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
+    parser.add_argument("--frozen", action="store_true", help="fail rather than write a lock")
+    parser.add_argument("--rehash", action="store_true", help="read every source file again")
+    parser.add_argument(
+        "--fail-on", choices=("error", "warning", "never"), default="error", help="default: error"
+    )
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError("must be at least 1")
+    return value
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Build each recipe; the worst exit code of all."""
+    from assetbuild.errors import UsageError
+    from assetbuild.pipeline import Request
+
+    if arguments.out is not None and len(arguments.recipes) > 1:
+        raise UsageError("`-o` names one bundle, but several recipes were given")
+    codes = []
+    for recipe in arguments.recipes:
+        request = Request(
+            recipe=recipe,
+            out=arguments.out,
+            variant=arguments.variant,
+            jobs=arguments.jobs,
+            keep_going=arguments.keep_going,
+            frozen=arguments.frozen,
+            rehash=arguments.rehash,
+            fail_on=arguments.fail_on,
+        )
+        codes.append(_dry_run(request) if arguments.dry_run else _build(request))
+    return max(codes)
+
+
+def _build(request: Request) -> int:
+    from assetbuild.cli.progress import progress
+    from assetbuild.cli.summary import print_summary
+    from assetbuild.pipeline import build
+
+    with progress(request.recipe.name) as shown:
+        outcome = build(request, shown.on_event, shown.say)
+    print_summary(outcome)
+    if outcome.exit_code == 0:
+        _remember(request, outcome)
+    return outcome.exit_code
+
+
+def _remember(request: Request, outcome: Outcome) -> None:
+    """Leave a record with which the same command is answered by `stat` alone."""
+    from assetbuild.cli.null import remember
+
+    remember(sys.argv[1:], outcome)
+
+
+def _dry_run(request: Request) -> int:
+    from assetbuild.cli.explain import print_stale
+
+    return print_stale(request.recipe, request.variant)

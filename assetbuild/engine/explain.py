@@ -1,0 +1,210 @@
+"""Why a step ran or would run: the part of its key that changed, by name."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+from assetbuild.engine.graph import Graph
+from assetbuild.engine.keys import Parts
+from assetbuild.engine.session import Resolver, Session
+
+SHOWN_CHANGES = 12
+SHOWN_CHARACTERS = 60
+State = Literal["up to date", "would run", "waits"]
+
+
+@dataclass(frozen=True)
+class Change:
+    """One reason to run.
+
+    part: `first`, `step`, `version`, `tool`, `field`, `input`, `outputs`, `platform`, `format`,
+        `lost` (an output is missing or corrupt) or `forgotten` (the store has no result).
+    name: of the tool, field, input or output. old, new: JSON data; None = absent.
+    """
+
+    part: str
+    name: str = ""
+    old: object = None
+    new: object = None
+
+    def __str__(self) -> str:
+        match self.part:
+            case "first":
+                return "first build"
+            case "lost":
+                return f"output {self.name} is missing or corrupt in the store"
+            case "forgotten":
+                return "the store does not hold its result"
+            case "input":
+                return self._input_text()
+        name = f"{self.part} {self.name}" if self.name else self.part
+        if self.part in ("step", "version"):
+            name = "step version" if self.part == "version" else "step"
+        return f"{name}: {_shown(self.old)} -> {_shown(self.new)}"
+
+    def _input_text(self) -> str:
+        if self.old is None:
+            return f"input {self.name} is new"
+        if self.new is None:
+            return f"input {self.name} is gone"
+        return f"input {self.name} changed ({str(self.old)[:8]} -> {str(self.new)[:8]})"
+
+    def to_json(self) -> dict[str, object]:
+        """Plain data: part, name, old, new, text."""
+        return {**asdict(self), "text": str(self)}
+
+
+def change_from_json(raw: Mapping[str, object]) -> Change:
+    """Inverse of `Change.to_json`."""
+    return Change(
+        str(raw.get("part", "")), str(raw.get("name", "")), raw.get("old"), raw.get("new")
+    )
+
+
+def changes_between(old: Parts | None, new: Parts) -> tuple[Change, ...]:
+    """What differs between two keys, by part and name; `first` when there is no old one."""
+    if old is None:
+        return (Change("first"),)
+    return tuple(_changes(old, new))
+
+
+def _changes(old: Parts, new: Parts) -> Iterator[Change]:
+    for part in ("step", "version"):
+        if old.get(part) != new.get(part):
+            yield Change(part, "", old.get(part), new.get(part))
+    for part, key in (("tool", "tools"), ("field", "fields"), ("input", "inputs")):
+        before, after = _flat(old.get(key), part), _flat(new.get(key), part)
+        for name in sorted(before.keys() | after.keys()):
+            if before.get(name) != after.get(name):
+                yield Change(part, name, before.get(name), after.get(name))
+    for part in ("outputs", "platform", "format"):
+        if old.get(part) != new.get(part):
+            yield Change(part, "", old.get(part), new.get(part))
+
+
+def _flat(value: object, part: str) -> dict[str, object]:
+    """Leaves of nested data by their path, `actuators[2].kp`; inputs and tools are flat."""
+    if part != "field":
+        return dict(value) if isinstance(value, dict) else {}
+    leaves: dict[str, object] = {}
+    _collect(value, "", leaves)
+    return leaves
+
+
+def _collect(value: object, path: str, leaves: dict[str, object]) -> None:
+    if isinstance(value, dict) and value:
+        for key, item in value.items():
+            _collect(item, f"{path}.{key}" if path else str(key), leaves)
+    elif isinstance(value, list) and value:
+        for index, item in enumerate(value):
+            _collect(item, f"{path}[{index}]", leaves)
+    else:
+        leaves[path] = value
+
+
+def _shown(value: object) -> str:
+    if value is None:
+        return "nothing"
+    text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= SHOWN_CHARACTERS else text[: SHOWN_CHARACTERS - 3] + "..."
+
+
+def changes_text(changes: tuple[Change, ...]) -> str:
+    """All changes in one line; the tail of a long list is counted, not shown."""
+    shown = [str(change) for change in changes[:SHOWN_CHANGES]]
+    if len(changes) > SHOWN_CHANGES:
+        shown.append(f"and {len(changes) - SHOWN_CHANGES} more")
+    return "; ".join(shown)
+
+
+def why_it_runs(session: Session, label: str, key: str, parts: Parts) -> tuple[Change, ...]:
+    """Why a node with this key is not simply taken from the store."""
+    from assetbuild.engine.session import made_from_json
+
+    changes = changes_between(session.journal.parts(label), parts)
+    if changes and changes[0].part != "first":
+        return changes
+    raw = session.store.action(key)
+    made = made_from_json(raw) if raw is not None else None
+    if made is not None:
+        return (Change("lost", session.missing_output(made) or ", ".join(made.outputs)),)
+    return changes or (Change("forgotten"),)
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Why one node would run now, and why it last ran.
+
+    changes: since it was last seen; empty when up to date. last_changes: why it ran `last_at`.
+    causes: input name -> the node that makes the changed input.
+    waits_for: nodes that must be built before more can be said.
+    """
+
+    label: str
+    state: State
+    changes: tuple[Change, ...] = ()
+    last_at: str = ""
+    last_changes: tuple[Change, ...] = ()
+    causes: Mapping[str, str] | None = None
+    waits_for: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, object]:
+        """Plain data for `explain --json`."""
+        return {
+            "label": self.label,
+            "state": self.state,
+            "changes": [c.to_json() for c in self.changes],
+            "last_run": self.last_at or None,
+            "last_changes": [c.to_json() for c in self.last_changes],
+            "causes": dict(self.causes or {}),
+            "waits_for": list(self.waits_for),
+        }
+
+    def to_text(self) -> str:
+        """A few lines for a terminal."""
+        lines = [f"{self.label}: {self.state}"]
+        lines += [f"  {change}{self._cause(change)}" for change in self.changes[:SHOWN_CHANGES]]
+        lines += [f"  after `{label}`, which would run first" for label in self.waits_for]
+        if self.last_at:
+            lines.append(f"  last ran {self.last_at}: {changes_text(self.last_changes)}")
+            lines += [f"    {c.name} comes from `{self.causes[c.name]}`" for c in self._caused()]
+        return "\n".join(lines)
+
+    def _cause(self, change: Change) -> str:
+        maker = (self.causes or {}).get(change.name) if change.part == "input" else None
+        return f", made by `{maker}`" if maker else ""
+
+    def _caused(self) -> list[Change]:
+        causes = self.causes or {}
+        return [c for c in self.last_changes if c.part == "input" and c.name in causes]
+
+
+def explain(graph: Graph, session: Session, label: str) -> Explanation:
+    """Why the node would run now, and why it last ran. KeyError on an unknown label."""
+    node = graph.nodes[label]
+    resolver = Resolver(graph.nodes, session)
+    key = resolver.key(label)
+    last = session.journal.last_run(label)
+    last_at, last_changes = last if last else ("", [])
+    changes: tuple[Change, ...] = ()
+    waits: tuple[str, ...] = ()
+    if key is None:
+        state: State = "waits"
+        waits = tuple(p for p in graph.predecessors(label) if resolver.made(p) is None)
+    elif resolver.made(label) is not None:
+        state = "up to date"
+    else:
+        state = "would run"
+        changes = why_it_runs(session, label, *key)
+    return Explanation(
+        label=label,
+        state=state,
+        changes=changes,
+        last_at=last_at,
+        last_changes=tuple(change_from_json(raw) for raw in last_changes),
+        causes={name: ref.node for name, ref in node.inputs.items() if ref.node},
+        waits_for=waits,
+    )

@@ -1,0 +1,315 @@
+"""The content-addressed store: objects by the SHA-256 of their bytes, actions by their key.
+
+    <root>/v1/cas/ab/<digest>      an object, read only, never linked into a user's folder
+    <root>/v1/ac/ab/<key>.json     what a step with this key made
+    <root>/v1/quarantine/          objects whose bytes did not match their name
+    <root>/v1/tmp/                 private folders of running builds
+
+Everything is written beside and renamed, so any number of builds may share a store and a kill
+at any moment leaves it valid. There is no fsync: what a power cut tears is found on reading,
+because every object is verified, and is made again.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+import secrets
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from assetbuild.engine.claims import claim_new_folder, remove_abandoned
+from assetbuild.engine.digest import (
+    CHUNK,
+    Signature,
+    canonical_json,
+    digest_bytes,
+    digest_file,
+    is_racy,
+    replace_file,
+    signature_of,
+)
+from assetbuild.errors import MachineError
+
+LAYOUT = "v1"
+ACTION_FORMAT = 1
+Listing = dict[str, tuple[str, int]]
+"""A tree: relative path -> (digest, size in bytes)."""
+
+
+class LostObjectError(MachineError):
+    """An object that should be in the store is missing or was corrupt; making it again heals."""
+
+    def __init__(self, digest: str, what: str) -> None:
+        super().__init__(
+            f"the store lost object {digest[:12]}: {what}", hint="run the build again: it heals"
+        )
+        self.digest = digest
+
+
+class Store:
+    """Objects and actions below `root`. Threads and processes may share it."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = Path(os.path.abspath(root)) / LAYOUT  # noqa: PTH100 - keeps symlinks
+        self._verified: dict[str, Signature] = {}
+        with self._machine_errors():
+            for name in ("cas", "ac", "quarantine", "tmp", "journal", "logs"):
+                (self.root / name).mkdir(parents=True, exist_ok=True)
+            self._tmp, self._claim = claim_new_folder(self.root / "tmp")
+
+    def close(self) -> None:
+        """Remove this process's private folder, and those of builds that were killed."""
+        shutil.rmtree(self._tmp, ignore_errors=True)
+        if self._claim >= 0:
+            os.close(self._claim)
+            self._claim = -1
+        remove_abandoned((self.root / "tmp").iterdir())
+
+    def scratch(self) -> Path:
+        """A new empty folder on the file system of the store, private to this process."""
+        folder = self._tmp / secrets.token_hex(6)
+        with self._machine_errors():
+            folder.mkdir()
+        return folder
+
+    # -- objects in
+
+    def put_bytes(self, data: bytes) -> str:
+        """Store bytes; their digest."""
+        digest = digest_bytes(data)
+        beside = self._tmp / secrets.token_hex(8)
+        with self._machine_errors():
+            beside.write_bytes(data)
+            self._accept(beside, digest)
+        return digest
+
+    def put_file(self, path: Path, *, move: bool = False) -> str:
+        """Store a file's content; its digest.
+
+        move: the file is ours, on the file system of the store, and finished: it is renamed.
+        """
+        with self._machine_errors():
+            if move and path.stat().st_nlink == 1:
+                digest = digest_file(path)
+                self._accept(path, digest)
+                return digest
+            beside = self._tmp / secrets.token_hex(8)
+            digest = _copy(path, beside)
+            self._accept(beside, digest)
+        return digest
+
+    def put_tree(self, folder: Path, *, move: bool = False) -> str:
+        """Store every file below a folder; the digest of the listing.
+
+        Symbolic links and special files raise ValueError: they have no content of their own.
+        """
+        listing: Listing = {}
+        for path in files_below(folder):
+            size = path.stat().st_size
+            name = path.relative_to(folder).as_posix()
+            listing[name] = (self.put_file(path, move=move), size)
+        return self.put_listing(listing)
+
+    def put_listing(self, listing: Mapping[str, tuple[str, int]]) -> str:
+        """Store a tree whose objects are stored already; its digest."""
+        return self.put_bytes(canonical_json({name: list(v) for name, v in listing.items()}))
+
+    def _accept(self, beside: Path, digest: str) -> None:
+        """Rename a finished file to its digest. An older object of that name is replaced: it
+        may be corrupt, and readers keep the file that they opened."""
+        beside.chmod(0o444)
+        target = self._object(digest)
+        target.parent.mkdir(exist_ok=True)
+        beside.replace(target)
+
+    # -- objects out
+
+    def has(self, digest: str) -> bool:
+        """Is there an object of this name? Its bytes are verified when they are used."""
+        return self._object(digest).is_file()
+
+    def path(self, digest: str) -> Path:
+        """The object's file, verified, read only. LostObjectError when missing or corrupt.
+
+        Hashed once per process, as long as its signature stays the same.
+        """
+        path = self._object(digest)
+        try:
+            signature = signature_of(path.stat())
+            if self._verified.get(digest) == signature:
+                return path
+            found = digest_file(path)
+        except FileNotFoundError:
+            raise LostObjectError(digest, "it is not there") from None
+        except OSError as error:
+            raise LostObjectError(digest, error.strerror or str(error)) from error
+        if found != digest:
+            self._quarantine(digest)
+        if not is_racy(signature):
+            self._verified[digest] = signature
+        return path
+
+    def read(self, digest: str) -> bytes:
+        """The object's bytes, verified. LostObjectError when missing or corrupt."""
+        try:
+            data = self._object(digest).read_bytes()
+        except OSError as error:
+            raise LostObjectError(digest, error.strerror or str(error)) from None
+        if digest_bytes(data) != digest:
+            self._quarantine(digest)
+        return data
+
+    def tree(self, digest: str) -> Listing:
+        """The listing of a stored tree, verified; its objects are not. LostObjectError."""
+        data = self.read(digest)
+        try:
+            raw = json.loads(data)
+            listing = {str(name): (str(d), int(size)) for name, (d, size) in raw.items()}
+        except (ValueError, TypeError, AttributeError):
+            raise LostObjectError(digest, "it is not a tree") from None
+        for name, (member, _) in listing.items():
+            if not is_plain_path(name) or not _is_digest(member):
+                raise LostObjectError(digest, f"it lists `{name}`, which no tree may hold")
+        return listing
+
+    def restore(self, digest: str, dest: Path) -> None:
+        """Copy an object to `dest`, verified on the way; `dest` is replaced at once.
+
+        Never a hard link: an edit in place would poison the store.
+        """
+        beside = dest.with_name(f".{dest.name[:200]}.{secrets.token_hex(4)}.tmp")
+        try:
+            with self._machine_errors():
+                dest.parent.mkdir(parents=True, exist_ok=True)
+                try:
+                    source = self._object(digest).open("rb", buffering=0)
+                except FileNotFoundError:
+                    raise LostObjectError(digest, "it is not there") from None
+                with source:
+                    if _copy_open(source, beside) != digest:
+                        self._quarantine(digest)
+                beside.replace(dest)
+        finally:
+            beside.unlink(missing_ok=True)
+
+    def restore_tree(self, digest: str, dest: Path) -> None:
+        """Copy a tree to the folder `dest`, which is absent or empty, verified; at once."""
+        listing = self.tree(digest)
+        beside = dest.with_name(f".{dest.name[:200]}.{secrets.token_hex(4)}.tmp")
+        try:
+            with self._machine_errors():
+                beside.mkdir(parents=True)
+                for name, (member, _) in sorted(listing.items()):
+                    self.restore(member, beside / name)
+                beside.replace(dest)
+        finally:
+            shutil.rmtree(beside, ignore_errors=True)
+
+    def _quarantine(self, digest: str) -> None:
+        """Set a corrupt object aside and say that it is lost."""
+        self._verified.pop(digest, None)
+        aside = self.root / "quarantine" / f"{digest}-{secrets.token_hex(4)}"
+        with suppress(OSError):
+            self._object(digest).replace(aside)
+        raise LostObjectError(digest, "its bytes were not those of its name")
+
+    def _object(self, digest: str) -> Path:
+        if not _is_digest(digest):
+            raise LostObjectError(digest, "that is not a digest")
+        return self.root / "cas" / digest[:2] / digest
+
+    # -- actions
+
+    def action(self, key: str) -> dict[str, Any] | None:  # Any: JSON
+        """What a step with this key made, as `put_action` was given it; None when unknown.
+
+        An unreadable, torn or foreign entry is unknown.
+        """
+        try:
+            entry = json.loads((self.root / "ac" / key[:2] / f"{key}.json").read_bytes())
+            result = entry["result"]
+            sound = (
+                entry["format"] == ACTION_FORMAT
+                and entry["key"] == key
+                and entry["check"] == digest_bytes(canonical_json(result))
+            )
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            return None
+        return result if sound and isinstance(result, dict) else None
+
+    def put_action(self, key: str, result: Mapping[str, object]) -> None:
+        """Remember what a step with this key made: plain JSON data, outputs by digest."""
+        entry = {
+            "format": ACTION_FORMAT,
+            "key": key,
+            "result": dict(result),
+            "check": digest_bytes(canonical_json(dict(result))),
+        }
+        with self._machine_errors():
+            replace_file(self.root / "ac" / key[:2] / f"{key}.json", canonical_json(entry))
+
+    @contextmanager
+    def _machine_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise machine_error(error, self.root.parent) from error
+
+
+def machine_error(error: OSError, place: Path) -> MachineError:
+    """The sentence for a failed write below `place`."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return MachineError(
+            f"no space left on the disk that holds {place}",
+            hint="free some space, or choose another folder by ASSETBUILD_CACHE; nothing is lost",
+        )
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return MachineError(
+            f"no permission to write `{error.filename or place}`",
+            hint="choose another store folder by ASSETBUILD_CACHE",
+        )
+    return MachineError(f"{error.strerror or error}: `{error.filename or place}`")
+
+
+def files_below(folder: Path) -> list[Path]:
+    """Every regular file below a folder, sorted; ValueError names anything else found there."""
+    found: list[Path] = []
+    for path in folder.rglob("*"):
+        if path.is_symlink() or not (path.is_file() or path.is_dir()):
+            raise ValueError(f"`{path.relative_to(folder)}` is not a regular file")
+        if path.is_file():
+            found.append(path)
+    return sorted(found)
+
+
+def is_plain_path(name: str) -> bool:
+    """A relative path of ordinary parts: no `..`, no leading slash, no empty part."""
+    parts = name.split("/")
+    return bool(name) and "\0" not in name and PurePosixPath(name).parts == tuple(parts) and (
+        not {"..", "."} & set(parts)
+    )
+
+
+def _is_digest(text: str) -> bool:
+    return len(text) == 64 and not set(text) - set("0123456789abcdef")
+
+
+def _copy(source: Path, dest: Path) -> str:
+    """Copy a file's content and hash it in the same pass."""
+    with source.open("rb", buffering=0) as file:
+        return _copy_open(file, dest)
+
+
+def _copy_open(source: Any, dest: Path) -> str:  # Any: an unbuffered binary file
+    state = hashlib.sha256()
+    with dest.open("wb") as out:
+        while chunk := source.read(CHUNK):
+            state.update(chunk)
+            out.write(chunk)
+    return state.hexdigest()

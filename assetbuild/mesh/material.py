@@ -1,0 +1,60 @@
+"""What the source says of a surface, and triangles grouped by it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from assetbuild.mesh.triangles import TriangleMesh, face_normals, merged
+from assetbuild.robot.pose import Array
+
+Rgba = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceMaterial:
+    """Name, colour in 0..1 and texture reference as the file states them; None = it does not."""
+
+    name: str | None = None
+    rgba: Rgba | None = None
+    texture: str | None = None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MaterialPart:
+    """All triangles of one material."""
+
+    material: SurfaceMaterial
+    mesh: TriangleMesh
+
+
+def group_by_material(
+    placed: Iterable[tuple[SurfaceMaterial, TriangleMesh]],
+) -> tuple[MaterialPart, ...]:
+    """One part per material, in order of first appearance; triangles keep their order."""
+    groups: dict[SurfaceMaterial, list[TriangleMesh]] = {}
+    for material, mesh in placed:
+        groups.setdefault(material, []).append(mesh)
+    return tuple(MaterialPart(m, _joined(meshes)) for m, meshes in groups.items())
+
+
+def _joined(meshes: list[TriangleMesh]) -> TriangleMesh:
+    """One mesh of several; uv and normals survive when any has them."""
+    if len(meshes) == 1:
+        return meshes[0]
+    joined = merged(meshes)
+    uv: Array | None = None
+    normals: Array | None = None
+    if any(mesh.uv is not None for mesh in meshes):
+        blank = [np.zeros((len(mesh.faces), 3, 2)) for mesh in meshes]
+        uv = np.concatenate([b if m.uv is None else m.uv for b, m in zip(blank, meshes, strict=True)])
+    if any(mesh.normals is not None for mesh in meshes):
+        normals = np.concatenate([m.normals if m.normals is not None else _flat(m) for m in meshes])
+    return TriangleMesh(joined.vertices, joined.faces, uv, normals)
+
+
+def _flat(mesh: TriangleMesh) -> Array:
+    """(m, 3, 3) face normals at every corner: how a part without normals is drawn."""
+    return np.repeat(face_normals(mesh)[:, None, :], 3, axis=1)

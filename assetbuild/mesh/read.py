@@ -1,0 +1,227 @@
+"""Any mesh file to triangles by material: DAE, STL, OBJ, PLY, GLB."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding
+from assetbuild.mesh.dae import read_dae
+from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, group_by_material
+from assetbuild.mesh.obj import parse_obj
+from assetbuild.mesh.stl import read_stl
+from assetbuild.mesh.triangles import TriangleMesh
+
+Format = Literal["dae", "stl", "obj", "ply", "glb"]
+UpAxis = Literal["ignore", "honour"]
+
+# Rows are the axes of a Z-up frame in the file's own axes (COLLADA 1.4.1, <up_axis>).
+TO_Z_UP: Mapping[str, tuple[tuple[int, int, int], ...]] = {
+    "X_UP": ((0, -1, 0), (0, 0, -1), (1, 0, 0)),
+    "Y_UP": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class SourceMesh:
+    """What a mesh file holds: parts by material, order of first appearance; metres."""
+
+    parts: tuple[MaterialPart, ...]
+    findings: tuple[Finding, ...] = ()
+
+
+def read_mesh(
+    data: bytes,
+    format: Format,
+    *,
+    up_axis: UpAxis = "ignore",
+    libraries: Mapping[str, bytes] | None = None,
+    subject: str = "mesh",
+) -> SourceMesh:
+    """The surfaces of a mesh file, checked: finite, indices in range, not empty.
+
+    up_axis: "ignore" takes the numbers as they are, which is what URDF viewers do and what most
+    files with a false Y_UP need; "honour" turns X_UP and Y_UP to Z_UP.
+    libraries: MTL files by name, for the colours of an OBJ.
+    Raises StepError naming `subject` and the defect.
+    """
+    if not data:
+        raise StepError(f"{subject}: the file is empty")
+    stated: str | None = None
+    if format == "dae":
+        dae = read_dae(data, subject)
+        parts, stated, findings = dae.parts, dae.up_axis, list(dae.findings)
+    elif format == "obj":
+        parts, findings = _read_obj(data, libraries or {}, subject)
+    else:
+        reader: Callable[[bytes, str], tuple[MaterialPart, ...]]
+        reader = {"stl": _read_stl, "ply": _read_ply, "glb": _read_glb}[format]
+        parts, findings = reader(data, subject), []
+        stated = "Y_UP" if format == "glb" else None  # glTF is Y-up by definition
+    if stated in TO_Z_UP:
+        parts, finding = _turned(parts, stated, up_axis, subject)
+        findings.append(finding)
+    _refuse_unusable(parts, subject)
+    return SourceMesh(parts, tuple(findings))
+
+
+def _turned(
+    parts: tuple[MaterialPart, ...], stated: str, up_axis: UpAxis, subject: str
+) -> tuple[tuple[MaterialPart, ...], Finding]:
+    finding = Finding(
+        rule="mesh.up_axis",
+        severity="info",
+        subject=subject,
+        message=f"the file says {stated}: "
+        + ("ignored, its numbers are taken as they are" if up_axis == "ignore" else "turned to Z"),
+        hint="if it lies on its side, set `up_axis: honour`" if up_axis == "ignore" else "",
+        data={"stated": stated, "honoured": up_axis == "honour"},
+    )
+    if up_axis == "ignore":
+        return parts, finding
+    turn = np.array(TO_Z_UP[stated], dtype=np.float64)
+    return tuple(MaterialPart(p.material, p.mesh.mapped(turn)) for p in parts), finding
+
+
+def _refuse_unusable(parts: tuple[MaterialPart, ...], subject: str) -> None:
+    if not any(len(part.mesh.faces) for part in parts):
+        raise StepError(f"{subject}: no triangles", hint="is it an empty scene or a point cloud?")
+    for part in parts:
+        mesh = part.mesh
+        used = np.unique(mesh.faces)
+        if len(used) and (used[0] < 0 or used[-1] >= len(mesh.vertices)):
+            worst = int(used[0] if used[0] < 0 else used[-1])
+            raise StepError(
+                f"{subject}: a face uses vertex {worst}, there are {len(mesh.vertices)}"
+            )
+        finite = np.isfinite(mesh.vertices[used]).all(axis=1)
+        if not finite.all():
+            first = int(used[np.argmin(finite)])
+            raise StepError(f"{subject}: vertex {first} is not a finite number")
+
+
+def _read_stl(data: bytes, subject: str) -> tuple[MaterialPart, ...]:
+    return (MaterialPart(SurfaceMaterial(), read_stl(data, subject)),)
+
+
+def _read_obj(
+    data: bytes, libraries: Mapping[str, bytes], subject: str
+) -> tuple[tuple[MaterialPart, ...], list[Finding]]:
+    obj = parse_obj(data, subject)
+    found: dict[str, SurfaceMaterial] = {}
+    for name in obj.libraries:
+        if name in libraries:
+            found.update(_materials_of(libraries[name]))
+    placed = []
+    for group in obj.groups:
+        material = SurfaceMaterial(name=group.material)
+        placed.append((found.get(group.material or "", material), obj.mesh_of(group)))
+    findings = list(_obj_findings(obj.libraries, libraries, obj.skipped, subject))
+    return group_by_material(placed), findings
+
+
+def _obj_findings(
+    named: tuple[str, ...],
+    libraries: Mapping[str, bytes],
+    skipped: Mapping[str, int],
+    subject: str,
+) -> Iterator[Finding]:
+    missing = sorted(set(named) - set(libraries))
+    if missing:
+        yield Finding(
+            rule="mesh.no_mtl",
+            severity="info",
+            subject=subject,
+            message=f"colours are not read: `{missing[0]}` is not among the inputs",
+            data={"libraries": tuple(missing)},
+        )
+    if skipped:
+        names = ", ".join(f"{count} `{key}`" for key, count in sorted(skipped.items()))
+        yield Finding(
+            rule="mesh.skipped",
+            severity="info",
+            subject=subject,
+            message=f"not surfaces, left out: {names}",
+            data=dict(sorted(skipped.items())),
+        )
+
+
+def _materials_of(data: bytes) -> dict[str, SurfaceMaterial]:
+    """Materials of an MTL file: diffuse colour, `d` or `Tr` as alpha, `map_Kd` as texture."""
+    out: dict[str, SurfaceMaterial] = {}
+    name, rgb, alpha, texture = "", None, 1.0, None
+    for line in [*data.decode("utf-8", "replace").splitlines(), "newmtl "]:
+        key, _, rest = line.strip().partition(" ")
+        words = rest.split()
+        try:
+            if key == "newmtl":
+                if name:
+                    rgba = None if rgb is None else (*rgb, alpha)
+                    out[name] = SurfaceMaterial(name, rgba, texture)
+                name, rgb, alpha, texture = rest.strip(), None, 1.0, None
+            elif key == "Kd":
+                rgb = (float(words[0]), float(words[1]), float(words[2]))
+            elif key in ("d", "Tr"):
+                alpha = float(words[-1]) if key == "d" else 1.0 - float(words[-1])
+            elif key == "map_Kd":
+                texture = rest.strip()
+        except (ValueError, IndexError):
+            continue  # a broken colour leaves the material without one, as if it stated none
+    return out
+
+
+def _read_ply(data: bytes, subject: str) -> tuple[MaterialPart, ...]:
+    import trimesh
+
+    try:
+        read: dict[str, Any] = trimesh.exchange.ply.load_ply(io.BytesIO(data))
+    except Exception as error:  # trimesh's reader raises many kinds on broken files
+        raise StepError(f"{subject}: not readable as PLY: {_one_line(error)}") from error
+    faces = np.asarray(read.get("faces", ()), dtype=np.int64).reshape(-1, 3)
+    vertices = np.asarray(read.get("vertices", ()), dtype=np.float64).reshape(-1, 3)
+    return (MaterialPart(SurfaceMaterial(), TriangleMesh(vertices, faces)),)
+
+
+def _read_glb(data: bytes, subject: str) -> tuple[MaterialPart, ...]:
+    import trimesh
+
+    try:
+        scene: Any = trimesh.load_scene(io.BytesIO(data), file_type="glb", process=False)
+        placed = [_glb_part(scene, node) for node in scene.graph.nodes_geometry]
+    except Exception as error:  # as above
+        raise StepError(f"{subject}: not readable as GLB: {_one_line(error)}") from error
+    return group_by_material(part for part in placed if part is not None)
+
+
+def _glb_part(scene: Any, node: str) -> tuple[SurfaceMaterial, TriangleMesh] | None:  # Any: untyped
+    matrix, name = scene.graph.get(node)
+    geometry = scene.geometry[name]
+    if not hasattr(geometry, "faces"):
+        return None  # points and lines
+    visual = getattr(geometry, "visual", None)
+    source = getattr(visual, "material", None)
+    rgba = getattr(source, "main_color", None) if source is not None else None
+    colour = None if rgba is None else tuple(round(float(v) / 255.0, 6) for v in rgba)
+    faces = np.asarray(geometry.faces, dtype=np.int64)
+    uv = getattr(visual, "uv", None)
+    mesh = TriangleMesh(
+        np.asarray(geometry.vertices, dtype=np.float64),
+        faces,
+        None if uv is None else np.asarray(uv, dtype=np.float64)[faces],
+    )
+    image = getattr(source, "baseColorTexture", None)
+    material = SurfaceMaterial(
+        name=getattr(source, "name", None) or None,
+        rgba=colour if colour is None else (colour[0], colour[1], colour[2], colour[3]),
+        texture="embedded" if image is not None else None,
+    )
+    return material, mesh.mapped(matrix[:3, :3], matrix[:3, 3])
+
+
+def _one_line(error: object) -> str:
+    return f"{type(error).__name__}: " + " ".join(str(error).split())[:200]

@@ -1,0 +1,352 @@
+"""build(): plan and execute until no question is open, then report, then the bundle."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import os
+import platform
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import platformdirs
+
+from assetbuild import __version__
+from assetbuild.engine.execute import Event, NodeResult, execute
+from assetbuild.engine.graph import Graph, Planner
+from assetbuild.engine.publish import publish
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import Store
+from assetbuild.errors import AssetBuildError, LockError, OutOfDateError, Where
+from assetbuild.findings import Finding
+from assetbuild.lock import Lock, check_pin, lock_path, read_lock, write_lock
+from assetbuild.plan import Outline, plan
+from assetbuild.recipe.loader import LoadedRecipe, load_recipe, shown_path
+from assetbuild.report.bundle import BundleFile, json_text, manifest, notice, provenance
+from assetbuild.report.card import model_card
+from assetbuild.report.document import CheckResult, FailOn, Report, fails, make_report
+from assetbuild.report.html import html_page
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.steps.fetch import resolve
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the user asks of a build. out: default `build/<robot>`; jobs: default, all cores."""
+
+    recipe: Path
+    out: Path | None = None
+    variant: str | None = None
+    jobs: int | None = None
+    keep_going: bool = False
+    frozen: bool = False
+    rehash: bool = False
+    fail_on: FailOn = "error"
+
+
+@dataclass
+class Outcome:
+    """What came of a build.
+
+    out: where the bundle lies, None when a step failed. edited: files of the user that were set
+    aside. errors: of the failed steps, in the order of the graph.
+    """
+
+    loaded: LoadedRecipe
+    exit_code: int
+    seconds: float
+    results: Mapping[str, NodeResult]
+    out: Path | None = None
+    report: Report | None = None
+    edited: tuple[str, ...] = ()
+    errors: tuple[AssetBuildError, ...] = ()
+    notes: list[str] = field(default_factory=list)
+
+
+OnEvent = Callable[[Event], None]
+
+
+def build(request: Request, on_event: OnEvent, say: Callable[[str], None]) -> Outcome:
+    """Build one recipe. Raises AssetBuildError for wrong input; failed steps are in the outcome."""
+    started = time.monotonic()
+    loaded = load_recipe(request.recipe, request.variant)
+    lock = pin(loaded, frozen=request.frozen, say=say)
+    with open_session(loaded, rehash=request.rehash) as session:
+        outline, results = _plan_and_execute(loaded, lock, session, request, on_event)
+        errors = tuple(r.error for r in results.values() if r.error is not None)
+        if errors:
+            code = max(error.exit_code for error in errors)
+            return Outcome(loaded, code, time.monotonic() - started, results, errors=errors)
+        report = _report(loaded, outline, results, session)
+        failed = fails(report, request.fail_on)
+        out = request.out or default_out(loaded)
+        target = out.with_name(f"{out.name}.failed") if failed else out
+        files = _bundle(loaded, lock, outline, report, session, results)
+        edited = publish_bundle(files, target, session)
+    outcome = Outcome(loaded, 1 if failed else 0, time.monotonic() - started, results, target)
+    outcome.report, outcome.edited = report, edited
+    _write_run_log(outcome, out)
+    return outcome
+
+
+def default_out(loaded: LoadedRecipe) -> Path:
+    """`build/go1`, or `build/go1-train` for a variant."""
+    suffix = f"-{loaded.variant}" if loaded.variant else ""
+    return Path("build") / f"{loaded.recipe.robot}{suffix}"
+
+
+def cache_root() -> Path:
+    """The store: `ASSETBUILD_CACHE`, else the user's cache folder."""
+    named = os.environ.get("ASSETBUILD_CACHE")
+    return Path(named) if named else Path(platformdirs.user_cache_dir("assetbuild"))
+
+
+def open_session(loaded: LoadedRecipe, *, rehash: bool = False) -> Session:
+    """The store and what this machine knows of earlier builds of the recipe."""
+    name = f"{loaded.path}#{loaded.variant}" if loaded.variant else str(loaded.path)
+    return Session(Store(cache_root()), build=name, rehash=rehash)
+
+
+def pin(loaded: LoadedRecipe, *, frozen: bool, say: Callable[[str], None]) -> Lock | None:
+    """The lock of a moving source; written when it is missing or pins something else.
+
+    Raises OutOfDateError instead when `frozen`.
+    """
+    if loaded.recipe.source.pypi is None:
+        return None
+    path = lock_path(loaded.path)
+    lock = read_lock(path)
+    try:
+        if lock is not None:
+            check_pin(loaded.recipe.source, lock, path)
+            return lock
+        reason = "there is no lock yet"
+    except LockError as error:
+        reason = error.message
+    if frozen:
+        raise OutOfDateError(
+            reason, where=Where(shown_path(path)), hint=f"run `assetbuild lock {loaded.file}`"
+        )
+    say(f"{reason}: pinning {loaded.recipe.source.pypi}")
+    return write_pin(loaded, say)
+
+
+def write_pin(loaded: LoadedRecipe, say: Callable[[str], None]) -> Lock:
+    """Resolve a moving source and write the lock beside the recipe."""
+    name, _, version = str(loaded.recipe.source.pypi).partition("==")
+    lock = Lock.model_validate({"schema": "assetbuild-lock/v1", "source": resolve(name, version, say)})
+    path = lock_path(loaded.path)
+    if write_lock(path, lock):
+        say(f"wrote {shown_path(path)}")
+    return lock
+
+
+def planned(loaded: LoadedRecipe, lock: Lock | None, session: Session) -> tuple[Graph, Outline, bool]:
+    """The graph as far as it is known without running anything; True when it is whole."""
+    planner = Planner(session)
+    outline = plan(loaded, lock, planner)
+    return planner.graph(), outline, not planner.questions
+
+
+def _plan_and_execute(
+    loaded: LoadedRecipe,
+    lock: Lock | None,
+    session: Session,
+    request: Request,
+    on_event: OnEvent,
+) -> tuple[Outline, dict[str, NodeResult]]:
+    """(plan, execute)* until no question is open or a step has failed."""
+    jobs = request.jobs or os.cpu_count() or 1
+    results: dict[str, NodeResult] = {}
+    while True:
+        planner = Planner(session)
+        outline = plan(loaded, lock, planner)
+        now = execute(
+            planner.graph(), session, jobs=jobs, keep_going=request.keep_going, on_event=on_event
+        )
+        # What ran in an earlier round is found in the store in this one; it still has run.
+        ran = {label for label, result in results.items() if result.status == "ran"}
+        results = {k: results[k] if k in ran and r.status == "cached" else r for k, r in now.items()}
+        if not planner.questions or any(result.error for result in results.values()):
+            return outline, results
+
+
+# --- the report -----------------------------------------------------------------------------
+
+
+def _report(
+    loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult], session: Session
+) -> Report:
+    findings = list(outline.findings) + _licence_findings(loaded, outline)
+    for result in results.values():
+        findings += result.findings
+    checks: dict[str, CheckResult] = {
+        name: CheckResult("skip", note=note) for name, note in outline.skipped.items()
+    }
+    for name, node in outline.checks.items():
+        result = results[node.label]
+        bad = any(finding.severity == "error" for finding in result.findings)
+        figures = json.loads(session.read(result.outputs["figures.json"]))
+        checks[name] = CheckResult("fail" if bad else "pass", figures)
+    locate = _locator(loaded, outline, results, session)
+    return make_report(loaded.recipe.robot, findings, checks, loaded.recipe.rules, locate)
+
+
+def _licence_findings(loaded: LoadedRecipe, outline: Outline) -> list[Finding]:
+    found = []
+    if loaded.recipe.source.license is None:
+        found.append(
+            Finding(
+                rule="license.unstated",
+                severity="warning",
+                subject="recipe source",
+                message="the recipe does not say under which licence the robot comes",
+                hint="add `license:` with an SPDX identifier below `source`",
+            )
+        )
+    if not outline.licenses:
+        found.append(
+            Finding(
+                rule="license.no_text",
+                severity="info",
+                subject="recipe source",
+                message="the source brings no licence text, so the bundle has none",
+            )
+        )
+    return found
+
+
+def _locator(
+    loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult], session: Session
+) -> Callable[[str], str]:
+    """From a finding's subject to `file:line` of the source or of the recipe."""
+    lines: dict[str, int] = {}
+    file = str(loaded.recipe.source.urdf)
+    if outline.source_map is not None:
+        digest = results[outline.source_map.node].outputs[outline.source_map.output]
+        lines = json.loads(session.read(digest))["lines"]
+    joints = {f"actuator {name[6:]}": line for name, line in lines.items() if name[:6] == "joint "}
+
+    def locate(subject: str) -> str:
+        if subject.startswith("recipe "):
+            keys = tuple(subject.removeprefix("recipe ").split("."))
+            return str(loaded.where(keys))
+        line = lines.get(subject) or joints.get(subject)
+        return f"{file}:{line}" if line else ""
+
+    return locate
+
+
+# --- the bundle -----------------------------------------------------------------------------
+
+
+def _bundle(
+    loaded: LoadedRecipe,
+    lock: Lock | None,
+    outline: Outline,
+    report: Report,
+    session: Session,
+    results: Mapping[str, NodeResult],
+) -> list[BundleFile]:
+    recipe = loaded.recipe
+    pinned: dict[str, object] = {} if lock is None else dict(lock.source.model_dump())
+    files = _target_files(outline, results, session) + _licence_files(outline, results, session)
+    card = _card(loaded, pinned, outline, report, results, session)
+    files += [
+        BundleFile.of_text("report/report.json", "report", json_text(report.to_json())),
+        BundleFile.of_text("report/index.html", "report", html_page(report, card, {})),
+        BundleFile.of_text("model_card.md", "report", card),
+        notice(recipe, pinned),
+    ]
+    files.append(manifest(recipe.robot, files))
+    materials: list[dict[str, object]] = [{"name": "assetbuild", "version": __version__}]
+    if lock is not None:
+        digest = {"sha256": lock.source.sha256}
+        materials.append({"uri": f"pkg:pypi/{lock.source.name}@{lock.source.version}", "digest": digest})
+    recipe_digest = session.source_digest(loaded.path)
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    run = {"finishedOn": now, "host": platform.node(), "python": platform.python_version()}
+    parameters = {"recipe": loaded.path.name, "variant": loaded.variant}
+    files.append(provenance(files, recipe_digest, parameters, materials, run))
+    return files
+
+
+def _target_files(
+    outline: Outline, results: Mapping[str, NodeResult], session: Session
+) -> list[BundleFile]:
+    files = []
+    for name, node in outline.targets.items():
+        tree = session.tree(results[node.label].outputs[f"{name}/"])
+        for path, (digest, size) in sorted(tree.items()):
+            files.append(BundleFile(f"{name}/{path}", name, digest, size))
+    return files
+
+
+def _licence_files(
+    outline: Outline, results: Mapping[str, NodeResult], session: Session
+) -> list[BundleFile]:
+    files = []
+    for path, ref in sorted(outline.licenses.items()):
+        if ref.node:
+            digest, size = session.tree(results[ref.node].outputs[ref.output])[ref.member]
+        else:
+            digest, size = session.source_digest(Path(ref.output)), Path(ref.output).stat().st_size
+        files.append(BundleFile(f"LICENSES/{path}", "licence", digest, size))
+    return files
+
+
+def _card(
+    loaded: LoadedRecipe,
+    pinned: Mapping[str, object],
+    outline: Outline,
+    report: Report,
+    results: Mapping[str, NodeResult],
+    session: Session,
+) -> str:
+    def built(port: str) -> bytes:
+        ref = outline.robot[port]
+        return session.read(results[ref.node].outputs[ref.output])
+
+    tree = decode(Tree, built("tree.json"))
+    shapes = decode(Shapes, built("shapes.json"))
+    control = decode(Control, built("control.json"))
+    return model_card(loaded.recipe, pinned, tree, shapes, control, report)
+
+
+def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tuple[str, ...]:
+    """Write the bundle beside its place, then swap; returns what the user had edited there."""
+
+    def fill(staging: Path) -> None:
+        for file in files:
+            path = staging / file.path
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if file.content is not None:
+                path.write_bytes(file.content)
+            else:
+                session.object(file.sha256)
+                session.store.restore(file.sha256, path)
+
+    return publish(fill, out)
+
+
+def _write_run_log(outcome: Outcome, out: Path) -> None:
+    """`<out>.run.json`: what ran, what was cached, how long it took. Not part of the bundle."""
+    steps = {
+        label: {
+            "status": result.status,
+            "seconds": round(result.seconds, 3),
+            "child_cpu_seconds": round(result.cpu_seconds, 3),
+            "reason": result.reason,
+        }
+        for label, result in outcome.results.items()
+    }
+    log = {
+        "exit_code": outcome.exit_code,
+        "seconds": round(outcome.seconds, 3),
+        "edited": list(outcome.edited),
+        "steps": steps,
+    }
+    out.with_name(f"{out.name}.run.json").write_text(json_text(log), encoding="utf-8")

@@ -1,0 +1,94 @@
+"""A recipe file to a `Recipe` that still knows its lines. Recipes may be hostile."""
+
+from __future__ import annotations
+
+import os
+import stat
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from assetbuild.errors import AssetBuildError, RecipeError, Where
+from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.validation import Key, locate, shown, validated
+from assetbuild.recipe.variants import patched, variant_names
+from assetbuild.recipe.yaml_tree import MAX_BYTES, MAX_COST, Node, described, parse
+
+
+@dataclass(frozen=True)
+class LoadedRecipe:
+    """A valid recipe, the place of each of its keys, and the files it was read from.
+
+    path: absolute. file: the name for people, relative to the working folder when below it.
+    variant: the one that was applied, or None. files: all that was read, absolute.
+    """
+
+    recipe: Recipe
+    path: Path
+    file: str
+    variant: str | None
+    files: tuple[Path, ...]
+    tree: Node = field(repr=False)
+
+    def where(self, key: Key) -> Where:
+        """The place of a key such as `("actuators", 2, "kp")`; of the nearest above if absent."""
+        return locate(self.tree, key)
+
+    def error(self, key: Key, message: str, hint: str = "") -> RecipeError:
+        """An error about a key: its place, its path, what is wrong, the next move."""
+        return RecipeError(f"{shown(key)}: {message}", where=self.where(key), hint=hint)
+
+
+def load_recipe(path: Path | str, variant: str | None = None) -> LoadedRecipe:
+    """Read, check and (with `variant`) patch one recipe; raises RecipeError, never anything else.
+
+    All variants are checked, also those that nobody asked for.
+    """
+    path = Path(path)
+    file = shown_path(path)
+    root = parse(read_small_file(path, file, RecipeError), file, RecipeError)
+    if not isinstance(root.value, dict):
+        found = described(root)
+        hint = "a recipe begins with `schema: assetbuild/v1`"
+        raise RecipeError(f"expected a map at the top, found {found}", where=root.where, hint=hint)
+    recipe = validated(Recipe, root, RecipeError)
+    names = variant_names(root)
+    if root.cost * (1 + len(names)) > MAX_COST:
+        message = f"too large: {root.cost} values times {len(names)} variants"
+        raise RecipeError(message, where=locate(root, ("variants",)))
+    trees = {name: patched(root, name) for name in names}
+    recipes = {name: validated(Recipe, tree, RecipeError) for name, tree in trees.items()}
+    tree = root
+    if variant is not None:
+        tree = trees[variant] if variant in trees else patched(root, variant)
+        recipe = recipes[variant]
+    absolute = Path(os.path.abspath(path))  # noqa: PTH100 # resolve() would follow links
+    return LoadedRecipe(recipe, absolute, file, variant, (absolute,), tree)
+
+
+def shown_path(path: Path) -> str:
+    """A path for people: relative to the working folder when below it, else as given."""
+    if path.is_absolute():
+        try:
+            return path.relative_to(Path.cwd()).as_posix()
+        except ValueError:
+            return str(path)
+    return path.as_posix()
+
+
+def read_small_file(path: Path, file: str, error: type[AssetBuildError]) -> bytes:
+    """The bytes of a regular file; `error` for one that is missing, no file, or too long."""
+    where = Where(file)
+    try:
+        status = path.stat()
+        if stat.S_ISDIR(status.st_mode):
+            raise error("this is a folder, not a file", where=where)
+        if not stat.S_ISREG(status.st_mode):  # a pipe would make us wait for ever
+            raise error("this is not a regular file", where=where)
+        if status.st_size > MAX_BYTES:
+            raise error(f"the file is longer than {MAX_BYTES >> 20} MB", where=where)
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise error("there is no such file", where=where) from None
+    except (OSError, ValueError) as problem:
+        reason = getattr(problem, "strerror", None) or str(problem)
+        raise error(f"cannot be read: {reason}", where=where) from None

@@ -1,0 +1,184 @@
+"""A tree of YAML nodes against a pydantic model; what is wrong becomes one readable error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from assetbuild.errors import AssetBuildError, Where, did_you_mean
+from assetbuild.recipe.schema import allowed_values, known_keys, meaning
+from assetbuild.recipe.yaml_tree import Node, described, plain
+
+M = TypeVar("M", bound=BaseModel)
+Key = tuple[str | int, ...]
+
+_EXPECTED = {
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
+    "string_type": "text",
+    "bool_type": "`true` or `false`",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "dict_type": "a map",
+    "model_type": "a map",
+    "model_attributes_type": "a map",
+}
+_BOUNDS = {
+    "greater_than": ("greater than", "gt"),
+    "greater_than_equal": ("at least", "ge"),
+    "less_than": ("less than", "lt"),
+    "less_than_equal": ("at most", "le"),
+}
+
+
+def validated(model: type[M], root: Node, error: type[AssetBuildError]) -> M:
+    """The model behind the tree; raises `error` with the first problem in file order."""
+    try:
+        return model.model_validate(plain(root), strict=True)
+    except ValidationError as problem:
+        problems = _distinct([_read(raw, model, root) for raw in problem.errors()])
+    first = problems[0]
+    more = len(problems) - 1
+    others = f" (and {more} more error{'s' if more > 1 else ''} in this file)" if more else ""
+    message = f"{shown(first.key)}: {first.message}" if first.key else first.message
+    raise error(message + others, where=first.where, hint=first.hint)
+
+
+def locate(root: Node, key: Key) -> Where:
+    """Where a key stands (a list's item: where it begins); the nearest place above if absent."""
+    where, node = root.where, root
+    for part in key:
+        if isinstance(node.value, dict) and str(part) in node.value:
+            entry = node.value[str(part)]
+            where, node = entry.where, entry.node
+        elif isinstance(node.value, tuple) and isinstance(part, int) and part < len(node.value):
+            node = node.value[part]
+            where = node.where
+        else:
+            break
+    return where
+
+
+def shown(key: Key) -> str:
+    """A key path as people write it: `actuators[2].kp`, `collision.links[".*_foot"].method`."""
+    text = ""
+    for part in key:
+        if isinstance(part, int):
+            text += f"[{part}]"
+        elif part.replace("_", "").replace("-", "").isalnum():
+            text += f".{part}" if text else part
+        else:
+            text += f'["{part[:80]}"]'
+    return text
+
+
+@dataclass(frozen=True)
+class _Problem:
+    key: Key
+    where: Where
+    message: str
+    hint: str
+    rank: int
+
+
+def _read(raw: Any, model: type[BaseModel], root: Node) -> _Problem:  # Any: pydantic's ErrorDetails
+    key, node = _follow(root, raw["loc"])
+    kind = raw["type"]
+    if kind == "missing":
+        *_, name = raw["loc"]
+        what = f"entry {name + 1}" if isinstance(name, int) else f"key `{name}`"
+        hint = meaning(model, (*key, name))
+        return _Problem(key, locate(root, key), f"missing {what}", hint, 0)
+    if raw["loc"] and raw["loc"][-1] == "[key]":
+        return _Problem(key, locate(root, key), f"not a valid name: {_said(raw)}", "", 0)
+    message, hint = _sentence(raw, kind, key, node, model)
+    return _Problem(key, _place(root, key, node, kind), message, hint, len(raw["loc"]))
+
+
+def _place(root: Node, key: Key, node: Node, kind: str) -> Where:
+    """Wrong keys are shown at the key, wrong scalar values at the value."""
+    if kind == "extra_forbidden" or isinstance(node.value, dict | tuple) or node.value is None:
+        return locate(root, key)
+    return node.where
+
+
+def _follow(root: Node, loc: tuple[str | int, ...]) -> tuple[Key, Node]:
+    """pydantic's path without the tags of unions, and the node at its end."""
+    key: list[str | int] = []
+    node = root
+    for part in loc:
+        value = node.value
+        if isinstance(value, dict) and str(part) in value:
+            node = value[str(part)].node
+        elif isinstance(value, tuple) and isinstance(part, int) and part < len(value):
+            node = value[part]
+        else:
+            continue
+        key.append(part)
+    return tuple(key), node
+
+
+def _sentence(
+    raw: Any, kind: str, key: Key, node: Node, model: type[BaseModel]
+) -> tuple[str, str]:  # Any: as above
+    found = described(node)
+    if kind == "extra_forbidden":
+        return "unknown key", did_you_mean(str(key[-1]), known_keys(model, key[:-1]))
+    if kind in ("literal_error", "enum"):
+        values = allowed_values(model, key)
+        *most, last = [f"`{value}`" for value in values] or ["another value"]
+        expected = f"{', '.join(most)} or {last}" if most else last
+        near = did_you_mean(node.text, values) if isinstance(node.value, str) else ""
+        return f"expected {expected}, found {found}", near if near.startswith("did") else ""
+    if kind in _EXPECTED:
+        hint = meaning(model, key)
+        if kind == "string_type" and isinstance(node.value, int | float):
+            hint = f'put it in quotes: "{node.text[:60]}"'
+        return f"expected {_EXPECTED[kind]}, found {found}", hint
+    if kind in _BOUNDS:
+        words, name = _BOUNDS[kind]
+        return f"must be {words} {raw['ctx'][name]:g}, found {found}", meaning(model, key)
+    if kind == "string_pattern_mismatch":
+        pattern = raw["ctx"]["pattern"]
+        return f"{found} does not fit `{pattern}`", meaning(model, key)
+    return _said(raw), meaning(model, key) if key else ""
+
+
+def _said(raw: Any) -> str:  # Any: as above
+    """A validator's own words, or pydantic's, as the tail of a sentence."""
+    if raw["type"] == "value_error":
+        return str(raw["ctx"]["error"])
+    if raw["type"] == "string_pattern_mismatch":
+        return f"must fit `{raw['ctx']['pattern']}`"
+    text = str(raw["msg"])
+    return text[:1].lower() + text[1:]
+
+
+def _distinct(problems: list[_Problem]) -> list[_Problem]:
+    """One problem per place, in file order; of a union's complaints the one that went deepest."""
+    keys = {problem.key for problem in problems}
+    found: dict[tuple[Key, str], _Problem] = {}
+    for problem in problems:
+        deeper = any(k != problem.key and k[: len(problem.key)] == problem.key for k in keys)
+        if deeper and problem.message.startswith("expected"):
+            continue
+        slot = (problem.key, problem.message if problem.rank == 0 else "")
+        known = found.get(slot)
+        if known is None:
+            found[slot] = problem
+        elif problem.message.startswith("expected ") and known.message.startswith("expected "):
+            found[slot] = _either(known, problem)
+    return sorted(found.values(), key=lambda p: (p.where.line, p.where.column, p.message))
+
+
+def _either(a: _Problem, b: _Problem) -> _Problem:
+    expected, _, found = a.message.partition(", found")
+    other = b.message.partition(", found")[0].removeprefix("expected ")
+    return _Problem(
+        a.key, a.where, f"{expected} or {other}, found{found}", a.hint or b.hint, a.rank
+    )

@@ -1,0 +1,165 @@
+"""What a body's mass properties must satisfy; one set of rules for links and merged bodies.
+
+Per body the first broken rule of the chain mass, positive, triangle, pseudo is told, since each
+implies the next; size and smallness are judged besides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from pydantic import BaseModel, ConfigDict
+
+from assetbuild.findings import Finding, Scalar, Severity
+from assetbuild.robot.inertia import (
+    Tensor,
+    equivalent_radius,
+    least_second_moment,
+    principal_moments,
+    triangle_violation,
+)
+from assetbuild.robot.model import MOVING, Inertial, Tree
+
+ROUNDING = 1e-9
+"""Relative: smaller violations are the noise of turning a tensor into other axes."""
+
+
+class Bounds(BaseModel):
+    """Where the rules draw the line."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    triangle_slack: float = 0.01
+    """A violation of A + B >= C up to this share of C is a warning: numbers rounded by hand."""
+    radius_warning_m: float = 0.5
+    radius_error_m: float = 1.0
+    """Radius of the solid ball with the same mass and largest moment."""
+    small_mass_kg: float = 1e-3
+    """A moving body below this makes simulators stiff."""
+
+
+def inertia_findings(tree: Tree, bounds: Bounds, worst: Severity) -> Iterator[Finding]:
+    """Findings on all bodies of a tree, none graver than `worst`.
+
+    A body that nothing moves (the root of a fixed base, and what is fixed to it) may lack mass.
+    """
+    moved = _moved(tree)
+    for body in tree.bodies:
+        subject = f"link {body.name}"
+        if body.inertial is None:
+            if body.name in moved:
+                yield _missing(subject, worst, carried=body.name in _by_fixed_joint(tree))
+        else:
+            for finding in _judge(subject, body.inertial, bounds, worst):
+                if body.name in moved or finding.rule not in ("inertia.mass", "inertia.small"):
+                    yield finding
+
+
+def _moved(tree: Tree) -> set[str]:
+    """Bodies that some joint moves in the world."""
+    moved = {tree.root} if tree.base == "floating" else set()
+    for joint in tree.joints:
+        if joint.kind != "fixed" or joint.parent in moved:
+            moved.add(joint.child)
+    return moved
+
+
+def _by_fixed_joint(tree: Tree) -> set[str]:
+    return {joint.child for joint in tree.joints if joint.kind == "fixed"}
+
+
+def _missing(subject: str, worst: Severity, *, carried: bool) -> Finding:
+    if carried:  # a sensor frame, say; some engines then invent a mass
+        return Finding(
+            "inertia.missing",
+            "info",
+            subject,
+            "no <inertial>; a fixed joint carries it",
+            "let it be merged, or give it a mass if it stays a body",
+        )
+    message = "it moves but has no <inertial>: no simulator can accelerate it"
+    return Finding("inertia.missing", worst, subject, message, "give it a mass and an inertia")
+
+
+def _judge(
+    subject: str, inertial: Inertial, bounds: Bounds, worst: Severity
+) -> Iterator[Finding]:
+    mass, tensor = inertial.mass_kg, inertial.inertia_com_kg_m2
+    moments = principal_moments(tensor)
+    data: dict[str, Scalar | tuple[Scalar, ...]] = {"mass_kg": mass, "principal_kg_m2": moments}
+    if mass <= 0.0:
+        message, hint = f"mass is {mass:g} kg", "give it its real mass"
+        yield Finding("inertia.mass", worst, subject, message, hint, data=data)
+        return
+    if mass < bounds.small_mass_kg:
+        yield Finding(
+            "inertia.small", _milder(worst), subject,
+            f"mass is only {mass:g} kg",
+            "merge it into a neighbour, or give it its real mass",
+            data={"mass_kg": mass, "bound_kg": bounds.small_mass_kg},
+        )  # fmt: skip
+    broken = _broken(subject, tensor, moments, bounds, worst, data)
+    if broken:
+        yield broken
+    if not broken or broken.rule != "inertia.positive":
+        yield from _size(subject, inertial, bounds, worst, moments)
+
+
+def _broken(
+    subject: str,
+    tensor: Tensor,
+    moments: tuple[float, float, float],
+    bounds: Bounds,
+    worst: Severity,
+    data: Mapping[str, Scalar | tuple[Scalar, ...]],
+) -> Finding | None:
+    a, b, c = moments
+    shown = f"({a:.4g}, {b:.4g}, {c:.4g}) kg m²"
+    if a <= ROUNDING * abs(c):
+        message = f"principal moments {shown} are not all positive"
+        hint = "was a product of inertia given the wrong sign, or a dummy value left in?"
+        return Finding("inertia.positive", worst, subject, message, hint, data=data)
+    violation = triangle_violation(tensor)
+    if violation > ROUNDING:
+        severity = worst if violation > bounds.triangle_slack else _milder(worst)
+        message = f"principal moments A + B < C by {100 * violation:.3g} % of C: {shown}"
+        hint = "was the tensor taken about the centre of mass? MuJoCo refuses any violation"
+        extra = {**data, "violation": violation}
+        return Finding("inertia.triangle", severity, subject, message, hint, data=extra)
+    least = least_second_moment(tensor)
+    if least <= ROUNDING * c:
+        message = f"its pseudo-inertia is singular: all mass lies in a plane, moments {shown}"
+        hint = "a real part has thickness; randomised or identified masses can turn invalid"
+        extra = {**data, "least_second_moment_kg_m2": least}
+        return Finding("inertia.pseudo", _milder(worst), subject, message, hint, data=extra)
+    return None
+
+
+def _size(
+    subject: str,
+    inertial: Inertial,
+    bounds: Bounds,
+    worst: Severity,
+    moments: tuple[float, float, float],
+) -> Iterator[Finding]:
+    radius = equivalent_radius(inertial)
+    if radius <= bounds.radius_warning_m * (1.0 + ROUNDING):
+        return
+    grave = radius > bounds.radius_error_m * (1.0 + ROUNDING)
+    yield Finding(
+        "inertia.radius",
+        worst if grave else _milder(worst),
+        subject,
+        f"its inertia is that of a ball of {radius:.3g} m radius with {inertial.mass_kg:g} kg",
+        "are the units kg m² (not kg mm² or g cm²), and the tensor about the centre of mass?",
+        data={"radius_m": radius, "mass_kg": inertial.mass_kg, "principal_kg_m2": moments},
+    )
+
+
+def _milder(worst: Severity) -> Severity:
+    return "warning" if worst == "error" else "info" if worst == "info" else "warning"
+
+
+def moving_names(tree: Tree) -> frozenset[str]:
+    """Bodies right below a joint with a coordinate."""
+    return frozenset(joint.child for joint in tree.joints if joint.kind in MOVING)

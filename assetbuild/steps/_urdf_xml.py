@@ -1,0 +1,286 @@
+"""URDF as XML: hostile bytes in, nodes that know their line and what they speak of out."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, cast
+from xml.parsers import expat
+
+from assetbuild.errors import SourceError, Where, did_you_mean
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
+
+MAX_BYTES = 64 * 1024 * 1024
+XACRO = ("http://www.ros.org/wiki/xacro", "http://ros.org/wiki/xacro", "http://wiki.ros.org/xacro")
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+
+
+@dataclass(frozen=True)
+class Node:
+    """One element of the description. subject: `link trunk`, put before every complaint."""
+
+    element: _Element
+    file: str
+    subject: str = ""
+
+    @property
+    def tag(self) -> str:
+        """Its name, with the prefix if it has one (`xacro:macro`)."""
+        return _shown(str(self.element.tag), self.element.prefix)
+
+    @property
+    def line(self) -> int:
+        """Its line, from 1; the XML library forgets those above 65535 in some versions."""
+        line = cast(int | None, self.element.sourceline)  # the stubs lack its type
+        return line or 0
+
+    def about(self, subject: str) -> Node:
+        """The same element, complaints under another subject; its children inherit it."""
+        return replace(self, subject=subject)
+
+    def error(self, message: str, hint: str = "") -> SourceError:
+        """An error at this line, ready to be raised."""
+        text = f"{self.subject}: {message}" if self.subject else message
+        return SourceError(text, where=Where(self.file, self.line), hint=hint)
+
+    def all(self, tag: str) -> list[Node]:
+        """The children with that tag, in file order."""
+        found = self.element.iterchildren(tag)
+        return [Node(child, self.file, self.subject) for child in found]
+
+    def only(self, tag: str) -> Node | None:
+        """The one child with that tag, or None; two of them are an error."""
+        found = self.all(tag)
+        if len(found) > 1:
+            raise found[1].error(f"a second <{tag}> in one <{self.tag}>", "remove one of the two")
+        return found[0] if found else None
+
+    def need(self, tag: str) -> Node:
+        """The one child with that tag."""
+        found = self.only(tag)
+        if found is None:
+            raise self.error(f"<{self.tag}> without <{tag}>", f"add the <{tag}> element")
+        return found
+
+    def get(self, attribute: str) -> str | None:
+        """The text of an attribute, or None."""
+        return self.element.get(attribute)
+
+    def text(self, attribute: str) -> str:
+        """The text of an attribute that must be there and not be blank."""
+        found = self.element.get(attribute)
+        if found is None:
+            known = [str(name) for name in self.element.attrib]
+            hint = did_you_mean(attribute, known) if known else ""
+            raise self.error(f"<{self.tag}> without `{attribute}`", hint)
+        if not found.strip():
+            raise self.error(f"{self.tag} {attribute} is empty")
+        return found
+
+    def number(self, attribute: str, default: float | None = None) -> float:
+        """A finite number; without the attribute the default, or an error when there is none."""
+        if default is not None and self.get(attribute) is None:
+            return default
+        return self._number(attribute, self.text(attribute).strip())
+
+    def optional(self, attribute: str) -> float | None:
+        """A finite number, or None without the attribute."""
+        return None if self.get(attribute) is None else self.number(attribute)
+
+    def numbers(
+        self, attribute: str, count: int, default: Sequence[float] | None = None
+    ) -> tuple[float, ...]:
+        """`count` finite numbers; without the attribute the default, or an error."""
+        if default is not None and self.get(attribute) is None:
+            return tuple(default)
+        words = self.text(attribute).split()
+        if len(words) != count:
+            hint = "separate the numbers by spaces" if "," in self.text(attribute) else ""
+            found = " ".join(words)
+            message = f"{self.tag} {attribute} needs {count} numbers, found {len(words)}"
+            raise self.error(f"{message}: `{_cut(found)}`", hint)
+        return tuple(self._number(attribute, word) for word in words)
+
+    def positive(self, attribute: str) -> float:
+        """A finite number above zero."""
+        value = self.number(attribute)
+        if not value > 0.0:
+            raise self.error(f"{self.tag} {attribute} is {value!r}, it must be positive")
+        return value
+
+    def _number(self, attribute: str, word: str) -> float:
+        value = float(word) if _NUMBER.fullmatch(word) else math.nan
+        if math.isfinite(value):
+            return value
+        hint = "expand the xacro file first" if "${" in word or "$(" in word else ""
+        raise self.error(f"{self.tag} {attribute} is `{_cut(word)}`, not a finite number", hint)
+
+
+class Problems:
+    """Errors collected over the whole file, so that the first in file order can be told."""
+
+    def __init__(self) -> None:
+        self.found: list[SourceError] = []
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """Keep the error of one element and go on with the next."""
+        try:
+            yield
+        except SourceError as error:
+            self.found.append(error)
+
+    def raise_first(self) -> None:
+        """Raise the error with the lowest line, if there is one."""
+        if not self.found:
+            return
+        first = min(self.found, key=lambda e: e.where.line if e.where else 0)
+        more = len(self.found) - 1
+        text = f"{first.message} (and {more} more)" if more else first.message
+        raise SourceError(text, where=first.where, hint=first.hint)
+
+
+def parse(data: bytes, file: str) -> Node:
+    """The <robot> element. No entity, DTD or network; SourceError with the line otherwise.
+
+    The parser's own bounds hold too: 256 levels, 10 MB per text.
+    """
+    from lxml import etree
+
+    if len(data) > MAX_BYTES:
+        size = f"{len(data) / 1e6:.0f} MB"
+        raise SourceError(f"{size} of URDF; at most 64 MiB are read", where=Where(file))
+    _refuse_doctype(data, file)
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False,
+        remove_comments=True, remove_pis=True,
+    )  # fmt: skip
+    try:
+        root = etree.fromstring(data, parser)
+    except etree.XMLSyntaxError as error:
+        raise _not_xml(str(error.msg or "unreadable"), error.lineno or 0, file) from None
+    if etree.ElementTree(root).docinfo.doctype:  # type: ignore[attr-defined] # stubs lack it
+        raise _doctype(file, 0)
+    node = Node(root, file)
+    if node.tag != "robot":
+        hint = "is this the right file?"
+        if node.tag in ("mujoco", "sdf"):
+            hint = f"this is {'MJCF' if node.tag == 'mujoco' else 'SDF'}, not URDF"
+        raise node.error(f"the root element is <{node.tag}>, not <robot>", hint)
+    _refuse_xacro(node)
+    return node
+
+
+def _refuse_doctype(data: bytes, file: str) -> None:
+    """Stop at a DOCTYPE before anything could be expanded; expat reads only the prologue."""
+    parser = expat.ParserCreate()
+
+    def at_doctype(*_: object) -> None:
+        raise _doctype(file, parser.CurrentLineNumber)
+
+    def at_element(*_: object) -> None:
+        raise StopIteration
+
+    parser.StartDoctypeDeclHandler = at_doctype
+    parser.StartElementHandler = at_element
+    try:
+        parser.Parse(data, True)
+    except (StopIteration, expat.ExpatError, ValueError):
+        return  # broken XML is told by the real parser, which knows more encodings too
+
+
+def _doctype(file: str, line: int) -> SourceError:
+    hint = "a robot needs none: delete the <!DOCTYPE ...> and the entities it defines"
+    return SourceError("a DOCTYPE is not allowed", where=Where(file, line), hint=hint)
+
+
+def _not_xml(message: str, line: int, file: str) -> SourceError:
+    hint = "the file must be XML"
+    if "Premature end" in message or "unclosed" in message or "not found" in message:
+        hint = "is the file cut off?"
+    if "Excessive depth" in message or "excessive depth" in message:
+        hint = "elements nested this deep are no robot"
+    return SourceError(f"not readable as XML: {message}", where=Where(file, line), hint=hint)
+
+
+def _refuse_xacro(root: Node) -> None:
+    """A xacro file is a program; its elements would be dropped as unknown, silently wrong."""
+    for uri in XACRO:
+        found = next(root.element.iter(f"{{{uri}}}*"), None)
+        if found is not None:
+            node = Node(found, root.file)
+            raise node.error(f"<{node.tag}> in a URDF", "this is a xacro file: expand it first")
+
+
+_HOME: dict[str, tuple[frozenset[str], frozenset[str]]] = {
+    tag: (frozenset(attributes.split()), frozenset(children.split()))
+    for tag, attributes, children in (
+        ("robot", "name version", "link joint material"),
+        ("link", "name", "inertial visual collision"),
+        ("inertial", "", "origin mass inertia"),
+        ("mass", "value", ""),
+        ("inertia", "ixx ixy ixz iyy iyz izz", ""),
+        ("origin", "xyz rpy", ""),
+        ("visual", "", "origin geometry material"),
+        ("collision", "", "origin geometry"),
+        ("geometry", "", "box sphere cylinder capsule mesh"),
+        ("box", "size", ""),
+        ("sphere", "radius", ""),
+        ("cylinder", "radius length", ""),
+        ("capsule", "radius length", ""),
+        ("mesh", "filename scale", ""),
+        ("material", "name", "color texture"),
+        ("color", "rgba", ""),
+        ("texture", "filename", ""),
+        ("joint", "name type", "origin parent child axis limit dynamics mimic"),
+        ("parent", "link", ""),
+        ("child", "link", ""),
+        ("axis", "xyz", ""),
+        ("limit", "lower upper effort velocity", ""),
+        ("dynamics", "damping friction", ""),
+        ("mimic", "joint multiplier offset", ""),
+    )
+}
+"""What the robot model has a place for, by element: attributes and children."""
+
+
+def homeless(root: Node) -> dict[str, tuple[int, int]]:
+    """(count, first line) of each kind of element or attribute that the model has no place for.
+
+    Keys: `transmission`, `name of visual` for an attribute. Nothing below a homeless element
+    is looked at.
+    """
+    found: dict[str, tuple[int, int]] = {}
+
+    def note(kind: str, line: int) -> None:
+        count, first = found.get(kind, (0, line))
+        found[kind] = (count + 1, first)
+
+    stack = [root]
+    while stack:
+        node = stack.pop()
+        attributes, children = _HOME[node.tag]
+        for name in node.element.attrib:
+            if name not in attributes:
+                note(f"{_shown(str(name), None)} of {node.tag}", node.line)
+        inside = [Node(child, node.file) for child in node.element.iterchildren("*")]
+        for child in inside:
+            if child.tag not in children:
+                note(child.tag, child.line)
+        stack += [child for child in inside if child.tag in children][::-1]
+    return dict(sorted(found.items()))
+
+
+def _shown(tag: str, prefix: str | None) -> str:
+    local = tag.rpartition("}")[2]
+    return f"{prefix}:{local}" if prefix else local
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,327 @@
+"""What the recipe adds to the geometry: actuators, poses, excludes, contact, simulation."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, Field
+
+from assetbuild.engine.step import Files, Step
+from assetbuild.errors import did_you_mean
+from assetbuild.findings import Finding
+from assetbuild.mesh.obj import read_triangles
+from assetbuild.recipe.models import (
+    ActuatorRow,
+    Contact,
+    Exclude,
+    Keyframe,
+    Motor,
+    Recipe,
+    Simulation,
+)
+from assetbuild.robot import model
+from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, check_rows, resolve
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.kinematics import forward_kinematics, with_mimics
+from assetbuild.robot.pose import Array, Pose
+
+LIMIT_TOLERANCE = 1e-9
+"""rad or m; a value that was rounded from the limit itself is inside."""
+
+
+class ControlStep(Step):
+    """`control.json`: the recipe's tables, resolved on this robot.
+
+    Reads `tree.json`, `shapes.json` and the collision files of `meshes/`.
+    """
+
+    outputs = ("control.json",)
+
+    rows: tuple[ActuatorRow, ...] = ()
+    motors: dict[str, Motor] = Field(default_factory=dict)
+    keyframes: dict[str, Keyframe] = Field(default_factory=dict)
+    contact: Contact = Contact.model_validate({})
+    simulation: Simulation = Simulation.model_validate({})
+    exclude: Exclude = Exclude.model_validate({})
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> ControlStep:
+        """The step with what the recipe says."""
+        return cls(
+            rows=recipe.actuators,
+            motors=recipe.motors,
+            keyframes=dict(recipe.keyframes),
+            contact=recipe.contact,
+            simulation=recipe.simulation,
+            exclude=recipe.collision.exclude,
+        )
+
+    def check(self, tree: model.Tree) -> None:
+        """Raise the RowError that `run` would raise; for a plan that knows the tree and lines."""
+        check_rows(tree, *_specs(self.rows, self.motors))
+        for name, keyframe in self.keyframes.items():
+            _joint_values(tree, name, keyframe)
+        _excludes(tree, self.exclude)
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Raises RowError, with the key of the recipe, where a table does not fit the robot."""
+        tree = decode(model.Tree, (files.inputs / "tree.json").read_bytes())
+        shapes = decode(model.Shapes, (files.inputs / "shapes.json").read_bytes())
+        actuators = resolve(tree, *_specs(self.rows, self.motors))
+        yield from _actuator_findings(tree, actuators, has_table=bool(self.rows))
+
+        ground = _Ground(tree, shapes, files.inputs / "meshes")
+        keyframes = []
+        for name, keyframe in self.keyframes.items():
+            q = with_mimics(tree, _joint_values(tree, name, keyframe))
+            yield from _limit_findings(tree, name, keyframe, q)
+            base, findings = _base(tree, name, keyframe, q, ground)
+            yield from findings
+            keyframes.append(model.Keyframe(name, tuple(q.items()), base))
+
+        yield from _same_body_findings(tree, self.exclude)
+        control = model.Control(
+            actuators=actuators,
+            keyframes=tuple(keyframes),
+            excludes=_excludes(tree, self.exclude),
+            contact=model.Contact(self.contact.friction, self.contact.condim),
+            simulation=model.Simulation(
+                self.simulation.timestep, self.simulation.decimation, self.simulation.gravity
+            ),
+        )
+        (files.outputs / "control.json").write_bytes(encode(control))
+
+
+# --- actuators ------------------------------------------------------------------------------
+
+
+def specs_of(recipe: Recipe) -> tuple[tuple[RowSpec, ...], dict[str, MotorSpec]]:
+    """The recipe's actuator table and motors as `robot.actuators` takes them."""
+    return _specs(recipe.actuators, recipe.motors)
+
+
+def _specs(
+    rows: tuple[ActuatorRow, ...], motors: Mapping[str, Motor]
+) -> tuple[tuple[RowSpec, ...], dict[str, MotorSpec]]:
+    return (
+        tuple(RowSpec(**_fields(row)) for row in rows),
+        {name: MotorSpec(**_fields(motor)) for name, motor in motors.items()},
+    )
+
+
+def _fields(row: BaseModel) -> dict[str, Any]:  # Any: the dataclasses have the same fields
+    return {name: getattr(row, name) for name in type(row).model_fields}
+
+
+def _actuator_findings(
+    tree: model.Tree, actuators: tuple[model.Actuator, ...], *, has_table: bool
+) -> Iterator[Finding]:
+    if actuators and not has_table:
+        yield Finding(
+            rule="actuator.none",
+            severity="warning",
+            subject="robot",
+            message=f"no actuator table: all {len(actuators)} moving joints are passive",
+            hint="add `actuators:` to the recipe",
+            data={"joints": len(actuators)},
+        )
+    for actuator in actuators:
+        stated = tree.by_joint[actuator.joint].limits
+        for name in ("effort", "velocity"):
+            if getattr(stated, name) == 0.0 and getattr(actuator, name) is None:
+                yield Finding(
+                    rule="actuator.zero_limit",
+                    severity="warning",
+                    subject=f"joint {actuator.joint}",
+                    message=f"the source's {name} limit is 0 and is taken as unlimited",
+                    hint=f"give `{name}` in the actuator row or its motor",
+                    data={name: 0.0},
+                )
+
+
+# --- keyframes ------------------------------------------------------------------------------
+
+
+def _joint_values(tree: model.Tree, name: str, keyframe: Keyframe) -> dict[str, float]:
+    """The value of each joint that a pattern matches. RowError: none, or two patterns for one."""
+    free = [joint.name for joint in tree.moving_joints if joint.mimic is None]
+    mimics = [joint.name for joint in tree.moving_joints if joint.mimic is not None]
+    chosen: dict[str, str] = {}
+    for pattern in keyframe.joints:
+        key = ("keyframes", name, "joints", pattern)
+        names = [joint for joint in free if re.fullmatch(pattern, joint)]
+        if not names:
+            if any(re.fullmatch(pattern, joint) for joint in mimics):
+                message, hint = "matches only joints that mimic others", "set the joint they mimic"
+            else:
+                message, hint = "matches no moving joint", did_you_mean(pattern, free)
+            raise RowError(f"keyframes.{name}: pattern `{pattern}` {message}", key=key, hint=hint)
+        for joint in names:
+            if joint in chosen:
+                raise RowError(
+                    f"keyframes.{name}: joint `{joint}` is matched by "
+                    f"`{chosen[joint]}` and `{pattern}`",
+                    key=key,
+                    hint="narrow one of the two patterns",
+                )
+            chosen[joint] = pattern
+    return {joint: keyframe.joints[pattern] for joint, pattern in chosen.items()}
+
+
+def _limit_findings(
+    tree: model.Tree, name: str, keyframe: Keyframe, q: Mapping[str, float]
+) -> Iterator[Finding]:
+    for joint in tree.moving_joints:
+        lower, upper = joint.limits.lower, joint.limits.upper
+        if joint.kind == "continuous" or lower is None or upper is None:
+            continue
+        value = q[joint.name]
+        if lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
+            continue
+        unit = "m" if joint.kind == "prismatic" else "rad"
+        if joint.mimic is not None:
+            hint = f"it follows `{joint.mimic.joint}`"
+        elif any(re.fullmatch(pattern, joint.name) for pattern in keyframe.joints):
+            hint = "choose a value inside the limits"
+        else:
+            hint = "no pattern of the keyframe matches it, so it is 0"
+        yield Finding(
+            rule="keyframe.limits",
+            severity="error",
+            subject=f"joint {joint.name}",
+            message=f"keyframe `{name}`: {value:g} {unit} is outside {lower:g}..{upper:g} {unit}",
+            hint=hint,
+            data={"keyframe": name, "value": value, "lower": lower, "upper": upper},
+        )
+
+
+def _base(
+    tree: model.Tree, name: str, keyframe: Keyframe, q: Mapping[str, float], ground: _Ground
+) -> tuple[Pose | None, list[Finding]]:
+    """X_world_root, upright; None for a fixed base."""
+    if tree.base == "fixed":
+        if keyframe.base == "on_ground":
+            return None, []
+        return None, [
+            Finding(
+                rule="keyframe.fixed_base",
+                severity="warning",
+                subject="robot",
+                message=f"keyframe `{name}`: its `base` is not used, the robot's base is fixed",
+                hint="remove `base`, or make the robot `base: floating`",
+                data={"keyframe": name},
+            )
+        ]
+    if keyframe.base != "on_ground":
+        return Pose(keyframe.base), []
+    lowest = ground.lowest(q)
+    if lowest is not None:
+        return Pose((0.0, 0.0, 0.0 - lowest)), []
+    return Pose(), [
+        Finding(
+            rule="keyframe.no_ground",
+            severity="warning",
+            subject="robot",
+            message=f"keyframe `{name}`: no collision geometry to put on the ground; z = 0",
+            hint="give the links collision geometry, or the keyframe `base: [x, y, z]`",
+            data={"keyframe": name},
+        )
+    ]
+
+
+class _Ground:
+    """The lowest collision point of the robot; mesh files are read once, when first needed."""
+
+    def __init__(self, tree: model.Tree, shapes: model.Shapes, mesh_dir: Path) -> None:
+        self._tree, self._shapes, self._mesh_dir = tree, shapes.of("collision"), mesh_dir
+        self._files = {asset.name: asset.file for asset in shapes.meshes}
+        self._vertices: dict[str, Array] = {}
+
+    def lowest(self, q: Mapping[str, float]) -> float | None:
+        """z of the lowest point in the root's frame, m; None without collision geometry."""
+        X_root_body = forward_kinematics(self._tree, q)
+        found = []
+        for shape in self._shapes:
+            body, X_body_link = self._tree.placement(shape.link)
+            X_root_shape = X_root_body[body] @ X_body_link @ shape.X_link_shape
+            found.append(self._bottom(shape.geometry, X_root_shape))
+        return min(found, default=None)
+
+    def _bottom(self, geometry: model.Geometry, X_root_shape: Pose) -> float:
+        if isinstance(geometry, model.Mesh):
+            points = self._mesh(geometry.mesh) * np.asarray(geometry.scale)
+            return float(X_root_shape.apply(points)[:, 2].min())
+        return X_root_shape.xyz[2] - half_height(geometry, X_root_shape.rotation[2])
+
+    def _mesh(self, name: str) -> Array:
+        if name not in self._vertices:
+            path = self._mesh_dir / self._files[name]
+            mesh = read_triangles(path.read_bytes(), f"mesh {name}")
+            self._vertices[name] = mesh.vertices[np.unique(mesh.faces)]
+        return self._vertices[name]
+
+
+def half_height(
+    geometry: model.Box | model.Sphere | model.Cylinder | model.Capsule, up: Array
+) -> float:
+    """How far a primitive reaches from its centre towards `up`, m: its support function.
+
+    up: (3,) unit vector in the frame of the primitive.
+    """
+    if isinstance(geometry, model.Sphere):
+        return geometry.radius
+    if isinstance(geometry, model.Box):
+        return float(np.abs(up) @ np.asarray(geometry.size)) / 2
+    along = abs(float(up[2])) * geometry.length / 2
+    if isinstance(geometry, model.Capsule):
+        return along + geometry.radius
+    return along + geometry.radius * float(np.hypot(up[0], up[1]))
+
+
+# --- excludes -------------------------------------------------------------------------------
+
+
+def _excludes(tree: model.Tree, exclude: Exclude) -> tuple[tuple[str, str], ...]:
+    """Sorted pairs of bodies. Raises RowError for an unknown link."""
+    pairs = {_bodies(tree, index, pair) for index, pair in enumerate(exclude.pairs)}
+    if exclude.adjacent:
+        pairs |= {_sorted(joint.parent, joint.child) for joint in tree.joints}
+    return tuple(sorted(pair for pair in pairs if pair[0] != pair[1]))
+
+
+def _bodies(tree: model.Tree, index: int, pair: tuple[str, str]) -> tuple[str, str]:
+    bodies = []
+    for side, link in enumerate(pair):
+        try:
+            bodies.append(tree.placement(link)[0])
+        except KeyError:
+            known = [body.name for body in tree.bodies] + [frame.name for frame in tree.frames]
+            raise RowError(
+                f"collision.exclude.pairs[{index}]: no link `{link}`",
+                key=("collision", "exclude", "pairs", index, side),
+                hint=did_you_mean(link, known),
+            ) from None
+    return _sorted(*bodies)
+
+
+def _same_body_findings(tree: model.Tree, exclude: Exclude) -> Iterator[Finding]:
+    for index, pair in enumerate(exclude.pairs):
+        body, other = _bodies(tree, index, pair)
+        if body == other:
+            yield Finding(
+                rule="exclude.same_body",
+                severity="info",
+                subject=f"link {pair[0]}",
+                message=f"excluding `{pair[0]}` and `{pair[1]}` changes nothing: "
+                f"fixed joints merged both into `{body}`",
+                hint="remove the pair",
+                data={"other": pair[1], "body": body},
+            )
+
+
+def _sorted(a: str, b: str) -> tuple[str, str]:
+    return (a, b) if a <= b else (b, a)

@@ -1,0 +1,171 @@
+"""One mesh file -> one OBJ per material, metres, scale applied, and what is in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding
+from assetbuild.kinds import ConvertedMesh, MeshPart
+from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
+from assetbuild.mesh.obj import obj_bytes
+from assetbuild.mesh.read import Format, UpAxis, read_mesh
+from assetbuild.mesh.triangles import TriangleMesh, bounds_of, face_normals, merged, unit_vectors
+from assetbuild.mesh.volume import area, is_closed, signed_volume
+from assetbuild.mesh.weld import drop_collapsed, weld
+from assetbuild.robot.codec import encode
+from assetbuild.robot.pose import Array, Vec3
+
+NORMAL_DECIMALS = 6
+"""A millionth of a radian is beyond any eye, and equal directions stay equal bytes."""
+
+
+class ConvertMesh(Step):
+    """Reads `mesh`; an OBJ's MTL files may lie in `libraries/` under their names."""
+
+    version = "1"
+    tools = ("numpy", "pycollada", "trimesh")
+    outputs = ("parts/", "mesh.json")
+    isolated = True
+    preload = ("numpy", "trimesh", "collada", "lxml.etree")
+    limits: ClassVar[Limits] = Limits(wall_s=120.0, memory_mb=4096)
+
+    format: Format
+    """The file's format, by its suffix: never guessed from the content."""
+    scale: Vec3 = (1.0, 1.0, 1.0)
+    """Per axis, baked into the vertices; a mirroring scale keeps outward normals."""
+    up_axis: UpAxis = "ignore"
+    """What a stated Y_UP or X_UP does: nothing, or turn the mesh to Z."""
+    subject: str = "mesh"
+    """What findings and errors call it. Part of the key: name no path to share the result."""
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        """Convert; raises StepError for a mesh that is broken, empty or not finite."""
+        source = read_mesh(
+            (files.inputs / "mesh").read_bytes(),
+            self.format,
+            up_axis=self.up_axis,
+            libraries=_libraries(files.inputs / "libraries"),
+            subject=self.subject,
+        )
+        yield from source.findings
+        parts = [MaterialPart(p.material, self._prepared(p)) for p in source.parts]
+        yield from self._collapsed(source.parts, parts)
+        parts = [part for part in parts if len(part.mesh.faces)]
+        if not parts:
+            raise StepError(f"{self.subject}: no triangle has an area")
+        write_converted(files.outputs, parts)
+        yield from self._left_out(parts)
+        yield from self._inside_out(parts)
+
+    def _prepared(self, part: MaterialPart) -> TriangleMesh:
+        """Scaled and welded; texture coordinates only where a texture uses them."""
+        mesh = part.mesh if part.material.texture else replace(part.mesh, uv=None)
+        try:
+            mesh = weld(mesh.scaled(self.scale))
+        except ValueError as error:
+            raise StepError(f"{self.subject}: {error} (scale {self.scale})") from error
+        mesh = weld(drop_collapsed(mesh))
+        if mesh.normals is not None:
+            mesh = replace(mesh, normals=_tidy_normals(mesh))
+        return mesh
+
+    def _collapsed(
+        self, before: Sequence[MaterialPart], after: Sequence[MaterialPart]
+    ) -> Iterator[Finding]:
+        faces = sum(len(part.mesh.faces) for part in before)
+        dropped = faces - sum(len(part.mesh.faces) for part in after)
+        if dropped:
+            yield Finding(
+                rule="mesh.collapsed_faces",
+                severity="info",
+                subject=self.subject,
+                message=f"{dropped} of {faces} triangles use one point twice and are left out",
+                data={"dropped": dropped, "faces": faces},
+            )
+
+    def _left_out(self, parts: Sequence[MaterialPart]) -> Iterator[Finding]:
+        for part in parts:
+            if part.material.texture:
+                yield Finding(
+                    rule="mesh.texture",
+                    severity="warning",
+                    subject=self.subject,
+                    message=f"the texture `{part.material.texture}` is not carried along",
+                    hint="the part keeps its texture coordinates and is drawn in one colour",
+                    data={"texture": part.material.texture},
+                )
+
+    def _inside_out(self, parts: Sequence[MaterialPart]) -> Iterator[Finding]:
+        for number, part in enumerate(parts):
+            mesh = part.mesh
+            if is_closed(mesh) and signed_volume(mesh) < 0.0:
+                yield Finding(
+                    rule="mesh.inside_out",
+                    severity="warning",
+                    subject=self.subject,
+                    message=f"part {number} is closed, but its faces point inwards",
+                    hint="turn its normals in the source; viewers may show it black or hollow",
+                    data={"part": number, "volume_m3": signed_volume(mesh)},
+                )
+
+
+def write_converted(folder: Path, parts: Sequence[MaterialPart]) -> None:
+    """Write `parts/<n>.obj` and `mesh.json` (a `ConvertedMesh`) into `folder`."""
+    (folder / "parts").mkdir(exist_ok=True)
+    for number, part in enumerate(parts):
+        (folder / "parts" / f"{number}.obj").write_bytes(obj_bytes(part.mesh))
+    (folder / "mesh.json").write_bytes(encode(describe(parts)))
+
+
+def describe(parts: Sequence[MaterialPart]) -> ConvertedMesh:
+    """The figures of a converted mesh; it is closed when all parts together are."""
+    whole = weld(merged([part.mesh for part in parts]))
+    closed = is_closed(whole)
+    lower, upper = bounds_of(whole)
+    return ConvertedMesh(
+        parts=tuple(_described(number, part) for number, part in enumerate(parts)),
+        faces=len(whole.faces),
+        area_m2=area(whole),
+        lower=lower,
+        upper=upper,
+        watertight=closed,
+        volume_m3=signed_volume(whole) if closed else None,
+    )
+
+
+def _described(number: int, part: MaterialPart) -> MeshPart:
+    material: SurfaceMaterial = part.material
+    return MeshPart(
+        file=f"{number}.obj",
+        vertices=len(part.mesh.vertices),
+        faces=len(part.mesh.faces),
+        material=material.name,
+        rgba=material.rgba,
+        texture=material.texture,
+    )
+
+
+def _tidy_normals(mesh: TriangleMesh) -> Array:
+    """Unit normals per corner, rounded; where the file gives none, that of the face."""
+    if mesh.normals is None:
+        raise ValueError("the mesh has no normals")
+    normals = unit_vectors(np.nan_to_num(mesh.normals))
+    missing = ~normals.any(axis=2)
+    if missing.any():
+        flat = np.repeat(face_normals(mesh)[:, None, :], 3, axis=1)
+        normals[missing] = flat[missing]
+        normals[~normals.any(axis=2)] = (0.0, 0.0, 1.0)  # a needle without area: any direction
+    return np.round(normals, NORMAL_DECIMALS) + 0.0
+
+
+def _libraries(folder: Path) -> dict[str, bytes]:
+    if not folder.is_dir():
+        return {}
+    return {p.name: p.read_bytes() for p in sorted(folder.iterdir()) if p.is_file()}

@@ -1,0 +1,222 @@
+"""A wheel from the user's package index, through pip, pinned to the byte. The one network step."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import ClassVar
+
+from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.errors import (
+    AssetBuildError,
+    LockError,
+    MachineError,
+    SourceError,
+    did_you_mean,
+)
+from assetbuild.findings import Finding
+from assetbuild.lock import Pin
+
+OnLine = Callable[[str], None]
+
+_CHUNK = 1 << 20
+_DEFAULTS = {"PIP_RETRIES": "2", "PIP_TIMEOUT": "15"}
+"""Only where the user says nothing: without a network an answer should come soon."""
+_FORCED = {
+    "PIP_DISABLE_PIP_VERSION_CHECK": "1",
+    "PIP_NO_INPUT": "1",
+    "PIP_NO_COLOR": "1",
+    "PYTHONUNBUFFERED": "1",
+    "PYTHONIOENCODING": "utf-8",
+}
+_UNREACHABLE = (
+    "Temporary failure in name resolution",
+    "Name or service not known",
+    "Failed to establish a new connection",
+    "NewConnectionError",
+    "NameResolutionError",
+    "ConnectTimeoutError",
+    "ReadTimeoutError",
+    "Network is unreachable",
+    "ProxyError",
+    "Connection refused",
+    "connection error",
+)
+
+
+class Fetch(Step):
+    """`archive`: the wheel `filename` of `name==release`, with the digest that the lock pins."""
+
+    outputs = ("archive",)
+    network = True
+    limits: ClassVar[Limits] = Limits(wall_s=3600)
+
+    name: str
+    """Distribution on the index."""
+    release: str
+    """Its version; `version` is the step's own."""
+    filename: str
+    """Name of the wheel."""
+    sha256: str
+    """64 hex digits."""
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """LockError: other bytes; SourceError: no such wheel; MachineError: no index in reach."""
+        with _private_folder(files.outputs) as folder:
+            wheel = _download(self.name, self.release, folder, _say_nothing)
+            if wheel.name != self.filename:
+                raise LockError(
+                    f"{self.name}=={self.release}: the index gives `{wheel.name}`, "
+                    f"the lock pins `{self.filename}`",
+                    hint="run `assetbuild lock` if the change is wanted",
+                )
+            found = _sha256(wheel)
+            if found != self.sha256:
+                raise LockError(
+                    f"{self.filename}: sha256 is {found}, the lock pins {self.sha256}",
+                    hint="the index gives other bytes than when the lock was written; "
+                    "run `assetbuild lock` only if you trust the change",
+                )
+            wheel.replace(files.outputs / "archive")
+        yield from ()
+
+
+def resolve(
+    name: str, version: str, *, on_line: OnLine | None = None, keep: Path | None = None
+) -> Pin:
+    """Download a wheel to learn its file name, digest and size: what the lock pins.
+
+    on_line: gets pip's own lines while it works ("Downloading ... (131.1 MB)"). keep: a file to
+    leave the wheel in, so that nobody has to download it again. Errors as `Fetch.run`.
+    """
+    with _private_folder(keep.parent if keep else None) as folder:
+        wheel = _download(name, version, folder, on_line or _say_nothing)
+        pin = Pin(
+            pypi=f"{name}=={version}",
+            file=wheel.name,
+            sha256=_sha256(wheel),
+            size=wheel.stat().st_size,
+        )
+        if keep is not None:
+            wheel.replace(keep)
+    return pin
+
+
+def _download(name: str, version: str, folder: Path, on_line: OnLine) -> Path:
+    """The wheel that the user's pip chooses, in `folder`."""
+    wanted = f"{name}=={version}"
+    command = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary=:all:"]
+    command += ["--progress-bar=off", "--dest", str(folder), "--", wanted]
+    code, lines = _run(command, _environment(os.environ), on_line)
+    if code != 0:
+        raise _reason(wanted, lines)
+    wheels = sorted(folder.glob("*.whl"))
+    if len(wheels) != 1:
+        raise MachineError(f"{wanted}: pip left {len(wheels)} wheels instead of one")
+    return wheels[0]
+
+
+def _environment(own: Mapping[str, str]) -> dict[str, str]:
+    """The user's environment, so that index, proxy and certificate settings hold."""
+    kept = {key: value for key, value in own.items() if key not in ("PYTHONPATH", "PYTHONHOME")}
+    return _DEFAULTS | kept | _FORCED
+
+
+def _run(command: list[str], environment: dict[str, str], on_line: OnLine) -> tuple[int, list[str]]:
+    """Exit code and lines of a child process; it dies with us when we are interrupted."""
+    child = subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        env=environment,
+        encoding="utf-8",
+        errors="replace",
+    )
+    lines = []
+    try:
+        assert child.stdout is not None  # noqa: S101 # a pipe was asked for; narrows for mypy
+        for line in child.stdout:
+            text = line.strip()
+            if text:
+                lines.append(text)
+                on_line(text)
+        return child.wait(), lines
+    finally:
+        if child.poll() is None:
+            child.kill()
+            child.wait()
+        if child.stdout is not None:
+            child.stdout.close()
+
+
+def _reason(wanted: str, lines: list[str]) -> AssetBuildError:
+    """One sentence for a failed pip, by who must act."""
+    text = "\n".join(lines)
+    errors = [line.removeprefix("ERROR:").strip() for line in lines if line.startswith("ERROR:")]
+    last = errors[0] if errors else (lines[-1] if lines else "pip said nothing")
+    if "No module named pip" in text:
+        return MachineError(
+            "pip is not installed beside assetbuild",
+            hint="install it with `uv pip install pip` or `python -m ensurepip`",
+        )
+    if "No space left on device" in text:
+        return MachineError(f"{wanted}: no space left on the disk for the download")
+    if any(sign in text for sign in _UNREACHABLE):
+        return MachineError(
+            f"{wanted}: no package index could be reached{_connection_trouble(text)}",
+            hint="check the network, `pip config list` and the PIP_* variables",
+        )
+    if "No matching distribution found" in text or "Could not find a version" in text:
+        return SourceError(f"no wheel of {wanted} on the index", hint=_other_versions(wanted, text))
+    return MachineError(f"{wanted}: pip failed: {_short(last)}")
+
+
+def _connection_trouble(text: str) -> str:
+    """The innermost reason in a line of pip such as `NewConnectionError('<...>: REASON')`."""
+    found = re.search(r">: ([^'\"]+)['\"]", text)
+    return f": {_short(found[1].strip())}" if found else ""
+
+
+def _other_versions(wanted: str, text: str) -> str:
+    _, _, tail = text.partition("(from versions: ")
+    versions = [
+        v.strip() for v in tail.partition(")")[0].split(",") if v.strip() not in ("", "none")
+    ]
+    if not versions:
+        return "check the name; source distributions are not taken, only wheels for this Python"
+    return did_you_mean(wanted.partition("==")[2], versions)
+
+
+def _short(line: str) -> str:
+    return line if len(line) <= 200 else f"{line[:197]}..."
+
+
+@contextmanager
+def _private_folder(beside: Path | None) -> Iterator[Path]:
+    """A folder that is gone afterwards; beside the result, so that moving a file is a rename."""
+    folder = Path(tempfile.mkdtemp(prefix=".fetch-", dir=beside))
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _sha256(path: Path) -> str:
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while chunk := file.read(_CHUNK):
+            digest.update(chunk)
+    return digest.hexdigest()
+
+
+def _say_nothing(line: str) -> None:
+    """The `on_line` of a download that nobody watches."""

@@ -1,0 +1,71 @@
+"""Merge what fixed joints hold together, exactly; merged links live on as frames."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from assetbuild.engine.step import Files, Step
+from assetbuild.errors import RecipeError, did_you_mean
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.model import Tree
+from assetbuild.robot.tree import Merged, merge_fixed_joints
+
+
+class MergeFixedJoints(Step):
+    """`links.json` -> `tree.json`, the bodies that will be simulated."""
+
+    outputs = ("tree.json",)
+
+    merge: bool = True
+    keep_bodies: tuple[str, ...] = ()
+    """Patterns that match whole link names; those links stay bodies on their fixed joint."""
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Raises RecipeError for a pattern that matches no link."""
+        links = decode(Tree, (files.inputs / "links.json").read_bytes())
+        tree, facts = merge_fixed_joints(links, self.merge, self._kept(links))
+        (files.outputs / "tree.json").write_bytes(encode(tree))
+        for fact in facts:
+            if fact.placeholder:
+                yield _placeholder(fact, links)
+            yield _merged(fact, tree)
+
+    def _kept(self, links: Tree) -> frozenset[str]:
+        kept: set[str] = set()
+        for pattern in self.keep_bodies:
+            found = {name for name in links.by_body if re.fullmatch(pattern, name)}
+            if not found:
+                message = f"fixed_joints.keep_bodies: no link matches `{pattern}`"
+                raise RecipeError(message, hint=did_you_mean(pattern, links.by_body))
+            kept |= found
+        return frozenset(kept)
+
+
+def _placeholder(fact: Merged, links: Tree) -> Finding:
+    inertial = links.by_body[fact.placeholder].inertial
+    mass = inertial.mass_kg if inertial else 0.0
+    return Finding(
+        rule="merge.placeholder_root",
+        severity="info",
+        subject=f"link {fact.placeholder}",
+        message=f"a root of {mass:g} kg names a place only: the body is called `{fact.body}` and "
+        f"has its frame; `{fact.placeholder}` lives on as a frame",
+        hint=f"use `{fact.body}` where a tool asks for the root body",
+        data={"body": fact.body, "mass_kg": mass},
+    )
+
+
+def _merged(fact: Merged, tree: Tree) -> Finding:
+    inertial = tree.by_body[fact.body].inertial
+    names = ", ".join(f"`{link}`" for link in fact.links[:8])
+    more = f" and {len(fact.links) - 8} more" if len(fact.links) > 8 else ""
+    return Finding(
+        rule="merge.fixed_joints",
+        severity="info",
+        subject=f"link {fact.body}",
+        message=f"fixed joints merged {names}{more} into it",
+        hint="name a link in `fixed_joints.keep_bodies` to keep it as a body of its own",
+        data={"links": fact.links, "mass_kg": inertial.mass_kg if inertial else 0.0},
+    )

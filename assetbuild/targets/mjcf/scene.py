@@ -1,0 +1,149 @@
+"""`scene.xml`: the robot on a floor, with light, sky and haze; what people open in a viewer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from assetbuild.robot.model import Control, Joint, Keyframe, Tree
+from assetbuild.robot.pose import Array, Pose
+from assetbuild.targets.mjcf.xml import Element, element, numbers
+
+SMALLEST_EXTENT_M = 0.5
+
+
+def scene(robot: str, tree: Tree, control: Control, free: Callable[[str], str]) -> Element:
+    """The root element of `scene.xml`.
+
+    free: a name of a new geom or material that the robot does not use, from the wanted one.
+    """
+    center, extent = view(tree, control)
+    floor_material = free("ground")
+    return element(
+        "mujoco",
+        {"model": f"{robot} scene"},
+        [
+            element("include", {"file": f"{robot}.xml"}),
+            element(
+                "statistic", {"center": numbers(center), "extent": numbers([extent])}, gap=True
+            ),
+            _looks(),
+            _floor_assets(floor_material),
+            _world(floor_material, free("floor"), control),
+        ],
+    )
+
+
+def view(tree: Tree, control: Control) -> tuple[tuple[float, ...], float]:
+    """Middle (m) and size (m) of the robot in its first keyframe, for the camera; 2 digits."""
+    origins = _origins(tree, control.keyframes[0] if control.keyframes else None)
+    lower, upper = origins.min(axis=0), origins.max(axis=0)
+    size = max(SMALLEST_EXTENT_M, math.dist(lower, upper))
+    center = tuple(round(float(v), 2) for v in (lower + upper) / 2)
+    return center, round(size, 2)
+
+
+def _origins(tree: Tree, keyframe: Keyframe | None) -> Array:
+    """(n, 3) world positions of all bodies and frames, m."""
+    angles = dict(keyframe.joints) if keyframe else {}
+    X_world: dict[str, Pose] = {tree.root: (keyframe.base if keyframe else None) or Pose()}
+    waiting = [tree.root]
+    below: dict[str, list[Joint]] = {}
+    for joint in tree.joints:
+        below.setdefault(joint.parent, []).append(joint)
+    while waiting:
+        body = waiting.pop()
+        for joint in below.get(body, []):
+            motion = _motion(joint, angles.get(joint.name, 0.0))
+            X_world[joint.child] = X_world[body] @ joint.X_parent_joint @ motion
+            waiting.append(joint.child)
+    frames = [X_world[f.body].apply(f.X_body_frame.xyz) for f in tree.frames]
+    return np.array([X.xyz for X in X_world.values()] + frames)
+
+
+def _motion(joint: Joint, q: float) -> Pose:
+    x, y, z = joint.axis
+    if joint.kind == "prismatic":
+        return Pose((q * x, q * y, q * z))
+    s = math.sin(q / 2)
+    return Pose(quat=(math.cos(q / 2), s * x, s * y, s * z))
+
+
+def _looks() -> Element:
+    return element(
+        "visual",
+        None,
+        [
+            element(
+                "headlight",
+                {"diffuse": "0.5 0.5 0.5", "ambient": "0.35 0.35 0.35", "specular": "0 0 0"},
+            ),
+            element("rgba", {"haze": "0.25 0.35 0.45 1"}),
+            element(
+                "global",
+                {"azimuth": "140", "elevation": "-20", "offwidth": "1280", "offheight": "960"},
+            ),
+        ],
+        gap=True,
+    )
+
+
+def _floor_assets(material: str) -> Element:
+    return element(
+        "asset",
+        None,
+        [
+            element(
+                "texture",
+                {
+                    "type": "skybox",
+                    "builtin": "gradient",
+                    "rgb1": "0.55 0.7 0.85",
+                    "rgb2": "0.1 0.15 0.2",
+                    "width": "256",
+                    "height": "1536",
+                },
+            ),
+            element(
+                "texture",
+                {
+                    "name": material,
+                    "type": "2d",
+                    "builtin": "checker",
+                    "mark": "edge",
+                    "rgb1": "0.22 0.28 0.34",
+                    "rgb2": "0.16 0.2 0.25",
+                    "markrgb": "0.6 0.6 0.6",
+                    "width": "300",
+                    "height": "300",
+                },
+            ),
+            element(
+                "material",
+                {
+                    "name": material,
+                    "texture": material,
+                    "texuniform": "true",
+                    "texrepeat": "4 4",
+                    "reflectance": "0.1",
+                },
+            ),
+        ],
+        gap=True,
+    )
+
+
+def _world(material: str, name: str, control: Control) -> Element:
+    # MuJoCo takes the larger of two frictions: the floor repeats the robot's, so that what the
+    # recipe says is what acts, also below the default of 1.
+    floor = {
+        "name": name,
+        "type": "plane",
+        "size": "0 0 0.05",
+        "friction": numbers(control.contact.friction),
+        "material": material,
+    }
+    light = {"pos": "0 0 2.5", "dir": "0 0 -1", "directional": "true"}
+    return element("worldbody", None, [element("light", light), element("geom", floor)], gap=True)

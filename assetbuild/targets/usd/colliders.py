@@ -1,0 +1,135 @@
+"""Collision geometry, its surface, and the pairs that never touch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from assetbuild.findings import Finding
+from assetbuild.robot.model import Contact, Control, Mesh, Shape, Shapes, Tree
+from assetbuild.targets.usd.geometry import asset_path, define_primitive
+from assetbuild.targets.usd.layers import GEOMETRIES, apply_foreign, label, place
+from assetbuild.targets.usd.names import COLLISIONS, PHYSICS_MATERIALS, Names
+
+if TYPE_CHECKING:
+    from pxr import Usd
+
+HULL_VERTICES = 64
+"""Most vertices of a convex hull that PhysX collides on a GPU."""
+
+
+def define_colliders(
+    stage: Usd.Stage, names: Names, shapes: Shapes, contact: Contact
+) -> Iterator[Finding]:
+    """Collision shapes below their bodies, invisible (purpose guide), all of one surface."""
+    from pxr import UsdGeom, UsdPhysics, UsdShade
+
+    if not shapes.of("collision"):
+        return
+    surface = _define_surface(stage, names, contact)
+    for shape in shapes.of("collision"):
+        body, X_body_link = names.tree.placement(shape.link)
+        UsdGeom.Xform.Define(stage, f"{names.body(body)}/{COLLISIONS}")
+        pose, geometry = X_body_link @ shape.X_link_shape, shape.geometry
+        if isinstance(geometry, Mesh):
+            prim = UsdGeom.Mesh.Define(stage, names.shape(shape)).GetPrim()
+            path = f"{asset_path(names, geometry)}/mesh"
+            prim.GetReferences().AddReference(f"./{GEOMETRIES}", path)
+            place(prim, pose, geometry.scale)
+            _apply_hull(prim)
+            yield from _hull_findings(shape, geometry, shapes)
+        else:
+            prim = define_primitive(stage, names.shape(shape), geometry, pose)
+        label(prim, shape.name)
+        UsdPhysics.CollisionAPI.Apply(prim)
+        UsdGeom.Imageable(prim).CreatePurposeAttr(UsdGeom.Tokens.guide)
+        UsdShade.MaterialBindingAPI.Apply(prim).Bind(
+            surface, UsdShade.Tokens.weakerThanDescendants, "physics"
+        )
+
+
+def _apply_hull(prim: Usd.Prim) -> None:
+    from pxr import UsdPhysics
+
+    # PhysX makes hulls of moving meshes whatever one asks; ours are hulls already.
+    mesh = UsdPhysics.MeshCollisionAPI.Apply(prim)
+    mesh.CreateApproximationAttr(UsdPhysics.Tokens.convexHull)
+    apply_foreign(
+        prim,
+        "PhysxConvexHullCollisionAPI",
+        {"physxConvexHullCollision:hullVertexLimit": ("Int", HULL_VERTICES)},
+    )
+
+
+def _hull_findings(shape: Shape, geometry: Mesh, shapes: Shapes) -> Iterator[Finding]:
+    asset = next(mesh for mesh in shapes.meshes if mesh.name == geometry.mesh)
+    if not asset.convex:
+        yield Finding(
+            rule="usd.concave_collision",
+            severity="info",
+            subject=f"link {shape.link}",
+            message=f"the collision mesh `{asset.name}` is filled up to its convex hull",
+            hint="`method: coacd` follows hollows; `hull` says what is meant",
+            data={"faces": asset.faces},
+        )
+    elif asset.vertices > HULL_VERTICES:
+        yield Finding(
+            rule="usd.hull_vertices",
+            severity="info",
+            subject=f"link {shape.link}",
+            message=f"PhysX simplifies the hull `{asset.name}` from {asset.vertices} to "
+            f"{HULL_VERTICES} vertices",
+            hint=f"`max_vertices: {HULL_VERTICES}` makes all simulators use the same hull",
+            data={"vertices": asset.vertices, "limit": HULL_VERTICES},
+        )
+
+
+def _define_surface(stage: Usd.Stage, names: Names, contact: Contact) -> object:
+    """The physics material: MuJoCo has one sliding friction, so static equals dynamic."""
+    from pxr import UsdGeom, UsdPhysics, UsdShade
+
+    UsdGeom.Scope.Define(stage, f"/{names.root}/{PHYSICS_MATERIALS}")
+    material = UsdShade.Material.Define(stage, names.contact_material)
+    sliding, torsional, rolling = contact.friction
+    surface = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
+    surface.CreateStaticFrictionAttr(sliding)
+    surface.CreateDynamicFrictionAttr(sliding)
+    surface.CreateRestitutionAttr(0.0)
+    apply_foreign(
+        material.GetPrim(),
+        "NewtonMaterialAPI",
+        {
+            "newton:torsionalFriction": ("Float", torsional),
+            "newton:rollingFriction": ("Float", rolling),
+        },
+    )
+    return material
+
+
+def apply_filtered_pairs(
+    stage: Usd.Stage, names: Names, tree: Tree, shapes: Shapes, control: Control
+) -> None:
+    """FilteredPairsAPI for the excluded pairs that no joint filters already.
+
+    Never between a body and the root link itself: on a floating base it carries the articulation,
+    and a pair there would speak for the whole robot. Its colliders stand in for it.
+    """
+    from pxr import UsdPhysics
+
+    jointed = {frozenset((joint.parent, joint.child)) for joint in tree.joints}
+    targets: dict[str, list[str]] = {}
+    for pair in control.excludes:
+        first, second = sorted(pair, key=lambda body: body == tree.root)
+        if frozenset(pair) not in jointed:
+            targets.setdefault(first, []).extend(_standing_for(second, names, tree, shapes))
+    for body, paths in targets.items():
+        if paths:
+            api = UsdPhysics.FilteredPairsAPI.Apply(stage.OverridePrim(names.body(body)))
+            api.CreateFilteredPairsRel().SetTargets(paths)
+
+
+def _standing_for(body: str, names: Names, tree: Tree, shapes: Shapes) -> list[str]:
+    if body != tree.root:
+        return [names.body(body)]
+    colliders = shapes.of("collision")
+    return [names.shape(s) for s in colliders if tree.placement(s.link)[0] == body]

@@ -1,0 +1,251 @@
+"""Joints, drives, the articulation and what it must not collide with.
+
+Armature, velocity limit and friction are written three times from one number: `physxJoint:*`
+(Isaac Sim up to 4.5; Isaac Lab writes it still), `physxJointAxis:*` (PhysX of 2026) and
+`newton:*` (Newton). A runtime that lacks one of the schemas ignores it without a word.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from assetbuild.errors import StepError
+from assetbuild.robot.model import MOVING, Actuator, Control, Joint, Tree
+from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between
+from assetbuild.targets.usd.layers import apply_foreign, label
+from assetbuild.targets.usd.names import JOINTS, Names
+from assetbuild.targets.usd.units import coordinate, gain, is_angular, limits
+
+if TYPE_CHECKING:
+    from pxr import Usd
+
+Values = dict[str, tuple[str, object]]
+
+_AXES: dict[Vec3, tuple[str, Quat]] = {
+    (1.0, 0.0, 0.0): ("X", (1.0, 0.0, 0.0, 0.0)),
+    (0.0, 1.0, 0.0): ("Y", (1.0, 0.0, 0.0, 0.0)),
+    (0.0, 0.0, 1.0): ("Z", (1.0, 0.0, 0.0, 0.0)),
+    (-1.0, 0.0, 0.0): ("X", (0.0, 0.0, 1.0, 0.0)),
+    (0.0, -1.0, 0.0): ("Y", (0.0, 1.0, 0.0, 0.0)),
+    (0.0, 0.0, -1.0): ("Z", (0.0, 1.0, 0.0, 0.0)),
+}
+
+
+def joint_axis(axis: Vec3) -> tuple[str, Quat]:
+    """(token, R): USD knows the axes X, Y, Z only; R turns the token's onto `axis`.
+
+    R is the identity for +x, +y, +z and an exact half turn for their opposites.
+    """
+    x, y, z = (v + 0.0 for v in axis)
+    return _AXES.get((x, y, z)) or ("X", quat_between((1.0, 0.0, 0.0), axis))
+
+
+def define_joints(stage: Usd.Stage, names: Names, tree: Tree, control: Control) -> None:
+    """Every joint of the tree, with limits, drive and passive properties."""
+    from pxr import UsdGeom
+
+    if tree.joints or tree.base == "fixed":
+        UsdGeom.Scope.Define(stage, f"/{names.root}/{JOINTS}")
+    targets = _home(control)
+    for joint in tree.joints:
+        prim = _define_joint(stage, names, joint)
+        label(prim, joint.name)
+        if joint.kind in MOVING:
+            actuator = control.by_joint.get(joint.name) or _undriven(joint)
+            _apply_passive(prim, joint, actuator)
+            _apply_drive(prim, joint, actuator, targets.get(joint.name, 0.0))
+            _apply_mimic(prim, names, tree, joint)
+
+
+def _undriven(joint: Joint) -> Actuator:
+    """Without a row in the actuator table: what the source says of the joint itself."""
+    return Actuator(
+        joint.name,
+        "passive",
+        damping=joint.damping or 0.0,
+        friction=joint.friction or 0.0,
+        velocity=joint.limits.velocity,
+    )
+
+
+def _home(control: Control) -> Mapping[str, float]:
+    """Joint values of the keyframe `home`, rad or m; empty without one.
+
+    The drives aim there, not at 0, because 0 may lie outside the limits (a dog's knee), and so
+    that the asset stands when a person presses play. A training framework sets its own targets.
+    """
+    return next((dict(key.joints) for key in control.keyframes if key.name == "home"), {})
+
+
+def _define_joint(stage: Usd.Stage, names: Names, joint: Joint) -> Usd.Prim:
+    from pxr import UsdPhysics
+
+    path = names.joint(joint.name)
+    if joint.kind == "fixed":
+        made = UsdPhysics.FixedJoint.Define(stage, path)
+        turn: Quat = IDENTITY.quat
+    elif joint.kind in MOVING:
+        kind = UsdPhysics.RevoluteJoint if is_angular(joint) else UsdPhysics.PrismaticJoint
+        made = kind.Define(stage, path)
+        token, turn = joint_axis(joint.axis)
+        made.CreateAxisAttr(token)
+        lower, upper = limits(joint)
+        made.CreateLowerLimitAttr(lower)
+        made.CreateUpperLimitAttr(upper)
+    else:
+        raise StepError(
+            f"joint `{joint.name}` is {joint.kind}, which no USD articulation holds",
+            hint="replace it by revolute and prismatic joints in the source",
+        )
+    made.CreateBody0Rel().SetTargets([names.body(joint.parent)])
+    made.CreateBody1Rel().SetTargets([names.body(joint.child)])
+    _set_frames(made, joint.X_parent_joint @ Pose(quat=turn), Pose(quat=turn))
+    # As MuJoCo does: a body never collides with the one it is jointed to.
+    made.CreateCollisionEnabledAttr(False)
+    return made.GetPrim()
+
+
+def _set_frames(joint: object, frame0: Pose, frame1: Pose) -> None:
+    from pxr import Gf, UsdPhysics
+
+    made = UsdPhysics.Joint(joint)
+    for pose, position, rotation in (
+        (frame0, made.CreateLocalPos0Attr(), made.CreateLocalRot0Attr()),
+        (frame1, made.CreateLocalPos1Attr(), made.CreateLocalRot1Attr()),
+    ):
+        w, x, y, z = pose.quat
+        position.Set(Gf.Vec3f(*pose.xyz))
+        rotation.Set(Gf.Quatf(w, x, y, z))
+
+
+def _apply_passive(prim: Usd.Prim, joint: Joint, actuator: Actuator) -> None:
+    """Armature, friction, damping and velocity limit in all three spellings."""
+    axis = "angular" if is_angular(joint) else "linear"
+    armature: tuple[str, object] = ("Float", actuator.armature)
+    friction: tuple[str, object] = ("Float", actuator.friction)
+    damping: tuple[str, object] = ("Float", gain(joint, actuator.damping))
+    old: Values = {"physxJoint:armature": armature, "physxJoint:jointFriction": friction}
+    new: Values = {
+        f"physxJointAxis:{axis}:armature": armature,
+        f"physxJointAxis:{axis}:staticFrictionEffort": friction,
+        f"physxJointAxis:{axis}:dynamicFrictionEffort": friction,
+        f"physxJointAxis:{axis}:viscousFrictionCoefficient": damping,
+    }
+    newton: Values = {
+        "newton:armature": armature,
+        "newton:friction": friction,
+        "newton:damping": damping,
+    }
+    if actuator.velocity is not None:
+        velocity: tuple[str, object] = ("Float", coordinate(joint, actuator.velocity))
+        old["physxJoint:maxJointVelocity"] = velocity
+        new[f"physxJointAxis:{axis}:maxJointVelocity"] = velocity
+        newton["newton:velocityLimit"] = velocity
+    apply_foreign(prim, "PhysxJointAPI", old)
+    apply_foreign(prim, f"PhysxJointAxisAPI:{axis}", new)
+    apply_foreign(prim, "NewtonJointAPI", newton)
+
+
+def drive_gains(actuator: Actuator) -> tuple[float, float]:
+    """(stiffness, damping) of the simulator's own drive, per rad or per m.
+
+    Only `pd` and `velocity` are integrated by the simulator. The others compute an effort
+    outside of it, so its drive must add none: gains 0, the effort limit stays.
+    """
+    if actuator.model == "pd":
+        return actuator.kp, actuator.kd
+    if actuator.model == "velocity":
+        return 0.0, actuator.kd
+    return 0.0, 0.0
+
+
+def _apply_drive(prim: Usd.Prim, joint: Joint, actuator: Actuator, target: float) -> None:
+    from pxr import UsdPhysics
+
+    if actuator.model == "passive":
+        return  # the presence of the API is what makes a drive
+    stiffness, damping = drive_gains(actuator)
+    drive = UsdPhysics.DriveAPI.Apply(prim, "angular" if is_angular(joint) else "linear")
+    drive.CreateTypeAttr(UsdPhysics.Tokens.force)
+    drive.CreateStiffnessAttr(gain(joint, stiffness))
+    drive.CreateDampingAttr(gain(joint, damping))
+    drive.CreateTargetVelocityAttr(0.0)
+    if actuator.model == "pd":
+        drive.CreateTargetPositionAttr(coordinate(joint, target))
+    if actuator.effort is not None:
+        drive.CreateMaxForceAttr(actuator.effort)
+
+
+def _apply_mimic(prim: Usd.Prim, names: Names, tree: Tree, joint: Joint) -> None:
+    """q = offset + multiplier q(leader), for Newton as it is, for PhysX as q + G q' + c = 0."""
+    if joint.mimic is None:
+        return
+    leader = tree.by_joint[joint.mimic.joint]
+    if is_angular(leader) != is_angular(joint):
+        return  # an angle that follows a length has no unit here; `usd.mimic` says so
+    offset = coordinate(joint, joint.mimic.offset)
+    instance = f"rot{joint_axis(joint.axis)[0]}"
+    prefix = f"physxMimicJoint:{instance}"
+    apply_foreign(
+        prim,
+        f"PhysxMimicJointAPI:{instance}",
+        {
+            f"{prefix}:gearing": ("Float", -joint.mimic.multiplier),
+            f"{prefix}:offset": ("Float", -offset),
+            f"{prefix}:referenceJointAxis": ("Token", f"rot{joint_axis(leader.axis)[0]}"),
+        },
+    )
+    apply_foreign(
+        prim,
+        "NewtonMimicAPI",
+        {
+            "newton:mimicCoef0": ("Float", offset),
+            "newton:mimicCoef1": ("Float", joint.mimic.multiplier),
+        },
+    )
+    for relation in (f"{prefix}:referenceJoint", "newton:mimicJoint"):
+        prim.CreateRelationship(relation, custom=False).SetTargets([names.joint(leader.name)])
+
+
+def apply_articulation(
+    stage: Usd.Stage,
+    names: Names,
+    tree: Tree,
+    X_world_root: Pose,
+    *,
+    self_collisions: bool,
+    iterations: tuple[int, int],
+) -> None:
+    """ArticulationRootAPI where it decides the base: on the root link, it floats; on the fixed
+    joint between world and root link, it stands.
+
+    iterations: (position, velocity) of the solver.
+    """
+    from pxr import UsdPhysics
+
+    prim = stage.OverridePrim(names.body(tree.root))
+    if tree.base == "fixed":
+        joint = UsdPhysics.FixedJoint.Define(stage, names.root_joint)
+        joint.CreateBody1Rel().SetTargets([names.body(tree.root)])
+        _set_frames(joint, X_world_root, IDENTITY)
+        prim = joint.GetPrim()
+    UsdPhysics.ArticulationRootAPI.Apply(prim)
+    position, velocity = iterations
+    apply_foreign(
+        prim,
+        "PhysxArticulationAPI",
+        {
+            "physxArticulation:enabledSelfCollisions": ("Bool", self_collisions),
+            "physxArticulation:solverPositionIterationCount": ("Int", position),
+            "physxArticulation:solverVelocityIterationCount": ("Int", velocity),
+            # Unauthored, two readers of the same PhysX take values that differ a thousandfold.
+            "physxArticulation:sleepThreshold": ("Float", 0.0),
+            "physxArticulation:stabilizationThreshold": ("Float", 0.0),
+        },
+    )
+    apply_foreign(
+        prim,
+        "NewtonArticulationRootAPI",
+        {"newton:selfCollisionEnabled": ("Bool", self_collisions)},
+    )

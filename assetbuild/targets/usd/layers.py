@@ -1,0 +1,159 @@
+"""The files of the asset, and how a prim gets its place.
+
+<robot>.usda                 interface: default prim, payload, variant set `Physics`
+payloads/base.usda           bodies and frames; sublayers instances.usda and materials.usda
+payloads/instances.usda      what is seen: instances of the meshes, primitives
+payloads/materials.usda      materials for the eye, textures/ beside it
+payloads/geometries.usdc     each mesh once
+payloads/physics.usda        variant `physics`: masses, joints, drives, colliders
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from assetbuild.errors import StepError
+from assetbuild.robot.pose import Pose, Vec3
+from assetbuild.targets.usd.names import Names
+
+if TYPE_CHECKING:
+    from pxr import Sdf, Usd
+
+PAYLOADS = "payloads"
+GEOMETRIES = "geometries.usdc"
+CRATE_VERSIONS = ((0, 8, 0), (0, 10, 0))
+"""First and last version of the binary format that usd-core 24.5 reads and writes."""
+
+# Both decide the bytes of a binary layer from outside of the recipe.
+_ENVIRONMENT = ("USD_WRITE_NEW_USDC_FILES_AS_VERSION", "PIXAR_TF_ENV_SETTINGS_FILE")
+
+
+@contextmanager
+def plain_environment() -> Iterator[None]:
+    """Without the variables that change the bytes of a layer; they come back afterwards."""
+    kept = {name: os.environ.pop(name) for name in _ENVIRONMENT if name in os.environ}
+    try:
+        yield
+    finally:
+        os.environ.update(kept)
+
+
+def new_stage(path: Path) -> Usd.Stage:
+    """An empty stage in a new file: metres, kilograms, z up."""
+    from pxr import Usd, UsdGeom, UsdPhysics
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
+    return stage
+
+
+def new_layer(path: Path, names: Names) -> Usd.Stage:
+    """A new stage for one layer of the robot; its default prim is an over of the robot.
+
+    An over, because only `<robot>.usda` and `base.usda` define it: the others add to it.
+    """
+    stage = new_stage(path)
+    stage.SetDefaultPrim(stage.OverridePrim(f"/{names.root}"))
+    return stage
+
+
+def save(stage: Usd.Stage) -> None:
+    """Write the layer; raises StepError when a binary one is newer than usd-core 24.5 reads."""
+    layer = stage.GetRootLayer()
+    _reopen(layer.pseudoRoot)
+    layer.Save()
+    path = Path(layer.realPath)
+    if path.suffix == ".usdc":
+        with path.open("rb") as file:
+            version = tuple(file.read(11)[8:])
+        first, last = CRATE_VERSIONS
+        if not first <= version <= last:
+            number = ".".join(map(str, version))
+            raise StepError(
+                f"usd-core wrote binary USD {number}, which usd-core 24.5 cannot read",
+                hint="unset USD_WRITE_NEW_USDC_FILES_AS_VERSION, or build with another usd-core",
+            )
+
+
+def _reopen(parent: Sdf.PrimSpec) -> None:
+    """Untyped definitions become overs again: defining a child has turned them over."""
+    from pxr import Sdf
+
+    for spec in parent.nameChildren:
+        if not spec.typeName and spec.specifier == Sdf.SpecifierDef:
+            spec.specifier = Sdf.SpecifierOver
+        _reopen(spec)
+
+
+def write_interface(path: Path, names: Names) -> None:
+    """`<robot>.usda`: composes the payloads and selects the variant `physics`.
+
+    Without an authored selection a runtime composes no bodies and no joints, silently.
+    """
+    from pxr import Kind, Usd, UsdGeom
+
+    stage = new_layer(path, names)
+    prim = UsdGeom.Xform.Define(stage, f"/{names.root}").GetPrim()
+    Usd.ModelAPI(prim).SetKind(Kind.Tokens.component)
+    prim.GetPayloads().AddPayload(f"./{PAYLOADS}/base.usda")
+    variants = prim.GetVariantSets().AddVariantSet("Physics")
+    for variant in ("none", "physics"):
+        variants.AddVariant(variant)
+    variants.SetVariantSelection("physics")
+    with variants.GetVariantEditContext():
+        prim.GetPayloads().AddPayload(f"./{PAYLOADS}/physics.usda")
+    save(stage)
+
+
+def place(prim: Usd.Prim, pose: Pose, scale: Vec3 = (1.0, 1.0, 1.0)) -> None:
+    """Author translate, orient and (unless it is 1) scale, in double precision.
+
+    Translate and orient are written even when they are identities: Isaac Lab moves prims by them.
+    """
+    from pxr import Gf, UsdGeom
+
+    xform = UsdGeom.Xformable(prim)
+    double = UsdGeom.XformOp.PrecisionDouble
+    xform.AddTranslateOp(double)
+    xform.AddOrientOp(double)
+    set_place(prim, pose)
+    if scale != (1.0, 1.0, 1.0):
+        xform.AddScaleOp(double).Set(Gf.Vec3d(*scale))
+
+
+def set_place(prim: Usd.Prim, pose: Pose) -> None:
+    """Values for the ops that `place` made, here or in a layer below."""
+    from pxr import Gf, Sdf
+
+    w, x, y, z = pose.quat
+    kinds = Sdf.ValueTypeNames
+    translate = prim.CreateAttribute("xformOp:translate", kinds.Double3, custom=False)
+    translate.Set(Gf.Vec3d(*pose.xyz))
+    orient = prim.CreateAttribute("xformOp:orient", kinds.Quatd, custom=False)
+    orient.Set(Gf.Quatd(w, x, y, z))
+
+
+def label(prim: Usd.Prim, name: str) -> None:
+    """Keep a name that is no identifier as the prim's displayName."""
+    if prim.GetName() != name:
+        prim.SetMetadata("displayName", name)
+
+
+def apply_foreign(prim: Usd.Prim, schema: str, values: dict[str, tuple[str, object]]) -> None:
+    """Apply a schema that usd-core does not ship, with attributes name -> (type name, value).
+
+    NVIDIA's schema packages may not be vendored; runtimes that have them read these as theirs.
+    """
+    from pxr import Sdf
+
+    prim.AddAppliedSchema(schema)
+    for name, (kind, value) in values.items():
+        value_type = getattr(Sdf.ValueTypeNames, kind)
+        prim.CreateAttribute(name, value_type, custom=False).Set(value)

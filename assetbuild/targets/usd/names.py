@@ -1,0 +1,149 @@
+"""Names of the robot as USD identifiers, and where each thing stands on the stage.
+
+The composed stage, with `go1` as the robot's name:
+
+    /go1                         default prim, variant set `Physics`
+    /go1/<body>                  one Xform per body, flat, at its world pose for q = 0
+    /go1/<body>/<frame>          links that fixed joints merged into the body
+    /go1/<body>/visuals/<shape>
+    /go1/<body>/collisions/<shape>
+    /go1/Joints/<joint>
+    /go1/Looks/<material>
+    /go1/PhysicsMaterials/contact
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from assetbuild.findings import Finding
+from assetbuild.robot.model import Shape, Shapes, Tree
+
+JOINTS, LOOKS, PHYSICS_MATERIALS = "Joints", "Looks", "PhysicsMaterials"
+VISUALS, COLLISIONS = "visuals", "collisions"
+ROOT_JOINT = "root_joint"
+"""The fixed joint that holds a fixed base to the world."""
+
+_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+def usd_identifier(name: str) -> str:
+    """`name` itself when it is an ASCII identifier of USD, else the nearest one.
+
+    Letters beyond ASCII have no near one: eight hex digits of the name's SHA-256 stand for them.
+    """
+    if _IDENTIFIER.fullmatch(name):
+        return name
+    near = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    if near[:1].isdigit():
+        near = f"_{near}"
+    return near if name.isascii() and near else _with_digest(near.strip("_") or "name", name)
+
+
+def usd_identifiers(names: Iterable[str], taken: Iterable[str] = ()) -> dict[str, str]:
+    """A different identifier for each of `names`, none of them in `taken`.
+
+    A name that is an identifier keeps itself. Where two would meet, the changed one carries a
+    digest of its own name, so that no name depends on the order or on a neighbour's absence.
+    """
+    wanted = {name: usd_identifier(name) for name in names}
+    reserved = set(taken)
+    kept = {name for name, near in wanted.items() if name == near and name not in reserved}
+    changed = [name for name in wanted if name not in kept]
+    nears = [wanted[name] for name in changed]
+    clash = reserved | kept | {near for near in nears if nears.count(near) > 1}
+    for name in changed:
+        if wanted[name] in clash:
+            wanted[name] = _with_digest(wanted[name], name)
+    return wanted
+
+
+def _with_digest(near: str, name: str) -> str:
+    return f"{near}_{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+
+
+@dataclass(frozen=True)
+class Names:
+    """Identifiers of everything in one robot, and the prim paths made of them."""
+
+    root: str
+    bodies: dict[str, str]
+    frames: dict[str, str]
+    joints: dict[str, str]
+    shapes: dict[str, str]
+    materials: dict[str, str]
+    assets: dict[str, str]
+    tree: Tree
+
+    @classmethod
+    def of(cls, robot: str, tree: Tree, shapes: Shapes) -> Names:
+        """Names for all parts of the robot called `robot`."""
+        return cls(
+            root=usd_identifier(robot),
+            bodies=usd_identifiers(tree.by_body, (JOINTS, LOOKS, PHYSICS_MATERIALS)),
+            frames=usd_identifiers((f.name for f in tree.frames), (VISUALS, COLLISIONS)),
+            joints=usd_identifiers(tree.by_joint, (ROOT_JOINT,)),
+            shapes=usd_identifiers(s.name for s in shapes.shapes),
+            materials=usd_identifiers(m.name for m in shapes.materials),
+            assets=usd_identifiers(m.name for m in shapes.meshes),
+            tree=tree,
+        )
+
+    def body(self, name: str) -> str:
+        """Prim path of a body."""
+        return f"/{self.root}/{self.bodies[name]}"
+
+    def frame(self, name: str) -> str:
+        """Prim path of a merged link, below its body."""
+        body, _ = self.tree.placement(name)
+        return f"{self.body(body)}/{self.frames[name]}"
+
+    def joint(self, name: str) -> str:
+        """Prim path of a joint."""
+        return f"/{self.root}/{JOINTS}/{self.joints[name]}"
+
+    def shape(self, shape: Shape) -> str:
+        """Prim path of a visual or collision shape, below the body that carries its link."""
+        body, _ = self.tree.placement(shape.link)
+        group = VISUALS if shape.role == "visual" else COLLISIONS
+        return f"{self.body(body)}/{group}/{self.shapes[shape.name]}"
+
+    def material(self, name: str) -> str:
+        """Prim path of a material for the eye."""
+        return f"/{self.root}/{LOOKS}/{self.materials[name]}"
+
+    @property
+    def contact_material(self) -> str:
+        """Prim path of the physics material of all colliders."""
+        return f"/{self.root}/{PHYSICS_MATERIALS}/contact"
+
+    @property
+    def root_joint(self) -> str:
+        """Prim path of the joint between the world and a fixed base."""
+        return f"/{self.root}/{JOINTS}/{ROOT_JOINT}"
+
+    def findings(self, robot: str) -> Iterator[Finding]:
+        """One `usd.renamed` for each name that a user will look for and not find."""
+        if self.root != robot:
+            yield _renamed("robot", robot, self.root)
+        for kind, table in (("link", self.bodies | self.frames), ("joint", self.joints)):
+            for name, identifier in table.items():
+                if name != identifier:
+                    yield _renamed(f"{kind} {name}", name, identifier)
+        for name, identifier in self.materials.items():
+            if name != identifier:
+                yield _renamed("robot", name, identifier)
+
+
+def _renamed(subject: str, name: str, identifier: str) -> Finding:
+    return Finding(
+        rule="usd.renamed",
+        severity="info",
+        subject=subject,
+        message=f"`{name}` is `{identifier}` in USD, which allows letters, digits and `_` only",
+        hint="the prim's displayName keeps the old name",
+        data={"name": name, "identifier": identifier},
+    )

@@ -1,0 +1,45 @@
+"""The units of USD physics: degrees where the robot has radians; nothing else changes."""
+
+from __future__ import annotations
+
+import math
+
+from assetbuild.robot.model import Joint
+
+UNLIMITED = math.inf
+
+
+def is_angular(joint: Joint) -> bool:
+    """True when the coordinate is an angle; False for a prismatic joint."""
+    return joint.kind != "prismatic"
+
+
+def to_usd_degrees(angle_rad: float) -> float:
+    """Angle or angular velocity: rad to deg, rad/s to deg/s."""
+    return math.degrees(angle_rad)
+
+
+def to_per_degree(gain_per_rad: float) -> float:
+    """Gain or viscous friction: N m/rad to N m/deg, N m s/rad to N m s/deg."""
+    return gain_per_rad * (math.pi / 180.0)
+
+
+def coordinate(joint: Joint, value: float) -> float:
+    """A joint coordinate, limit or velocity in USD's unit: deg (deg/s), or m (m/s) unchanged."""
+    return to_usd_degrees(value) if is_angular(joint) else value
+
+
+def gain(joint: Joint, value: float) -> float:
+    """Stiffness, damping or viscous friction in USD's unit: per deg, or per m unchanged."""
+    return to_per_degree(value) if is_angular(joint) else value
+
+
+def limits(joint: Joint) -> tuple[float, float]:
+    """(lower, upper) in deg or m; an open side and a continuous joint are infinite."""
+    if joint.kind == "continuous":
+        return (-UNLIMITED, UNLIMITED)
+    lower, upper = joint.limits.lower, joint.limits.upper
+    return (
+        -UNLIMITED if lower is None else coordinate(joint, lower),
+        UNLIMITED if upper is None else coordinate(joint, upper),
+    )

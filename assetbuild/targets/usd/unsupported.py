@@ -1,0 +1,134 @@
+"""What USD, or the runtimes that read it, cannot hold of this robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from assetbuild.findings import Finding
+from assetbuild.robot.model import Control, Joint, Tree
+from assetbuild.targets.usd.units import is_angular, limits
+
+MAX_LINKS = 64
+MAX_ANGLE_DEG = 360.0
+
+
+def unsupported(tree: Tree, control: Control) -> Iterator[Finding]:
+    """Findings for all that is missing, clamped or read differently."""
+    for joint in tree.moving_joints:
+        yield from _limits(joint)
+        yield from _mimic(tree, joint)
+    yield from _actuators(control)
+    yield from _contact(control)
+    yield from _keyframes(control)
+    if len(tree.bodies) > MAX_LINKS:
+        yield Finding(
+            rule="usd.links",
+            severity="warning",
+            subject="robot",
+            message=f"{len(tree.bodies)} bodies; older PhysX holds {MAX_LINKS} in an articulation",
+            hint="merge more links: shorten `fixed_joints.keep_bodies`",
+            data={"bodies": len(tree.bodies), "limit": MAX_LINKS},
+        )
+
+
+def _limits(joint: Joint) -> Iterator[Finding]:
+    if joint.kind == "continuous":
+        return
+    lower, upper = limits(joint)
+    stated = (joint.limits.lower is not None, joint.limits.upper is not None)
+    if any(stated) and not all(stated):
+        yield Finding(
+            rule="usd.one_sided_limit",
+            severity="warning",
+            subject=f"joint {joint.name}",
+            message="has one limit; some readers of PhysX then limit neither side",
+            hint="give the joint both limits",
+        )
+    worst = max(abs(v) for v in (lower, upper) if abs(v) != float("inf")) if any(stated) else 0.0
+    if is_angular(joint) and worst > MAX_ANGLE_DEG + 1e-3:
+        yield Finding(
+            rule="usd.limit_clamped",
+            severity="warning",
+            subject=f"joint {joint.name}",
+            message=f"limit {worst:.6g}° lies beyond ±360°, where PhysX clamps it",
+            hint="make the joint continuous, or narrow its limits",
+            data={"limit_deg": worst},
+        )
+
+
+def _mimic(tree: Tree, joint: Joint) -> Iterator[Finding]:
+    if joint.mimic is None:
+        return
+    subject, leader = f"joint {joint.name}", tree.by_joint[joint.mimic.joint]
+    if is_angular(leader) != is_angular(joint):
+        yield Finding(
+            rule="usd.mimic",
+            severity="warning",
+            subject=subject,
+            message=f"follows `{leader.name}`, an angle a length: USD cannot hold it, it is free",
+            hint="drive both joints, or couple them in the simulator",
+        )
+    elif joint.limits.lower is None or joint.limits.upper is None:
+        yield Finding(
+            rule="usd.mimic",
+            severity="warning",
+            subject=subject,
+            message=f"follows `{leader.name}` but has no limits; PhysX wants both to couple them",
+            hint="give the joint limits",
+        )
+
+
+def _actuators(control: Control) -> Iterator[Finding]:
+    for model in ("ideal_pd", "dc_motor", "motor", "general"):
+        joints = [a.joint for a in control.actuators if a.model == model]
+        if joints:
+            yield Finding(
+                rule="usd.explicit_actuator",
+                severity="info",
+                subject="robot",
+                message=f"`{model}` computes efforts outside of the simulator: the drives of "
+                f"{len(joints)} joints have gains 0 and the effort limit",
+                hint="the generated Isaac Lab module holds the model; alone, the asset goes limp",
+                data={"model": model, "joints": tuple(joints)},
+            )
+    rubbed = [a.joint for a in control.actuators if a.friction > 0.0]
+    if rubbed:
+        yield Finding(
+            rule="usd.friction_unit",
+            severity="info",
+            subject="robot",
+            message=f"dry friction of {len(rubbed)} joints is written as an effort; Isaac Sim 4.5 "
+            "and older read `physxJoint:jointFriction` as a coefficient",
+            hint="set `friction=0` in the actuator configuration there",
+            data={"joints": tuple(rubbed)},
+        )
+
+
+def _contact(control: Control) -> Iterator[Finding]:
+    if control.contact.condim != 3:
+        _, torsional, rolling = control.contact.friction
+        yield Finding(
+            rule="usd.contact",
+            severity="info",
+            subject="robot",
+            message=f"condim {control.contact.condim}: PhysX has sliding friction only",
+            hint="Newton reads torsional and rolling friction from the physics material",
+            data={
+                "condim": control.contact.condim,
+                "torsional_m": torsional,
+                "rolling_m": rolling,
+            },
+        )
+
+
+def _keyframes(control: Control) -> Iterator[Finding]:
+    lost = tuple(key.name for key in control.keyframes if key.name != "home")
+    if lost:
+        yield Finding(
+            rule="usd.keyframes",
+            severity="info",
+            subject="robot",
+            message=f"USD has no keyframes: {', '.join(lost)} left out; drives aim at `home`",
+            hint="take them from the MJCF or the generated Isaac Lab module",
+            data={"keyframes": lost},
+        )
