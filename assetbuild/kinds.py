@@ -128,7 +128,7 @@ class Check(Step):
     reads: ClassVar[tuple[str, ...]] = ROBOT_PORTS
     """The robot ports that this check really reads."""
     requires: ClassVar[Mapping[str, str]] = {}
-    """Optional module -> the extra that brings it; without it the plan skips the check and says so."""
+    """Optional module -> the extra that brings it; without it the check is skipped aloud."""
 
     @classmethod
     def configure(cls, recipe: Recipe) -> Self | None:

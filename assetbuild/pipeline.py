@@ -8,21 +8,21 @@ import os
 import platform
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-
-import platformdirs
 
 from assetbuild import __version__
 from assetbuild.engine.execute import Event, NodeResult, execute
-from assetbuild.engine.graph import Graph, Planner
-from assetbuild.engine.publish import publish
-from assetbuild.engine.session import Session
+from assetbuild.engine.folders import cache_root
+from assetbuild.engine.graph import Graph, Node, Planner
+from assetbuild.engine.publish import check_replaceable, new_staging, publish
+from assetbuild.engine.session import Resolver, Session
 from assetbuild.engine.store import Store
 from assetbuild.errors import AssetBuildError, LockError, OutOfDateError, Where
 from assetbuild.findings import Finding
 from assetbuild.lock import Lock, check_pin, lock_path, read_lock, write_lock
 from assetbuild.plan import Outline, plan
+from assetbuild.plan.agree import check_names
 from assetbuild.recipe.loader import LoadedRecipe, load_recipe, shown_path
 from assetbuild.report.bundle import BundleFile, json_text, manifest, notice, provenance
 from assetbuild.report.card import model_card
@@ -53,6 +53,8 @@ class Outcome:
 
     out: where the bundle lies, None when a step failed. edited: files of the user that were set
     aside. errors: of the failed steps, in the order of the graph.
+    read: path -> sha256 of every file outside the store that decided the result; absent: paths
+    that would have, had they existed; began_ns: when the first was read.
     """
 
     loaded: LoadedRecipe
@@ -63,7 +65,9 @@ class Outcome:
     report: Report | None = None
     edited: tuple[str, ...] = ()
     errors: tuple[AssetBuildError, ...] = ()
-    notes: list[str] = field(default_factory=list)
+    read: Mapping[str, str] = field(default_factory=dict)
+    absent: tuple[Path, ...] = ()
+    began_ns: int = 0
 
 
 OnEvent = Callable[[Event], None]
@@ -71,25 +75,87 @@ OnEvent = Callable[[Event], None]
 
 def build(request: Request, on_event: OnEvent, say: Callable[[str], None]) -> Outcome:
     """Build one recipe. Raises AssetBuildError for wrong input; failed steps are in the outcome."""
-    started = time.monotonic()
+    started, began_ns = time.monotonic(), time.time_ns()
     loaded = load_recipe(request.recipe, request.variant)
+    out = request.out or default_out(loaded)
+    check_replaceable(out)
     lock = pin(loaded, frozen=request.frozen, say=say)
     with open_session(loaded, rehash=request.rehash) as session:
-        outline, results = _plan_and_execute(loaded, lock, session, request, on_event)
+        outline, results, sources = _plan_and_execute(loaded, lock, session, request, on_event)
         errors = tuple(r.error for r in results.values() if r.error is not None)
         if errors:
             code = max(error.exit_code for error in errors)
             return Outcome(loaded, code, time.monotonic() - started, results, errors=errors)
         report = _report(loaded, outline, results, session)
         failed = fails(report, request.fail_on)
-        out = request.out or default_out(loaded)
         target = out.with_name(f"{out.name}.failed") if failed else out
         files = _bundle(loaded, lock, outline, report, session, results)
         edited = publish_bundle(files, target, session)
-    outcome = Outcome(loaded, 1 if failed else 0, time.monotonic() - started, results, target)
-    outcome.report, outcome.edited = report, edited
+        read = {str(path): session.source_digest(path) for path in _files_read(loaded, sources)}
+    lockless = (lock_path(loaded.path),) if lock is None else ()
+    seconds = time.monotonic() - started
+    outcome = Outcome(loaded, 1 if failed else 0, seconds, results, target, report, edited)
+    outcome.read, outcome.absent, outcome.began_ns = read, lockless, began_ns
     _write_run_log(outcome, out)
     return outcome
+
+
+def _files_read(loaded: LoadedRecipe, sources: list[Path]) -> list[Path]:
+    lock = lock_path(loaded.path)
+    return [*loaded.files, *sources, *([lock] if loaded.recipe.source.pypi else [])]
+
+
+def check(recipe: Path) -> list[Finding]:
+    """What can be said without a heavy step: schema, lock, names, paths and static lints.
+
+    Reads the description only where it needs no download: it lies in a folder, or in the store.
+    Raises AssetBuildError; a lock that is out of date is an OutOfDateError.
+    """
+    loaded = load_recipe(recipe)
+    for variant in loaded.recipe.variants:
+        check_names(load_recipe(recipe, variant))
+    check_names(loaded)
+    lock = pin(loaded, frozen=True, say=lambda _: None)
+    with open_session(loaded) as session:
+        results: dict[str, NodeResult] = {}
+        while True:
+            planner = Planner(session)
+            outline = plan(loaded, lock, planner)
+            light = _light(planner.graph(), session)
+            known = len(results)
+            results |= execute(light, session)
+            failed = [result.error for result in results.values() if result.error]
+            if failed:
+                raise failed[0]
+            if not planner.questions or len(results) == known:
+                break
+        findings = [finding for result in results.values() for finding in result.findings]
+        locate = _locator(loaded, outline, results, session)
+    return list(make_report("", findings, {}, loaded.recipe.rules, locate).findings)
+
+
+LIGHT_STEPS = frozenset({"read_urdf", "lint_links", "merge_fixed_joints", "lint_bodies"})
+"""Steps that `check` may run: no simulator, no mesh, no network."""
+
+
+def _light(graph: Graph, session: Session) -> Graph:
+    """The part of a graph that `check` may run: light steps, and what the store has already."""
+    resolver = Resolver(graph.nodes, session)
+    kept: dict[str, Node] = {}
+    for label, node in graph.nodes.items():  # each after the nodes it reads
+        may_run = node.step.step_name() in LIGHT_STEPS
+        if all(maker in kept for maker in graph.predecessors(label)) and (
+            may_run or resolver.made(label) is not None
+        ):
+            kept[label] = node
+    return Graph(kept, graph.sources)
+
+
+def opened(recipe: Path, variant: str | None) -> tuple[LoadedRecipe, Lock | None, Session]:
+    """A recipe, its lock and a session, for verbs that only look; the caller closes it."""
+    loaded = load_recipe(recipe, variant)
+    lock = pin(loaded, frozen=True, say=lambda _: None)
+    return loaded, lock, open_session(loaded)
 
 
 def default_out(loaded: LoadedRecipe) -> Path:
@@ -98,16 +164,10 @@ def default_out(loaded: LoadedRecipe) -> Path:
     return Path("build") / f"{loaded.recipe.robot}{suffix}"
 
 
-def cache_root() -> Path:
-    """The store: `ASSETBUILD_CACHE`, else the user's cache folder."""
-    named = os.environ.get("ASSETBUILD_CACHE")
-    return Path(named) if named else Path(platformdirs.user_cache_dir("assetbuild"))
-
-
 def open_session(loaded: LoadedRecipe, *, rehash: bool = False) -> Session:
     """The store and what this machine knows of earlier builds of the recipe."""
     name = f"{loaded.path}#{loaded.variant}" if loaded.variant else str(loaded.path)
-    return Session(Store(cache_root()), build=name, rehash=rehash)
+    return Session(Store(Path(cache_root())), build=name, rehash=rehash)
 
 
 def pin(loaded: LoadedRecipe, *, frozen: bool, say: Callable[[str], None]) -> Lock | None:
@@ -137,14 +197,16 @@ def pin(loaded: LoadedRecipe, *, frozen: bool, say: Callable[[str], None]) -> Lo
 def write_pin(loaded: LoadedRecipe, say: Callable[[str], None]) -> Lock:
     """Resolve a moving source and write the lock beside the recipe."""
     name, _, version = str(loaded.recipe.source.pypi).partition("==")
-    lock = Lock.model_validate({"schema": "assetbuild-lock/v1", "source": resolve(name, version, say)})
+    lock = Lock(schema="assetbuild-lock/v1", source=resolve(name, version, on_line=say))
     path = lock_path(loaded.path)
     if write_lock(path, lock):
         say(f"wrote {shown_path(path)}")
     return lock
 
 
-def planned(loaded: LoadedRecipe, lock: Lock | None, session: Session) -> tuple[Graph, Outline, bool]:
+def planned(
+    loaded: LoadedRecipe, lock: Lock | None, session: Session
+) -> tuple[Graph, Outline, bool]:
     """The graph as far as it is known without running anything; True when it is whole."""
     planner = Planner(session)
     outline = plan(loaded, lock, planner)
@@ -157,21 +219,23 @@ def _plan_and_execute(
     session: Session,
     request: Request,
     on_event: OnEvent,
-) -> tuple[Outline, dict[str, NodeResult]]:
+) -> tuple[Outline, dict[str, NodeResult], list[Path]]:
     """(plan, execute)* until no question is open or a step has failed."""
     jobs = request.jobs or os.cpu_count() or 1
     results: dict[str, NodeResult] = {}
     while True:
         planner = Planner(session)
         outline = plan(loaded, lock, planner)
-        now = execute(
-            planner.graph(), session, jobs=jobs, keep_going=request.keep_going, on_event=on_event
-        )
+        graph = planner.graph()
+        now = execute(graph, session, jobs=jobs, keep_going=request.keep_going, on_event=on_event)
         # What ran in an earlier round is found in the store in this one; it still has run.
         ran = {label for label, result in results.items() if result.status == "ran"}
-        results = {k: results[k] if k in ran and r.status == "cached" else r for k, r in now.items()}
+        results = {
+            k: results[k] if k in ran and r.status == "cached" else r for k, r in now.items()
+        }
         if not planner.questions or any(result.error for result in results.values()):
-            return outline, results
+            sources = [Path(ref.output) for ref in graph.sources if not ref.is_tree]
+            return outline, results, sources
 
 
 # --- the report -----------------------------------------------------------------------------
@@ -180,16 +244,18 @@ def _plan_and_execute(
 def _report(
     loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult], session: Session
 ) -> Report:
-    findings = list(outline.findings) + _licence_findings(loaded, outline)
-    for result in results.values():
-        findings += result.findings
+    findings = _licence_findings(loaded, outline)
+    for label, result in results.items():
+        subject = outline.subjects.get(label)
+        own = result.findings
+        findings += [replace(f, subject=subject) for f in own] if subject else own
     checks: dict[str, CheckResult] = {
         name: CheckResult("skip", note=note) for name, note in outline.skipped.items()
     }
     for name, node in outline.checks.items():
         result = results[node.label]
         bad = any(finding.severity == "error" for finding in result.findings)
-        figures = json.loads(session.read(result.outputs["figures.json"]))
+        figures = json.loads(session.read(result["figures.json"]))
         checks[name] = CheckResult("fail" if bad else "pass", figures)
     locate = _locator(loaded, outline, results, session)
     return make_report(loaded.recipe.robot, findings, checks, loaded.recipe.rules, locate)
@@ -226,7 +292,7 @@ def _locator(
     lines: dict[str, int] = {}
     file = str(loaded.recipe.source.urdf)
     if outline.source_map is not None:
-        digest = results[outline.source_map.node].outputs[outline.source_map.output]
+        digest = results[outline.source_map.node][outline.source_map.output]
         lines = json.loads(session.read(digest))["lines"]
     joints = {f"actuator {name[6:]}": line for name, line in lines.items() if name[:6] == "joint "}
 
@@ -265,7 +331,9 @@ def _bundle(
     materials: list[dict[str, object]] = [{"name": "assetbuild", "version": __version__}]
     if lock is not None:
         digest = {"sha256": lock.source.sha256}
-        materials.append({"uri": f"pkg:pypi/{lock.source.name}@{lock.source.version}", "digest": digest})
+        materials.append(
+            {"uri": f"pkg:pypi/{lock.source.name}@{lock.source.version}", "digest": digest}
+        )
     recipe_digest = session.source_digest(loaded.path)
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     run = {"finishedOn": now, "host": platform.node(), "python": platform.python_version()}
@@ -279,7 +347,7 @@ def _target_files(
 ) -> list[BundleFile]:
     files = []
     for name, node in outline.targets.items():
-        tree = session.tree(results[node.label].outputs[f"{name}/"])
+        tree = session.tree(results[node.label][f"{name}/"])
         for path, (digest, size) in sorted(tree.items()):
             files.append(BundleFile(f"{name}/{path}", name, digest, size))
     return files
@@ -291,7 +359,7 @@ def _licence_files(
     files = []
     for path, ref in sorted(outline.licenses.items()):
         if ref.node:
-            digest, size = session.tree(results[ref.node].outputs[ref.output])[ref.member]
+            digest, size = session.tree(results[ref.node][ref.output])[ref.member]
         else:
             digest, size = session.source_digest(Path(ref.output)), Path(ref.output).stat().st_size
         files.append(BundleFile(f"LICENSES/{path}", "licence", digest, size))
@@ -308,7 +376,7 @@ def _card(
 ) -> str:
     def built(port: str) -> bytes:
         ref = outline.robot[port]
-        return session.read(results[ref.node].outputs[ref.output])
+        return session.read(results[ref.node][ref.output])
 
     tree = decode(Tree, built("tree.json"))
     shapes = decode(Shapes, built("shapes.json"))
@@ -318,18 +386,26 @@ def _card(
 
 def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tuple[str, ...]:
     """Write the bundle beside its place, then swap; returns what the user had edited there."""
+    staging = new_staging(out)
+    for file in files:
+        path = staging / file.path
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if file.content is not None:
+            path.write_bytes(file.content)
+        else:
+            session.object(file.sha256)  # a source comes into the store first
+            session.store.restore(file.sha256, path)
+    published = publish(staging, out, _digests_of(out))
+    return (*published.edited, *published.added)
 
-    def fill(staging: Path) -> None:
-        for file in files:
-            path = staging / file.path
-            path.parent.mkdir(parents=True, exist_ok=True)
-            if file.content is not None:
-                path.write_bytes(file.content)
-            else:
-                session.object(file.sha256)
-                session.store.restore(file.sha256, path)
 
-    return publish(fill, out)
+def _digests_of(bundle: Path) -> dict[str, str] | None:
+    """Path -> sha256 of the bundle that lies there now; None when it has no readable manifest."""
+    try:
+        raw = json.loads((bundle / "manifest.json").read_bytes())
+        return {str(row["path"]): str(row["sha256"]) for row in raw["files"]}
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 def _write_run_log(outcome: Outcome, out: Path) -> None:

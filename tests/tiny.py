@@ -8,6 +8,7 @@ engine would, `run_step` runs one step on files.
 from __future__ import annotations
 
 import math
+import shutil
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,6 +20,8 @@ from assetbuild.findings import Finding
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import (
     Actuator,
+    ActuatorModel,
+    Base,
     Body,
     Box,
     Capsule,
@@ -28,6 +31,7 @@ from assetbuild.robot.model import (
     Frame,
     Inertial,
     Joint,
+    JointKind,
     Keyframe,
     Limits,
     Material,
@@ -343,7 +347,8 @@ def robots(draw: st.DrawFn, max_bodies: int = 6) -> TinyRobot:
         Frame(f"frame{i}", f"body{draw(st.integers(0, count - 1))}", draw(poses()))
         for i in range(draw(st.integers(0, 2)))
     )
-    base = draw(st.sampled_from(("floating", "fixed")))
+    bases: tuple[Base, ...] = ("floating", "fixed")
+    base = draw(st.sampled_from(bases))
     tree = Tree("random", base, bodies, joints, frames)
     moving = tree.moving_joints
     key = Keyframe(
@@ -357,7 +362,8 @@ def robots(draw: st.DrawFn, max_bodies: int = 6) -> TinyRobot:
 
 @st.composite
 def _joints(draw: st.DrawFn, parent: str, child: str) -> Joint:
-    kind = draw(st.sampled_from(("revolute", "continuous", "prismatic", "fixed")))
+    kinds: tuple[JointKind, ...] = ("revolute", "continuous", "prismatic", "fixed")
+    kind = draw(st.sampled_from(kinds))
     lower, width = draw(st.floats(-3.0, 3.0)), draw(st.floats(0.01, 3.0))
     limits = Limits(lower, lower + width, 20.0, 5.0)
     if kind in ("continuous", "fixed"):
@@ -369,7 +375,8 @@ def _joints(draw: st.DrawFn, parent: str, child: str) -> Joint:
 @st.composite
 def _drives(draw: st.DrawFn, joint: Joint) -> Actuator:
     size = st.floats(0.001, 500.0)
-    model = draw(st.sampled_from(("pd", "pd", "ideal_pd", "motor", "velocity", "passive")))
+    models: tuple[ActuatorModel, ...] = ("pd", "ideal_pd", "motor", "velocity", "passive")
+    model = draw(st.sampled_from(models))
     drive = Actuator(
         joint.name,
         model,
@@ -402,3 +409,15 @@ def _depth_first(parents: list[int]) -> list[int]:
         order.append(here)
         waiting += [i for i in reversed(range(len(parents))) if parents[i] == here]
     return order
+
+
+# --- files for checks ---------------------------------------------------------------------------
+
+
+def check_inputs(folder: Path, robot: TinyRobot, target: Step, name: str) -> Path:
+    """The ports of `robot` and the folder `<name>/` that `target` writes."""
+    inputs = write_robot_ports(folder / "inputs", robot)
+    outputs = folder / "target"
+    run_step(target, inputs, outputs)
+    shutil.copytree(outputs / name, inputs / name)
+    return inputs

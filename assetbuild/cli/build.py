@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.out is not None and len(arguments.recipes) > 1:
         raise UsageError("`-o` names one bundle, but several recipes were given")
-    codes = []
+    codes, outcomes = [0], []
     for recipe in arguments.recipes:
         request = Request(
             recipe=recipe,
@@ -54,11 +54,16 @@ def run(arguments: argparse.Namespace) -> int:
             rehash=arguments.rehash,
             fail_on=arguments.fail_on,
         )
-        codes.append(_dry_run(request) if arguments.dry_run else _build(request))
-    return max(codes)
+        if arguments.dry_run:
+            codes.append(_dry_run(request))
+        else:
+            outcomes.append(_build(request))
+    if not arguments.dry_run:
+        _remember(outcomes)
+    return max(codes + [outcome.exit_code for outcome in outcomes])
 
 
-def _build(request: Request) -> int:
+def _build(request: Request) -> Outcome:
     from assetbuild.cli.progress import progress
     from assetbuild.cli.summary import print_summary
     from assetbuild.pipeline import build
@@ -66,16 +71,17 @@ def _build(request: Request) -> int:
     with progress(request.recipe.name) as shown:
         outcome = build(request, shown.on_event, shown.say)
     print_summary(outcome)
-    if outcome.exit_code == 0:
-        _remember(request, outcome)
-    return outcome.exit_code
+    return outcome
 
 
-def _remember(request: Request, outcome: Outcome) -> None:
+def _remember(outcomes: list[Outcome]) -> None:
     """Leave a record with which the same command is answered by `stat` alone."""
     from assetbuild.cli.null import remember
+    from assetbuild.cli.summary import null_summary
 
-    remember(sys.argv[1:], outcome)
+    if all(outcome.exit_code == 0 and outcome.report for outcome in outcomes):
+        summaries = [null_summary(o, o.report) for o in outcomes if o.report is not None]
+        remember(sys.argv[1:], outcomes, "".join(summaries))
 
 
 def _dry_run(request: Request) -> int:

@@ -3,7 +3,8 @@
 The null build imports this module: standard library only, heavy parts inside functions.
 """
 
-# ruff: noqa: PTH - pathlib is not loaded on the way of the null build
+# pathlib is not loaded on the way of the null build:
+# ruff: noqa: PTH100, PTH103, PTH105, PTH108, PTH116, PTH120, PTH123
 from __future__ import annotations
 
 import os

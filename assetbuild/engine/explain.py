@@ -170,16 +170,17 @@ class Explanation:
         lines += [f"  after `{label}`, which would run first" for label in self.waits_for]
         if self.last_at:
             lines.append(f"  last ran {self.last_at}: {changes_text(self.last_changes)}")
-            lines += [f"    {c.name} comes from `{self.causes[c.name]}`" for c in self._caused()]
+            lines += [f"    {name} comes from `{maker}`" for name, maker in self._caused()]
         return "\n".join(lines)
 
     def _cause(self, change: Change) -> str:
         maker = (self.causes or {}).get(change.name) if change.part == "input" else None
         return f", made by `{maker}`" if maker else ""
 
-    def _caused(self) -> list[Change]:
+    def _caused(self) -> list[tuple[str, str]]:
         causes = self.causes or {}
-        return [c for c in self.last_changes if c.part == "input" and c.name in causes]
+        changed = [c.name for c in self.last_changes if c.part == "input"]
+        return [(name, causes[name]) for name in changed if name in causes]
 
 
 def explain(graph: Graph, session: Session, label: str) -> Explanation:

@@ -1,18 +1,21 @@
-"""Where the store lives when nobody says. Standard library only: the null build asks too."""
+"""Where the store lives when nobody says. The null build asks too, so Linux imports nothing."""
 
-# ruff: noqa: PTH - pathlib is not loaded on the way of the null build
+# pathlib is not loaded on the way of the null build:
+# ruff: noqa: PTH100, PTH111
 from __future__ import annotations
 
 import os
 import sys
 
 
-def default_store() -> str:
-    """`$ASSETBUILD_CACHE`, else the user's cache folder as the platform names it."""
-    chosen = os.environ.get("ASSETBUILD_CACHE")
-    if chosen:
-        return os.path.abspath(chosen)
-    home = os.path.expanduser("~")
-    if sys.platform == "darwin":
-        return f"{home}/Library/Caches/assetbuild"
-    return f"{os.environ.get('XDG_CACHE_HOME') or home + '/.cache'}/assetbuild"
+def cache_root() -> str:
+    """The store's folder: `$ASSETBUILD_CACHE`, else `assetbuild` in the user's cache folder."""
+    named = os.environ.get("ASSETBUILD_CACHE")
+    if named:
+        return os.path.abspath(named)
+    if sys.platform == "linux":
+        base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+        return f"{base}/assetbuild"
+    import platformdirs
+
+    return platformdirs.user_cache_dir("assetbuild", appauthor=False)

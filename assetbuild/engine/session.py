@@ -94,9 +94,7 @@ class Session:
 
     def close(self) -> None:
         """End the child processes, save what was learnt, remove private folders."""
-        if self._children is not None:
-            self._children.close()
-            self._children = None
+        self.cancel()
         self.save()
         self.store.close()
 
@@ -108,6 +106,13 @@ class Session:
             except OSError:
                 continue
 
+    def cancel(self) -> None:
+        """Kill all child processes now; a later build of this session starts new ones."""
+        with self._lock:
+            children, self._children = self._children, None
+        if children is not None:
+            children.close()
+
     @property
     def children(self) -> Children:
         """The child processes of this build, started when first needed."""
@@ -115,7 +120,7 @@ class Session:
 
         with self._lock:
             if self._children is None:
-                self._children = Children()
+                self._children = Children(self.store.scratch())
             return self._children
 
     # -- sources
@@ -177,9 +182,7 @@ class Session:
     def _take_in(self, source: Path, digest: str) -> None:
         changed = not source.is_file() or self.store.put_file(source) != digest
         if changed:
-            raise SourceError(
-                f"`{source}` was edited during the build", hint="run the build again"
-            )
+            raise SourceError(f"`{source}` was edited during the build", hint="run the build again")
 
     # -- what is known
 

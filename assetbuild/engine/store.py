@@ -291,8 +291,11 @@ def files_below(folder: Path) -> list[Path]:
 def is_plain_path(name: str) -> bool:
     """A relative path of ordinary parts: no `..`, no leading slash, no empty part."""
     parts = name.split("/")
-    return bool(name) and "\0" not in name and PurePosixPath(name).parts == tuple(parts) and (
-        not {"..", "."} & set(parts)
+    return (
+        bool(name)
+        and "\0" not in name
+        and PurePosixPath(name).parts == tuple(parts)
+        and (not {"..", "."} & set(parts))
     )
 
 

@@ -12,10 +12,10 @@ from assetbuild.robot.pose import Array
 
 SAMPLES = 6000
 """Samples of a surface; the spread of a mean distance is then below 1 % of it."""
-ANCHORS = 24000
-"""Samples that lead a query to its nearest triangles; denser than the queries."""
+LEVELS = (160.0, 640.0)
+"""Edges longer than diagonal / 160, than diagonal / 640, and the rest: see `NearestSurface`."""
 NEIGHBOURS = 8
-"""Anchors whose triangles are tried: the nearest triangle may own only the second anchor."""
+"""Anchors of each level whose triangles are tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,30 +45,61 @@ def surface_samples(mesh: TriangleMesh, count: int, seed: int) -> tuple[Array, I
 class NearestSurface:
     """Distances to one mesh, for many points.
 
-    A kd-tree over seeded samples finds candidate triangles; the distance to those is exact. So
-    the answer is never too small, and too large by less than the spacing of the samples, rarely.
+    A kd-tree finds candidate triangles by anchor points on them; the distance to those is exact,
+    so an answer is never too small; 99 % of the samples of Go1's trunk find the very triangle
+    they lie on within 0.04 % of the diagonal. Triangles are sorted by size into levels with a
+    tree each: otherwise a cluster of tiny ones hides the long needle that the query lies on.
     """
 
-    def __init__(self, mesh: TriangleMesh, seed: int = 0) -> None:
+    def __init__(self, mesh: TriangleMesh) -> None:
         from scipy.spatial import cKDTree
 
         self._corners = mesh.corners
-        points, self._faces = surface_samples(mesh, ANCHORS, seed)
-        # The middle of every face too: in finely meshed corners most faces own no sample.
-        points = np.concatenate([points, self._corners.mean(axis=1)])
-        self._faces = np.concatenate([self._faces, np.arange(len(mesh.faces))])
-        self._tree = cKDTree(points, balanced_tree=False)
+        edges = np.linalg.norm(self._corners - self._corners[:, [1, 2, 0]], axis=2)
+        longest = edges.max(axis=1)
+        coarse, fine = mesh.diagonal / LEVELS[0], mesh.diagonal / LEVELS[1]
+        sizes = [longest > coarse, (longest <= coarse) & (longest > fine), longest <= fine]
+        self._levels = []
+        for level in (np.flatnonzero(size) for size in sizes):
+            if len(level):
+                points, owner = _anchors(self._corners[level], edges[level], coarse)
+                tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
+                self._levels.append((tree, level[owner]))
 
     def distance(self, points: Array) -> Array:
         """(n,) unsigned distances of points (n, 3), m."""
-        if not len(points):
-            return np.zeros(0)
-        _, near = self._tree.query(points, k=NEIGHBOURS)
-        tried = self._faces[np.asarray(near)]
-        flat = point_triangle_distance(
-            np.repeat(points, NEIGHBOURS, axis=0), self._corners[tried.ravel()]
-        )
-        return np.asarray(flat.reshape(-1, NEIGHBOURS).min(axis=1), dtype=np.float64)
+        nearest = np.full(len(points), np.inf)
+        for tree, owner in self._levels if len(points) else ():
+            tries = min(NEIGHBOURS, len(owner))
+            _, near = tree.query(points, k=tries)
+            tried = owner[np.asarray(near).reshape(-1)]
+            repeated = np.repeat(points, tries, axis=0)
+            found = point_triangle_distance(repeated, self._corners[tried])
+            nearest = np.minimum(nearest, found.reshape(-1, tries).min(axis=1))
+        return nearest
+
+
+def _anchors(corners: Array, edges: Array, spacing: float) -> tuple[Array, Indices]:
+    """(points (k, 3), number of their triangle (k,)): a grid on each, about `spacing` apart.
+
+    Columns stand on the longest edge, `spacing` apart; each is filled up to the other two edges.
+    """
+    rows = np.arange(len(corners))
+    start = np.argmax(edges, axis=1)  # edge i joins corners i and i + 1
+    a, b, c = (corners[rows, (start + k) % 3] for k in range(3))
+    length = np.where(edges[rows, start] > 0.0, edges[rows, start], 1.0)
+    base = (b - a) / length[:, None]
+    foot = np.clip(np.einsum("ij,ij->i", c - a, base) / length, 1e-9, 1.0 - 1e-9)
+    up = c - a - (foot * length)[:, None] * base
+    along = np.clip(np.ceil(length / spacing), 1, 1000).astype(np.int64)
+    across = np.clip(np.ceil(np.linalg.norm(up, axis=1) / spacing), 1, 1000).astype(np.int64)
+    count = along * across
+    owner = np.repeat(rows, count)
+    cell = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    x = (cell % along[owner] + 0.5) / along[owner]
+    top = np.minimum(x / foot[owner], (1.0 - x) / (1.0 - foot[owner]))
+    y = (cell // along[owner] + 0.5) / across[owner] * top
+    return a[owner] + (x * length[owner])[:, None] * base[owner] + y[:, None] * up[owner], owner
 
 
 def point_triangle_distance(points: Array, corners: Array) -> Array:

@@ -223,7 +223,7 @@ class FreeFall(Model):
 class Stand(Model):
     """Held by its drives on a floor."""
 
-    keyframe: str = "home"
+    keyframe: str = Field("home", description="the pose to hold")
     seconds: Positive = Field(2.0, description="s")
     max_sag: Positive = Field(0.03, description="m of base height, warning")
     max_tilt: Positive = Field(0.1, description="rad of the base, warning")
@@ -234,15 +234,19 @@ class Stand(Model):
 class Validate(Model):
     """Which physical checks run, and their limits."""
 
-    free_fall: FreeFall | None = Field(default_factory=lambda: FreeFall.model_validate({}))
-    stand: Stand | None = None
-    simulators: tuple[Literal["mujoco", "physx"], ...] = ("mujoco",)
+    free_fall: FreeFall | None = Field(
+        default_factory=lambda: FreeFall.model_validate({}), description="null = do not run it"
+    )
+    stand: Stand | None = Field(None, description="stand still under the drives; {} = defaults")
+    simulators: tuple[Literal["mujoco", "physx"], ...] = Field(
+        ("mujoco",), description="engines that run the physical checks"
+    )
 
 
 class Waiver(Model):
     """Another severity for a rule; it stays visible with its reason."""
 
-    severity: Severity
+    severity: Severity = Field(description="the severity to report instead")
     because: str = Field(min_length=3, description="the reason, shown beside the finding")
 
 

@@ -28,6 +28,8 @@ _EXPECTED = {
     "model_type": "a map",
     "model_attributes_type": "a map",
 }
+_EXPLAINED = 200
+"""So many errors get their sentence; a hostile recipe may have fifty thousand."""
 _BOUNDS = {
     "greater_than": ("greater than", "gt"),
     "greater_than_equal": ("at least", "ge"),
@@ -41,9 +43,13 @@ def validated(model: type[M], root: Node, error: type[AssetBuildError]) -> M:
     try:
         return model.model_validate(plain(root), strict=True)
     except ValidationError as problem:
-        problems = _distinct([_read(raw, model, root) for raw in problem.errors()])
+        found = problem.errors(include_url=False, include_input=False)
+    placed = sorted(
+        (_find(raw, root) for raw in found), key=lambda p: (p.where.line, p.where.column)
+    )
+    problems = _distinct([_explained(place, model) for place in placed[:_EXPLAINED]])
     first = problems[0]
-    more = len(problems) - 1
+    more = len(problems) - 1 + len(placed[_EXPLAINED:])
     others = f" (and {more} more error{'s' if more > 1 else ''} in this file)" if more else ""
     message = f"{shown(first.key)}: {first.message}" if first.key else first.message
     raise error(message + others, where=first.where, hint=first.hint)
@@ -78,33 +84,51 @@ def shown(key: Key) -> str:
 
 
 @dataclass(frozen=True)
+class _Place:
+    """An error of pydantic, found in the file. key, node: what it is about."""
+
+    raw: Any  # Any: pydantic's ErrorDetails, whose ctx is open
+    key: Key
+    node: Node
+    where: Where
+
+
+@dataclass(frozen=True)
 class _Problem:
+    """key: where it is shown; reach: how deep the checker got, one more for a missing key."""
+
     key: Key
     where: Where
     message: str
     hint: str
-    rank: int
+    reach: Key
 
 
-def _read(raw: Any, model: type[BaseModel], root: Node) -> _Problem:  # Any: pydantic's ErrorDetails
+def _find(raw: Any, root: Node) -> _Place:  # Any: as above
     key, node = _follow(root, raw["loc"])
-    kind = raw["type"]
-    if kind == "missing":
-        *_, name = raw["loc"]
+    whole = isinstance(node.value, dict | tuple) or node.value is None
+    at_key = whole or raw["type"] == "extra_forbidden" or raw["loc"][-1:] == ("[key]",)
+    return _Place(raw, key, node, locate(root, key) if at_key else node.where)
+
+
+def _in_file_order(found: _Place | _Problem) -> tuple[int, int, Key]:
+    key = tuple(str(part) for part in found.key)
+    return found.where.line, found.where.column, key
+
+
+def _explained(place: _Place, model: type[BaseModel]) -> _Problem:
+    raw, key = place.raw, place.key
+    reach = key
+    if raw["type"] == "missing":
+        name = raw["loc"][-1]
+        reach = (*key, name)
         what = f"entry {name + 1}" if isinstance(name, int) else f"key `{name}`"
-        hint = meaning(model, (*key, name))
-        return _Problem(key, locate(root, key), f"missing {what}", hint, 0)
-    if raw["loc"] and raw["loc"][-1] == "[key]":
-        return _Problem(key, locate(root, key), f"not a valid name: {_said(raw)}", "", 0)
-    message, hint = _sentence(raw, kind, key, node, model)
-    return _Problem(key, _place(root, key, node, kind), message, hint, len(raw["loc"]))
-
-
-def _place(root: Node, key: Key, node: Node, kind: str) -> Where:
-    """Wrong keys are shown at the key, wrong scalar values at the value."""
-    if kind == "extra_forbidden" or isinstance(node.value, dict | tuple) or node.value is None:
-        return locate(root, key)
-    return node.where
+        message, hint = f"missing {what}", meaning(model, reach)
+    elif raw["loc"][-1:] == ("[key]",):
+        message, hint = f"not a valid name: {_said(raw)}", ""
+    else:
+        message, hint = _sentence(raw, raw["type"], key, place.node, model)
+    return _Problem(key, place.where, message, hint, reach)
 
 
 def _follow(root: Node, loc: tuple[str | int, ...]) -> tuple[Key, Node]:
@@ -161,24 +185,22 @@ def _said(raw: Any) -> str:  # Any: as above
 
 def _distinct(problems: list[_Problem]) -> list[_Problem]:
     """One problem per place, in file order; of a union's complaints the one that went deepest."""
-    keys = {problem.key for problem in problems}
-    found: dict[tuple[Key, str], _Problem] = {}
+    reached = {problem.reach for problem in problems}
+    found: dict[Key, _Problem] = {}
     for problem in problems:
-        deeper = any(k != problem.key and k[: len(problem.key)] == problem.key for k in keys)
+        key = problem.reach
+        deeper = any(other != key and other[: len(key)] == key for other in reached)
         if deeper and problem.message.startswith("expected"):
             continue
-        slot = (problem.key, problem.message if problem.rank == 0 else "")
-        known = found.get(slot)
-        if known is None:
-            found[slot] = problem
-        elif problem.message.startswith("expected ") and known.message.startswith("expected "):
-            found[slot] = _either(known, problem)
-    return sorted(found.values(), key=lambda p: (p.where.line, p.where.column, p.message))
+        known = found.setdefault(key, problem)
+        if known is not problem and problem.message.startswith("expected "):
+            found[key] = _either(known, problem)
+    return sorted(found.values(), key=_in_file_order)
 
 
 def _either(a: _Problem, b: _Problem) -> _Problem:
     expected, _, found = a.message.partition(", found")
     other = b.message.partition(", found")[0].removeprefix("expected ")
     return _Problem(
-        a.key, a.where, f"{expected} or {other}, found{found}", a.hint or b.hint, a.rank
+        a.key, a.where, f"{expected} or {other}, found{found}", a.hint or b.hint, a.reach
     )

@@ -18,7 +18,7 @@ from assetbuild.errors import AssetBuildError, Where
 
 MAX_BYTES = 4 * 1024 * 1024
 MAX_DEPTH = 64
-MAX_COST = 100_000
+MAX_COST = 50_000
 """Nodes after all aliases are expanded; a scalar counts one more for every 100 characters."""
 
 Scalar = str | int | float | bool | None

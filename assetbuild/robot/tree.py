@@ -7,6 +7,8 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from assetbuild.robot.inertia import combine, move_inertial
 from assetbuild.robot.model import Body, Frame, Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat, vec3
@@ -75,12 +77,23 @@ def forward_kinematics(tree: Tree, positions: Mapping[str, float]) -> dict[str, 
     return poses
 
 
-def X_world_root(links: Tree, tree: Tree) -> Pose:  # noqa: N802 # the field's notation for poses
-    """Pose of the root body when the root *link* of the source lies in the world's origin.
+def sample_positions(tree: Tree, count: int, seed: int) -> list[dict[str, float]]:
+    """`count` random positions of the moving joints, uniform within their limits, rad or m.
 
-    Not the identity when a placeholder root gave its frame away: a fixed base must stand there.
+    Where a limit is missing or empty: within +-pi rad, +-1 m. Same seed, same numbers.
     """
-    return tree.placement(links.root)[1].inverse()
+    random = np.random.default_rng(seed)
+    samples = []
+    for _ in range(count):
+        positions = {}
+        for joint in tree.moving_joints:
+            lower, upper = joint.limits.lower, joint.limits.upper
+            if lower is None or upper is None or not lower < upper:
+                upper = 1.0 if joint.kind == "prismatic" else math.pi
+                lower = -upper
+            positions[joint.name] = float(random.uniform(lower, upper))
+        samples.append(positions)
+    return samples
 
 
 def merge_fixed_joints(
@@ -89,9 +102,10 @@ def merge_fixed_joints(
     """Make one body of all links that fixed joints hold together; nothing is lost.
 
     A body is named after its topmost link and keeps that link's frame; a root link without mass
-    (`PLACEHOLDER_KG`) hands both to the heaviest link merged into it. The other links become
-    frames. keep_bodies: links that stay bodies of their own on their fixed joint. Exact: only
-    poses that are not the identity change a number.
+    (`PLACEHOLDER_KG`) hands both to the heaviest link merged into it, unless that would move a
+    fixed base off the place where the source mounts it. The other links become frames.
+    keep_bodies: links that stay bodies of their own on their fixed joint. Exact: only poses that
+    are not the identity change a number.
     """
     groups = _groups(tree, merge, frozenset(keep_bodies))
     bodies: list[Body] = []
@@ -140,7 +154,10 @@ def _name_giver(tree: Tree, members: list[str]) -> str:
     if first != tree.root or masses[first] >= PLACEHOLDER_KG:
         return first
     heaviest = max(members, key=lambda link: masses[link])  # the first of equals
-    return heaviest if masses[heaviest] >= PLACEHOLDER_KG else first
+    if masses[heaviest] < PLACEHOLDER_KG:
+        return first
+    mounted = tree.base == "fixed" and _poses_from(first, tree, members)[heaviest] != IDENTITY
+    return first if mounted else heaviest
 
 
 def _mass(tree: Tree, link: str) -> float:

@@ -18,10 +18,13 @@ from assetbuild.robot.inertia import (
     principal_moments,
     triangle_violation,
 )
-from assetbuild.robot.model import MOVING, Inertial, Tree
+from assetbuild.robot.model import Inertial, Tree
 
 ROUNDING = 1e-9
 """Relative: smaller violations are the noise of turning a tensor into other axes."""
+
+SINGULAR = 1e-12
+"""Relative: a least principal moment below this is a zero that rounding made positive."""
 
 
 class Bounds(BaseModel):
@@ -41,49 +44,42 @@ class Bounds(BaseModel):
 def inertia_findings(tree: Tree, bounds: Bounds, worst: Severity) -> Iterator[Finding]:
     """Findings on all bodies of a tree, none graver than `worst`.
 
-    A body that nothing moves (the root of a fixed base, and what is fixed to it) may lack mass.
+    What a fixed joint carries may lack mass: before merging it is a frame in all but name and
+    nothing is said, afterwards it was kept as a body and some engines would invent a mass.
     """
-    moved = _moved(tree)
+    driven = {joint.child for joint in tree.joints if joint.kind != "fixed"}
+    if tree.base == "floating":
+        driven.add(tree.root)
     for body in tree.bodies:
         subject = f"link {body.name}"
-        if body.inertial is None:
-            if body.name in moved:
-                yield _missing(subject, worst, carried=body.name in _by_fixed_joint(tree))
+        mass = body.inertial.mass_kg if body.inertial else 0.0
+        if body.name not in driven and mass <= 0.0:
+            if worst == "error" and body.name != tree.root:
+                yield _carried(subject)
+        elif body.inertial is None:
+            yield _missing(subject, worst)
         else:
             for finding in _judge(subject, body.inertial, bounds, worst):
-                if body.name in moved or finding.rule not in ("inertia.mass", "inertia.small"):
+                if finding.rule != "inertia.mass_small" or body.name in driven:
                     yield finding
 
 
-def _moved(tree: Tree) -> set[str]:
-    """Bodies that some joint moves in the world."""
-    moved = {tree.root} if tree.base == "floating" else set()
-    for joint in tree.joints:
-        if joint.kind != "fixed" or joint.parent in moved:
-            moved.add(joint.child)
-    return moved
+def _carried(subject: str) -> Finding:
+    return Finding(
+        "inertia.missing",
+        "warning",
+        subject,
+        "it is kept as a body but has no mass; some engines invent one",
+        "let it be merged, or give it a small mass and inertia",
+    )
 
 
-def _by_fixed_joint(tree: Tree) -> set[str]:
-    return {joint.child for joint in tree.joints if joint.kind == "fixed"}
-
-
-def _missing(subject: str, worst: Severity, *, carried: bool) -> Finding:
-    if carried:  # a sensor frame, say; some engines then invent a mass
-        return Finding(
-            "inertia.missing",
-            "info",
-            subject,
-            "no <inertial>; a fixed joint carries it",
-            "let it be merged, or give it a mass if it stays a body",
-        )
+def _missing(subject: str, worst: Severity) -> Finding:
     message = "it moves but has no <inertial>: no simulator can accelerate it"
     return Finding("inertia.missing", worst, subject, message, "give it a mass and an inertia")
 
 
-def _judge(
-    subject: str, inertial: Inertial, bounds: Bounds, worst: Severity
-) -> Iterator[Finding]:
+def _judge(subject: str, inertial: Inertial, bounds: Bounds, worst: Severity) -> Iterator[Finding]:
     mass, tensor = inertial.mass_kg, inertial.inertia_com_kg_m2
     moments = principal_moments(tensor)
     data: dict[str, Scalar | tuple[Scalar, ...]] = {"mass_kg": mass, "principal_kg_m2": moments}
@@ -93,7 +89,7 @@ def _judge(
         return
     if mass < bounds.small_mass_kg:
         yield Finding(
-            "inertia.small", _milder(worst), subject,
+            "inertia.mass_small", _note(worst), subject,
             f"mass is only {mass:g} kg",
             "merge it into a neighbour, or give it its real mass",
             data={"mass_kg": mass, "bound_kg": bounds.small_mass_kg},
@@ -115,13 +111,13 @@ def _broken(
 ) -> Finding | None:
     a, b, c = moments
     shown = f"({a:.4g}, {b:.4g}, {c:.4g}) kg m²"
-    if a <= ROUNDING * abs(c):
+    if a <= SINGULAR * abs(c):
         message = f"principal moments {shown} are not all positive"
         hint = "was a product of inertia given the wrong sign, or a dummy value left in?"
         return Finding("inertia.positive", worst, subject, message, hint, data=data)
     violation = triangle_violation(tensor)
     if violation > ROUNDING:
-        severity = worst if violation > bounds.triangle_slack else _milder(worst)
+        severity = worst if violation > bounds.triangle_slack else "warning"
         message = f"principal moments A + B < C by {100 * violation:.3g} % of C: {shown}"
         hint = "was the tensor taken about the centre of mass? MuJoCo refuses any violation"
         extra = {**data, "violation": violation}
@@ -131,7 +127,7 @@ def _broken(
         message = f"its pseudo-inertia is singular: all mass lies in a plane, moments {shown}"
         hint = "a real part has thickness; randomised or identified masses can turn invalid"
         extra = {**data, "least_second_moment_kg_m2": least}
-        return Finding("inertia.pseudo", _milder(worst), subject, message, hint, data=extra)
+        return Finding("inertia.pseudo", _note(worst), subject, message, hint, data=extra)
     return None
 
 
@@ -148,7 +144,7 @@ def _size(
     grave = radius > bounds.radius_error_m * (1.0 + ROUNDING)
     yield Finding(
         "inertia.radius",
-        worst if grave else _milder(worst),
+        worst if grave else "warning",
         subject,
         f"its inertia is that of a ball of {radius:.3g} m radius with {inertial.mass_kg:g} kg",
         "are the units kg m² (not kg mm² or g cm²), and the tensor about the centre of mass?",
@@ -156,10 +152,6 @@ def _size(
     )
 
 
-def _milder(worst: Severity) -> Severity:
-    return "warning" if worst == "error" else "info" if worst == "info" else "warning"
-
-
-def moving_names(tree: Tree) -> frozenset[str]:
-    """Bodies right below a joint with a coordinate."""
-    return frozenset(joint.child for joint in tree.joints if joint.kind in MOVING)
+def _note(worst: Severity) -> Severity:
+    """One step below `worst`, for what is odd and not wrong."""
+    return "warning" if worst == "error" else "info"

@@ -64,7 +64,7 @@ def build_tree(
                 other = above[joint.child].name
                 message = f"link `{joint.child}` already hangs on joint `{other}`"
                 hint = "a link has one parent; a closed loop needs a constraint instead"
-                raise nodes[f"joint {joint.name}"].error(message, hint)
+                raise _at(nodes, joint.name).error(message, hint)
             above[joint.child] = joint
     problems.raise_first()
     by_name = {body.name: body for body in bodies}
@@ -90,9 +90,14 @@ def _root(links: list[str], above: Mapping[str, Joint], nodes: Mapping[str, Node
         if link in loop:
             ring = [*loop[loop.index(link) :], link][::-1]
             way = " -> ".join(f"`{name}`" for name in ring[:12])
-            node = nodes[f"joint {above[link].name}"]
+            node = _at(nodes, above[link].name)
             raise node.error(f"the joints close a loop: {way}", "a robot is a tree with one root")
     return roots[0]
+
+
+def _at(nodes: Mapping[str, Node], joint: str) -> Node:
+    subject = f"joint {joint}"
+    return nodes[subject].about(subject)
 
 
 def _link(node: Node, links: Mapping[str, Node]) -> str:
@@ -211,5 +216,5 @@ def _refuse_mimic_loops(joints: list[Joint], nodes: Mapping[str, Node]) -> None:
         while (following := leader.get(seen[-1])) is not None:
             if following in seen:
                 way = " -> ".join(f"`{name}`" for name in [*seen, following])
-                raise nodes[f"joint {start}"].error(f"mimic joints follow one another: {way}")
+                raise _at(nodes, start).error(f"mimic joints follow one another: {way}")
             seen.append(following)

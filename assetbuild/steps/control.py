@@ -26,8 +26,9 @@ from assetbuild.recipe.models import (
 from assetbuild.robot import model
 from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, check_rows, resolve
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.kinematics import forward_kinematics, with_mimics
+from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.tree import forward_kinematics
 
 LIMIT_TOLERANCE = 1e-9
 """rad or m; a value that was rounded from the limit itself is inside."""

@@ -30,8 +30,9 @@ P99 = 0.003
 FARTHEST = 0.02
 """No sample farther than this share of the diagonal: a clean calf measured 0.013, lost parts
 0.04 and more."""
-SPEED = 7.0
-"""fast-simplification's `agg`, its default: how fast the error threshold grows."""
+SPEED = 3.0
+"""fast-simplification's `agg`: how fast its error threshold grows. Its default of 7 costs a trunk
+of 309 components 10 % of its area at 29,000 triangles; 3 keeps it to 0.2 % for the same time."""
 
 
 @dataclass(frozen=True, eq=False)

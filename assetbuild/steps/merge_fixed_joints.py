@@ -30,7 +30,8 @@ class MergeFixedJoints(Step):
         for fact in facts:
             if fact.placeholder:
                 yield _placeholder(fact, links)
-            yield _merged(fact, tree)
+        if facts:
+            yield _merged(facts, tree)
 
     def _kept(self, links: Tree) -> frozenset[str]:
         kept: set[str] = set()
@@ -57,15 +58,15 @@ def _placeholder(fact: Merged, links: Tree) -> Finding:
     )
 
 
-def _merged(fact: Merged, tree: Tree) -> Finding:
-    inertial = tree.by_body[fact.body].inertial
-    names = ", ".join(f"`{link}`" for link in fact.links[:8])
-    more = f" and {len(fact.links) - 8} more" if len(fact.links) > 8 else ""
+def _merged(facts: tuple[Merged, ...], tree: Tree) -> Finding:
+    links = tuple(link for fact in facts for link in fact.links)
+    names = ", ".join(f"`{link}`" for link in links[:6]) + (", ..." if len(links) > 6 else "")
     return Finding(
         rule="merge.fixed_joints",
         severity="info",
-        subject=f"link {fact.body}",
-        message=f"fixed joints merged {names}{more} into it",
+        subject="robot",
+        message=f"fixed joints hold {len(links)} links to their neighbours: {names}; they became "
+        f"frames, {len(tree.bodies)} bodies remain",
         hint="name a link in `fixed_joints.keep_bodies` to keep it as a body of its own",
-        data={"links": fact.links, "mass_kg": inertial.mass_kg if inertial else 0.0},
+        data={"bodies": len(tree.bodies), "links": links},
     )

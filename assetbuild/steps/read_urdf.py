@@ -46,10 +46,9 @@ class ReadUrdf(Step):
         geometries = read_shapes(root, links, Paths(self.file, self.packages), problems)
         joints, findings = _read_joints(root, dict(links), problems)
         name, unnamed = _robot_name(root)
-        if not links:
+        if not root.all("link"):
             raise root.error("a robot without links", "is this the right file?")
-        joint_nodes = {f"joint {n.get('name')}": n for n in root.all("joint")}
-        nodes = {f"link {link}": node for link, node in links} | joint_nodes
+        nodes = {f"{n.tag} {n.get('name')}": n for n in root.all("link") + root.all("joint")}
         tree = build_tree(name, self.base, bodies, joints, nodes, problems)
         _write(files, tree, geometries, self._source_map(root, nodes, geometries))
         yield from [*unnamed, *geometries.findings, *findings, *_dropped(root)]

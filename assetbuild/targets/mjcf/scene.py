@@ -7,8 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from assetbuild.robot.model import Control, Joint, Keyframe, Tree
-from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.model import Control, Keyframe, Tree
+from assetbuild.robot.pose import IDENTITY, Array
+from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.mjcf.xml import Element, element, numbers
 
 SMALLEST_EXTENT_M = 0.5
@@ -47,28 +48,12 @@ def view(tree: Tree, control: Control) -> tuple[tuple[float, ...], float]:
 
 def _origins(tree: Tree, keyframe: Keyframe | None) -> Array:
     """(n, 3) world positions of all bodies and frames, m."""
-    angles = dict(keyframe.joints) if keyframe else {}
-    X_world: dict[str, Pose] = {tree.root: (keyframe.base if keyframe else None) or Pose()}
-    waiting = [tree.root]
-    below: dict[str, list[Joint]] = {}
-    for joint in tree.joints:
-        below.setdefault(joint.parent, []).append(joint)
-    while waiting:
-        body = waiting.pop()
-        for joint in below.get(body, []):
-            motion = _motion(joint, angles.get(joint.name, 0.0))
-            X_world[joint.child] = X_world[body] @ joint.X_parent_joint @ motion
-            waiting.append(joint.child)
-    frames = [X_world[f.body].apply(f.X_body_frame.xyz) for f in tree.frames]
-    return np.array([X.xyz for X in X_world.values()] + frames)
-
-
-def _motion(joint: Joint, q: float) -> Pose:
-    x, y, z = joint.axis
-    if joint.kind == "prismatic":
-        return Pose((q * x, q * y, q * z))
-    s = math.sin(q / 2)
-    return Pose(quat=(math.cos(q / 2), s * x, s * y, s * z))
+    X_root = forward_kinematics(tree, dict(keyframe.joints) if keyframe else {})
+    places = [tree.placement(frame.name) for frame in tree.frames]
+    points = [X_root[body].apply(X_body_frame.xyz) for body, X_body_frame in places]
+    points += [np.asarray(X.xyz) for X in X_root.values()]
+    base = keyframe.base if keyframe else None
+    return (base or IDENTITY).apply(np.array(points))
 
 
 def _looks() -> Element:
@@ -80,6 +65,7 @@ def _looks() -> Element:
                 "headlight",
                 {"diffuse": "0.5 0.5 0.5", "ambient": "0.35 0.35 0.35", "specular": "0 0 0"},
             ),
+            element("quality", {"shadowsize": "4096"}),
             element("rgba", {"haze": "0.25 0.35 0.45 1"}),
             element(
                 "global",

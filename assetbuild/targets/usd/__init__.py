@@ -10,9 +10,10 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
-from assetbuild.kinds import Robot, Target, read_robot
-from assetbuild.robot.kinematics import forward_kinematics
-from assetbuild.robot.pose import IDENTITY, Pose
+from assetbuild.kinds import Target
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.usd.bodies import apply_rigid_bodies, write_base
 from assetbuild.targets.usd.colliders import apply_filtered_pairs, define_colliders
 from assetbuild.targets.usd.geometry import write_instances, write_library, write_materials
@@ -25,7 +26,7 @@ from assetbuild.targets.usd.layers import (
     write_interface,
 )
 from assetbuild.targets.usd.names import Names
-from assetbuild.targets.usd.scene import SCENE, home_poses, write_scene
+from assetbuild.targets.usd.scene import SCENE, write_scene
 from assetbuild.targets.usd.unsupported import unsupported
 
 
@@ -33,6 +34,7 @@ class Usd(Target):
     """`usd/<robot>.usda`, `usd/payloads/...` and `usd/scene.usda`."""
 
     outputs = ("usd/",)
+    reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json", "meshes/")
     tools: ClassVar[tuple[str, ...]] = ("usd-core",)
     isolated: ClassVar[bool] = True
     preload: ClassVar[tuple[str, ...]] = (
@@ -52,56 +54,40 @@ class Usd(Target):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Writes the layers from the inside out, so that each finds what it refers to."""
-        robot = read_robot(files)
-        names = Names.of(self.robot, robot.tree, robot.shapes)
-        X_world_root = _root_at_origin(robot)
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        meshes = files.inputs / "meshes"
+        names = Names.of(self.robot, tree, shapes)
         folder = files.outputs / "usd"
         payloads = folder / PAYLOADS
         with plain_environment():
-            write_library(payloads, names, robot.shapes, robot.mesh_dir)
-            write_materials(payloads, names, robot.shapes, robot.mesh_dir)
-            write_instances(payloads, names, robot.shapes)
-            poses = {
-                body: X_world_root @ X_root_body
-                for body, X_root_body in forward_kinematics(robot.tree, {}).items()
-            }
-            write_base(payloads, names, self.robot, robot.tree, poses)
-            yield from self._write_physics(payloads, names, robot, X_world_root)
+            write_library(payloads, names, shapes, meshes)
+            write_materials(payloads, names, shapes, meshes)
+            write_instances(payloads, names, shapes)
+            write_base(payloads, names, self.robot, tree, forward_kinematics(tree, {}))
+            yield from self._write_physics(payloads, names, tree, shapes, control)
             main = f"{self.robot}.usda"
             write_interface(folder / main, names)
             if main != SCENE:
-                home = home_poses(robot.tree, robot.control, X_world_root)
-                write_scene(folder, main, names, robot.control, home)
+                write_scene(folder, main, names, tree, control)
         yield from names.findings(self.robot)
-        yield from unsupported(robot.tree, robot.control)
+        yield from unsupported(tree, control)
 
     def _write_physics(
-        self, folder: Path, names: Names, robot: Robot, X_world_root: Pose
+        self, folder: Path, names: Names, tree: Tree, shapes: Shapes, control: Control
     ) -> Iterator[Finding]:
         """`physics.usda`: what the variant `physics` adds to the robot."""
         stage = new_layer(folder / "physics.usda", names)
-        yield from apply_rigid_bodies(stage, names, robot.tree)
-        yield from define_colliders(stage, names, robot.shapes, robot.control.contact)
-        define_joints(stage, names, robot.tree, robot.control)
+        yield from apply_rigid_bodies(stage, names, tree)
+        yield from define_colliders(stage, names, shapes, control.contact)
+        define_joints(stage, names, tree, control)
         apply_articulation(
             stage,
             names,
-            robot.tree,
-            X_world_root,
+            tree,
             self_collisions=self.self_collisions,
             iterations=(self.solver_position_iterations, self.solver_velocity_iterations),
         )
-        apply_filtered_pairs(stage, names, robot.tree, robot.shapes, robot.control)
+        apply_filtered_pairs(stage, names, tree, shapes, control)
         save(stage)
-
-
-def _root_at_origin(robot: Robot) -> Pose:
-    """X_world_root at q = 0. A floating base starts in the origin.
-
-    A fixed one stands where the source's root link lies in the origin, which is not its own frame
-    when that link was an empty placeholder.
-    """
-    if robot.tree.base == "floating":
-        return IDENTITY
-    _, X_root_link = robot.tree.placement(robot.links.root)
-    return X_root_link.inverse()

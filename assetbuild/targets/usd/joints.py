@@ -212,7 +212,6 @@ def apply_articulation(
     stage: Usd.Stage,
     names: Names,
     tree: Tree,
-    X_world_root: Pose,
     *,
     self_collisions: bool,
     iterations: tuple[int, int],
@@ -228,7 +227,7 @@ def apply_articulation(
     if tree.base == "fixed":
         joint = UsdPhysics.FixedJoint.Define(stage, names.root_joint)
         joint.CreateBody1Rel().SetTargets([names.body(tree.root)])
-        _set_frames(joint, X_world_root, IDENTITY)
+        _set_frames(joint, IDENTITY, IDENTITY)
         prim = joint.GetPrim()
     UsdPhysics.ArticulationRootAPI.Apply(prim)
     position, velocity = iterations

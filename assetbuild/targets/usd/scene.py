@@ -5,17 +5,17 @@ The robot's own file holds none of these: a training framework brings its own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from assetbuild.robot.kinematics import forward_kinematics
 from assetbuild.robot.model import Control, Tree
-from assetbuild.robot.pose import Pose
+from assetbuild.robot.pose import IDENTITY
+from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.usd.layers import apply_foreign, new_stage, save, set_place
 from assetbuild.targets.usd.names import Names
+from assetbuild.targets.usd.units import coordinate, is_angular
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -24,10 +24,11 @@ SCENE = "scene.usda"
 FLOOR_M = 20.0
 
 
-def write_scene(
-    folder: Path, main: str, names: Names, control: Control, poses: Mapping[str, Pose]
-) -> None:
-    """A world that references `main`; poses: X_world_body of every body, by name."""
+def write_scene(folder: Path, main: str, names: Names, tree: Tree, control: Control) -> None:
+    """A world that references `main`, the robot at the keyframe `home`.
+
+    Without that keyframe at q = 0, the root in the origin.
+    """
     from pxr import UsdGeom, UsdLux, UsdPhysics
 
     stage = new_stage(folder / SCENE)
@@ -42,21 +43,26 @@ def write_scene(
     UsdLux.DomeLight.Define(stage, "/World/light").CreateIntensityAttr(1000.0)
     robot = UsdGeom.Xform.Define(stage, f"/World/{names.root}").GetPrim()
     robot.GetReferences().AddReference(f"./{main}")
-    for body, pose in poses.items():
-        prim = stage.OverridePrim(f"/World/{names.root}/{names.bodies[body]}")
-        set_place(prim, pose)
+    home = next((key for key in control.keyframes if key.name == "home"), None)
+    joints = dict(home.joints) if home else {}
+    X_world_base = home.base if home and home.base is not None else IDENTITY
+    for body, X_root_body in forward_kinematics(tree, joints).items():
+        prim = stage.OverridePrim(f"/World{names.body(body)}")
+        set_place(prim, X_world_base @ X_root_body)
+    for name, value in joints.items():
+        _set_joint_state(stage.OverridePrim(f"/World{names.joint(name)}"), tree, name, value)
     save(stage)
 
 
-def home_poses(tree: Tree, control: Control, X_world_root: Pose) -> dict[str, Pose]:
-    """X_world_body at the keyframe `home`; at q = 0 and X_world_root without one."""
-    home = next((key for key in control.keyframes if key.name == "home"), None)
-    joints = dict(home.joints) if home else {}
-    X_world_base = home.base if home and home.base is not None else X_world_root
-    return {
-        body: X_world_base @ X_root_body
-        for body, X_root_body in forward_kinematics(tree, joints).items()
-    }
+def _set_joint_state(prim: Usd.Prim, tree: Tree, name: str, value: float) -> None:
+    """PhysX starts a joint where this says, wherever the bodies stand."""
+    joint = tree.by_joint[name]
+    axis = "angular" if is_angular(joint) else "linear"
+    apply_foreign(
+        prim,
+        f"PhysicsJointStateAPI:{axis}",
+        {f"state:{axis}:physics:position": ("Float", coordinate(joint, value))},
+    )
 
 
 def _define_physics(stage: Usd.Stage, control: Control) -> None:

@@ -1,0 +1,35 @@
+"""The entry point. A build with nothing to do is answered before anything else is imported."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+
+def main() -> int:
+    """Run the command line; returns the exit code."""
+    argv = sys.argv[1:]
+    if argv[:1] == ["build"] and "--rehash" not in argv:
+        code = _null_build(argv)
+        if code is not None:
+            return code
+    from assetbuild.cli import main as run
+
+    return run(argv)
+
+
+def _null_build(argv: list[str]) -> int | None:
+    """The exit code of a build with nothing to do; None when there may be something."""
+    from assetbuild.engine.folders import cache_root
+    from assetbuild.engine.null import check, record_file
+
+    options = "\n".join((os.getcwd(), *argv))  # noqa: PTH109 # pathlib is not loaded here
+    found = check(record_file(cache_root(), options), options)
+    if found is None:
+        return None
+    sys.stdout.write(str(found["summary"]))
+    return int(str(found["exit_code"]))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,100 @@
+"""Dropped without contacts and drives, does the robot fall as its integrator must?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Self
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding
+from assetbuild.kinds import Check, write_figures
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Tree
+from assetbuild.simulators import mujoco
+
+BROKEN = 0.05
+"""Relative error above which something is wrong with the model, not with the integrator."""
+
+
+class FreeFall(Check):
+    """Compares the drop of the centre of mass in MuJoCo with g/2 t (t + dt)."""
+
+    isolated = True
+    preload = ("mujoco",)
+    tools = ("mujoco",)
+    needs = ("mjcf",)
+    reads = ("tree.json",)
+
+    robot: str
+    seconds: float = 0.4
+    tolerance: float = 0.003
+    """Relative, of the drop; also of the motion across gravity."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self | None:
+        """None when the recipe drops nothing, or not in MuJoCo."""
+        wish = recipe.validate_.free_fall
+        if wish is None or "mujoco" not in recipe.validate_.simulators:
+            return None
+        return cls(robot=recipe.robot, seconds=wish.seconds, tolerance=wish.tolerance)
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads `tree.json` and `mjcf/<robot>.xml`."""
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        if tree.base == "fixed":
+            write_figures(files, {"skipped": "fixed base"})
+            yield Finding(
+                "free_fall.fixed_base", "info", "robot", "a fixed base does not fall: not dropped"
+            )
+            return
+        try:
+            model = mujoco.load(files.inputs / "mjcf" / f"{self.robot}.xml").model
+        except StepError as error:
+            write_figures(files, {"skipped": "the MJCF does not load"})
+            yield Finding("free_fall.load", "error", "robot", f"nothing to drop: {error.message}")
+            return
+        fall = mujoco.free_fall(model, self.seconds)
+        write_figures(
+            files,
+            {
+                "seconds": fall.seconds,
+                "drop_m": fall.drop_m,
+                "expected_m": fall.expected_m,
+                "relative_error": fall.relative_error if fall.finite else None,
+                "sideways_m": fall.sideways_m,
+            }
+            if fall.finite
+            else {"finite": False},
+        )
+        yield from self._judge(fall)
+
+    def _judge(self, fall: mujoco.FreeFall) -> Iterator[Finding]:
+        if not fall.finite:
+            yield Finding(
+                "free_fall.drop",
+                "error",
+                "robot",
+                "the simulation became unstable in free fall",
+                hint="look for tiny inertias and for a large timestep",
+            )
+            return
+        # Compared as lengths, so that without gravity nothing may move at all.
+        error = max(abs(fall.drop_m - fall.expected_m), fall.sideways_m)
+        if error > self.tolerance * fall.expected_m + 1e-9:
+            broken = error > BROKEN * fall.expected_m
+            yield Finding(
+                "free_fall.drop",
+                "error" if broken else "warning",
+                "robot",
+                f"fell {fall.drop_m:.6g} m and {fall.sideways_m:.3g} m sideways in "
+                f"{fall.seconds:g} s, expected {fall.expected_m:.6g} m",
+                hint="is part of the robot fixed to the world, or gravity compensated?",
+                data={
+                    "drop_m": fall.drop_m,
+                    "expected_m": fall.expected_m,
+                    "sideways_m": fall.sideways_m,
+                    "tolerance": self.tolerance,
+                },
+            )

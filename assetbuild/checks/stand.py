@@ -1,0 +1,226 @@
+"""Held by its drives at a keyframe on the floor, does the robot stand?"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Self
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding
+from assetbuild.kinds import Check, write_figures
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.simulators import mujoco
+
+SOLE_TOLERANCE_M = 1e-3
+START_ERROR_M = 1e-2
+"""Feet further than this from the floor at the start are an error: each reset drops the robot."""
+FALLEN = 0.5
+"""Share of the base's height whose loss is a fall, and the tilt in rad that is one."""
+SATURATED = 0.98
+"""Share of the effort limit at which a drive counts as saturated."""
+EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor"})
+"""Actuator models whose PD law this check applies itself, from kp and kd of the table."""
+
+
+class Stand(Check):
+    """Simulates `mjcf/scene.xml` in MuJoCo; a fixed base only has its joints judged."""
+
+    isolated = True
+    preload = ("mujoco",)
+    tools = ("mujoco",)
+    needs = ("mjcf",)
+    reads = ("tree.json", "shapes.json", "control.json")
+
+    keyframe: str = "home"
+    seconds: float = 2.0
+    max_sag: float = 0.03
+    """m, of the base's height."""
+    max_tilt: float = 0.1
+    """rad, of the base."""
+    max_drift: float = 0.02
+    """m, sideways."""
+    feet: str | None = None
+    """Pattern of the source links that may touch the floor; None = any may."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self | None:
+        """None when the recipe does not ask for it, or not in MuJoCo."""
+        wish = recipe.validate_.stand
+        if wish is None or "mujoco" not in recipe.validate_.simulators:
+            return None
+        return cls(**wish.model_dump())
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads the robot and `mjcf/scene.xml`."""
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        try:
+            model = mujoco.load(files.inputs / "mjcf" / "scene.xml").model
+            stood = mujoco.stand(model, self.keyframe, self.seconds, _external(control))
+        except StepError as error:
+            write_figures(files, {"skipped": error.message})
+            yield Finding("stand.load", "error", "robot", f"cannot stand: {error.message}")
+            return
+        write_figures(files, _figures(stood))
+        if not stood.finite:
+            yield Finding(
+                "stand.finite",
+                "error",
+                "robot",
+                f"the simulation became unstable while standing at `{self.keyframe}`",
+                hint="lower kd or the timestep; look for tiny inertias and overlapping shapes",
+                data={"warnings": len(stood.warnings)},
+            )
+            return
+        link_of = {shape.name: shape.link for shape in shapes.of("collision")}
+        if tree.base == "floating":
+            yield from self._judge_start(stood, link_of)
+            yield from self._judge_base(stood)
+            yield from self._judge_contacts(stood, link_of)
+        yield from _judge_overlaps(stood, link_of)
+        yield from _judge_loads(stood)
+
+    def _is_foot(self, link: str) -> bool:
+        return self.feet is None or re.fullmatch(self.feet, link) is not None
+
+    def _judge_start(self, stood: mujoco.Stand, link_of: Mapping[str, str]) -> Iterator[Finding]:
+        """Every foot by the pattern; without one, the lowest point of the robot."""
+        lowest: dict[str, float] = {}
+        for geom, gap in stood.gap_m.items():
+            link = link_of.get(geom, geom)
+            if self._is_foot(link):
+                lowest[link] = min(gap, lowest.get(link, gap))
+        if self.feet is None:
+            name = min(lowest, key=lambda link: lowest[link], default=None)
+            lowest = {name: lowest[name]} if name is not None else {}
+        elif not lowest:
+            yield Finding(
+                "stand.feet",
+                "error",
+                "robot",
+                f"no link that matches `{self.feet}` has a collision shape to stand on",
+                hint="give the feet collision geometry, or correct validate.stand.feet",
+            )
+        for link, gap in sorted(lowest.items()):
+            if abs(gap) > SOLE_TOLERANCE_M:
+                yield Finding(
+                    "stand.start",
+                    "error" if abs(gap) > START_ERROR_M else "warning",
+                    f"link {link}",
+                    f"at `{self.keyframe}` its sole is {abs(gap) * 1e3:.3g} mm "
+                    f"{'above' if gap > 0 else 'inside'} the floor",
+                    hint="use `base: on_ground`, and make the legs of the keyframe equal",
+                    data={"gap_m": gap, "tolerance_m": SOLE_TOLERANCE_M},
+                )
+
+    def _judge_base(self, stood: mujoco.Stand) -> Iterator[Finding]:
+        if stood.sag_m > FALLEN * stood.height_m or stood.tilt_rad > FALLEN:
+            yield Finding(
+                "stand.fall",
+                "error",
+                "robot",
+                f"fell: after {self.seconds:g} s the base is {stood.sag_m:.3g} m lower and tilted "
+                f"by {stood.tilt_rad:.3g} rad",
+                hint="raise kp, check the effort limits, look for a pose off balance",
+                data={"sag_m": stood.sag_m, "tilt_rad": stood.tilt_rad},
+            )
+        for rule, value, limit, unit, what, hint in (
+            ("stand.sag", abs(stood.sag_m), self.max_sag, "m", "base height changed", "raise kp"),
+            ("stand.tilt", stood.tilt_rad, self.max_tilt, "rad", "base tilted", "raise kp"),
+            (
+                "stand.drift",
+                stood.drift_m,
+                self.max_drift,
+                "m",
+                "base moved sideways",
+                "move the feet of the keyframe under the centre of mass",
+            ),
+        ):
+            if value > limit:
+                yield Finding(
+                    rule,
+                    "warning",
+                    "robot",
+                    f"{what} by {value:.3g} {unit} in {self.seconds:g} s, more than {limit:g}",
+                    hint=hint,
+                    data={f"value_{unit}": value, f"limit_{unit}": limit},
+                )
+
+    def _judge_contacts(self, stood: mujoco.Stand, link_of: Mapping[str, str]) -> Iterator[Finding]:
+        at_end = {link_of.get(geom, geom) for geom in stood.touching}
+        ever = {link_of.get(geom, geom) for geom in stood.touched}
+        for link in sorted(ever):
+            if not self._is_foot(link):
+                when = "at the end" if link in at_end else "for a moment"
+                yield Finding(
+                    "stand.contact",
+                    "error" if link in at_end else "warning",
+                    f"link {link}",
+                    f"touched the floor {when}, and is no foot",
+                    hint="raise the keyframe, or name it in validate.stand.feet",
+                )
+        if not at_end:
+            yield Finding("stand.contact", "error", "robot", "nothing touches the floor at the end")
+
+
+def _external(control: Control) -> dict[str, mujoco.Gains]:
+    return {
+        a.joint: mujoco.Gains(a.kp, a.kd, a.effort)
+        for a in control.actuators
+        if a.model in EXTERNAL
+    }
+
+
+def _judge_overlaps(stood: mujoco.Stand, link_of: Mapping[str, str]) -> Iterator[Finding]:
+    for (a, b), depth in stood.overlapping.items():
+        if depth > SOLE_TOLERANCE_M:
+            yield Finding(
+                "stand.overlap",
+                "warning",
+                f"link {link_of.get(a, a)}",
+                f"its shape {a} is {depth * 1e3:.3g} mm inside {b} at the start",
+                hint="exclude the pair, or make the shapes smaller",
+                data={"depth_m": depth},
+            )
+
+
+def _judge_loads(stood: mujoco.Stand) -> Iterator[Finding]:
+    for joint, load in stood.load.items():
+        if load >= SATURATED:
+            yield Finding(
+                "stand.torque",
+                "warning",
+                f"actuator {joint}",
+                f"needs all of its effort limit to stand ({load:.0%})",
+                hint="check the effort limit and the pose",
+                data={"load": load},
+            )
+
+
+def _figures(stood: mujoco.Stand) -> dict[str, object]:
+    """Numbers that JSON can hold; of an unstable run only that it was."""
+    if not stood.finite:
+        return {"finite": False, "mujoco_warnings": list(stood.warnings[:10])}
+    return {
+        "finite": True,
+        "seconds": stood.seconds,
+        "height_m": stood.height_m,
+        "height_change_m": -stood.sag_m,
+        "tilt_rad": stood.tilt_rad,
+        "drift_m": stood.drift_m,
+        "touching": list(stood.touching),
+        "touched": list(stood.touched),
+        "overlapping": [[a, b, depth] for (a, b), depth in stood.overlapping.items()],
+        "gap_at_start_m": {
+            name: stood.gap_m[name] for name in stood.touched if name in stood.gap_m
+        },
+        "joint_sag": dict(stood.joint_sag),
+        "max_joint_sag": max(map(abs, stood.joint_sag.values()), default=0.0),
+        "load": dict(stood.load),
+        "max_load": max(stood.load.values(), default=0.0),
+    }

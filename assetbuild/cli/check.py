@@ -1,0 +1,39 @@
+"""`assetbuild check`: what can be said without a heavy step; what the pre-commit hook calls."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from assetbuild.cli import print_error
+from assetbuild.errors import AssetBuildError
+
+HELP = "check recipes: schema, paths, static lints, lock up to date; runs nothing heavy"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check each recipe; the worst exit code of all."""
+    from assetbuild.pipeline import check
+
+    codes = [0]
+    for recipe in arguments.recipes:
+        try:
+            findings = check(recipe)
+        except AssetBuildError as error:
+            print_error(error)
+            codes.append(error.exit_code)
+            continue
+        errors = [finding for finding in findings if finding.severity == "error"]
+        for finding in findings:
+            if finding.severity != "info":
+                place = f"{finding.where}: " if finding.where else ""
+                print(f"{finding.severity} {finding.rule}: {place}{finding.message}")
+        codes.append(1 if errors else 0)
+        if not errors:
+            print(f"{recipe}: ok")
+    return max(codes)

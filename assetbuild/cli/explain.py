@@ -1,0 +1,59 @@
+"""`assetbuild explain`: why a step ran or would run."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+HELP = "say why steps ran or would run, naming the part of the key that changed"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("recipe", type=Path, metavar="RECIPE")
+    parser.add_argument("step", nargs="?", metavar="STEP", help="default: all that is stale")
+    parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
+    parser.add_argument("--json", action="store_true", help="print data")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the explanations; 0, or 2 for an unknown step."""
+    from assetbuild.engine.explain import explain
+    from assetbuild.errors import UsageError, did_you_mean
+    from assetbuild.pipeline import opened, planned
+
+    loaded, lock, session = opened(arguments.recipe, arguments.variant)
+    with session:
+        graph, _, whole = planned(loaded, lock, session)
+        if arguments.step is not None and arguments.step not in graph.nodes:
+            hint = did_you_mean(arguments.step, graph.nodes)
+            raise UsageError(f"no step `{arguments.step}`", hint=hint)
+        labels = [arguments.step] if arguments.step else list(graph.nodes)
+        found = [explain(graph, session, label) for label in labels]
+    if arguments.json:
+        print(json.dumps([e.to_json() for e in found], indent=2, sort_keys=True))
+        return 0
+    for explanation in found:
+        print(explanation.to_text())
+    if not whole:
+        print("the graph goes on once the stale steps are built", file=sys.stderr)
+    return 0
+
+
+def print_stale(recipe: Path, variant: str | None) -> int:
+    """What a build would run, and why; nothing is run."""
+    from assetbuild.engine.explain import explain
+    from assetbuild.pipeline import opened, planned
+
+    loaded, lock, session = opened(recipe, variant)
+    with session:
+        graph, _, whole = planned(loaded, lock, session)
+        found = [explain(graph, session, label) for label in graph.nodes]
+    stale = [explanation for explanation in found if explanation.state != "up to date"]
+    for explanation in stale:
+        print(explanation.to_text())
+    more = "" if whole else ", and what follows from them"
+    print(f"{recipe}: {len(stale)} of {len(found)} steps would run{more}")
+    return 0

@@ -1,0 +1,31 @@
+"""`assetbuild lock`: moving sources to version and sha256."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+HELP = "pin a recipe's source in <recipe>.lock.yaml"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the locks; prints each lock file."""
+    from assetbuild.lock import lock_path
+    from assetbuild.pipeline import write_pin
+    from assetbuild.recipe.loader import load_recipe, shown_path
+
+    for recipe in arguments.recipes:
+        loaded = load_recipe(recipe)
+        if loaded.recipe.source.pypi is None:
+            print(f"{loaded.file}: the source is a folder; there is nothing to pin")
+            continue
+        lock = write_pin(loaded, lambda text: print(text, file=sys.stderr))
+        pin = lock.source
+        print(f"{shown_path(lock_path(loaded.path))}: {pin.file}, {pin.size / 1e6:.1f} MB")
+    return 0

@@ -1,0 +1,54 @@
+"""The null build's record: written after a build, read before anything else is imported.
+
+The record of a command is found by its words and working folder, so that nothing has to be
+parsed to find it: the very same command, run again, is answered by `stat` alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Sequence
+
+from assetbuild.engine import null
+from assetbuild.engine.digest import digest_file
+from assetbuild.engine.folders import cache_root
+from assetbuild.pipeline import Outcome
+
+
+def remember(argv: Sequence[str], outcomes: Sequence[Outcome], summary: str) -> None:
+    """Record finished builds; a store that cannot be written to costs only speed."""
+    files: dict[str, str] = {}
+    for outcome in outcomes:
+        files |= outcome.read
+        files |= _bundle_files(outcome)
+    options = options_of(argv)
+    with contextlib.suppress(OSError):
+        null.write(
+            null.record_file(cache_root(), options),
+            options=options,
+            files=files,
+            folders=[str(outcome.out) for outcome in outcomes],
+            absent=[str(path) for outcome in outcomes for path in outcome.absent],
+            exit_code=0,
+            summary=summary,
+            began_ns=min(outcome.began_ns for outcome in outcomes),
+        )
+
+
+def _bundle_files(outcome: Outcome) -> dict[str, str]:
+    """Path -> sha256 of every file of the bundle."""
+    if outcome.out is None:
+        return {}
+    manifest = json.loads((outcome.out / "manifest.json").read_bytes())
+    files = {str(outcome.out / row["path"]): str(row["sha256"]) for row in manifest["files"]}
+    for name in ("manifest.json", "provenance.json"):
+        path = str(outcome.out / name)
+        files[path] = digest_file(path)
+    return files
+
+
+def options_of(argv: Sequence[str]) -> str:
+    """What tells one command from another."""
+    return "\n".join((os.getcwd(), *argv))  # noqa: PTH109 # as `__main__` does

@@ -1,0 +1,211 @@
+"""Execution of a graph: in parallel, each node as soon as what it reads is made."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Literal
+
+from assetbuild.engine.graph import Graph, Ref
+from assetbuild.engine.make import Maker, NodeResult
+from assetbuild.engine.session import Resolver, Session
+from assetbuild.engine.store import LostObjectError
+from assetbuild.errors import AssetBuildError
+
+__all__ = ["Event", "NodeResult", "execute", "first_error", "restore"]
+
+
+@dataclass(frozen=True)
+class Event:
+    """Progress, for a terminal. Told by the thread that called `execute`, one at a time.
+
+    planned: once, `total` known. started: the step of `label` begins to run (a cached node
+    does not start). finished: `result` is there. done counts finished and blocked nodes.
+    """
+
+    kind: Literal["planned", "started", "finished"]
+    done: int
+    total: int
+    label: str = ""
+    result: NodeResult | None = None
+
+
+Listener = Callable[[Event], None]
+
+
+def execute(
+    graph: Graph,
+    session: Session,
+    *,
+    jobs: int | None = None,
+    keep_going: bool = False,
+    on_event: Listener | None = None,
+) -> dict[str, NodeResult]:
+    """Make every node; a result for each, in the order of the graph.
+
+    jobs: how many steps run at once; a step that declares more `cpus` takes as many places.
+    None = the cores of this process. keep_going: after a failure, still make everything that
+    does not need the failed node; else only what runs already is finished.
+    Errors of steps are in the results. KeyboardInterrupt passes, with all children killed.
+    """
+    places = jobs if jobs and jobs > 0 else usable_cores()
+    return _Schedule(graph, session, places, keep_going, on_event or (lambda _: None)).run()
+
+
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0)) or 1
+    return os.cpu_count() or 1
+
+
+def first_error(results: Mapping[str, NodeResult]) -> AssetBuildError | None:
+    """The error of the first failed node in the order of the graph; None when all went well."""
+    return next((r.error for r in results.values() if r.error is not None), None)
+
+
+def restore(
+    graph: Graph, session: Session, ref: Ref, dest: Path, *, jobs: int | None = None
+) -> None:
+    """Copy a built output to `dest`, verified; what the store lost is made again.
+
+    A file replaces `dest`; a folder needs `dest` absent or empty. StepError when it cannot be
+    made again.
+    """
+    for attempt in (1, 2, 3):
+        digest = Resolver(graph.nodes, session).digest(ref)
+        try:
+            if digest is None:
+                raise LostObjectError("", f"`{ref}` is not built")
+            put = session.store.restore_tree if ref.is_tree else session.store.restore
+            if ref.node:
+                return put(digest, dest)
+            session.object(digest)  # a source comes into the store first
+            return put(digest, dest)
+        except LostObjectError:
+            if attempt == 3:
+                raise
+            session.forget()
+            error = first_error(execute(graph, session, jobs=jobs))
+            if error is not None:
+                raise error from None
+    return None
+
+
+class _Schedule:
+    """The state of one execution; only the calling thread touches it."""
+
+    def __init__(
+        self, graph: Graph, session: Session, places: int, keep_going: bool, tell: Listener
+    ) -> None:
+        self.graph = graph
+        self.session = session
+        self.places = places
+        self.keep_going = keep_going
+        self.tell = tell
+        self.maker = Maker(graph, session)
+        self.results: dict[str, NodeResult] = {}
+        self.free = places
+        self.stopping = False
+        self.missing = {label: set(graph.predecessors(label)) for label in graph.nodes}
+        self.readers: dict[str, list[str]] = {label: [] for label in graph.nodes}
+        for label, makers in self.missing.items():
+            for maker in makers:
+                self.readers[maker].append(label)
+        self.ready = [label for label, makers in self.missing.items() if not makers]
+        self.work: SimpleQueue[str | None] = SimpleQueue()
+        self.inbox: SimpleQueue[tuple[str, NodeResult | BaseException | None]] = SimpleQueue()
+
+    def run(self) -> dict[str, NodeResult]:
+        """The story: start what may start, take what is done, until nothing runs."""
+        count = min(self.places, len(self.graph.nodes))
+        for _ in range(count):
+            threading.Thread(target=self._serve, daemon=True).start()
+        self._say("planned")
+        try:
+            self._start_what_fits()
+            while self.free < self.places:
+                self._take(*self.inbox.get())
+                self._start_what_fits()
+        except BaseException:
+            self.session.cancel()
+            raise
+        finally:
+            for _ in range(count):
+                self.work.put(None)
+            self.session.save()
+        self.results |= self.maker.healed
+        self._block_the_rest()
+        return {label: self.results[label] for label in self.graph.nodes}
+
+    def _serve(self) -> None:
+        """One slot: a thread that makes one node after the other."""
+        while (label := self.work.get()) is not None:
+            try:
+                self.inbox.put((label, self.maker.make(label, self._tell_started)))
+            except BaseException as error:
+                self.inbox.put((label, error))
+
+    def _tell_started(self, label: str) -> None:
+        self.inbox.put((label, None))
+
+    def _start_what_fits(self) -> None:
+        if self.stopping:
+            return
+        for label in list(self.ready):
+            need = self._need(label)
+            if need <= self.free:
+                self.ready.remove(label)
+                self.free -= need
+                self.work.put(label)
+
+    def _need(self, label: str) -> int:
+        return max(1, min(self.places, self.graph.nodes[label].step.limits.cpus))
+
+    def _take(self, label: str, message: NodeResult | BaseException | None) -> None:
+        if message is None:
+            self._say("started", label)
+            return
+        if isinstance(message, BaseException):
+            raise message
+        self.free += self._need(label)
+        self.results[label] = message
+        self._say("finished", label, message)
+        if message.status == "failed":
+            self.stopping = self.stopping or not self.keep_going
+            self._block_readers(label, label)
+            return
+        for reader in self.readers[label]:
+            self.missing[reader].discard(label)
+            if not self.missing[reader] and reader not in self.results:
+                self.ready.append(reader)
+
+    def _block_readers(self, label: str, failed: str) -> None:
+        waiting = list(self.readers[label])
+        while waiting:
+            reader = waiting.pop()
+            if reader not in self.results:
+                self._block(reader, f"`{failed}` failed")
+                waiting += self.readers[reader]
+
+    def _block_the_rest(self) -> None:
+        for label in self.graph.nodes:
+            if label not in self.results:
+                self._block(label, "not started: the build stopped at the first error")
+
+    def _block(self, label: str, reason: str) -> None:
+        result = NodeResult(label=label, status="blocked", reason=reason)
+        self.results[label] = result
+        self._say("finished", label, result)
+
+    def _say(
+        self,
+        kind: Literal["planned", "started", "finished"],
+        label: str = "",
+        result: NodeResult | None = None,
+    ) -> None:
+        self.tell(Event(kind, len(self.results), len(self.graph.nodes), label, result))

@@ -1,0 +1,290 @@
+"""The child process: imports heavy modules once, then forks one process per step.
+
+It speaks JSON lines. A request on its standard input is `{"id", "job", "module", "wall_s"}`: the
+path of a job file, and the module of its step. It answers `{"ready"}` once; then, per job,
+`{"id", "pid"}` and `{"id", "status", "wall_s", "cpu_s", "max_rss_mb", "over"}`. A crash of a step
+loses that step only. When the input ends, because the parent closed it or died, everything that
+runs is killed.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import importlib
+import json
+import math
+import os
+import resource
+import select
+import signal
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+BOOT = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1])['sys_path']; "
+    "from assetbuild.engine import worker; worker.main()"
+)
+"""Program text of a worker; its one argument is a JSON object. Nothing comes from the cwd."""
+
+PR_SET_PDEATHSIG = 1
+
+
+def main() -> None:
+    """Serve jobs until the input ends; with `once` in the argument, do one job instead."""
+    config = json.loads(sys.argv[1])
+    if "once" in config:
+        _perform_job(json.loads(Path(config["once"]).read_bytes()))
+    die_with_parent(config["parent"], signal.SIGTERM)
+    requests, replies = os.dup(0), os.dup(1)
+    _redirect(config["log"])
+    for module in config["preload"]:
+        with suppress(ImportError):  # the step that needs it will say so itself
+            importlib.import_module(module)
+    importlib.import_module("assetbuild.engine.wire")
+    gc.collect()
+    gc.freeze()
+    Zygote(requests, replies, fresh=_threads_survive_fork()).serve()
+
+
+def die_with_parent(parent: int, how: signal.Signals) -> None:
+    """Ask the kernel to send a signal when the parent dies; leave at once if it has died."""
+    if sys.platform == "linux":
+        libc = ctypes.CDLL(None, use_errno=True)
+        libc.prctl(PR_SET_PDEATHSIG, int(how), 0, 0, 0)
+    if os.getppid() != parent:
+        os._exit(1)
+
+
+def _redirect(log: str) -> None:
+    """Nothing on the standard input; prints and native messages go to the log."""
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    out = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    os.dup2(nothing, 0)
+    os.dup2(out, 1)
+    os.dup2(out, 2)
+    os.close(nothing)
+    os.close(out)
+
+
+def _threads_survive_fork() -> bool:
+    """Did an import start threads that are not laid down for a fork? Then forks may lock up.
+
+    OpenBLAS ends its threads before a fork, so one fork is made before counting.
+    """
+    pid = os.fork()
+    if pid == 0:
+        os._exit(0)
+    os.waitpid(pid, 0)
+    try:
+        return len(os.listdir("/proc/self/task")) > 1  # noqa: PTH208 - names are enough
+    except OSError:
+        return False
+
+
+@dataclass
+class Running:
+    """A step's process, the leader of its own process group."""
+
+    job: int
+    started: float
+    deadline: float
+    over: str = ""
+
+
+class Zygote:
+    """One thread, one loop: take requests, fork, reap, kill what runs over its time.
+
+    fresh: every step gets a new interpreter, because a plain fork is not safe here.
+    """
+
+    def __init__(self, requests: int, replies: int, *, fresh: bool) -> None:
+        self.requests = requests
+        self.replies = replies
+        self.fresh = fresh
+        self.running: dict[int, Running] = {}
+        self._rest = b""
+        self._wake, self._waker = os.pipe()
+        os.set_blocking(self._wake, False)
+        os.set_blocking(self._waker, False)
+        signal.set_wakeup_fd(self._waker, warn_on_full_buffer=False)
+        signal.signal(signal.SIGCHLD, lambda *_: None)
+        signal.signal(signal.SIGTERM, lambda *_: self.leave())
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def serve(self) -> NoReturn:
+        """Until the input ends."""
+        self.reply(ready=True, fresh=self.fresh)
+        while True:
+            now = time.monotonic()
+            nearest = min((r.deadline for r in self.running.values() if not r.over), default=None)
+            timeout = None if nearest is None else max(0.0, nearest - now)
+            ready, _, _ = select.select([self.requests, self._wake], [], [], timeout)
+            if self._wake in ready:
+                with suppress(BlockingIOError):
+                    os.read(self._wake, 4096)
+            self.reap()
+            self.kill_late()
+            if self.requests in ready:
+                self.read_requests()
+
+    def reply(self, **message: object) -> None:
+        """One JSON line to the parent; leave when nobody reads any more."""
+        data = json.dumps(message).encode() + b"\n"
+        try:
+            while data:
+                data = data[os.write(self.replies, data) :]
+        except OSError:
+            self.leave()
+
+    def read_requests(self) -> None:
+        """Start what was asked for; leave when the input has ended."""
+        data = os.read(self.requests, 1 << 16)
+        if not data:
+            self.leave()
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        for line in lines:
+            request = json.loads(line)
+            self.load(request["module"])
+            self.start(request["id"], request["job"], request["wall_s"])
+
+    def load(self, module: str) -> None:
+        """Import the step's own module here, once, so that its forks need not."""
+        if self.fresh or module in sys.modules:
+            return
+        with suppress(Exception):  # the process of the step will meet it again, and say so
+            importlib.import_module(module)
+        gc.freeze()
+        self.fresh = _threads_survive_fork()
+
+    def start(self, number: int, job: str, wall_s: float) -> None:
+        """Fork the process of one step."""
+        me = os.getpid()
+        now = time.monotonic()
+        try:
+            pid = os.fork()
+        except OSError as error:  # no process or memory left
+            self.reply(id=number, status=None, wall_s=0.0, cpu_s=0.0, over=str(error))
+            return
+        if pid == 0:
+            self._become_step(job, me)
+        with suppress(OSError):  # the child does the same; whoever comes first
+            os.setpgid(pid, pid)
+        self.running[pid] = Running(number, now, now + wall_s)
+        self.reply(id=number, pid=pid)
+
+    def _become_step(self, job: str, parent: int) -> NoReturn:
+        try:
+            os.setpgid(0, 0)
+            signal.set_wakeup_fd(-1)
+            for number in (signal.SIGCHLD, signal.SIGTERM, signal.SIGINT):
+                signal.signal(number, signal.SIG_DFL)
+            die_with_parent(parent, signal.SIGKILL)
+            for descriptor in (self.requests, self.replies, self._wake, self._waker):
+                os.close(descriptor)
+            if self.fresh:
+                path = json.loads(sys.argv[1])["sys_path"]
+                text = json.dumps({"sys_path": path, "once": job})
+                argv = [sys.executable, "-P", "-s", "-c", BOOT, text]
+                os.execv(sys.executable, argv)  # noqa: S606 - our own interpreter
+            _perform_job(json.loads(Path(job).read_bytes()))
+        finally:
+            os._exit(70)
+
+    def reap(self) -> None:
+        """Report the processes that ended, and end what they left behind."""
+        for pid in list(self.running):
+            found, status, used = os.wait4(pid, os.WNOHANG)
+            if found == 0:
+                continue
+            run = self.running.pop(pid)
+            with suppress(OSError):
+                os.killpg(pid, signal.SIGKILL)
+            self.reply(
+                id=run.job,
+                status=status,
+                wall_s=round(time.monotonic() - run.started, 4),
+                cpu_s=round(used.ru_utime + used.ru_stime, 4),
+                max_rss_mb=used.ru_maxrss // 1024,
+                over=run.over,
+            )
+
+    def kill_late(self) -> None:
+        """Kill the group of each process that ran over its wall-clock limit."""
+        now = time.monotonic()
+        for pid, run in self.running.items():
+            if not run.over and now >= run.deadline:
+                run.over = "wall"
+                with suppress(OSError):
+                    os.killpg(pid, signal.SIGKILL)
+
+    def leave(self) -> NoReturn:
+        """Kill everything that runs, and end."""
+        for pid in self.running:
+            with suppress(OSError):
+                os.killpg(pid, signal.SIGKILL)
+        os._exit(0)
+
+
+def _perform_job(job: dict[str, Any]) -> NoReturn:  # Any: JSON
+    """Run one step as the job file says, write its result, and end this process."""
+    from assetbuild.engine.step import Files, Limits
+    from assetbuild.engine.wire import error_of_exception, error_to_json, perform, step_from_json
+
+    _redirect(job["log"])
+    os.chdir(job["home"])
+    os.environ.update(job["environ"])
+    tempfile.tempdir = None  # an import may have looked it up before TMPDIR was ours
+    limits = Limits(**job["limits"])
+    _set_limits(limits)
+    _seed()
+    label = job["label"]
+    try:
+        step = step_from_json(job["step"])
+    except Exception as error:
+        result: dict[str, object] = {
+            "error": error_to_json(error_of_exception(error, label, limits))
+        }
+        trace = f"{type(error).__name__}: {error}\n"
+    else:
+        files = Files(Path(job["inputs"]), Path(job["outputs"]))
+        result, trace = perform(step, files, label)
+    sys.stdout.flush()
+    sys.stderr.write(trace)
+    sys.stderr.flush()
+    Path(job["result"]).write_text(json.dumps(result), encoding="utf-8")
+    os._exit(0)  # no exit handlers: those of native libraries hang or crash after a fork
+
+
+def _set_limits(limits: Any) -> None:  # Any: Limits, imported late
+    """Bounds of this process. Memory is counted on top of what the imports have mapped."""
+    mapped = 0
+    with suppress(OSError):
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+        mapped = pages * resource.getpagesize()
+    memory = mapped + limits.memory_mb * 1024 * 1024
+    cpu_s = math.ceil(limits.wall_s * max(1, limits.cpus)) + 5
+    wanted = {
+        resource.RLIMIT_AS: memory,
+        resource.RLIMIT_FSIZE: limits.file_mb * 1024 * 1024,
+        resource.RLIMIT_CPU: cpu_s,
+        resource.RLIMIT_CORE: 0,
+    }
+    for kind, value in wanted.items():
+        with suppress(ValueError, OSError):  # a lower hard limit of the user's stays
+            resource.setrlimit(kind, (value, value))
+
+
+def _seed() -> None:
+    """Forked steps share the generators of the modules loaded before: start them all alike."""
+    import random
+
+    random.seed(0)
+    numpy = sys.modules.get("numpy")
+    if numpy is not None:
+        numpy.random.seed(0)

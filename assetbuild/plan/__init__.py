@@ -1,0 +1,159 @@
+"""Recipe to graph, top to bottom: the only wiring, and the map of the project.
+
+    source -> read -> lint -> merge fixed joints -> lint -> meshes -> collision -> assemble
+           -> control -> targets -> checks
+
+A plan may ask: where the graph depends on what a built file says (which meshes does this URDF
+name?), `Planner.ask` gives its bytes, or None while it is not built. Then the plan ends early,
+the open question is built, and the recipe is planned again. An answer only ever adds nodes.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from assetbuild.engine.graph import Node, Planner, Ref
+from assetbuild.kinds import Check, Target, load_plugin, plugin_names
+from assetbuild.lock import Lock
+from assetbuild.plan.agree import check_against_robot, check_names
+from assetbuild.plan.geometry import Geometry, assemble
+from assetbuild.plan.source import Description, description_of, open_source
+from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Shapes, Tree
+from assetbuild.steps.control import ControlStep
+from assetbuild.steps.lint_bodies import LintBodies
+from assetbuild.steps.lint_links import LintLinks
+from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
+from assetbuild.steps.read_urdf import ReadUrdf
+
+
+@dataclass
+class Outline:
+    """What a plan leaves for the report and the bundle: references into the graph.
+
+    skipped: checks that this machine cannot run, and why. subjects: what a node works on, where
+    the node itself does not know.
+    """
+
+    source_map: Ref | None = None
+    robot: dict[str, Ref] = field(default_factory=dict)
+    targets: dict[str, Node] = field(default_factory=dict)
+    checks: dict[str, Node] = field(default_factory=dict)
+    skipped: dict[str, str] = field(default_factory=dict)
+    licenses: dict[str, Ref] = field(default_factory=dict)
+    subjects: dict[str, str] = field(default_factory=dict)
+
+
+def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
+    """Add the graph of one recipe to the planner, as far as the answers reach."""
+    recipe, outline = loaded.recipe, Outline()
+    check_names(loaded)
+    source = open_source(loaded, lock, p)
+    description = description_of(loaded, source)
+    outline.licenses = source.licenses()
+    if description is None:
+        return outline
+
+    read = _read(recipe, description, p)
+    outline.source_map = read["source_map.json"]
+    tree = _merge(recipe, read, p)
+    links, shapes = p.ask(read["links.json"]), p.ask(read["shapes.json"])
+    meshes, merged = p.ask(read["meshes.json"]), p.ask(tree["tree.json"])
+    if links is None or shapes is None or meshes is None or merged is None:
+        return outline
+    check_against_robot(loaded, decode(Tree, links), decode(Tree, merged))
+
+    mesh_files = source.meshes(json.loads(meshes), description.path)
+    if mesh_files is None:
+        return outline
+    geometry = Geometry(decode(Shapes, shapes), mesh_files, p)
+    assembled = assemble(loaded, decode(Tree, links), geometry, read, p)
+    outline.subjects = geometry.subjects
+    control = _control(recipe, read, tree, assembled, p)
+    outline.robot = {
+        "links.json": read["links.json"],
+        "tree.json": tree["tree.json"],
+        "shapes.json": assembled["shapes.json"],
+        "control.json": control["control.json"],
+        "meshes/": assembled["meshes/"],
+    }
+    outline.targets = _targets(recipe, outline.robot, p)
+    _checks(recipe, outline, description.ref, p)
+    return outline
+
+
+# --- reading and merging --------------------------------------------------------------------
+
+
+def _read(recipe: Recipe, description: Description, p: Planner) -> Node:
+    step = ReadUrdf(
+        file=description.path,
+        base=recipe.base,
+        packages=dict(sorted(recipe.source.packages.items())),
+    )
+    read = p.add("read_urdf", step, {"robot.urdf": description.ref})
+    p.add(
+        "lint_links",
+        LintLinks(),
+        {"links.json": read["links.json"], "shapes.json": read["shapes.json"]},
+    )
+    return read
+
+
+def _merge(recipe: Recipe, read: Node, p: Planner) -> Node:
+    fixed = recipe.fixed_joints
+    step = MergeFixedJoints(merge=fixed.merge, keep_bodies=fixed.keep_bodies)
+    tree = p.add("merge_fixed_joints", step, {"links.json": read["links.json"]})
+    p.add("lint_bodies", LintBodies(), {"tree.json": tree["tree.json"]})
+    return tree
+
+
+# --- control, targets, checks ---------------------------------------------------------------
+
+
+def _control(recipe: Recipe, read: Node, tree: Node, assembled: Node, p: Planner) -> Node:
+    step = ControlStep.configure(recipe)
+    inputs = {
+        "links.json": read["links.json"],
+        "tree.json": tree["tree.json"],
+        "shapes.json": assembled["shapes.json"],
+        "meshes/": assembled["meshes/"],
+    }
+    return p.add("control", step, inputs)
+
+
+def _targets(recipe: Recipe, robot: Mapping[str, Ref], p: Planner) -> dict[str, Node]:
+    nodes = {}
+    for name in recipe.targets:
+        target = load_plugin(Target, "assetbuild.targets", name)
+        ports = {port: robot[port] for port in target.reads}
+        nodes[name] = p.add(name, target.configure(recipe), ports)
+    return nodes
+
+
+def _checks(recipe: Recipe, outline: Outline, source: Ref, p: Planner) -> None:
+    """Every check whose needs are built; those that this machine cannot run are named."""
+    for name in plugin_names("assetbuild.checks"):
+        check = load_plugin(Check, "assetbuild.checks", name)
+        if not set(check.needs) <= {*outline.targets, "source"}:
+            continue
+        step = check.configure(recipe)
+        if step is None:
+            continue
+        missing = [m for m in check.requires if importlib.util.find_spec(m) is None]
+        if missing:
+            extra = check.requires[missing[0]]
+            outline.skipped[name] = f"needs `{missing[0]}`: pip install 'assetbuild[{extra}]'"
+            continue
+        inputs = {port: outline.robot[port] for port in check.reads}
+        for need in check.needs:
+            if need == "source":
+                inputs["source.urdf"] = source
+            else:
+                inputs[f"{need}/"] = outline.targets[need][f"{need}/"]
+        outline.checks[name] = p.add(f"check {name}", step, inputs)

@@ -1,0 +1,61 @@
+"""Does the recipe fit itself, and does it fit this robot? Errors with their lines."""
+
+from __future__ import annotations
+
+import re
+
+from assetbuild.errors import RecipeError, did_you_mean
+from assetbuild.kinds import plugin_names
+from assetbuild.plan.geometry import BUILT_IN, collision_method
+from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.robot.actuators import RowError
+from assetbuild.robot.model import Tree
+from assetbuild.steps.control import ControlStep
+
+
+def check_names(loaded: LoadedRecipe) -> None:
+    """Plug-in names and cross references inside the recipe."""
+    recipe = loaded.recipe
+    targets = plugin_names("assetbuild.targets")
+    for index, name in enumerate(recipe.targets):
+        if name not in targets:
+            raise RecipeError(
+                f"no target named `{name}`",
+                where=loaded.where(("targets", index)),
+                hint=did_you_mean(name, targets),
+            )
+    rules = {("collision", "default"): recipe.collision.default} | {
+        ("collision", "links", pattern): rule for pattern, rule in recipe.collision.links.items()
+    }
+    for key, rule in rules.items():
+        if rule.method not in BUILT_IN:
+            collision_method(loaded, rule, key)
+    stand = recipe.validate_.stand
+    if stand is not None and stand.keyframe not in recipe.keyframes:
+        raise loaded.error(
+            ("validate", "stand", "keyframe"),
+            f"no keyframe `{stand.keyframe}`",
+            did_you_mean(stand.keyframe, recipe.keyframes),
+        )
+
+
+def check_against_robot(loaded: LoadedRecipe, links: Tree, tree: Tree) -> None:
+    """Patterns of the recipe that match nothing of this robot, and the actuator table."""
+    recipe, names = loaded.recipe, [body.name for body in links.bodies]
+    for pattern in recipe.collision.links:
+        _must_match(loaded, ("collision", "links", pattern), pattern, names)
+    for index, pattern in enumerate(recipe.fixed_joints.keep_bodies):
+        _must_match(loaded, ("fixed_joints", "keep_bodies", index), pattern, names)
+    try:
+        ControlStep.configure(recipe).check(tree)
+    except RowError as error:
+        where = loaded.where(error.key)
+        raise RecipeError(error.message, where=where, hint=error.hint) from None
+
+
+def _must_match(
+    loaded: LoadedRecipe, key: tuple[str | int, ...], pattern: str, names: list[str]
+) -> None:
+    if not any(re.fullmatch(pattern, name) for name in names):
+        hint = did_you_mean(pattern, names)
+        raise loaded.error(key, f"pattern `{pattern}` matches no link of the source", hint)

@@ -1,0 +1,25 @@
+"""Mimic joints: their values follow from the joints they mimic."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from assetbuild.robot.model import Joint, Tree
+
+
+def with_mimics(tree: Tree, q: Mapping[str, float]) -> dict[str, float]:
+    """A value for every moving joint in tree order: from `q`, else 0; mimic joints follow.
+
+    A mimic joint's own entry in `q` is ignored: q = offset + multiplier * q(joint), chains
+    included. Raises ValueError for mimic joints in a circle, KeyError for an unknown leader.
+    """
+    return {joint.name: _value(tree, joint, q, ()) for joint in tree.moving_joints}
+
+
+def _value(tree: Tree, joint: Joint, q: Mapping[str, float], seen: tuple[str, ...]) -> float:
+    if joint.mimic is None:
+        return float(q.get(joint.name, 0.0))
+    if joint.name in seen:
+        raise ValueError(f"mimic joints in a circle: {' -> '.join((*seen, joint.name))}")
+    leader = _value(tree, tree.by_joint[joint.mimic.joint], q, (*seen, joint.name))
+    return joint.mimic.offset + joint.mimic.multiplier * leader

@@ -1,0 +1,24 @@
+"""Look over the bodies that will be simulated: wrong mass properties are errors here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pydantic import Field
+
+from assetbuild.engine.step import Files, Step
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Tree
+from assetbuild.steps._inertia_rules import Bounds, inertia_findings
+
+
+class LintBodies(Step):
+    """`tree.json` -> findings only, by the same rules as `lint_links`."""
+
+    bounds: Bounds = Field(default_factory=Bounds)
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Findings in tree order."""
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        yield from inertia_findings(tree, self.bounds, "error")

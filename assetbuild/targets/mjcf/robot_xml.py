@@ -1,0 +1,448 @@
+"""`<robot>.xml`, section by section in Menagerie's order."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from assetbuild.errors import StepError
+from assetbuild.robot.model import (
+    Body,
+    Box,
+    Capsule,
+    Contact,
+    Control,
+    Cylinder,
+    Geometry,
+    Joint,
+    Keyframe,
+    Material,
+    Mesh,
+    Shape,
+    Shapes,
+    Simulation,
+    Sphere,
+    Tree,
+)
+from assetbuild.robot.pose import Pose, quat_between, rotation_of, vec3
+from assetbuild.simulators.mujoco import body_names
+from assetbuild.targets.mjcf.classes import Defaults, Names, Use, find_defaults, uses
+from assetbuild.targets.mjcf.drives import Row, actuator_names, row_of
+from assetbuild.targets.mjcf.inertia import principal_inertia
+from assetbuild.targets.mjcf.xml import Element, element, number, numbers
+
+VISUAL_GROUP, COLLISION_GROUP, SITE_GROUP = "2", "3", "4"
+DEFAULT_GRAVITY = (0.0, 0.0, -9.81)
+
+
+@dataclass(frozen=True)
+class Solver:
+    """What `<option>` says beyond the timestep and gravity."""
+
+    integrator: str
+    cone: str
+    impratio: float
+
+
+class RobotXml:
+    """The sections of `<robot>.xml`, in Menagerie's order."""
+
+    def __init__(
+        self, robot: str, solver: Solver, tree: Tree, shapes: Shapes, control: Control
+    ) -> None:
+        self.robot, self.solver = robot, solver
+        self.tree, self.shapes, self.control = tree, shapes, control
+        self.order = depth_first(tree)
+        self.body_names = body_names(tree)
+        above = tree.joint_above
+        self.joints = tuple(above[body] for body in self.order if body in above)
+        self.rows = tuple(
+            row_of(joint, control.by_joint.get(joint.name))
+            for joint in self.joints
+            if joint in tree.moving_joints
+        )
+        names = Names()
+        self.robot_class = names.take(robot)
+        self.visual_class, self.collision_class = names.take("visual"), names.take("collision")
+        self.defaults: Defaults = find_defaults(self.robot_class, self.rows, names)
+        self.uses: dict[str, Use] = uses(self.defaults)
+
+    def element(self) -> Element:
+        """The root element; empty sections are left out."""
+        sections = [
+            self.compiler(),
+            self.option(),
+            self.default(),
+            self.asset(),
+            self.worldbody(),
+            self.contact(),
+            self.equality(),
+            self.actuator(),
+            self.keyframe(),
+        ]
+        kept = [section for section in sections if section.attributes or section.children]
+        return element("mujoco", {"model": self.robot}, kept)
+
+    def free_name(self, wanted: str) -> str:
+        """`wanted`, or with an underscore more, unless a shape or material has that name."""
+        taken = {shape.name for shape in self.shapes.shapes}
+        taken |= {material.name for material in self.shapes.materials}
+        while wanted in taken:
+            wanted += "_"
+        return wanted
+
+    # --- head -------------------------------------------------------------------------------
+
+    def compiler(self) -> Element:
+        """Units, folders, and where mass may not come from."""
+        textured = any(material.texture for material in self.shapes.materials)
+        massless = any(body.inertial is None for body in self.tree.bodies)
+        return element(
+            "compiler",
+            {
+                "angle": "radian",
+                "meshdir": "assets",
+                "texturedir": "assets" if textured else None,
+                "autolimits": "true",
+                # A body without mass must not get one from its shapes.
+                "inertiafromgeom": "false" if massless else None,
+            },
+        )
+
+    def option(self) -> Element:
+        """What the recipe says of the simulation; values of MuJoCo's own are left out."""
+        simulation: Simulation = self.control.simulation
+        gravity = simulation.gravity
+        return element(
+            "option",
+            {
+                "timestep": number(simulation.timestep),
+                "gravity": numbers(gravity) if gravity != DEFAULT_GRAVITY else None,
+                "integrator": self.solver.integrator,
+                "cone": self.solver.cone if self.solver.cone != "pyramidal" else None,
+                "impratio": number(self.solver.impratio) if self.solver.impratio != 1.0 else None,
+            },
+            gap=True,
+        )
+
+    def default(self) -> Element:
+        """The tree of classes, see `classes`."""
+        visual = {"type": "mesh", "contype": "0", "conaffinity": "0", "group": VISUAL_GROUP}
+        collision = {"group": COLLISION_GROUP, **_contact_attributes(self.control.contact)}
+        first: list[Element] = []
+        if self.shapes.meshes:
+            # Mass never comes from a mesh; `shell` lets flat and open ones compile.
+            first.append(element("mesh", {"inertia": "shell"}))
+        if self.tree.frames:
+            first.append(element("site", {"group": SITE_GROUP}))
+        for role, name, attributes in (
+            ("visual", self.visual_class, visual),
+            ("collision", self.collision_class, collision),
+        ):
+            if any(shape.role == role for shape in self.shapes.shapes):
+                geom = element("geom", attributes)
+                first.append(element("default", {"class": name}, [geom]))
+        return element("default", None, [self.defaults.element(tuple(first))], gap=True)
+
+    def asset(self) -> Element:
+        """Pictures, materials in use, and all meshes."""
+        used = {shape.material for shape in self.shapes.of("visual")}
+        materials = [m for m in self.shapes.materials if m.name in used]
+        textures = sorted({m.texture for m in materials if m.texture})
+        names = {file: f"texture{index}" for index, file in enumerate(textures)}
+        return element(
+            "asset",
+            None,
+            [
+                *(
+                    element("texture", {"name": names[file], "type": "2d", "file": file})
+                    for file in textures
+                ),
+                *(_material(m, names) for m in materials),
+                *(
+                    element(
+                        "mesh",
+                        {
+                            "name": asset.name if asset.file != f"{asset.name}.obj" else None,
+                            "class": self.robot_class,
+                            "file": asset.file,
+                        },
+                    )
+                    for asset in self.shapes.meshes
+                ),
+            ],
+            gap=True,
+        )
+
+    # --- bodies -----------------------------------------------------------------------------
+
+    def worldbody(self) -> Element:
+        """Children are made before their parents: no recursion, however long the chain."""
+        made: dict[str, list[Element]] = {}
+        shapes, sites = self._shapes_by_body(), self._sites_by_body()
+        parent_of = {joint.child: joint.parent for joint in self.joints}
+        root: Element | None = None
+        for name in reversed(self.order):
+            content = [
+                *self._inertial(self.tree.by_body[name]),
+                *self._joint_elements(name),
+                *shapes.get(name, []),
+                *sites.get(name, []),
+                *reversed(made.pop(name, [])),
+            ]
+            root = element("body", self._body_attributes(name), content)
+            if name in parent_of:
+                made.setdefault(parent_of[name], []).append(root)
+        return element("worldbody", None, [root] if root else [], gap=True)
+
+    def _body_attributes(self, name: str) -> dict[str, str | None]:
+        joint = self.tree.joint_above.get(name)
+        X_parent_body = joint.X_parent_joint if joint else self.resting_pose()
+        child_class = self.robot_class if joint is None else None
+        return {
+            "name": self.body_names[name],
+            "childclass": child_class,
+            **_pose_attributes(X_parent_body),
+        }
+
+    def resting_pose(self) -> Pose:
+        """Of the root before any keyframe: a floating base at the height of `home`, else of the
+        first keyframe, else 0."""
+        if self.tree.base == "fixed" or not self.control.keyframes:
+            return Pose()
+        by_name = {key.name: key for key in self.control.keyframes}
+        base = by_name.get("home", self.control.keyframes[0]).base
+        return Pose((0.0, 0.0, base.xyz[2])) if base else Pose()
+
+    def _inertial(self, body: Body) -> list[Element]:
+        if body.inertial is None:
+            return []
+        moments, quat = principal_inertia(body.inertial.inertia_com_kg_m2)
+        attributes = {
+            "pos": numbers(body.inertial.com_m),
+            "quat": numbers(quat) if quat != (1.0, 0.0, 0.0, 0.0) else None,
+            "mass": number(body.inertial.mass_kg),
+            "diaginertia": numbers(moments),
+        }
+        return [element("inertial", attributes)]
+
+    def _joint_elements(self, body: str) -> list[Element]:
+        joint = self.tree.joint_above.get(body)
+        if joint is None:
+            floating = self.tree.base == "floating"
+            return [element("freejoint", {"name": "floating_base_joint"})] if floating else []
+        if joint.kind == "fixed":
+            return []
+        if joint.kind == "planar":
+            return _planar_elements(joint)
+        if joint.kind == "floating":
+            raise StepError(
+                f"joint {joint.name}: MJCF allows a floating joint on the root body only",
+                hint="build the two parts as two robots, or choose another joint type",
+            )
+        use = self.uses[joint.name]
+        class_name = use.class_name if use.class_name != self.robot_class else None
+        return [element("joint", {"name": joint.name, "class": class_name, **use.joint})]
+
+    def _shapes_by_body(self) -> dict[str, list[Element]]:
+        found: dict[str, list[Element]] = {}
+        for role in ("visual", "collision"):
+            for shape in self.shapes.shapes:
+                if shape.role == role:
+                    body, X_body_link = self.tree.placement(shape.link)
+                    geom = self._geom(shape, X_body_link @ shape.X_link_shape)
+                    found.setdefault(body, []).append(geom)
+        return found
+
+    def _geom(self, shape: Shape, X_body_shape: Pose) -> Element:
+        visual = shape.role == "visual"
+        kind, size = _geometry(shape)
+        # The class `visual` says mesh; elsewhere the type is worth stating.
+        default_kind = "mesh" if visual else None
+        mesh = shape.geometry.mesh if isinstance(shape.geometry, Mesh) else None
+        return element(
+            "geom",
+            {
+                "name": shape.name,
+                "class": self.visual_class if visual else self.collision_class,
+                "type": kind if kind != default_kind else None,
+                "size": size,
+                "mesh": mesh,
+                **_pose_attributes(X_body_shape),
+                "material": shape.material if visual else None,
+            },
+        )
+
+    def _sites_by_body(self) -> dict[str, list[Element]]:
+        found: dict[str, list[Element]] = {}
+        for frame in self.tree.frames:
+            attributes = {"name": frame.name, **_pose_attributes(frame.X_body_frame)}
+            found.setdefault(frame.body, []).append(element("site", attributes))
+        return found
+
+    # --- tail -------------------------------------------------------------------------------
+
+    def contact(self) -> Element:
+        """All pairs of the recipe, also those of parent and child, which MuJoCo filters itself
+        unless the parent is fixed to the world or the filter is switched off."""
+        pairs = [
+            element("exclude", {"body1": self.body_names[a], "body2": self.body_names[b]})
+            for a, b in self.control.excludes
+        ]
+        return element("contact", None, pairs, gap=True)
+
+    def equality(self) -> Element:
+        """Mimic joints: q = offset + multiplier * q(leader)."""
+        return element(
+            "equality",
+            None,
+            [
+                element(
+                    "joint",
+                    {
+                        "name": joint.name,
+                        "joint1": joint.name,
+                        "joint2": joint.mimic.joint,
+                        "polycoef": numbers(
+                            (joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0)
+                        ),
+                    },
+                )
+                for joint in self.joints
+                if joint.mimic
+            ],
+            gap=True,
+        )
+
+    def driven(self) -> list[tuple[Row, Use]]:
+        """Joints with an actuator element, in MuJoCo's order of joints."""
+        return [(row, self.uses[row.joint.name]) for row in self.rows if row.drive]
+
+    def actuator(self) -> Element:
+        """One drive per driven joint, in the order of the joints."""
+        names = actuator_names(tuple(row for row, _ in self.driven()))
+        made = []
+        for row, use in self.driven():
+            assert row.drive and use.drive  # noqa: S101 # `driven` keeps only such rows
+            attributes = {
+                "name": names[row.joint.name],
+                "class": use.class_name,
+                "joint": row.joint.name,
+                **use.drive.attributes,
+            }
+            made.append(element(row.drive.tag, attributes))
+        return element("actuator", None, made, gap=True)
+
+    def keyframe(self) -> Element:
+        """Every keyframe with its targets."""
+        keys = [
+            element(
+                "key",
+                {
+                    "name": key.name,
+                    "qpos": numbers(self._qpos(key)) or None,
+                    "ctrl": numbers(self._ctrl(key)) or None,
+                },
+            )
+            for key in self.control.keyframes
+        ]
+        return element("keyframe", None, keys, gap=True)
+
+    def _qpos(self, key: Keyframe) -> list[float]:
+        base = key.base or self.resting_pose()
+        qpos = [*base.xyz, *base.quat] if self.tree.base == "floating" else []
+        values = dict(key.joints)
+        for joint in self.joints:
+            if joint.kind == "planar":
+                qpos += [0.0, 0.0, 0.0]
+            elif joint.kind != "fixed":
+                qpos.append(values.get(joint.name, 0.0))
+        return qpos
+
+    def _ctrl(self, key: Keyframe) -> list[float]:
+        """Position drives aim at the pose, all others at rest."""
+        values = dict(key.joints)
+        return [
+            values.get(row.joint.name, 0.0) if row.drive and row.drive.tag == "position" else 0.0
+            for row, _ in self.driven()
+        ]
+
+
+def depth_first(tree: Tree) -> tuple[str, ...]:
+    """Body names in the order in which MuJoCo numbers them."""
+    children: dict[str, list[str]] = {}
+    for body in tree.bodies:
+        if body.name in tree.joint_above:
+            children.setdefault(tree.joint_above[body.name].parent, []).append(body.name)
+    order, waiting = [], [tree.root]
+    while waiting:
+        name = waiting.pop()
+        order.append(name)
+        waiting += reversed(children.get(name, []))
+    return tuple(order)
+
+
+def _pose_attributes(pose: Pose) -> dict[str, str | None]:
+    return {
+        "pos": numbers(pose.xyz) if pose.xyz != (0.0, 0.0, 0.0) else None,
+        "quat": numbers(pose.quat) if pose.quat != (1.0, 0.0, 0.0, 0.0) else None,
+    }
+
+
+def _geometry(shape: Shape) -> tuple[str, str | None]:
+    """(type, size): MJCF counts half edges and half lengths."""
+    geometry: Geometry = shape.geometry
+    match geometry:
+        case Box(size):
+            return "box", numbers(edge / 2 for edge in size)
+        case Sphere(radius):
+            return "sphere", number(radius)
+        case Cylinder(radius, length):
+            return "cylinder", numbers((radius, length / 2))
+        case Capsule(radius, length):
+            return "capsule", numbers((radius, length / 2))
+        case Mesh(scale=scale):
+            if scale != (1.0, 1.0, 1.0):
+                raise StepError(f"shape {shape.name}: the scale of its mesh was not baked in")
+            return "mesh", None
+
+
+def _material(material: Material, textures: Mapping[str, str]) -> Element:
+    return element(
+        "material",
+        {
+            "name": material.name,
+            "texture": textures[material.texture] if material.texture else None,
+            "rgba": numbers(material.rgba),
+        },
+    )
+
+
+def _contact_attributes(contact: Contact) -> dict[str, str]:
+    """Only what differs from MuJoCo's own defaults.
+
+    No `solref` here: its meaning depends on the compiled inertia, so it is not a fact of the robot.
+    """
+    default, attributes = Contact(), {}
+    if contact.condim != default.condim:
+        attributes["condim"] = str(contact.condim)
+    if contact.friction != default.friction:
+        attributes["friction"] = numbers(contact.friction)
+    return attributes
+
+
+def _planar_elements(joint: Joint) -> list[Element]:
+    """Two slides across the normal and a hinge about it; class `main`: no motor's armature."""
+    turn = rotation_of(quat_between((0.0, 0.0, 1.0), joint.axis))
+    return [
+        element(
+            "joint",
+            {
+                "name": f"{joint.name}_{suffix}",
+                "class": "main",
+                "type": "slide" if suffix != "yaw" else None,
+                "axis": numbers(vec3(turn[:, column])),
+            },
+        )
+        for column, suffix in enumerate(("x", "y", "yaw"))
+    ]

@@ -1,0 +1,206 @@
+"""Write a clean URDF: the source's own links and joints, our shapes, relative mesh paths."""
+
+from __future__ import annotations
+
+import shutil
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping
+
+from assetbuild.engine.step import Files
+from assetbuild.findings import Finding
+from assetbuild.kinds import Target
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import (
+    Actuator,
+    Body,
+    Box,
+    Capsule,
+    Control,
+    Cylinder,
+    Geometry,
+    Inertial,
+    Joint,
+    Material,
+    Mesh,
+    Shape,
+    Shapes,
+    Sphere,
+    Tree,
+)
+from assetbuild.robot.pose import Pose, rpy_of
+
+
+class Urdf(Target):
+    """`urdf/<robot>.urdf` and `urdf/meshes/`.
+
+    The tree is the source's, unmerged: every link, fixed joint and frame is there. Effort,
+    velocity, damping and friction are those of the joint's actuator where it has one, so that all
+    targets move alike; position limits, axes and masses are the source's. Mass properties are
+    written in link axes. A capsule, which URDF lacks, becomes its exact union: a cylinder and two
+    spheres in the same link. Whether the base is fixed cannot be said in URDF.
+    """
+
+    outputs = ("urdf/",)
+    reads = ("links.json", "shapes.json", "control.json", "meshes/")
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Numbers by `repr`, UTF-8, two spaces; same robot, same bytes."""
+        tree = decode(Tree, (files.inputs / "links.json").read_bytes())
+        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = ET.Element("robot", name=tree.name)
+        for material in shapes.materials:
+            _add_material(robot, material)
+        assets = {asset.name: f"meshes/{asset.file}" for asset in shapes.meshes}
+        for body in tree.bodies:
+            _add_link(robot, body, [s for s in shapes.shapes if s.link == body.name], assets)
+        for joint in tree.joints:
+            actuator = control.by_joint.get(joint.name)
+            _add_joint(robot, joint, actuator)
+            yield from _unstated(joint, actuator)
+        ET.indent(robot, "  ")
+        folder = files.outputs / "urdf"
+        folder.mkdir()
+        text: str = ET.tostring(robot, encoding="unicode")
+        text = f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n'
+        (folder / f"{self.robot}.urdf").write_text(text, encoding="utf-8")
+        textures = [material.texture for material in shapes.materials if material.texture]
+        _copy_files(files, sorted({*(asset.file for asset in shapes.meshes), *textures}))
+
+
+def _copy_files(files: Files, names: list[str]) -> None:
+    if names:
+        (files.outputs / "urdf" / "meshes").mkdir()
+    for name in names:
+        shutil.copyfile(files.inputs / "meshes" / name, files.outputs / "urdf" / "meshes" / name)
+
+
+def _add_material(robot: ET.Element, material: Material) -> None:
+    element = ET.SubElement(robot, "material", name=material.name)
+    ET.SubElement(element, "color", rgba=_words(material.rgba))
+    if material.texture:
+        ET.SubElement(element, "texture", filename=f"meshes/{material.texture}")
+
+
+def _add_link(
+    robot: ET.Element, body: Body, shapes: list[Shape], assets: Mapping[str, str]
+) -> None:
+    link = ET.SubElement(robot, "link", name=body.name)
+    if body.inertial is not None:
+        _add_inertial(link, body.inertial)
+    for shape in shapes:
+        for name, pose, geometry in _pieces(shape):
+            element = ET.SubElement(link, shape.role, name=name)
+            _add_origin(element, pose)
+            _add_geometry(ET.SubElement(element, "geometry"), geometry, assets)
+            if shape.material is not None:
+                ET.SubElement(element, "material", name=shape.material)
+
+
+def _add_inertial(link: ET.Element, inertial: Inertial) -> None:
+    element = ET.SubElement(link, "inertial")
+    _add_origin(element, Pose(inertial.com_m))
+    ET.SubElement(element, "mass", value=repr(inertial.mass_kg))
+    xx, yy, zz, xy, xz, yz = map(repr, inertial.inertia_com_kg_m2)
+    ET.SubElement(element, "inertia", ixx=xx, ixy=xy, ixz=xz, iyy=yy, iyz=yz, izz=zz)
+
+
+def _add_origin(element: ET.Element, pose: Pose) -> None:
+    """Nothing for the identity, which is what an omitted <origin> means."""
+    rpy = rpy_of(pose.quat)
+    if any(pose.xyz) or any(rpy):
+        ET.SubElement(element, "origin", xyz=_words(pose.xyz), rpy=_words(rpy))
+
+
+def _pieces(shape: Shape) -> Iterator[tuple[str, Pose, Geometry]]:
+    """(name, X_link_piece, geometry); a capsule gives three, all else one."""
+    geometry = shape.geometry
+    if not isinstance(geometry, Capsule):
+        yield shape.name, shape.X_link_shape, geometry
+        return
+    half = geometry.length / 2
+    if half == 0.0:
+        yield shape.name, shape.X_link_shape, Sphere(geometry.radius)
+        return
+    yield shape.name, shape.X_link_shape, Cylinder(geometry.radius, geometry.length)
+    for end, z in (("top", half), ("bottom", -half)):
+        pose = shape.X_link_shape @ Pose((0.0, 0.0, z))
+        yield f"{shape.name}_{end}", pose, Sphere(geometry.radius)
+
+
+def _add_geometry(parent: ET.Element, geometry: Geometry, assets: Mapping[str, str]) -> None:
+    match geometry:
+        case Box(size):
+            ET.SubElement(parent, "box", size=_words(size))
+        case Sphere(radius):
+            ET.SubElement(parent, "sphere", radius=repr(radius))
+        case Cylinder(radius, length):
+            ET.SubElement(parent, "cylinder", radius=repr(radius), length=repr(length))
+        case Mesh(mesh, scale):
+            element = ET.SubElement(parent, "mesh", filename=assets[mesh])
+            if scale != (1.0, 1.0, 1.0):
+                element.set("scale", _words(scale))
+        case Capsule():
+            raise TypeError("a capsule is written as its pieces")
+
+
+def _add_joint(robot: ET.Element, joint: Joint, actuator: Actuator | None) -> None:
+    element = ET.SubElement(robot, "joint", name=joint.name, type=joint.kind)
+    _add_origin(element, joint.X_parent_joint)
+    ET.SubElement(element, "parent", link=joint.parent)
+    ET.SubElement(element, "child", link=joint.child)
+    if joint.kind in ("revolute", "continuous", "prismatic", "planar"):
+        ET.SubElement(element, "axis", xyz=_words(joint.axis))
+    limits = _limits(joint, actuator)
+    if limits:
+        ET.SubElement(element, "limit", {key: repr(limits[key]) for key in limits})
+    dynamics = _dynamics(joint, actuator)
+    if dynamics:
+        ET.SubElement(element, "dynamics", {key: repr(dynamics[key]) for key in dynamics})
+    if joint.mimic is not None:
+        ET.SubElement(
+            element,
+            "mimic",
+            joint=joint.mimic.joint,
+            multiplier=repr(joint.mimic.multiplier),
+            offset=repr(joint.mimic.offset),
+        )
+
+
+def _limits(joint: Joint, actuator: Actuator | None) -> dict[str, float]:
+    """The attributes of <limit> that somebody stated."""
+    stated = {
+        "lower": joint.limits.lower,
+        "upper": joint.limits.upper,
+        "effort": actuator.effort if actuator else joint.limits.effort,
+        "velocity": actuator.velocity if actuator else joint.limits.velocity,
+    }
+    return {name: value for name, value in stated.items() if value is not None}
+
+
+def _dynamics(joint: Joint, actuator: Actuator | None) -> dict[str, float]:
+    if actuator is not None:
+        return {"damping": actuator.damping, "friction": actuator.friction}
+    stated = {"damping": joint.damping, "friction": joint.friction}
+    return {name: value for name, value in stated.items() if value is not None}
+
+
+def _unstated(joint: Joint, actuator: Actuator | None) -> Iterator[Finding]:
+    """URDF asks for effort and velocity; a number nobody stated is not invented."""
+    if joint.kind not in ("revolute", "prismatic"):
+        return
+    missing = [name for name in ("effort", "velocity") if name not in _limits(joint, actuator)]
+    if missing:
+        words = " and ".join(f"`{name}`" for name in missing)
+        yield Finding(
+            rule="urdf.limit.unstated",
+            severity="warning",
+            subject=f"joint {joint.name}",
+            message=f"neither source nor recipe states {words}; <limit> leaves it out",
+            hint="some URDF parsers refuse that: give it in the recipe's actuator table",
+            data={"missing": tuple(missing)},
+        )
+
+
+def _words(values: tuple[float, ...]) -> str:
+    return " ".join(map(repr, values))

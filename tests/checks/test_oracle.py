@@ -1,0 +1,147 @@
+"""Pinocchio on the source and MuJoCo on the MJCF agree on right robots and on no wrong one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from tiny import run_step
+
+from assetbuild.checks.oracle import Oracle
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.model import Actuator, Control, Mesh, Shapes, Tree
+from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
+from assetbuild.steps.read_urdf import ReadUrdf
+from assetbuild.targets.mjcf import Mjcf
+
+pytest.importorskip("pinocchio", reason="needs the extra `oracle`")
+
+# By hand from placeholder_root.urdf without its 1e-6 kg `base`: the mass of `trunk` and `arm`.
+BY_HAND = """
+<mujoco>
+  <worldbody>
+    <body name="trunk">
+      <freejoint/>
+      <inertial pos="0.01 0 0.02" mass="3" diaginertia="0.03 0.04 0.05"/>
+      <body name="arm" pos="0 0 0.5">
+        <joint name="swing" axis="0 1 0" armature="0.3" damping="1" frictionloss="1"/>
+        <inertial pos="0 0 -0.2" mass="1" diaginertia="0.02 0.02 0.001"/>
+        <site name="tip" pos="0 0 -0.4"/>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def robot_folder(urdf: str | bytes, folder: Path, base: str = "floating") -> Path:
+    """links.json, tree.json and source.urdf of a description."""
+    folder.mkdir(parents=True, exist_ok=True)
+    data = urdf.encode() if isinstance(urdf, str) else urdf
+    for name in ("robot.urdf", "source.urdf"):
+        (folder / name).write_bytes(data)
+    packages = {"example-robot-data": ".", "robot_pkg": "."}
+    run_step(ReadUrdf(file="a/b/c.urdf", base=base, packages=packages), folder, folder)  # type: ignore[arg-type] # a literal
+    run_step(MergeFixedJoints(), folder, folder)
+    return folder
+
+
+def by_hand(robots: Path, folder: Path, mjcf: str = BY_HAND) -> list[Finding]:
+    text = (robots / "placeholder_root.urdf").read_text()
+    first, last = text.index("<inertial>"), text.index("</inertial>") + len("</inertial>")
+    robot_folder(text[:first] + text[last:], folder)
+    (folder / "mjcf").mkdir()
+    (folder / "mjcf/bot.xml").write_text(mjcf)
+    return run_step(Oracle(robot="bot"), folder, folder)
+
+
+def by_target(folder: Path) -> list[Finding]:
+    """With our own MJCF target, geometry aside."""
+    tree = decode(Tree, (folder / "tree.json").read_bytes())
+    shapes = decode(Shapes, (folder / "shapes.json").read_bytes())
+    simple = tuple(s for s in shapes.shapes if not isinstance(s.geometry, Mesh))
+    (folder / "shapes.json").write_bytes(encode(Shapes(simple, shapes.materials)))
+    drives = tuple(
+        Actuator(j.name, "pd", 50.0, 2.0, 0.1, 0.2, 0.01, 10.0, 10.0) for j in tree.moving_joints
+    )
+    (folder / "control.json").write_bytes(encode(Control(drives)))
+    (folder / "meshes").mkdir()
+    run_step(Mjcf(robot="bot"), folder, folder)
+    return run_step(Oracle(robot="bot"), folder, folder)
+
+
+def figures(folder: Path) -> dict[str, float]:
+    found: dict[str, float] = json.loads((folder / "figures.json").read_text())
+    return found
+
+
+def test_an_mjcf_written_by_hand_is_the_same_robot(robots: Path, tmp_path: Path):
+    assert by_hand(robots, tmp_path) == []
+    found = figures(tmp_path)
+    assert max(found[f"{k}_error"] for k in ("kinematics", "mass_matrix", "gravity")) < 1e-12
+    assert (found["nv"], found["mass_mjcf_kg"]) == (7, 4.0)
+
+
+@pytest.mark.parametrize(
+    ("rules", "old", "new"),
+    [
+        ({"mass_matrix", "gravity"}, 'mass="1"', 'mass="1.000001"'),
+        ({"mass_matrix"}, "0.02 0.02 0.001", "0.02 0.02000001 0.001"),
+        ({"kinematics", "mass_matrix", "gravity"}, 'axis="0 1 0"', 'axis="0 -1 0"'),
+        ({"kinematics", "mass_matrix", "gravity"}, 'pos="0 0 0.5"', 'pos="0 0 0.500001"'),
+        ({"kinematics"}, 'pos="0 0 -0.4"', 'pos="0 0 -0.400001"'),
+        ({"structure"}, 'name="swing"', 'name="swung"'),
+        ({"structure"}, 'name="arm"', 'name="army"'),
+        ({"structure"}, "<freejoint/>", ""),
+        ({"structure"}, "</mujoco>", ""),
+    ],
+)
+def test_a_wrong_mjcf_is_found_out(
+    rules: set[str], old: str, new: str, robots: Path, tmp_path: Path
+):
+    assert old in BY_HAND
+    findings = by_hand(robots, tmp_path, BY_HAND.replace(old, new))
+    assert {f.rule for f in findings} == {f"oracle.{rule}" for rule in rules}
+    assert {f.severity for f in findings} == {"error"}
+
+
+@pytest.mark.parametrize("name", ["placeholder_root", "every_kind"])
+@pytest.mark.parametrize("base", ["floating", "fixed"])
+def test_our_own_target_writes_the_source(name: str, base: str, robots: Path, tmp_path: Path):
+    folder = robot_folder(_mass_everywhere((robots / f"{name}.urdf").read_text()), tmp_path, base)
+    assert by_target(folder) == []
+
+
+def _mass_everywhere(text: str) -> str:
+    """MuJoCo wants mass on every moving body; `thumb` has none and is one."""
+    tensor = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    inertial = f'<inertial><mass value="0.3"/>{tensor}</inertial>'
+    return text.replace('<link name="thumb"/>', f'<link name="thumb">{inertial}</link>')
+
+
+def test_a_joint_that_cannot_be_compared_is_told(tmp_path: Path):
+    text = (
+        '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="planar">'
+        '<parent link="a"/><child link="b"/></joint></robot>'
+    )
+    folder = robot_folder(text, tmp_path, "fixed")
+    (finding,) = run_step(Oracle(robot="bot"), folder, folder)
+    assert (finding.rule, finding.severity) == ("oracle.unsupported", "info")
+
+
+def test_a_source_that_pinocchio_refuses_is_told(robots: Path, tmp_path: Path):
+    folder = robot_folder((robots / "placeholder_root.urdf").read_bytes(), tmp_path)
+    (folder / "source.urdf").write_text("<robot/>")
+    (finding,) = run_step(Oracle(robot="bot"), folder, folder)
+    assert (finding.rule, finding.severity) == ("oracle.unreadable", "warning")
+
+
+def test_go1_is_the_same_robot_to_nine_digits(go1_root: Path, tmp_path: Path):
+    path = go1_root / "robots/go1_description/urdf/go1.urdf"
+    assert by_target(robot_folder(path.read_bytes(), tmp_path)) == []
+    found = figures(tmp_path)
+    assert max(found[f"{k}_error"] for k in ("kinematics", "mass_matrix", "gravity")) < 1e-12
+    assert found["mass_source_kg"] == pytest.approx(found["mass_mjcf_kg"], rel=1e-12)
+    assert found["nv"] == 18

@@ -1,0 +1,163 @@
+"""Robots that cannot stand, each for one reason."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
+
+from assetbuild.checks.stand import Stand
+from assetbuild.findings import Finding
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.model import Actuator, Box, Control, Shape
+from assetbuild.robot.pose import Pose
+from assetbuild.targets.mjcf import Mjcf
+
+FEET = ".*_foot"
+
+
+def check(robot: TinyRobot, folder: Path, **fields: object) -> list[Finding]:
+    inputs = check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
+    step = Stand.model_validate({"feet": FEET} | fields)
+    return run_step(step, inputs, folder / "out")
+
+
+def figures(folder: Path) -> dict[str, object]:
+    return json.loads((folder / "out/figures.json").read_text())
+
+
+def rules(found: list[Finding]) -> set[tuple[str, str]]:
+    return {(f.rule, f.severity) for f in found}
+
+
+def with_drives(robot: TinyRobot, **changes: object) -> TinyRobot:
+    actuators = tuple(replace(a, **changes) for a in robot.control.actuators)
+    return replace(robot, control=replace(robot.control, actuators=actuators))
+
+
+def with_base(robot: TinyRobot, lift: float) -> TinyRobot:
+    """All keyframes higher by `lift`, m."""
+    keys = []
+    for key in robot.control.keyframes:
+        assert key.base
+        x, y, z = key.base.xyz
+        keys.append(replace(key, base=Pose((x, y, z + lift), key.base.quat)))
+    return replace(robot, control=replace(robot.control, keyframes=tuple(keys)))
+
+
+def test_quadruped_stands_on_its_four_feet(tmp_path: Path) -> None:
+    assert check(tiny_quadruped(), tmp_path) == []
+    numbers = figures(tmp_path)
+    assert numbers["touching"] == [f"{leg}_foot_collision" for leg in ("FL", "FR", "RL", "RR")]
+    assert abs(float(numbers["height_change_m"])) < 0.02
+    assert 0.0 < float(numbers["max_load"]) < 0.5
+
+
+def test_gains_outside_the_simulator_hold_it_too(tmp_path: Path) -> None:
+    assert check(with_drives(tiny_quadruped(), model="ideal_pd"), tmp_path) == []
+
+
+def test_tiny_gains_collapse(tmp_path: Path) -> None:
+    found = rules(check(with_drives(tiny_quadruped(), kp=1.0, kd=0.1), tmp_path))
+    assert ("stand.fall", "error") in found
+    assert ("stand.sag", "warning") in found
+    assert ("stand.contact", "error") in found
+
+
+def test_passive_legs_collapse(tmp_path: Path) -> None:
+    assert ("stand.fall", "error") in rules(
+        check(with_drives(tiny_quadruped(), model="passive"), tmp_path)
+    )
+
+
+def test_soft_gains_sag_without_falling(tmp_path: Path) -> None:
+    found = rules(check(with_drives(tiny_quadruped(), kp=25.0), tmp_path))
+    assert ("stand.sag", "warning") in found
+    assert "stand.fall" not in {rule for rule, _ in found}
+
+
+def test_weak_motors_are_saturated(tmp_path: Path) -> None:
+    found = rules(check(with_drives(tiny_quadruped(), effort=2.0, kp=500.0), tmp_path))
+    assert ("stand.torque", "warning") in found
+
+
+def test_floating_start_is_found_in_millimetres(tmp_path: Path) -> None:
+    found = [
+        f for f in check(with_base(tiny_quadruped(), 0.05), tmp_path) if f.rule == "stand.start"
+    ]
+    assert {(f.severity, f.subject) for f in found} == {
+        ("error", f"link {leg}_foot") for leg in ("FR", "FL", "RR", "RL")
+    }
+    assert "50 mm above the floor" in found[0].message
+
+
+def test_start_inside_the_floor_is_found(tmp_path: Path) -> None:
+    found = check(with_base(tiny_quadruped(), -0.003), tmp_path)
+    assert ("stand.start", "warning") in rules(found)
+    assert any("3 mm inside the floor" in f.message for f in found)
+
+
+def test_a_millimetre_is_good_enough(tmp_path: Path) -> None:
+    assert check(with_base(tiny_quadruped(), 0.0009), tmp_path) == []
+
+
+def test_what_is_no_foot_may_not_touch_the_floor(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    tail = Shape("tail", "trunk", "collision", Box((0.02, 0.02, 0.6)), Pose((-0.3, 0.0, 0.0)))
+    robot = replace(robot, shapes=replace(robot.shapes, shapes=(*robot.shapes.shapes, tail)))
+    found = check(robot, tmp_path)
+    assert ("stand.contact", "error", "link trunk") in {
+        (f.rule, f.severity, f.subject) for f in found
+    }
+
+
+def test_feet_without_shapes_are_found(tmp_path: Path) -> None:
+    assert ("stand.feet", "error") in rules(check(tiny_quadruped(), tmp_path, feet="paw"))
+
+
+def test_without_a_pattern_anything_may_touch_and_the_lowest_point_counts(tmp_path: Path) -> None:
+    assert check(tiny_quadruped(), tmp_path / "a", feet=None) == []
+    found = check(with_base(tiny_quadruped(), 0.05), tmp_path / "b", feet=None)
+    assert sum(f.rule == "stand.start" for f in found) == 1
+
+
+def test_drift_and_tilt_have_their_own_limits(tmp_path: Path) -> None:
+    found = check(tiny_quadruped(), tmp_path, max_drift=1e-6, max_tilt=1e-6)
+    assert rules(found) == {("stand.drift", "warning"), ("stand.tilt", "warning")}
+
+
+def test_explosion_is_told_from_standing(tmp_path: Path) -> None:
+    """A torque loop far beyond its stability limit 2 I / dt."""
+    wild = with_drives(tiny_quadruped(), model="ideal_pd", kp=1e9, kd=1e9, effort=None)
+    found = check(wild, tmp_path)
+    assert rules(found) == {("stand.finite", "error")}
+    assert figures(tmp_path)["finite"] is False
+
+
+def test_shapes_inside_one_another_are_found(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    horn = Shape("horn", "FR_thigh", "collision", Box((0.02, 0.3, 0.02)), Pose((0.0, 0.0, 0.0)))
+    robot = replace(robot, shapes=replace(robot.shapes, shapes=(*robot.shapes.shapes, horn)))
+    assert ("stand.overlap", "warning") in rules(check(robot, tmp_path))
+
+
+def test_fixed_base_is_judged_by_its_joints_only(tmp_path: Path) -> None:
+    robot = pendulum()
+    drive = Actuator("swing_joint", "pd", 50.0, 2.0, effort=5.0)
+    control = Control((drive,), robot.control.keyframes)
+    assert check(replace(robot, control=control), tmp_path, feet=None) == []
+    assert abs(float(figures(tmp_path)["max_joint_sag"])) < 1e-6
+
+
+def test_missing_keyframe_is_an_error(tmp_path: Path) -> None:
+    found = check(tiny_quadruped(), tmp_path, keyframe="sit")
+    assert rules(found) == {("stand.load", "error")}
+
+
+def test_recipe_decides() -> None:
+    base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
+    asked = base | {"validate": {"stand": {"keyframe": "home", "feet": FEET}}}
+    assert Stand.configure(Recipe.model_validate(base)) is None
+    assert Stand.configure(Recipe.model_validate(asked)) == Stand(keyframe="home", feet=FEET)

@@ -1,0 +1,26 @@
+"""Fixtures of the engine's tests. The tiny steps must be importable in child processes too."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import Store
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+
+@pytest.fixture
+def store(tmp_path: Path):
+    store = Store(tmp_path / "store")
+    yield store
+    store.close()
+
+
+@pytest.fixture
+def session(tmp_path: Path):
+    with Session(Store(tmp_path / "store"), build="test") as session:
+        yield session

@@ -1,0 +1,172 @@
+"""Tiny steps, importable by child processes: the tests put this folder on `sys.path`."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import ClassVar
+
+from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.errors import SourceError, Where
+from assetbuild.findings import Finding
+
+
+class Mix(Step):
+    """Writes a digest of its inputs and salt; `keep` < 16 hex digits makes early cutoff likely."""
+
+    outputs = ("out",)
+    salt: int = 0
+    keep: int = 16
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        names = sorted(p for p in files.inputs.rglob("*") if p.is_file())
+        text = [str(self.salt)]
+        text += [f"{p.relative_to(files.inputs)}={p.read_text()}" for p in names]
+        mixed = hashlib.sha256("\n".join(text).encode()).hexdigest()[: self.keep]
+        (files.outputs / "out").write_text(mixed)
+        yield Finding("test.mixed", "info", "robot", mixed, data={"salt": self.salt, "nan": 1.5})
+
+
+class MixInChild(Mix):
+    isolated: ClassVar[bool] = True
+
+
+class Split(Step):
+    """One file per line of `in`, `name text`, into a folder."""
+
+    outputs = ("parts/", "names.json")
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        folder = files.outputs / "parts"
+        folder.mkdir()
+        names = []
+        for line in (files.inputs / "in").read_text().splitlines():
+            name, _, text = line.partition(" ")
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_text(text)
+            names.append(name)
+        (files.outputs / "names.json").write_text(json.dumps(sorted(names)))
+        return ()
+
+
+class Write(Step):
+    """Writes any files, declared or not, in this process or a child."""
+
+    outputs = ("out",)
+    write: tuple[str, ...] = ("out",)
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        for name in self.write:
+            path = files.outputs / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(name)
+        return ()
+
+
+class Misbehave(Step):
+    """Fails in one of many ways, in a child process."""
+
+    outputs = ("out",)
+    isolated: ClassVar[bool] = True
+    limits: ClassVar[Limits] = Limits(wall_s=1.0, memory_mb=300, file_mb=1)
+    how: str
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        (files.outputs / "out").write_text("x")
+        getattr(self, f"do_{self.how}")(files)
+        return ()
+
+    def do_nothing(self, files: Files) -> None: ...
+
+    def do_abort(self, files: Files) -> None:
+        os.abort()
+
+    def do_segfault(self, files: Files) -> None:
+        os.kill(os.getpid(), signal.SIGSEGV)
+
+    def do_hang(self, files: Files) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        time.sleep(60)
+
+    def do_exit(self, files: Files) -> None:
+        os._exit(3)
+
+    def do_system_exit(self, files: Files) -> None:
+        sys.exit(0)
+
+    def do_memory(self, files: Files) -> None:
+        held = [bytearray(64 << 20) for _ in range(20)]
+        (files.outputs / "out").write_text(str(len(held)))
+
+    def do_big_file(self, files: Files) -> None:
+        (files.outputs / "out").write_bytes(bytes(3 << 20))
+
+    def do_user_error(self, files: Files) -> None:
+        raise SourceError("the mesh is cut off", where=Where("a.dae", 7, 3), hint="export it again")
+
+    def do_bug(self, files: Files) -> None:
+        raise KeyError("no such thing")
+
+    def do_missing_package(self, files: Files) -> None:
+        import no_such_package_anywhere  # noqa: F401 - it must fail
+
+    def do_touch_input(self, files: Files) -> None:
+        path = (files.inputs / "in").resolve()
+        path.chmod(0o644)
+        path.write_text("poisoned")
+
+    def do_read_environment(self, files: Files) -> None:
+        names = ("OMP_NUM_THREADS", "HOME", "TZ", "LC_ALL", "PYTHONHASHSEED", "SECRET")
+        seen: dict[str, object] = {name: os.environ.get(name) for name in names}
+        seen |= {"cwd": str(Path.cwd()), "stdin": sys.stdin.read(), "path": sys.path}
+        seen |= {"home_files": sorted(p.name for p in Path.home().iterdir())}
+        (files.outputs / "out").write_text(json.dumps(seen))
+
+    def do_print(self, files: Files) -> None:
+        print("printed by the step")
+        os.write(2, b"native message\n")
+
+
+class Slow(Step):
+    """Sleeps, in a child, and leaves its process id in a file outside (only a test may)."""
+
+    outputs = ("out",)
+    isolated: ClassVar[bool] = True
+    seconds: float = 0.2
+    pid_file: str = ""
+    salt: int = 0
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        if self.pid_file:
+            Path(self.pid_file).write_text(str(os.getpid()))
+        time.sleep(self.seconds)
+        (files.outputs / "out").write_text(f"{self.salt}")
+        return ()
+
+
+class Preloaded(Step):
+    """Says whether its module was imported before the fork, and by which process."""
+
+    outputs = ("out",)
+    isolated: ClassVar[bool] = True
+    preload: ClassVar[tuple[str, ...]] = ("colorsys",)
+    salt: int = 0
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        seen = {"loaded": "colorsys" in sys.modules, "worker": os.getppid()}
+        (files.outputs / "out").write_text(json.dumps(seen))
+        return ()
+
+
+def flip(path: Path) -> None:
+    """Change one bit of an object of the store."""
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.chmod(0o644)
+    path.write_bytes(data)

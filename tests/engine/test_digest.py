@@ -1,0 +1,142 @@
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from assetbuild.engine import digest
+from assetbuild.engine.digest import StatCache, canonical_json, digest_file, is_racy, signature_of
+
+OLD_NS = 60_000_000_000
+
+
+def age(path: Path) -> None:
+    """Give the file an old mtime; its ctime stays of now, so the clock is moved instead."""
+    os.utime(path, ns=(time.time_ns() - OLD_NS, time.time_ns() - OLD_NS))
+
+
+@pytest.fixture
+def later(monkeypatch: pytest.MonkeyPatch):
+    """A clock an hour ahead: everything written up to now is old enough to be trusted."""
+    real = time.time_ns
+    monkeypatch.setattr(digest.time, "time_ns", lambda: real() + 3_600_000_000_000)
+
+
+@pytest.fixture
+def reads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Paths that were really read."""
+    seen: list[str] = []
+
+    def counted(path):
+        seen.append(str(path))
+        return digest_file(path)
+
+    monkeypatch.setattr(digest, "digest_file", counted)
+    return seen
+
+
+def test_canonical_json_does_not_depend_on_the_order_of_keys():
+    assert canonical_json({"b": 1, "a": [1.5, None]}) == canonical_json({"a": [1.5, None], "b": 1})
+    assert canonical_json({"a": "材质"}) == '{"a":"材质"}'.encode()
+
+
+def test_digest_of_a_file_is_its_sha256(tmp_path: Path):
+    (tmp_path / "a").write_bytes(b"x" * 3_000_000)
+    assert digest_file(tmp_path / "a") == hashlib.sha256(b"x" * 3_000_000).hexdigest()
+
+
+def test_an_unchanged_old_file_is_read_once(tmp_path, later, reads):
+    path = tmp_path / "a"
+    path.write_text("one")
+    cache = StatCache(tmp_path / "cache.json")
+    first = cache.digest(path)
+    cache.save()
+    assert StatCache(tmp_path / "cache.json").digest(path) == first
+    assert reads == [str(path)]
+
+
+def test_a_fresh_file_is_never_trusted(tmp_path, reads):
+    path = tmp_path / "a"
+    path.write_text("one")
+    cache = StatCache()
+    cache.digest(path)
+    cache.digest(path)
+    assert len(reads) == 2
+
+
+def test_stamps_in_the_future_prove_nothing(tmp_path):
+    path = tmp_path / "a"
+    path.write_text("one")
+    os.utime(path, (4e9, 4e9))
+    assert is_racy(signature_of(path.stat()))
+
+
+def test_a_same_size_edit_with_its_mtime_put_back_is_noticed(tmp_path, later):
+    path = tmp_path / "a"
+    path.write_text("one")
+    before = path.stat()
+    cache = StatCache()
+    first = cache.digest(path)
+    path.write_text("two")
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert path.stat().st_mtime_ns == before.st_mtime_ns
+    assert cache.digest(path) != first
+
+
+def test_a_thousand_quick_edits_are_all_noticed(tmp_path):
+    path = tmp_path / "a"
+    cache = StatCache()
+    for number in range(1000):
+        path.write_text(f"{number:04}")
+        assert cache.digest(path) == hashlib.sha256(f"{number:04}".encode()).hexdigest()
+
+
+def test_a_cache_cut_at_any_byte_counts_as_empty(tmp_path, later):
+    source = tmp_path / "a"
+    source.write_text("one")
+    whole_cache = StatCache(tmp_path / "cache.json")
+    right = whole_cache.digest(source)
+    whole_cache.save()
+    whole = (tmp_path / "cache.json").read_bytes()
+    for end in range(len(whole)):
+        (tmp_path / "cut.json").write_bytes(whole[:end])
+        assert StatCache(tmp_path / "cut.json").digest(source) == right
+
+
+@pytest.mark.parametrize(
+    "entry", [[1, 2, 3, 4, 5], ["a", 2, 3, 4, 5, "d" * 64], [1, 2, 3, 4, 5, "short"], None]
+)
+def test_a_foreign_cache_counts_as_empty(tmp_path, entry):
+    text = json.dumps({"format": 1, "files": {"x": entry}})
+    (tmp_path / "cache.json").write_text(text)
+    assert StatCache(tmp_path / "cache.json")._old == {}
+
+
+def test_two_builds_keep_each_others_entries(tmp_path, later):
+    for name in "ab":
+        (tmp_path / name).write_text(name)
+    one, other = StatCache(tmp_path / "cache.json"), StatCache(tmp_path / "cache.json")
+    one.digest(tmp_path / "a")
+    other.digest(tmp_path / "b")
+    one.save()
+    other.save()
+    assert len(StatCache(tmp_path / "cache.json")._old) == 2
+
+
+def test_rehash_trusts_nothing(tmp_path, later, reads):
+    (tmp_path / "a").write_text("one")
+    cache = StatCache(tmp_path / "cache.json")
+    cache.digest(tmp_path / "a")
+    cache.save()
+    StatCache(tmp_path / "cache.json", rehash=True).digest(tmp_path / "a")
+    assert len(reads) == 2
+
+
+def test_a_folder_or_device_is_no_source(tmp_path):
+    for path in (tmp_path, Path(os.devnull)):
+        with pytest.raises(OSError, match="not a regular file"):
+            StatCache().digest(path)

@@ -1,0 +1,118 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+from steps_for_tests import Mix, Split
+
+from assetbuild.engine.execute import execute
+from assetbuild.engine.graph import GraphError, Node, Planner, Ref, checked_graph
+from assetbuild.errors import SourceError, StepError
+
+
+@pytest.fixture
+def planner(session):
+    return Planner(session)
+
+
+def test_two_steps_with_one_label_are_refused(planner):
+    planner.add("a", Mix())
+    with pytest.raises(GraphError, match="two steps are labelled `a`"):
+        planner.add("a", Mix())
+
+
+def test_an_unknown_output_is_refused_and_the_nearest_named(planner):
+    node = planner.add("a", Split(), {"in": planner.add("m", Mix())["out"]})
+    with pytest.raises(GraphError, match=r"no output `part/`.*did you mean `parts/`"):
+        node["part/"]
+    with pytest.raises(GraphError, match="no output `nothing`"):
+        planner.add("b", Mix(), {"x": Ref("a", "nothing")})
+
+
+def test_an_unknown_step_is_refused(planner):
+    planner.add("read_urdf", Mix())
+    with pytest.raises(GraphError, match="did you mean `read_urdf`"):
+        planner.add("b", Mix(), {"x": Ref("read_urd", "out")})
+
+
+def test_a_circle_is_refused_and_shown():
+    nodes = [
+        Node("a", Mix(), {"x": Ref("b", "out")}),
+        Node("b", Mix(), {"x": Ref("a", "out")}),
+    ]
+    with pytest.raises(GraphError, match=r"a -> b -> a|b -> a -> b"):
+        checked_graph(nodes)
+
+
+@pytest.mark.parametrize(
+    "names", [("../x",), ("/x",), ("a", "a/b"), ("",), ("x/",)], ids=lambda n: "+".join(n)
+)
+def test_input_names_stay_inside_and_apart(planner, names):
+    node = planner.add("m", Mix())
+    with pytest.raises(GraphError):
+        planner.add("n", Mix(), dict.fromkeys(names, node["out"]))
+
+
+def test_a_folder_goes_under_a_name_with_a_slash(planner):
+    split = planner.add("s", Split(), {"in": planner.add("m", Mix())["out"]})
+    with pytest.raises(GraphError, match="a folder"):
+        planner.add("n", Mix(), {"x": split["parts/"]})
+    with pytest.raises(GraphError, match="a file"):
+        split["names.json"] / "x"
+    with pytest.raises(GraphError):
+        split["parts/"] / "../x"
+
+
+def test_a_graph_is_ordered_and_drawn(planner, tmp_path):
+    (tmp_path / "go1.urdf").write_text("x")
+    first = planner.add("first", Mix(), {"in": planner.source(tmp_path / "go1.urdf")})
+    planner.add("second", Mix(), {"in": first["out"]})
+    graph = planner.graph()
+    assert list(graph.nodes) == ["first", "second"]
+    assert graph.predecessors("second") == ("first",)
+    assert '"go1.urdf" -> "first" [label="in"];' in graph.to_dot()
+    assert graph.to_text().splitlines()[1] == "second <- first:out"
+    assert json.dumps(graph.to_json())
+
+
+def test_a_missing_source_is_the_users_error(planner, tmp_path):
+    with pytest.raises(SourceError, match=r"cannot read .*gone\.urdf"):
+        planner.source(tmp_path / "gone.urdf")
+
+
+def test_a_question_is_open_until_the_file_is_built(session, tmp_path):
+    (tmp_path / "in").write_text("a 1\nb/c 2\nb/d 3\n")
+
+    def plan() -> Planner:
+        p = Planner(session)
+        split = p.add("split", Split(), {"in": p.source(tmp_path / "in")})
+        p.ask(split["parts/"] / "b/c")
+        p.ask_tree(split["parts/"])
+        p.ask_tree(split["parts/"] / "b/")
+        return p
+
+    first = plan()
+    assert [str(q) for q in first.questions] == [
+        "split:parts/b/c",
+        "split:parts/",
+        "split:parts/b/",
+    ]
+    execute(first.graph(), session)
+    second = plan()
+    assert second.questions == []
+    split = second.graph().nodes["split"]
+    assert second.ask(split["parts/"] / "b/c") == b"2"
+    assert set(second.ask_tree(split["parts/"] / "b/")) == {"c", "d"}
+    with pytest.raises(StepError, match=r"step `split` has no `b/x` in `parts/`"):
+        second.ask(split["parts/"] / "b/x")
+
+
+def test_a_source_can_be_asked_at_once(planner, tmp_path):
+    (tmp_path / "in").write_text("text")
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub/a").write_text("A")
+    assert planner.ask(planner.source(tmp_path / "in")) == b"text"
+    tree = planner.source_tree(tmp_path, ["in", "sub/a"])
+    assert planner.ask(tree / "sub/a") == b"A"
+    with pytest.raises(SourceError, match="does not lie below"):
+        planner.source_tree(tmp_path, ["../x"])

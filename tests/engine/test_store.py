@@ -1,0 +1,199 @@
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from assetbuild.engine.store import LostObjectError, Store, is_plain_path
+from assetbuild.errors import MachineError
+
+
+def object_file(store: Store, digest: str) -> Path:
+    return store.root / "cas" / digest[:2] / digest
+
+
+def flip(path: Path) -> None:
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.chmod(0o644)
+    path.write_bytes(data)
+
+
+def truncate(path: Path) -> None:
+    path.chmod(0o644)
+    path.write_bytes(path.read_bytes()[:-1])
+
+
+FAULTS = {"flip": flip, "truncate": truncate, "delete": Path.unlink}
+
+
+def test_what_goes_in_comes_out(store: Store, tmp_path: Path):
+    digest = store.put_bytes(b"abc")
+    assert store.read(digest) == b"abc"
+    assert store.path(digest).read_bytes() == b"abc"
+    assert store.path(digest).stat().st_mode & 0o777 == 0o444
+
+
+def test_a_tree_comes_back_as_it_was(store: Store, tmp_path: Path):
+    source = tmp_path / "source"
+    (source / "b/c").mkdir(parents=True)
+    (source / "a.txt").write_text("a")
+    (source / "b/c/材质.txt").write_text("c")
+    digest = store.put_tree(source)
+    store.restore_tree(digest, tmp_path / "dest")
+    found = {p.relative_to(tmp_path / "dest").as_posix() for p in (tmp_path / "dest").rglob("*.*")}
+    assert found == {"a.txt", "b/c/材质.txt"}
+    assert store.tree(digest)["a.txt"][1] == 1
+    assert store.put_tree(tmp_path / "dest") == digest
+
+
+def test_a_tree_with_a_link_is_refused(store: Store, tmp_path: Path):
+    (tmp_path / "t").mkdir()
+    (tmp_path / "t/link").symlink_to("/etc/passwd")
+    with pytest.raises(ValueError, match="link"):
+        store.put_tree(tmp_path / "t")
+
+
+def test_a_restored_file_is_a_copy(store: Store, tmp_path: Path):
+    digest = store.put_bytes(b"abc")
+    store.restore(digest, tmp_path / "dest")
+    (tmp_path / "dest").write_bytes(b"edited in place")
+    assert store.read(digest) == b"abc"
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_corrupt_object_is_never_given_out(store: Store, tmp_path: Path, fault: str):
+    for use in (store.read, store.path, lambda d: store.restore(d, tmp_path / "dest")):
+        digest = store.put_bytes(b"abcdef")
+        store.path(digest)
+        FAULTS[fault](object_file(store, digest))
+        with pytest.raises(LostObjectError):
+            use(digest)
+        assert not (tmp_path / "dest").exists()
+        assert not store.has(digest)
+        if fault != "delete":
+            assert any((store.root / "quarantine").iterdir())
+
+
+def test_putting_the_same_bytes_heals_a_corrupt_object(store: Store):
+    digest = store.put_bytes(b"abcdef")
+    flip(object_file(store, digest))
+    assert store.put_bytes(b"abcdef") == digest
+    assert store.read(digest) == b"abcdef"
+
+
+def test_a_large_object_is_hashed_once(store: Store, monkeypatch: pytest.MonkeyPatch):
+    from assetbuild.engine import store as module
+
+    digest = store.put_bytes(b"x" * 1000)
+    monkeypatch.setattr(module, "is_racy", lambda signature: False)
+    store.path(digest)
+    monkeypatch.setattr(module, "digest_file", None)
+    store.path(digest)
+
+
+@pytest.mark.parametrize("name", ["../x", "/x", "a/../x", "a//b", "", ".", "./a", "a/."])
+def test_a_tree_never_leaves_its_folder(store: Store, tmp_path: Path, name: str):
+    assert not is_plain_path(name)
+    part = store.put_bytes(b"x")
+    evil = store.put_listing({name: (part, 1)})
+    with pytest.raises(LostObjectError):
+        store.restore_tree(evil, tmp_path / "dest")
+
+
+def test_an_action_comes_back(store: Store):
+    store.put_action("a" * 64, {"outputs": {"x": "y"}})
+    assert store.action("a" * 64) == {"outputs": {"x": "y"}}
+    assert store.action("b" * 64) is None
+
+
+def test_a_torn_or_swapped_action_is_unknown(store: Store):
+    key = "a" * 64
+    store.put_action(key, {"outputs": {"x": "y"}})
+    path = store.root / "ac" / "aa" / f"{key}.json"
+    whole = path.read_bytes()
+    for end in range(len(whole)):
+        path.write_bytes(whole[:end])
+        assert store.action(key) is None
+    path.write_bytes(whole.replace(b'"y"', b'"z"'))
+    assert store.action(key) is None
+    other = store.root / "ac" / "bb" / f"{'b' * 64}.json"
+    other.parent.mkdir()
+    other.write_bytes(whole)
+    assert store.action("b" * 64) is None
+
+
+def test_many_threads_may_put_the_same_object(store: Store):
+    digests: list[str] = []
+    threads = [
+        threading.Thread(target=lambda: digests.append(store.put_bytes(b"same" * 10000)))
+        for _ in range(8)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(set(digests)) == 1
+    assert len(digests) == 8
+    assert store.read(digests[0]) == b"same" * 10000
+
+
+def test_a_full_disk_is_a_clear_error_and_loses_nothing(tmp_path: Path):
+    """RLIMIT_FSIZE stands in for the full disk in a child: the write fails in the middle."""
+    program = f"""
+import errno, resource
+from pathlib import Path
+from assetbuild.engine import store as module
+from assetbuild.errors import MachineError
+store = module.Store(Path({str(tmp_path / "s")!r}))
+kept = store.put_bytes(b"kept")
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+try:
+    store.put_bytes(b"x" * 100000)
+except MachineError as error:
+    assert store.read(kept) == b"kept"
+    print(error)
+"""
+    out = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert "File too large" in out.stdout
+    assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] != 1000
+
+
+def test_no_space_names_the_disk(store: Store, monkeypatch: pytest.MonkeyPatch):
+    def full(*args, **kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(MachineError, match="no space left"):
+        store.put_bytes(b"x")
+
+
+def test_a_store_in_place_of_a_file_is_a_clear_error(tmp_path: Path):
+    (tmp_path / "s").write_text("a file")
+    with pytest.raises(MachineError):
+        Store(tmp_path / "s")
+
+
+def test_leftovers_of_a_killed_build_go_and_those_of_a_running_one_stay(tmp_path: Path):
+    program = f"""
+import os
+from pathlib import Path
+from assetbuild.engine.store import Store
+store = Store(Path({str(tmp_path / "s")!r}))
+(store.scratch() / "half").write_text("half")
+os._exit(1)
+"""
+    subprocess.run([sys.executable, "-c", program], check=False)
+    running = Store(tmp_path / "s")
+    mine = running.scratch()
+    assert len(list((running.root / "tmp").iterdir())) == 2
+    Store(tmp_path / "s").close()
+    assert mine.is_dir()
+    assert len(list((running.root / "tmp").iterdir())) == 1
+    running.close()

@@ -1,0 +1,218 @@
+"""A recipe's mistakes are named with file, line, column, key and the next move."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+import yaml
+
+from assetbuild.errors import RecipeError, Where
+from assetbuild.recipe.loader import load_recipe
+
+GOOD = """\
+schema: assetbuild/v1
+robot: tiny
+source:
+  path: tiny
+  urdf: tiny.urdf
+collision:
+  default: {method: hull}
+  links:
+    ".*_foot": {method: primitive, shape: sphere}
+motors:
+  m: {rotor_inertia: 1e-4, gear: 6, effort: 20}
+actuators:
+  - {joints: ".*_hip", motor: m, kp: 80, kd: 4}
+  - joints: ".*_knee"
+    model: passive
+keyframes:
+  home: {base: on_ground, joints: {".*_hip": 0.5}}
+"""
+
+
+@pytest.fixture
+def load(tmp_path, monkeypatch):
+    """Write text as `recipes/r.yaml` below the working folder and load it."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "recipes").mkdir()
+
+    def load_text(text: str, variant: str | None = None):
+        (tmp_path / "recipes/r.yaml").write_text(text, encoding="utf-8")
+        return load_recipe(tmp_path / "recipes/r.yaml", variant)
+
+    return load_text
+
+
+@pytest.fixture
+def refused(load):
+    def refuse(text: str, variant: str | None = None) -> RecipeError:
+        with pytest.raises(RecipeError) as caught:
+            load(text, variant)
+        return caught.value
+
+    return refuse
+
+
+def test_a_good_recipe_loads_with_its_numbers(load):
+    recipe = load(GOOD).recipe
+    assert recipe.motors["m"].rotor_inertia == 1e-4
+    assert recipe.actuators[0].kp == 80.0
+    assert isinstance(recipe.actuators[0].kp, float)
+    assert recipe.collision.links[".*_foot"].shape == "sphere"
+
+
+def test_the_plan_can_ask_where_a_key_stands(load):
+    loaded = load(GOOD)
+    lines = GOOD.splitlines()
+    at = loaded.where(("collision", "links", ".*_foot", "method"))
+    assert lines[at.line - 1][at.column - 1 :].startswith("method:")
+    assert str(at) == "recipes/r.yaml:9:17"
+    row = loaded.where(("actuators", 1))
+    assert lines[row.line - 1][row.column - 1 :].startswith("joints")
+
+
+def test_an_absent_key_is_placed_at_what_holds_it(load):
+    loaded = load(GOOD)
+    assert loaded.where(("actuators", 1, "kp")) == loaded.where(("actuators", 1))
+    assert loaded.where(("simulation",)) == Where("recipes/r.yaml", 1, 1)
+
+
+def test_an_error_of_the_plan_reads_like_one_of_ours(load):
+    error = load(GOOD).error(("collision", "links", ".*_foot", "method"), "no method `x`", "hm")
+    assert str(error) == (
+        'recipes/r.yaml:9:17: collision.links[".*_foot"].method: no method `x`\nhint: hm'
+    )
+
+
+def test_places_agree_with_pyyaml_s_own_tree(load):
+    tree = yaml.compose(GOOD)
+    for key_node, value_node in tree.value:
+        at = load(GOOD).where((key_node.value,))
+        assert (at.line, at.column) == (
+            key_node.start_mark.line + 1,
+            key_node.start_mark.column + 1,
+        )
+        assert value_node is not None
+
+
+def test_a_misspelt_key_is_named_with_the_right_one(refused):
+    error = refused(GOOD.replace("  default:", "  defualt:"))
+    assert str(error) == (
+        "recipes/r.yaml:7:3: collision.defualt: unknown key\nhint: did you mean `default`?"
+    )
+
+
+def test_an_aliased_key_is_known_by_the_name_people_write(refused):
+    error = refused(GOOD.replace("{method: hull}", "{method: hull, form: visual}"))
+    assert error.hint == "did you mean `from`?"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "said", "hint"),
+    [
+        ("shape: sphere", "shape: spere", "9:43", "expected `box`, `sphere`", "`sphere`"),
+        ("kp: 80", "kp: 8O", "13:38", "expected a number, found the text `8O`", "N m/rad"),
+        ("kp: 80", "kp: yes", "13:38", "expected a number, found the text `yes`", ""),
+        ("kp: 80", "kp: true", "13:38", "expected a number, found `true`", ""),
+        ("kp: 80", "kp: '80'", "13:38", "expected a number", ""),
+        ("kp: 80", "kp: -1", "13:38", "must be at least 0, found `-1`", ""),
+        ("kp: 80", "kp: .inf", "13:38", "must be finite", ""),
+        ("gear: 6", "gear: 0", "11:34", "must be greater than 0", ""),
+        ("robot: tiny", "robot: 12", "2:8", "expected text, found `12`", 'quotes: "12"'),
+        ("robot: tiny", "robot: ../x", "2:8", "does not fit", "name of the robot"),
+        ("robot: tiny\n", "", "1:1", "missing key `robot`", "name of the robot"),
+        ("urdf: tiny.urdf", "urdf: ../x.urdf", "5:9", "inside the source", ""),
+        ("urdf: tiny.urdf", "urdf: /etc/passwd", "5:9", "inside the source", ""),
+        ("  urdf: tiny.urdf\n", "", "3:1", "give `urdf`", ""),
+        ("  path: tiny\n", "", "3:1", "exactly one of `path`, `pypi`", ""),
+        ("path: tiny", "pypi: '-r==1'", "4:9", "does not fit", "name==version"),
+        ("on_ground", "on_grund", "17:16", "`on_ground` or a list", "`on_ground`"),
+        ("on_ground", "[0, 0]", "17:10", "missing entry 3", ""),
+        ("on_ground", "[0, 0, x]", "17:23", "expected a number", ""),
+        ('".*_hip": 0.5', '"[": 0.5', "17:36", "not a regular expression", ""),
+        ("  default: {method: hull}", "  default:", "7:3", "expected a map, found nothing", ""),
+        ("  default: {method: hull}", "  default: [hull]", "7:3", "a map, found a list", ""),
+        ("assetbuild/v1", "assetbuild/v2", "1:9", "`assetbuild/v1`", "`assetbuild/v1`"),
+        ("  home:", "  ho me:", "17:3", "not a valid name", ""),
+    ],
+)
+def test_each_mistake_has_its_place_and_its_words(refused, old, new, place, said, hint):
+    assert old in GOOD
+    error = refused(GOOD.replace(old, new, 1))
+    assert str(error.where) == f"recipes/r.yaml:{place}"
+    assert said in error.message
+    assert hint in error.hint
+    assert error.exit_code == 2
+
+
+def test_of_several_mistakes_the_first_in_the_file_is_shown_and_the_rest_counted(refused):
+    text = (
+        GOOD.replace("kp: 80", "kp: x")
+        .replace("gear: 6", "gaer: 6")
+        .replace("hull}", "hull, b: 1}")
+    )
+    error = refused(text)
+    assert "collision.default.b: unknown key (and 2 more errors in this file)" in error.message
+
+
+@pytest.mark.parametrize("text", ["- a\n- b\n", "just text\n", "12\n"])
+def test_a_recipe_is_a_map(refused, text):
+    assert "expected a map at the top" in refused(text).message
+
+
+def test_a_file_outside_the_working_folder_is_named_as_it_was_given(tmp_path, monkeypatch):
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    path = tmp_path / "r.yaml"
+    path.write_text("- 1\n")
+    with pytest.raises(RecipeError) as caught:
+        load_recipe(path)
+    assert caught.value.where.file == str(path)
+    with pytest.raises(RecipeError) as caught:
+        load_recipe("../r.yaml")
+    assert caught.value.where.file == "../r.yaml"
+
+
+def test_what_is_no_readable_file_is_refused_without_waiting(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("pipe.yaml")
+    (tmp_path / "folder.yaml").mkdir()
+    (tmp_path / "loop.yaml").symlink_to("loop.yaml")
+    for name in ("pipe.yaml", "folder.yaml", "loop.yaml", "missing.yaml"):
+        with pytest.raises(RecipeError) as caught:
+            load_recipe(name)
+        assert caught.value.where.file == name
+
+
+def test_the_files_read_are_listed_for_the_stat_record(load, tmp_path):
+    loaded = load(GOOD)
+    assert loaded.files == (tmp_path / "recipes/r.yaml",)
+    assert loaded.path == tmp_path / "recipes/r.yaml"
+
+
+def test_fifty_thousand_mistakes_cost_little_time_and_memory(tmp_path):
+    (tmp_path / "r.yaml").write_text("".join(f"k{i}: 1\n" for i in range(49_000)))
+    program = (
+        "import resource, sys, time\n"
+        "from assetbuild.errors import RecipeError\n"
+        "from assetbuild.recipe.loader import load_recipe\n"
+        "memory = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "start, before = time.process_time(), memory()\n"
+        "try: load_recipe(sys.argv[1])\n"
+        "except RecipeError as error: text = error.message\n"
+        "unit = 1024 if sys.platform == 'darwin' else 1\n"
+        "print(time.process_time() - start, (memory() - before) // unit // 1024, text, sep='|')\n"
+    )
+    path = tmp_path / "r.yaml"
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(path)], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    seconds, megabytes, text = done.stdout.split("|")
+    assert "missing key" in text or "unknown key" in text
+    assert "more errors" in text
+    assert float(seconds) < 2.0
+    assert int(megabytes) < 200

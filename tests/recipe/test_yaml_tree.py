@@ -1,0 +1,188 @@
+"""YAML means what it looks like, and hostile YAML is refused quickly and in little memory."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+import textwrap
+import time
+
+import pytest
+
+from assetbuild.errors import RecipeError
+from assetbuild.recipe.yaml_tree import MAX_COST, parse, plain
+
+
+def read(text: str | bytes) -> object:
+    data = text.encode() if isinstance(text, str) else text
+    return plain(parse(data, "r.yaml", RecipeError))
+
+
+def refused(text: str | bytes) -> RecipeError:
+    with pytest.raises(RecipeError) as caught:
+        read(text)
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("12:30:45", "12:30:45"),
+        ("no", "no"),
+        ("off", "off"),
+        ("Yes", "Yes"),
+        ("True", "True"),
+        ("true", True),
+        ("false", False),
+        ("0123", "0123"),
+        ("0x1F", "0x1F"),
+        ("0o17", "0o17"),
+        ("1_000", "1_000"),
+        ("2024-01-02", "2024-01-02"),
+        ("1e-3", 0.001),
+        ("1e3", 1000),
+        (".5", 0.5),
+        ("-1.5E+2", -150),
+        ("8O", "8O"),
+        ("+3", 3),
+        ("1.", 1),
+        ("'1'", "1"),
+        ('"true"', "true"),
+        ("!!str 12", "12"),
+        ("! 12", "12"),
+        ("!!float 12", 12),
+        ("~", None),
+        ("null", None),
+        ("", None),
+        ("inf", "inf"),
+    ],
+)
+def test_values_mean_what_they_look_like(text, value):
+    found = read(f"key: {text}")["key"]
+    assert found == value
+    assert type(found) is type(value)
+
+
+def test_infinity_and_nan_are_numbers_that_the_models_refuse():
+    assert read("[.inf, -.inf]") == (math.inf, -math.inf)
+    assert math.isnan(read("[.nan]")[0])
+
+
+def test_duplicate_keys_name_both_lines():
+    error = refused("a: 1\nb: 2\n'a': 3\n")
+    assert str(error.where) == "r.yaml:3:1"
+    assert "duplicate key `a`" in error.message
+    assert "line 1" in error.hint
+
+
+@pytest.mark.parametrize("tag", ["!!python/object/apply:os.system [x]", "!!binary aGk=", "!x 1"])
+def test_tags_that_make_objects_are_refused(tag):
+    error = refused(f"a: {tag}\n")
+    assert "tag" in error.message
+    assert str(error.where) == "r.yaml:1:4"
+
+
+def test_a_tag_that_lies_is_refused():
+    assert "not what its tag says" in refused("a: !!int hello").message
+
+
+def test_an_alias_shares_its_anchor():
+    assert read("a: &x {k: [1, 2]}\nb: *x\n") == {"a": {"k": (1, 2)}, "b": {"k": (1, 2)}}
+
+
+def test_an_alias_inside_what_it_names_is_refused():
+    assert "inside what it names" in refused("a: &x [1, *x]").message
+
+
+def test_an_unknown_alias_is_refused_with_its_place():
+    error = refused("a: 1\nb: *nope\n")
+    assert error.where.line == 2
+
+
+def test_merge_keys_are_refused_by_name():
+    error = refused("a: &x {k: 1}\nb:\n  <<: *x\n")
+    assert "merge keys" in error.message
+    assert str(error.where) == "r.yaml:3:3"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "empty"),
+        ("# only a comment\n", "empty"),
+        (b"a: \xff\n", "UTF-8"),
+        ("a: 1\n---\nb: 2\n", "second document"),
+        ("a: [1, 2\nb: 3\n", "not YAML"),
+        ("a: \x07\n", "not YAML"),
+        ("? [a, b]\n: 1\n", "key must be plain text"),
+        ("\tkey: 1\n", "not YAML"),
+        ("@x: 1", "not YAML"),
+        ("{? : 1}", "a key is missing"),
+    ],
+)
+def test_text_that_is_no_recipe_is_one_clear_error(text, said):
+    error = refused(text)
+    assert said in error.message
+    assert error.where.file == "r.yaml"
+
+
+def test_wrong_bytes_are_located():
+    assert str(refused(b"a: 1\nbc: \xff\n").where) == "r.yaml:2:5"
+
+
+def test_aliases_cannot_nest_deeper_than_text_can():
+    chain = "".join(f"k{i}: &a{i} [*a{i - 1}]\n" for i in range(1, 80))
+    assert "deeper than 64" in refused("k0: &a0 [1]\n" + chain).message
+
+
+def nine_laughs() -> str:
+    rows = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    rows += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 10)]
+    return "\n".join(rows)
+
+
+HOSTILE = {
+    "alias bomb": nine_laughs(),
+    "deep list": "[" * 500_000,
+    "deep map": "{a: " * 500_000,
+    "deep block": "".join(f"{' ' * i}k:\n" for i in range(2000)),
+    "wide list": "[" + "1," * 1_500_000 + "1]",
+    "wide map": "".join(f"k{i}: 1\n" for i in range(300_000)),
+    "repeated long text": f"a: &a {'x' * 2_000_000}\nb: [{', '.join(['*a'] * 1000)}]",
+    "too long": "a: " + "x" * (4 << 20),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_text_is_refused_within_two_seconds(name):
+    text = HOSTILE[name]
+    start = time.process_time()
+    refused(text)
+    assert time.process_time() - start < 2.0
+
+
+def test_a_long_text_is_no_bomb():
+    assert read(f"a: {'x' * 1_000_000}") == {"a": "x" * 1_000_000}
+    assert MAX_COST > 1_000_000 // 100
+
+
+def test_a_bomb_takes_less_than_200_megabytes():
+    program = textwrap.dedent(
+        """
+        import resource, sys
+        from assetbuild.errors import RecipeError
+        from assetbuild.recipe.yaml_tree import parse
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        for data in (b"[" * 4_000_000, b"[" + b"1," * 2_000_000, b"{a: " * 1_000_000):
+            try:
+                parse(data, "r", RecipeError)
+            except RecipeError:
+                pass
+        unit = 1024 if sys.platform == "darwin" else 1
+        print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // unit // 1024)
+        """
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) < 200

@@ -1,0 +1,180 @@
+"""The actuator table covers each moving joint once, and its numbers have one order of origin."""
+
+from __future__ import annotations
+
+import pickle
+
+import pytest
+
+from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, check_rows, resolve
+from assetbuild.robot.model import Body, Joint, Limits, Mimic, Tree
+
+LIMITS = Limits(-1.0, 1.0, effort=23.7, velocity=30.1)
+
+
+def leg(*joints: Joint) -> Tree:
+    return Tree("leg", "floating", (Body("base"), *(Body(j.child) for j in joints)), joints)
+
+
+def hinge(name: str, parent: str = "base", **fields: object) -> Joint:
+    settings = {"kind": "revolute", "limits": LIMITS, "damping": 0.1, "friction": 0.2}
+    return Joint(name=name, parent=parent, child=f"{name}_link", **(settings | fields))
+
+
+HIP, KNEE = hinge("hip"), hinge("knee", "hip_link")
+TREE = leg(HIP, KNEE)
+
+
+def refused(tree: Tree, *rows: RowSpec, **motors: MotorSpec) -> RowError:
+    with pytest.raises(RowError) as caught:
+        resolve(tree, rows, motors)
+    return caught.value
+
+
+def test_each_joint_gets_one_actuator_in_tree_order():
+    rows = (RowSpec("knee", kp=30.0), RowSpec("hip", kp=20.0, kd=0.5))
+    hip, knee = resolve(TREE, rows, {})
+    assert (hip.joint, hip.kp, hip.kd) == ("hip", 20.0, 0.5)
+    assert (knee.joint, knee.kp, knee.kd) == ("knee", 30.0, 0.0)
+
+
+def test_without_row_or_motor_the_source_s_numbers_hold():
+    hip, _ = resolve(TREE, (RowSpec(".*", kp=1.0),), {})
+    assert (hip.effort, hip.velocity, hip.damping, hip.friction) == (23.7, 30.1, 0.1, 0.2)
+    assert hip.armature == 0.0
+
+
+def test_the_motor_goes_before_the_source_and_the_row_before_the_motor():
+    motors = {"m": MotorSpec(effort=10.0, velocity=20.0, friction=0.3, source="data sheet")}
+    hip, _ = resolve(TREE, (RowSpec(".*", kp=1.0, motor="m"),), motors)
+    assert (hip.effort, hip.velocity, hip.friction) == (10.0, 20.0, 0.3)
+    assert (hip.motor, hip.source) == ("m", "data sheet")
+    row = RowSpec(".*", kp=1.0, motor="m", effort=5.0, velocity=6.0, friction=0.0, damping=0.0)
+    hip, _ = resolve(TREE, (row,), motors)
+    assert (hip.effort, hip.velocity, hip.friction, hip.damping) == (5.0, 6.0, 0.0, 0.0)
+
+
+def test_armature_is_the_rotor_seen_through_the_gear():
+    # mjlab's Go1: I = 1.11842e-4 kg m2 through 6:1 is 0.00403 kg m2, through 9:1 0.00906 kg m2.
+    motors = {"a": MotorSpec(1.11842e-4, 6.0), "b": MotorSpec(1.11842e-4, 9.0)}
+    hip, knee = resolve(
+        TREE, (RowSpec("hip", kp=1.0, motor="a"), RowSpec("knee", kp=1.0, motor="b")), motors
+    )
+    assert hip.armature == pytest.approx(0.00403, abs=5e-6)
+    assert knee.armature == pytest.approx(0.00906, abs=5e-6)
+    hip, _ = resolve(TREE, (RowSpec(".*", kp=1.0, motor="a", armature=0.01),), motors)
+    assert hip.armature == 0.01
+
+
+def test_joints_left_over_are_listed():
+    error = refused(leg(HIP, KNEE, hinge("ankle", "knee_link")), RowSpec("hip", kp=1.0))
+    assert error.message == "actuators: no row matches joints `knee`, `ankle`"
+    assert error.key == ("actuators",)
+    assert error.index is None
+
+
+def test_a_joint_matched_twice_names_both_rows():
+    error = refused(TREE, RowSpec(".*", kp=1.0), RowSpec("knee", kp=2.0))
+    assert error.message == "actuators[1]: joint `knee` already matched by row 0 (`.*`)"
+    assert error.key == ("actuators", 1, "joints")
+    assert error.index == 1
+
+
+def test_a_pattern_must_match_the_whole_name():
+    assert "`hi` matches no moving joint" in refused(TREE, RowSpec("hi", kp=1.0)).message
+
+
+def test_a_row_that_matches_nothing_is_told_the_nearest_joint():
+    error = refused(TREE, RowSpec("hip", kp=1.0), RowSpec("kne", kp=1.0))
+    assert error.key == ("actuators", 1, "joints")
+    assert error.hint == "did you mean `knee`?"
+
+
+def test_a_row_for_a_joint_that_does_not_move_says_so():
+    tree = leg(HIP, hinge("mount", "hip_link", kind="fixed"))
+    error = refused(tree, RowSpec("hip", kp=1.0), RowSpec("mount", kp=1.0))
+    assert "do not move" in error.message
+
+
+def test_an_unknown_motor_is_told_the_nearest():
+    error = refused(TREE, RowSpec(".*", kp=1.0, motor="go1_hp"), go1_hip=MotorSpec())
+    assert error.key == ("actuators", 0, "motor")
+    assert error.hint == "did you mean `go1_hip`?"
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        (RowSpec(".*"), "model `pd` needs `kp`"),
+        (RowSpec(".*", "ideal_pd"), "model `ideal_pd` needs `kp`"),
+        (RowSpec(".*", "velocity"), "model `velocity` needs `kd`"),
+        (RowSpec(".*", "velocity", kp=1.0, kd=1.0), "takes no `kp`"),
+        (RowSpec(".*", "passive", kp=1.0), "takes no `kp`"),
+        (RowSpec(".*", "passive", kd=1.0), "takes no `kd`"),
+        (RowSpec(".*", "motor", kp=1.0), "takes no `kp`"),
+    ],
+)
+def test_each_model_takes_its_own_gains(row, said):
+    assert said in refused(TREE, row).message
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        RowSpec(".*", "pd", kp=1.0),
+        RowSpec(".*", "ideal_pd", kp=1.0),
+        RowSpec(".*", "dc_motor", kp=1.0, velocity=3.0),
+        RowSpec(".*", "velocity", kd=1.0),
+        RowSpec(".*", "motor"),
+    ],
+)
+@pytest.mark.parametrize("effort", [None, 0.0])
+def test_what_pushes_needs_an_effort_limit(row, effort):
+    tree = leg(hinge("hip", limits=Limits(-1, 1, effort=effort)))
+    assert "needs the limit `effort` of joint `hip`" in refused(tree, row).message
+
+
+def test_a_torque_speed_curve_needs_a_speed():
+    tree = leg(hinge("hip", limits=Limits(-1, 1, effort=1.0)))
+    error = refused(tree, RowSpec(".*", "dc_motor", kp=1.0))
+    assert "needs the limit `velocity`" in error.message
+
+
+def test_a_passive_joint_needs_no_limit():
+    tree = leg(hinge("hip", limits=Limits(), damping=None, friction=None))
+    (hip,) = resolve(tree, (RowSpec(".*", "passive"),), {})
+    assert (hip.effort, hip.velocity, hip.damping, hip.friction) == (None, None, 0.0, 0.0)
+
+
+def test_a_mimic_joint_without_a_row_is_passive_with_its_own_damping():
+    tree = leg(HIP, hinge("finger", mimic=Mimic("hip"), damping=0.7))
+    hip, finger = resolve(tree, (RowSpec("hip", kp=1.0),), {})
+    assert hip.model == "pd"
+    assert (finger.model, finger.damping) == ("passive", 0.7)
+
+
+def test_a_mimic_joint_with_a_row_gets_what_the_row_says():
+    tree = leg(HIP, hinge("finger", mimic=Mimic("hip")))
+    assert [a.model for a in resolve(tree, (RowSpec(".*", kp=1.0),), {})] == ["pd", "pd"]
+
+
+def test_without_a_table_every_moving_joint_is_passive():
+    tree = leg(HIP, hinge("mount", "hip_link", kind="fixed"), hinge("w", kind="continuous"))
+    made = resolve(tree, (), {})
+    assert [(a.joint, a.model, a.damping) for a in made] == [
+        ("hip", "passive", 0.1),
+        ("w", "passive", 0.1),
+    ]
+
+
+def test_the_plan_s_check_agrees_with_the_step():
+    check_rows(TREE, (RowSpec(".*", kp=1.0),), {})
+    with pytest.raises(RowError):
+        check_rows(TREE, (RowSpec("hip", kp=1.0),), {})
+
+
+def test_an_error_survives_the_way_between_processes():
+    error = refused(TREE, RowSpec("kne", kp=1.0))
+    again = pickle.loads(pickle.dumps(error))  # noqa: S301 # our own bytes
+    assert (again.message, again.key, again.hint) == (error.message, error.key, error.hint)
+    assert again.exit_code == 2

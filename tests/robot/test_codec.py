@@ -1,0 +1,54 @@
+"""What is stored comes back equal, and equal values are equal bytes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from tiny import TinyRobot, pendulum, robots, tiny_quadruped
+
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.model import Body, Control, Inertial, Shapes, Tree
+
+
+@given(robots())
+def test_random_robots_round_trip(robot: TinyRobot):
+    assert decode(Tree, encode(robot.tree)) == robot.tree
+    assert decode(Control, encode(robot.control)) == robot.control
+
+
+@pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()])
+def test_shapes_round_trip(robot: TinyRobot):
+    assert decode(Shapes, encode(robot.shapes)) == robot.shapes
+
+
+def test_equal_values_are_equal_bytes():
+    assert encode(tiny_quadruped().tree) == encode(tiny_quadruped().tree)
+    assert encode(tiny_quadruped().tree) != encode(replace(tiny_quadruped().tree, name="other"))
+
+
+def test_floats_keep_every_bit():
+    body = Body("a", Inertial(0.1 + 0.2, (5e-324, 1e308, 1 / 3), (1.0,) * 6))
+    assert decode(Body, encode(body)) == body
+
+
+def test_bytes_are_plain_ascii():
+    assert decode(Body, encode(Body("材质"))).name == "材质"
+    assert encode(Body("材质")).isascii()
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_what_is_not_a_number_is_not_stored(value: float):
+    with pytest.raises(ValueError, match="JSON"):
+        encode(Inertial(value, (0.0, 0.0, 0.0), (1.0,) * 6))
+
+
+@pytest.mark.parametrize(
+    "data",
+    [b"", b"[]", b"null", b'{"name": 3, "inertial": null}', b'{"name": "a"}', b'{"name": true}'],
+)
+def test_foreign_bytes_are_refused(data: bytes):
+    with pytest.raises(ValueError, match="not a stored Body"):
+        decode(Body, data)

@@ -1,0 +1,207 @@
+"""Merging fixed joints loses nothing and moves nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tiny import TinyRobot, box_inertial, robots, tiny_quadruped
+
+from assetbuild.robot.inertia import about_point, combine, matrix_of, move_inertial
+from assetbuild.robot.model import Body, Inertial, Joint, Limits, Tree
+from assetbuild.robot.pose import IDENTITY, Pose, quat_of_rpy
+from assetbuild.robot.tree import (
+    Merged,
+    depth_first,
+    forward_kinematics,
+    joint_motion,
+    merge_fixed_joints,
+    sample_positions,
+)
+
+BRICK = box_inertial(2.0, (0.1, 0.2, 0.3))
+ASKEW = Pose((0.1, -0.2, 0.3), quat_of_rpy(0.4, -0.5, 0.6))
+
+
+def source(robot: TinyRobot) -> Tree:
+    """A random tree as a reader would give it: no frames yet."""
+    return replace(robot.tree, frames=())
+
+
+def chain(*joints: tuple[str, Pose], base: str = "floating", root: Inertial | None = BRICK) -> Tree:
+    """b0 - b1 - ... ; `joints` are (kind, X_parent_joint)."""
+    bodies = [Body("b0", root)] + [Body(f"b{i + 1}", BRICK) for i in range(len(joints))]
+    made = [
+        Joint(f"j{i}", kind, f"b{i}", f"b{i + 1}", X)  # type: ignore[arg-type] # a literal in each test
+        for i, (kind, X) in enumerate(joints)
+    ]
+    return Tree("chain", base, tuple(bodies), tuple(made))  # type: ignore[arg-type] # as above
+
+
+def whole(tree: Tree, positions: dict[str, float], X_start: Pose = IDENTITY) -> Inertial:
+    """All mass of the robot in the frame of its source root."""
+    poses = forward_kinematics(tree, positions)
+    return combine(
+        [move_inertial(b.inertial, X_start @ poses[b.name]) for b in tree.bodies if b.inertial]
+    )
+
+
+@given(robots(), st.data())
+def test_merging_keeps_mass_centre_and_inertia_in_every_pose(robot: TinyRobot, data: st.DataObject):
+    before = source(robot)
+    kept = data.draw(st.sets(st.sampled_from([b.name for b in before.bodies])))
+    after, _ = merge_fixed_joints(before, True, kept)
+    X_root_start = after.placement(before.root)[1].inverse()
+    for positions in sample_positions(before, 2, seed=3):
+        a, b = whole(before, positions), whole(after, positions, X_root_start)
+        scale = np.abs(about_point(a, (0.0, 0.0, 0.0))).max()
+        assert a.mass_kg == pytest.approx(b.mass_kg, rel=1e-12)
+        assert np.allclose(a.com_m, b.com_m, atol=1e-9)
+        for point in ((0.0, 0.0, 0.0), (1.0, -2.0, 0.5)):
+            ours, theirs = (matrix_of(about_point(x, point)) for x in (a, b))
+            assert np.abs(ours - theirs).max() <= 1e-9 * max(scale, a.mass_kg)
+
+
+@given(robots(), st.data())
+def test_merging_moves_no_link(robot: TinyRobot, data: st.DataObject):
+    before = source(robot)
+    kept = data.draw(st.sets(st.sampled_from([b.name for b in before.bodies])))
+    after, _ = merge_fixed_joints(before, True, kept)
+    X_start = after.placement(before.root)[1].inverse()
+    for positions in sample_positions(before, 2, seed=3):
+        links, bodies = forward_kinematics(before, positions), forward_kinematics(after, positions)
+        for name, X_root_link in links.items():
+            body, X_body_link = after.placement(name)
+            found = X_start @ bodies[body] @ X_body_link
+            assert np.abs(found.matrix() - X_root_link.matrix()).max() < 1e-12
+
+
+@given(robots())
+def test_merging_twice_or_in_two_groups_is_merging_once(robot: TinyRobot):
+    before = source(robot)
+    once, _ = merge_fixed_joints(before, True, ())
+    half, _ = merge_fixed_joints(before, True, {before.bodies[-1].name})
+    again, _ = merge_fixed_joints(replace(half, frames=()), True, ())
+    assert [b.name for b in again.bodies] == [b.name for b in once.bodies]
+    assert merge_fixed_joints(replace(once, frames=()), True, ())[0] == replace(once, frames=())
+    for a, b in zip(again.bodies, once.bodies, strict=True):
+        assert a.inertial is not None and b.inertial is not None
+        scale = max(map(abs, b.inertial.inertia_com_kg_m2)) + b.inertial.mass_kg
+        difference = np.subtract(a.inertial.inertia_com_kg_m2, b.inertial.inertia_com_kg_m2)
+        assert np.abs(difference).max() <= 1e-10 * scale
+        assert np.allclose(a.inertial.com_m, b.inertial.com_m, atol=1e-12)
+
+
+@given(robots())
+def test_not_merging_changes_nothing(robot: TinyRobot):
+    assert merge_fixed_joints(source(robot), False, ()) == (source(robot), ())
+
+
+def test_the_quadruped_merges_into_the_bodies_that_were_worked_out_by_hand():
+    robot = tiny_quadruped()
+    merged, facts = merge_fixed_joints(_reordered(robot.links), True, ())
+    assert {b.name for b in merged.bodies} == {b.name for b in robot.tree.bodies}
+    for body in merged.bodies:
+        expected = robot.tree.by_body[body.name].inertial
+        assert body.inertial is not None and expected is not None
+        assert body.inertial.mass_kg == pytest.approx(expected.mass_kg, rel=1e-15)
+        if body.name != "trunk":  # its imu is turned; the worked example leaves axes parallel
+            close = pytest.approx(expected.inertia_com_kg_m2, abs=1e-15)
+            assert body.inertial.inertia_com_kg_m2 == close
+    assert {f.name: f.X_body_frame for f in merged.frames} == {
+        f.name: f.X_body_frame for f in robot.tree.frames
+    }
+    assert Merged("FR_calf", ("FR_foot",)) in facts
+
+
+def _reordered(tree: Tree) -> Tree:
+    links, joints = depth_first(tree.root, tree.joints)
+    return replace(tree, bodies=tuple(tree.by_body[n] for n in links), joints=joints)
+
+
+def test_identity_poses_change_no_bit():
+    odd = Pose((0.1, 1 / 3, 0.7), quat_of_rpy(0.1, 0.2, 0.3))
+    tree = chain(("fixed", IDENTITY), ("revolute", odd), ("fixed", odd))
+    merged, _ = merge_fixed_joints(tree, True, ())
+    assert merged.joints[0].X_parent_joint == odd
+    assert merged.frames[1].X_body_frame == odd
+
+
+def test_a_chain_of_fixed_joints_is_one_body_with_composed_frames():
+    tree = chain(("fixed", ASKEW), ("fixed", ASKEW), ("continuous", ASKEW))
+    merged, facts = merge_fixed_joints(tree, True, ())
+    assert [b.name for b in merged.bodies] == ["b0", "b3"]
+    assert facts == (Merged("b0", ("b1", "b2")),)
+    assert merged.placement("b2") == ("b0", ASKEW @ ASKEW)
+    assert merged.joints[0] == replace(
+        tree.joints[2], parent="b0", X_parent_joint=ASKEW @ ASKEW @ ASKEW
+    )
+
+
+def test_a_kept_link_stays_on_its_fixed_joint_and_takes_what_hangs_below():
+    tree = chain(("fixed", ASKEW), ("fixed", ASKEW), ("fixed", ASKEW))
+    merged, _ = merge_fixed_joints(tree, True, {"b2"})
+    assert [b.name for b in merged.bodies] == ["b0", "b2"]
+    assert merged.joints == (replace(tree.joints[1], parent="b0", X_parent_joint=ASKEW @ ASKEW),)
+    assert merged.placement("b3") == ("b2", ASKEW)
+
+
+@pytest.mark.parametrize("root", [None, Inertial(1e-6, (0.0,) * 3, (1e-6,) * 6)])
+def test_a_placeholder_root_gives_name_and_frame_to_the_heaviest_link(root: Inertial | None):
+    tree = chain(("fixed", ASKEW), ("continuous", ASKEW), root=root)
+    merged, facts = merge_fixed_joints(tree, True, ())
+    assert merged.root == "b1"
+    assert facts == (Merged("b1", ("b0",), placeholder="b0"),)
+    assert merged.joints[0] == tree.joints[1], "what hung on the heavy link keeps every bit"
+    there_and_back = merged.placement("b0")[1] @ ASKEW
+    assert np.abs(there_and_back.matrix() - np.eye(4)).max() < 1e-15
+
+
+def test_a_heavy_root_or_a_placeholder_on_a_moving_joint_keeps_its_name():
+    assert merge_fixed_joints(chain(("fixed", ASKEW)), True, ())[0].root == "b0"
+    assert merge_fixed_joints(chain(("revolute", ASKEW), root=None), True, ())[0].root == "b0"
+
+
+def test_a_fixed_base_stays_where_the_source_mounts_it():
+    level = chain(("fixed", IDENTITY), base="fixed", root=None)
+    askew = chain(("fixed", ASKEW), base="fixed", root=None)
+    assert merge_fixed_joints(level, True, ())[0].root == "b1"
+    assert merge_fixed_joints(askew, True, ())[0].root == "b0"
+
+
+def test_robots_without_a_moving_joint_work():
+    alone = Tree("one", "fixed", (Body("b0"),), ())
+    assert merge_fixed_joints(alone, True, ()) == (alone, ())
+    rigid, _ = merge_fixed_joints(chain(("fixed", ASKEW), base="fixed"), True, ())
+    assert (len(rigid.bodies), rigid.joints) == (1, ())
+    assert forward_kinematics(rigid, {}) == {"b0": IDENTITY}
+
+
+def test_depth_first_goes_down_before_it_goes_on():
+    pairs = [("a", "b"), ("a", "c"), ("b", "d"), ("x", "y")]
+    joints = [Joint(p + c, "fixed", p, c) for p, c in pairs]
+    links, ordered = depth_first("a", joints)
+    assert links == ("a", "b", "d", "c")
+    assert [j.name for j in ordered] == ["ab", "bd", "ac"]
+
+
+def test_joints_turn_and_slide_about_their_axis():
+    hinge = Joint("h", "revolute", "a", "b", axis=(0.0, 0.0, 1.0))
+    slide = Joint("s", "prismatic", "a", "b", axis=(0.0, 1.0, 0.0))
+    assert joint_motion(hinge, np.pi / 2).apply((1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0))
+    assert joint_motion(slide, 0.3).xyz == (0.0, 0.3, 0.0)
+    assert joint_motion(hinge, 0.0) is IDENTITY
+    with pytest.raises(ValueError, match="planar"):
+        joint_motion(replace(hinge, kind="planar"), 1.0)
+
+
+def test_samples_are_seeded_and_within_limits():
+    tree = chain(("revolute", IDENTITY), ("continuous", IDENTITY))
+    narrow = replace(tree.joints[0], limits=Limits(0.1, 0.2))
+    tree = replace(tree, joints=(narrow, tree.joints[1]))
+    samples = sample_positions(tree, 20, seed=5)
+    assert samples == sample_positions(tree, 20, seed=5)
+    assert all(0.1 <= s["j0"] <= 0.2 and abs(s["j1"]) <= np.pi for s in samples)

@@ -1,0 +1,98 @@
+"""The engine room of the MuJoCo checks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco as engine
+import numpy as np
+import pytest
+from tiny import check_inputs, tiny_quadruped
+
+from assetbuild.errors import StepError
+from assetbuild.simulators import mujoco
+from assetbuild.targets.mjcf import Mjcf
+
+SHAPES = """
+<mujoco>
+  <asset><mesh name="m" vertex="0 0 0  0.1 0 0  0 0.2 0  0 0 0.3"/></asset>
+  <worldbody>
+    <body pos="0.1 0.2 1" quat="0.7 0.2 -0.3 0.4">
+      <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+      <freejoint/>
+      <geom name="{kind}" type="{kind}" {size} pos="0.1 0 0.05" quat="0.5 0.1 0.2 0.3"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "size"),
+    [
+        ("sphere", 'size="0.1"'),
+        ("capsule", 'size="0.05 0.2"'),
+        ("cylinder", 'size="0.05 0.2"'),
+        ("box", 'size="0.05 0.1 0.2"'),
+        ("ellipsoid", 'size="0.05 0.1 0.2"'),
+        ("mesh", 'mesh="m"'),
+    ],
+)
+def test_lowest_point_is_where_a_floor_would_touch(kind: str, size: str) -> None:
+    """MuJoCo's own collision finds contact with a plane just above that height, none just below."""
+    body = SHAPES.format(kind=kind, size=size)
+    model = engine.MjModel.from_xml_string(body)
+    data = engine.MjData(model)
+    engine.mj_forward(model, data)
+    lowest = mujoco.lowest_z(model, data, 0)
+    for height, touches in ((lowest + 1e-4, True), (lowest - 1e-4, False)):
+        floor = f'<worldbody><geom type="plane" size="1 1 1" pos="0 0 {height}"/>'
+        with_floor = engine.MjModel.from_xml_string(body.replace("<worldbody>", floor))
+        state = engine.MjData(with_floor)
+        engine.mj_forward(with_floor, state)
+        assert (state.ncon > 0) == touches
+
+
+def test_mass_matrix_is_that_of_the_kinetic_energy(tmp_path: Path) -> None:
+    inputs = check_inputs(tmp_path, tiny_quadruped(), Mjcf(robot="robot"), "mjcf")
+    model = mujoco.load(inputs / "mjcf/robot.xml").model
+    model.opt.enableflags |= engine.mjtEnableBit.mjENBL_ENERGY
+    data = engine.MjData(model)
+    data.qvel[:] = np.linspace(-1, 1, model.nv)
+    engine.mj_forward(model, data)
+    M = mujoco.mass_matrix(model, data)
+    assert data.qvel @ M @ data.qvel / 2 == pytest.approx(data.energy[1], rel=1e-12)
+    assert np.array_equal(M, M.T)
+
+
+def test_refusal_has_no_path_of_this_machine(tmp_path: Path) -> None:
+    path = tmp_path / "bad.xml"
+    path.write_text('<mujoco><asset><mesh file="gone.obj"/></asset></mujoco>')
+    with pytest.raises(StepError) as refused:
+        mujoco.load(path)
+    assert "gone.obj" in refused.value.message
+    assert str(tmp_path) not in refused.value.message
+
+
+def test_warnings_are_caught_and_the_handler_is_put_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    model = engine.MjModel.from_xml_string(SHAPES.format(kind="sphere", size='size="0.1"'))
+    data = engine.MjData(model)
+    before = engine.get_mju_user_warning()
+    with mujoco.caught_warnings() as said:
+        data.qvel[0] = np.nan
+        engine.mj_step(model, data)
+    assert len(said) == 1
+    assert "QVEL" in said[0]
+    assert engine.get_mju_user_warning() is before
+    assert not list(tmp_path.iterdir()), "no MUJOCO_LOG.TXT"
+
+
+def test_free_fall_leaves_the_model_as_it_was(tmp_path: Path) -> None:
+    inputs = check_inputs(tmp_path, tiny_quadruped(), Mjcf(robot="robot"), "mjcf")
+    model = mujoco.load(inputs / "mjcf/robot.xml").model
+    flags = int(model.opt.disableflags)
+    mujoco.free_fall(model, 0.1)
+    assert model.opt.disableflags == flags

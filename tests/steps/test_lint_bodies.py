@@ -1,0 +1,97 @@
+"""Wrong mass properties of what will be simulated are errors, with numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, write_robot_ports
+
+from assetbuild.findings import Finding
+from assetbuild.robot.model import Body, Inertial, Joint, Tree
+from assetbuild.steps.lint_bodies import LintBodies
+
+BRICK = box_inertial(1.0, (0.1, 0.1, 0.1))
+
+
+def body(mass: float, xx: float, yy: float, zz: float, xy: float = 0.0) -> Inertial:
+    return Inertial(mass, (0.0, 0.0, 0.0), (xx, yy, zz, xy, 0.0, 0.0))
+
+
+def lint(inertial: Inertial | None, tmp_path: Path, kind: str = "continuous") -> list[Finding]:
+    joint = Joint("j", kind, "base", "arm")  # type: ignore[arg-type] # a literal
+    tree = Tree("arm", "floating", (Body("base", BRICK), Body("arm", inertial)), (joint,))
+    inputs = write_robot_ports(tmp_path / "in", TinyRobot(tree, tree))
+    return run_step(LintBodies(), inputs, tmp_path / "out")
+
+
+@pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()])
+def test_good_robots_have_no_findings(robot: TinyRobot, tmp_path: Path):
+    inputs = write_robot_ports(tmp_path / "in", robot)
+    assert run_step(LintBodies(), inputs, tmp_path / "out") == []
+
+
+@pytest.mark.parametrize(
+    ("rule", "severity", "inertial"),
+    [
+        ("inertia.missing", "error", None),
+        ("inertia.mass", "error", body(0.0, 1.0, 1.0, 1.0)),
+        ("inertia.positive", "error", body(1.0, 0.0, 0.01, 0.01)),
+        ("inertia.positive", "error", body(1.0, 0.01, 0.01, 0.01, xy=0.02)),
+        ("inertia.positive", "error", body(1.0, 1e-6, 1e-6, 3e-6, xy=1e-6)),
+        ("inertia.triangle", "error", body(1.0, 0.01, 0.01, 0.03)),
+        ("inertia.triangle", "warning", body(1.0, 0.01, 0.01, 0.0201)),
+        ("inertia.pseudo", "warning", body(1.0, 0.01, 0.01, 0.02)),
+        ("inertia.radius", "warning", body(1.0, 0.2, 0.2, 0.2)),
+        ("inertia.radius", "error", body(1.0, 0.5, 0.5, 0.5)),
+        ("inertia.mass_small", "warning", body(1e-4, 1e-8, 1e-8, 1e-8)),
+    ],
+)
+def test_each_rule_fires_on_the_body_that_breaks_it(
+    rule: str, severity: str, inertial: Inertial | None, tmp_path: Path
+):
+    (finding,) = lint(inertial, tmp_path)
+    assert (finding.rule, finding.severity, finding.subject) == (rule, severity, "link arm")
+    assert finding.hint
+
+
+def test_rounding_of_a_flat_tensor_is_no_violation(tmp_path: Path):
+    (finding,) = lint(body(1.0, 0.01, 0.01, 0.02 * (1 + 1e-12)), tmp_path)
+    assert finding.rule == "inertia.pseudo"
+
+
+def test_the_violation_is_told_as_a_number(tmp_path: Path):
+    (finding,) = lint(body(1.0, 0.01, 0.01, 0.04), tmp_path)
+    assert finding.data["violation"] == pytest.approx(0.5)
+    assert finding.data["principal_kg_m2"] == pytest.approx((0.01, 0.01, 0.04))
+
+
+def test_the_bound_itself_is_allowed(tmp_path: Path):
+    at_half_a_metre = 0.4 * 1.0 * 0.5**2
+    assert lint(body(1.0, *(at_half_a_metre,) * 3), tmp_path) == []
+
+
+def test_a_kept_body_without_mass_is_a_warning(tmp_path: Path):
+    (finding,) = lint(None, tmp_path, kind="fixed")
+    assert (finding.rule, finding.severity) == ("inertia.missing", "warning")
+
+
+def test_go1s_singular_base_is_valid_once_merged(go1_root: Path, tmp_path: Path):
+    from assetbuild.steps.lint_links import LintLinks
+    from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
+    from assetbuild.steps.read_urdf import ReadUrdf
+
+    name = "robots/go1_description/urdf/go1.urdf"
+    folder = tmp_path / "all"
+    folder.mkdir()
+    (folder / "robot.urdf").write_bytes((go1_root / name).read_bytes())
+    read = ReadUrdf(file=name, base="floating", packages={"example-robot-data": "."})
+    run_step(read, folder, folder)
+    raw = run_step(LintLinks(), folder, folder)
+    assert [(f.rule, f.severity) for f in raw] == [
+        ("inertia.mass_small", "info"),
+        ("inertia.positive", "warning"),
+    ]
+    assert {f.subject for f in raw} == {"link base"}
+    run_step(MergeFixedJoints(), folder, folder)
+    assert run_step(LintBodies(), folder, folder) == []

@@ -1,0 +1,535 @@
+"""The MJCF is the robot, says nothing twice, and loads everywhere."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Iterator
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from xml.etree.ElementTree import Element as XmlElement
+
+import mujoco
+import numpy as np
+import pytest
+from defusedxml import ElementTree
+from hypothesis import given, settings
+from PIL import Image
+from tiny import (
+    TinyRobot,
+    box_inertial,
+    flat_obj,
+    pendulum,
+    robots,
+    run_step,
+    tiny_quadruped,
+    with_mimic,
+    write_robot_ports,
+)
+
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding
+from assetbuild.robot.model import (
+    Actuator,
+    Body,
+    Contact,
+    Control,
+    Frame,
+    Inertial,
+    Joint,
+    Keyframe,
+    Limits,
+    Material,
+    Mesh,
+    MeshAsset,
+    Shape,
+    Shapes,
+    Tree,
+)
+from assetbuild.robot.pose import Pose, normalised_quat
+from assetbuild.targets.mjcf import Mjcf
+from assetbuild.targets.mjcf.inertia import principal_inertia
+
+
+@pytest.fixture
+def quadruped(tmp_path: Path) -> Path:
+    """The folder `mjcf/` of the tiny quadruped."""
+    return write_mjcf(tiny_quadruped(), tmp_path)
+
+
+def write_mjcf(robot: TinyRobot, folder: Path, name: str = "robot") -> Path:
+    emit(robot, folder, name)
+    return folder / "out/mjcf"
+
+
+def emit(robot: TinyRobot, folder: Path, name: str = "robot") -> list[Finding]:
+    write_robot_ports(folder / "in", robot)
+    return run_step(Mjcf(robot=name), folder / "in", folder / "out")
+
+
+def compiled(robot: TinyRobot, folder: Path) -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_path(str(write_mjcf(robot, folder) / "robot.xml"))
+
+
+# --- what MuJoCo reads ----------------------------------------------------------------------
+
+
+def test_quadruped_has_the_sizes_of_its_tree(quadruped: Path) -> None:
+    model = mujoco.MjModel.from_xml_path(str(quadruped / "robot.xml"))
+    sizes = (model.nbody, model.nq, model.nv, model.nu, model.nkey, model.nsite, model.nexclude)
+    assert sizes == (14, 19, 18, 12, 2, 5, 12)
+    assert model.joint(0).name == "floating_base_joint"
+
+
+def test_total_mass_is_the_sum_of_all_links(quadruped: Path) -> None:
+    model = mujoco.MjModel.from_xml_path(str(quadruped / "robot.xml"))
+    links = tiny_quadruped().links.bodies
+    assert sum(model.body_mass) == pytest.approx(
+        sum(link.inertial.mass_kg for link in links if link.inertial), rel=1e-12
+    )
+
+
+def test_visuals_are_in_group_2_and_touch_nothing_and_collisions_in_group_3(
+    quadruped: Path,
+) -> None:
+    model = mujoco.MjModel.from_xml_path(str(quadruped / "robot.xml"))
+    for index in range(model.ngeom):
+        visual = model.geom(index).name.endswith("_visual")
+        assert model.geom_group[index] == (2 if visual else 3)
+        assert model.geom_contype[index] == model.geom_conaffinity[index] == (0 if visual else 1)
+
+
+def test_friction_of_the_recipe_acts_in_the_scene_though_the_default_floor_is_rougher(
+    quadruped: Path,
+) -> None:
+    model = mujoco.MjModel.from_xml_path(str(quadruped / "scene.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    data.qpos[2] -= 0.001
+    mujoco.mj_forward(model, data)
+    assert data.ncon == 4
+    assert data.contact[0].friction[0] == pytest.approx(0.8)
+
+
+def test_joint_damping_and_drive_damping_stay_apart(quadruped: Path) -> None:
+    model = mujoco.MjModel.from_xml_path(str(quadruped / "robot.xml"))
+    assert set(model.dof_damping[6:]) == {0.1}
+    assert set(model.dof_damping[:6]) == {0.0}, "the free joint takes nothing from the class"
+    assert set(model.actuator_biasprm[:, 2]) == {-3.0}
+
+
+def test_keyframe_puts_the_feet_on_the_floor_and_the_targets_on_the_joints(
+    quadruped: Path,
+) -> None:
+    model = mujoco.MjModel.from_xml_path(str(quadruped / "robot.xml"))
+    data = mujoco.MjData(model)
+    for key in range(model.nkey):
+        mujoco.mj_resetDataKeyframe(model, data, key)
+        mujoco.mj_forward(model, data)
+        for foot in ("FR_foot", "FL_foot", "RR_foot", "RL_foot"):
+            assert data.site(foot).xpos[2] == pytest.approx(0.02, abs=1e-12)
+        assert np.array_equal(data.ctrl, data.qpos[7:])
+
+
+def test_capsules_and_boxes_keep_their_size(quadruped: Path) -> None:
+    model = mujoco.MjModel.from_xml_path(str(quadruped / "robot.xml"))
+    assert tuple(model.geom("trunk_collision").size) == (0.2, 0.1, 0.05)
+    assert tuple(model.geom("FR_calf_collision").size[:2]) == (0.01, 0.06)
+
+
+@settings(max_examples=60, deadline=None)
+@given(robots())
+def test_every_random_tree_reads_back_equal(robot: TinyRobot) -> None:
+    with TemporaryDirectory() as folder:
+        model = compiled(robot, Path(folder))
+    for body in robot.tree.bodies:
+        assert body.inertial
+        found = model.body(body.name)
+        assert found.mass[0] == body.inertial.mass_kg
+        assert np.array_equal(found.ipos, body.inertial.com_m)
+        want, have = tensor(body.inertial), compiled_tensor(found)
+        assert np.linalg.norm(have - want) <= 1e-13 * np.linalg.norm(want)
+    for joint in robot.tree.moving_joints:
+        found = model.joint(joint.name)
+        actuator = robot.control.by_joint[joint.name]
+        assert np.allclose(found.axis, joint.axis, rtol=0, atol=1e-15)
+        if joint.kind != "continuous":
+            assert tuple(found.range) == (joint.limits.lower, joint.limits.upper)
+        assert (found.armature[0], found.damping[0], found.frictionloss[0]) == (
+            actuator.armature,
+            actuator.damping,
+            actuator.friction,
+        )
+    for frame in robot.tree.frames:
+        assert np.array_equal(model.site(frame.name).pos, frame.X_body_frame.xyz)
+
+
+def tensor(inertial: Inertial) -> np.ndarray:
+    xx, yy, zz, xy, xz, yz = inertial.inertia_com_kg_m2
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def compiled_tensor(body: mujoco.MjsBody) -> np.ndarray:
+    """By MuJoCo's own rotation, not ours."""
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, body.iquat)
+    turn = turn.reshape(3, 3)
+    return turn @ np.diag(body.inertia) @ turn.T
+
+
+@settings(max_examples=30, deadline=None)
+@given(robots())
+def test_bytes_do_not_depend_on_the_run(robot: TinyRobot) -> None:
+    with TemporaryDirectory() as a, TemporaryDirectory() as b:
+        first, second = write_mjcf(robot, Path(a)), write_mjcf(robot, Path(b))
+        for name in ("robot.xml", "scene.xml"):
+            assert (first / name).read_bytes() == (second / name).read_bytes()
+
+
+# --- principal axes -------------------------------------------------------------------------
+
+
+def test_diagonal_tensor_keeps_its_order_and_axes() -> None:
+    moments, quat = principal_inertia((3.0, 1.0, 2.0, 0.0, 0.0, 0.0))
+    assert (moments, quat) == ((3.0, 1.0, 2.0), (1.0, 0.0, 0.0, 0.0))
+
+
+def test_principal_moments_are_those_of_numpy() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        spread = rng.normal(size=(3, 3)) * 10.0 ** rng.uniform(-4, 2)
+        spread = spread @ spread.T
+        full = np.trace(spread) * np.eye(3) - spread
+        six = tuple(float(full[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
+        moments, quat = principal_inertia(six)
+        assert sorted(moments) == pytest.approx(np.linalg.eigvalsh(full), rel=1e-12)
+        turn = np.zeros(9)
+        mujoco.mju_quat2Mat(turn, np.array(quat))
+        turn = turn.reshape(3, 3)
+        assert np.allclose(turn @ np.diag(moments) @ turn.T, full, rtol=0, atol=1e-14 * full.max())
+
+
+# --- default classes ------------------------------------------------------------------------
+
+
+def walk(element: XmlElement, tag: str) -> Iterator[XmlElement]:
+    yield from element.iter(tag)
+
+
+def test_nothing_that_a_class_says_is_repeated(quadruped: Path) -> None:
+    root = ElementTree.parse(quadruped / "robot.xml").getroot()
+    body_joints = [j for w in walk(root, "worldbody") for j in walk(w, "joint")]
+    assert {frozenset(joint.keys()) for joint in body_joints} == {frozenset({"name", "class"})}
+    drives = [p for a in root.findall("actuator") for p in a]
+    assert {frozenset(drive.keys()) for drive in drives} == {frozenset({"name", "class", "joint"})}
+
+
+def test_one_class_per_motor_and_one_per_family_of_joints(quadruped: Path) -> None:
+    root = ElementTree.parse(quadruped / "robot.xml").getroot()
+    classes = {c.get("class"): c for c in walk(root, "default") if c.get("class")}
+    assert set(classes) == {"robot", "visual", "collision", "small", "large", "hip", "thigh"}
+    assert [c.get("class") for c in classes["small"]][-2:] == ["hip", "thigh"]
+    large = classes["large"].find("joint")
+    assert large is not None
+    assert (large.get("axis"), large.get("range")) == ("0 1 0", "-2.8 -0.9")
+
+
+def test_joints_that_share_nothing_say_everything_themselves(tmp_path: Path) -> None:
+    root = ElementTree.parse(write_mjcf(pendulum(), tmp_path) / "robot.xml").getroot()
+    joint = next(walk(root, "joint"))
+    assert joint.attrib == {
+        "name": "swing_joint",
+        "axis": "0 1 0",
+        "range": "-2 2",
+        "damping": "0.05",
+    }
+
+
+def test_class_names_stay_apart_when_a_motor_is_called_visual(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    named = tuple(replace(a, motor="visual") for a in robot.control.actuators)
+    model = compiled(replace(robot, control=replace(robot.control, actuators=named)), tmp_path)
+    assert model.nu == 12
+
+
+def test_mixed_drives_get_no_common_actuator_default(tmp_path: Path) -> None:
+    """MuJoCo has one actuator default per class: kp would leak into motors."""
+    robot = tiny_quadruped()
+    mixed = tuple(
+        replace(a, model="motor", kp=0.0, kd=0.0) if "hip" in a.joint else a
+        for a in robot.control.actuators
+    )
+    model = compiled(replace(robot, control=replace(robot.control, actuators=mixed)), tmp_path)
+    assert tuple(model.actuator("FR_hip").biasprm[:3]) == (0.0, 0.0, 0.0)
+    assert tuple(model.actuator("FR_hip").ctrlrange) == (-24.0, 24.0)
+    assert tuple(model.actuator("FR_thigh").biasprm[:3]) == (0.0, -100.0, -3.0)
+
+
+# --- the actuator table ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("actuator", "gain", "bias", "control", "force"),
+    [
+        (Actuator("swing_joint", "pd", 50.0, 2.0, effort=5.0), 50, (0, -50, -2), (-2, 2), (-5, 5)),
+        (Actuator("swing_joint", "ideal_pd", 50.0, 2.0, effort=5.0), 1, (0, 0, 0), (-5, 5), None),
+        (Actuator("swing_joint", "dc_motor", 50.0, 2.0, effort=5.0), 1, (0, 0, 0), (-5, 5), None),
+        (Actuator("swing_joint", "motor", effort=5.0), 1, (0, 0, 0), (-5, 5), None),
+        (
+            Actuator("swing_joint", "velocity", kd=2.0, effort=5.0, velocity=8.0),
+            2,
+            (0, 0, -2),
+            (-8, 8),
+            (-5, 5),
+        ),
+    ],
+)
+def test_each_model_of_the_table(
+    tmp_path: Path,
+    actuator: Actuator,
+    gain: float,
+    bias: tuple[float, ...],
+    control: tuple[float, float],
+    force: tuple[float, float] | None,
+) -> None:
+    model = compiled(replace(pendulum(), control=Control((actuator,))), tmp_path)
+    assert model.actuator_gainprm[0, 0] == gain
+    assert tuple(model.actuator_biasprm[0, :3]) == bias
+    assert tuple(model.actuator_ctrlrange[0]) == control
+    assert bool(model.actuator_forcelimited[0]) == (force is not None)
+    if force:
+        assert tuple(model.actuator_forcerange[0]) == force
+
+
+def test_passive_joint_has_no_actuator_but_its_damping(tmp_path: Path) -> None:
+    passive = Control((Actuator("swing_joint", "passive", damping=0.3, friction=0.1),))
+    model = compiled(replace(pendulum(), control=passive), tmp_path)
+    assert (model.nu, model.dof_damping[0], model.dof_frictionloss[0]) == (0, 0.3, 0.1)
+
+
+def test_what_mjcf_cannot_hold_is_said_once_with_a_count(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    outside = tuple(replace(a, model="ideal_pd") for a in robot.control.actuators)
+    found = emit(replace(robot, control=replace(robot.control, actuators=outside)), tmp_path)
+    assert [(f.rule, f.severity, f.data["joints"]) for f in found] == [
+        ("mjcf.velocity_limit", "info", 12),
+        ("mjcf.external_gains", "info", 12),
+    ]
+
+
+def test_continuous_joint_is_unlimited_and_its_target_too(tmp_path: Path) -> None:
+    robot = pendulum()
+    turning = replace(robot.tree.joints[0], kind="continuous", limits=Limits(effort=5.0))
+    robot = replace(
+        robot,
+        tree=replace(robot.tree, joints=(turning,)),
+        control=Control((Actuator("swing_joint", "pd", 50.0, 2.0, effort=5.0),)),
+    )
+    model = compiled(robot, tmp_path)
+    assert not model.jnt_limited[0]
+    assert not model.actuator_ctrllimited[0]
+
+
+# --- trees ----------------------------------------------------------------------------------
+
+
+def joint_to(kind: str, **changes: object) -> TinyRobot:
+    robot = pendulum()
+    joint = replace(robot.tree.joints[0], kind=kind, **changes)
+    return replace(
+        robot, tree=replace(robot.tree, joints=(joint,)), control=Control(), shapes=Shapes()
+    )
+
+
+def test_kept_body_is_a_child_without_joint(tmp_path: Path) -> None:
+    model = compiled(joint_to("fixed"), tmp_path)
+    assert (model.nbody, model.njnt) == (3, 0)
+    assert model.body("arm").parentid[0] == model.body("base").id
+
+
+def test_planar_joint_moves_across_its_normal_and_turns_about_it(tmp_path: Path) -> None:
+    robot = joint_to("planar", axis=(1.0, 0.0, 0.0), limits=Limits())
+    assert [f.rule for f in emit(robot, tmp_path)] == ["mjcf.planar_joint"]
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
+    assert model.nv == 3
+    assert np.allclose(model.jnt_axis[2], (1, 0, 0))
+    assert np.allclose(model.jnt_axis[:2] @ (1, 0, 0), 0)
+    assert np.allclose(np.cross(model.jnt_axis[0], model.jnt_axis[1]), (1, 0, 0))
+
+
+def test_floating_joint_below_the_root_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(StepError, match="swing_joint: MJCF allows a floating joint on the root"):
+        emit(joint_to("floating", limits=Limits()), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        (Limits(1.0, None), "only one of lower and upper"),
+        (Limits(1.0, 1.0), "is not below upper limit"),
+        (Limits(2.0, 1.0), "is not below upper limit"),
+    ],
+)
+def test_limits_that_mujoco_would_misread_are_refused(
+    tmp_path: Path, limits: Limits, words: str
+) -> None:
+    with pytest.raises(StepError, match=words):
+        emit(joint_to("revolute", limits=limits), tmp_path)
+
+
+def test_mimic_joint_follows_its_leader(tmp_path: Path) -> None:
+    robot = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", -0.5, 0.1)
+    model = compiled(robot, tmp_path)
+    assert model.neq == 1
+    assert tuple(model.eq_data[0][:5]) == (0.1, -0.5, 0.0, 0.0, 0.0)
+    assert model.joint(model.eq_obj1id[0]).name == "FL_hip_joint"
+
+
+def test_body_called_world_gets_another_name_and_a_finding(tmp_path: Path) -> None:
+    robot = pendulum()
+    tree = replace(
+        robot.tree,
+        bodies=(Body("world"), robot.tree.bodies[1]),
+        joints=(replace(robot.tree.joints[0], parent="world"),),
+    )
+    found = emit(replace(robot, tree=tree), tmp_path)
+    assert [(f.rule, f.subject) for f in found if f.rule == "mjcf.reserved_name"] == [
+        ("mjcf.reserved_name", "link world")
+    ]
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
+    assert model.body(1).name == "world_body"
+
+
+def test_body_without_mass_takes_none_from_its_shapes(tmp_path: Path) -> None:
+    robot = pendulum()
+    shapes = Shapes((replace(robot.shapes.shapes[0], link="base"),))
+    model = compiled(replace(robot, shapes=shapes), tmp_path)
+    assert (model.body("base").mass[0], sum(model.body_mass)) == (0.0, 1.0)
+
+
+def test_qpos_follows_the_bodies_even_when_joints_are_listed_by_kind(
+    tmp_path: Path,
+) -> None:
+    robot = tiny_quadruped()
+    kinds = ("hip", "thigh", "calf")
+    by_kind = sorted(robot.tree.joints, key=lambda joint: kinds.index(joint.name.split("_")[1]))
+    tree = replace(robot.tree, joints=tuple(by_kind))
+    model = compiled(replace(robot, tree=tree), tmp_path)
+    for name, value in robot.control.keyframes[0].joints:
+        assert model.key_qpos[0][model.joint(name).qposadr[0]] == value
+
+
+def test_names_with_xml_characters_survive(tmp_path: Path) -> None:
+    robot = pendulum()
+    odd = 'a "<&> 材质'
+    shapes = Shapes(
+        (
+            Shape(odd, "arm", "visual", Mesh("box"), material=odd),
+            Shape("flat", "arm", "visual", Mesh("flat"), Pose((1.0, 0.0, 0.0))),
+        ),
+        (Material(odd, (0.1, 0.2, 0.3, 1.0)),),
+        (MeshAsset("box", "box.obj", 8, 12), MeshAsset("flat", "flat.obj", 4, 2)),
+    )
+    meshes = {"box.obj": tiny_quadruped().meshes["trunk_box.obj"], "flat.obj": flat_obj()}
+    model = compiled(replace(robot, shapes=shapes, meshes=meshes), tmp_path)
+    assert model.geom(0).name == odd
+    assert model.material(0).name == odd
+
+
+def test_flat_visual_mesh_compiles(tmp_path: Path) -> None:
+    shapes = Shapes(
+        (Shape("flat", "arm", "visual", Mesh("flat")),), (), (MeshAsset("flat", "flat.obj", 4, 2),)
+    )
+    robot = replace(pendulum(), shapes=shapes, meshes={"flat.obj": flat_obj()})
+    assert compiled(robot, tmp_path).nmesh == 1
+
+
+def test_texture_is_copied_and_a_missing_one_is_said(tmp_path: Path) -> None:
+    picture = BytesIO()
+    Image.new("RGB", (2, 2), (255, 0, 0)).save(picture, "PNG")
+    skin = (Material("good", texture="skin.png"), Material("lost", texture="lost.png"))
+    shapes = Shapes(
+        tuple(Shape(m.name, "arm", "visual", Mesh("box"), material=m.name) for m in skin),
+        skin,
+        (MeshAsset("box", "box.obj", 8, 12),),
+    )
+    meshes = {"box.obj": tiny_quadruped().meshes["trunk_box.obj"], "skin.png": picture.getvalue()}
+    found = emit(replace(pendulum(), shapes=shapes, meshes=meshes), tmp_path)
+    assert [f.severity for f in found if f.rule == "mjcf.texture"] == ["warning"]
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
+    assert (model.ntex, model.nmat) == (1, 2)
+
+
+def test_long_chain_needs_no_recursion(tmp_path: Path) -> None:
+    count = 1500
+    bodies = tuple(Body(f"b{i}", box_inertial(1.0, (0.1, 0.1, 0.1))) for i in range(count))
+    joints = tuple(
+        Joint(f"j{i}", "fixed", f"b{i}", f"b{i + 1}", Pose((0.1, 0.0, 0.0)))
+        for i in range(count - 1)
+    )
+    tree = Tree("chain", "fixed", bodies, joints, (Frame("tip", f"b{count - 1}", Pose()),))
+    text = (write_mjcf(TinyRobot(tree, tree), tmp_path) / "robot.xml").read_text()
+    assert text.count("<body ") == count
+
+
+def test_fixed_base_scene_stands_on_default_options(tmp_path: Path) -> None:
+    folder = write_mjcf(pendulum(), tmp_path)
+    model = mujoco.MjModel.from_xml_path(str(folder / "scene.xml"))
+    assert model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL
+    assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    assert model.geom("floor").type[0] == mujoco.mjtGeom.mjGEOM_PLANE
+
+
+def test_contact_dimension_of_the_recipe_is_written(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    soft = replace(robot.control, contact=Contact((0.5, 0.01, 0.001), 6))
+    model = compiled(replace(robot, control=soft), tmp_path)
+    foot = model.geom("FR_foot_collision")
+    assert (foot.condim[0], tuple(foot.friction)) == (6, (0.5, 0.01, 0.001))
+
+
+def test_turned_home_of_a_floating_base_is_kept(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    turned = Pose((0.1, 0.2, 0.5), normalised_quat((1.0, 0.0, 0.0, 1.0)))
+    key = Keyframe("lie", robot.control.keyframes[0].joints, turned)
+    model = compiled(replace(robot, control=replace(robot.control, keyframes=(key,))), tmp_path)
+    assert tuple(model.key_qpos[0][:7]) == (*turned.xyz, *turned.quat)
+    assert model.body("trunk").pos[2] == 0.5
+
+
+def test_robot_called_scene_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(StepError, match="no room beside"):
+        emit(pendulum(), tmp_path, "scene")
+
+
+LOAD_IN_ANOTHER = """
+import sys, warnings, mujoco
+said = []
+mujoco.set_mju_user_warning(said.append)
+warnings.simplefilter("error")
+for path in sys.argv[1:]:
+    model = mujoco.MjModel.from_xml_path(path)
+    print(model.nq, model.nv, model.nu, model.nkey, repr(float(sum(model.body_mass))))
+assert not said, said
+"""
+
+
+@pytest.mark.slow
+def test_files_load_alike_in_every_supported_mujoco(tmp_path: Path) -> None:
+    """ASSETBUILD_MUJOCOS: Python interpreters with other versions of mujoco, colon-separated."""
+    pythons = [p for p in os.environ.get("ASSETBUILD_MUJOCOS", "").split(":") if p]
+    if not pythons:
+        pytest.skip("no other MuJoCo here: set ASSETBUILD_MUJOCOS to their Python interpreters")
+    files = []
+    for name, robot in (("quadruped", tiny_quadruped()), ("pendulum", pendulum())):
+        folder = write_mjcf(robot, tmp_path / name)
+        files += [str(folder / "robot.xml"), str(folder / "scene.xml")]
+    answers = {
+        subprocess.run(
+            [python, "-c", LOAD_IN_ANOTHER, *files], capture_output=True, text=True, check=True
+        ).stdout
+        for python in pythons
+    }
+    assert len(answers) == 1, answers
