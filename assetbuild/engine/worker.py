@@ -21,6 +21,7 @@ import signal
 import sys
 import tempfile
 import time
+import traceback
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -193,6 +194,8 @@ class Zygote:
                 argv = [sys.executable, "-P", "-s", "-c", BOOT, text]
                 os.execv(sys.executable, argv)  # noqa: S606 - our own interpreter
             _perform_job(json.loads(Path(job).read_bytes()))
+        except BaseException:
+            traceback.print_exc()  # to the log of the step
         finally:
             os._exit(70)
 

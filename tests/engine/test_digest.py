@@ -11,13 +11,6 @@ import pytest
 from assetbuild.engine import digest
 from assetbuild.engine.digest import StatCache, canonical_json, digest_file, is_racy, signature_of
 
-OLD_NS = 60_000_000_000
-
-
-def age(path: Path) -> None:
-    """Give the file an old mtime; its ctime stays of now, so the clock is moved instead."""
-    os.utime(path, ns=(time.time_ns() - OLD_NS, time.time_ns() - OLD_NS))
-
 
 @pytest.fixture
 def later(monkeypatch: pytest.MonkeyPatch):

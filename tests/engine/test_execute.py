@@ -392,10 +392,15 @@ def test_a_step_that_gives_other_bytes_each_time_is_told_on(tmp_path, session, m
     graph = planner.graph()
     digest = execute(graph, session)["first"]["out"]
     planner.add("second", Mix(), {"in": first["out"]})
-    monkeypatch.setattr(Mix, "run", lambda self, files: (files.outputs / "out").write_text("new"))
+    monkeypatch.setattr(Mix, "run", lambda self, files: _write(files.outputs / "out", "new"))
     monkeypatch.setattr(session, "object", _lost_once(session, digest))
     error = execute(planner.graph(), session)["second"].error
     assert "gave other bytes when it was run again" in str(error)
+
+
+def _write(path: Path, text: str) -> tuple[()]:
+    path.write_text(text)
+    return ()
 
 
 def _lost_once(session: Session, digest: str):

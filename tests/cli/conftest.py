@@ -1,0 +1,104 @@
+"""The command line as a user runs it: a child process, a store and a folder of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+RECIPE = Path(__file__).parents[2] / "recipes" / "go1.yaml"
+
+
+@dataclass
+class Workplace:
+    """A folder with `recipes/go1.yaml`, a copy of the robot, and a store."""
+
+    folder: Path
+    store: Path
+    environment: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def recipe(self) -> Path:
+        return self.folder / "recipes" / "go1.yaml"
+
+    @property
+    def bundle(self) -> Path:
+        return self.folder / "build" / "go1"
+
+    @property
+    def robot(self) -> Path:
+        return self.folder / "robot"
+
+    @property
+    def urdf(self) -> Path:
+        return self.robot / "robots/go1_description/urdf/go1.urdf"
+
+    def run(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            self.command(*words),
+            cwd=self.folder,
+            env=self.env(**environment),
+            capture_output=True,
+            text=True,
+            timeout=600,
+        )
+
+    def command(self, *words: str) -> list[str]:
+        return [sys.executable, "-m", "assetbuild", *words]
+
+    def env(self, **more: str) -> dict[str, str]:
+        kept = {k: v for k, v in os.environ.items() if not k.startswith("ASSETBUILD_")}
+        return kept | {"ASSETBUILD_CACHE": str(self.store)} | self.environment | more
+
+    def build(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
+        return self.run("build", "recipes/go1.yaml", *words, **environment)
+
+    def ran(self) -> set[str]:
+        """Labels of the steps that ran in the last build."""
+        log = json.loads((self.folder / "build" / "go1.run.json").read_text())
+        return {label for label, step in log["steps"].items() if step["status"] == "ran"}
+
+    def edit_recipe(self, old: str, new: str) -> None:
+        text = self.recipe.read_text()
+        assert old in text
+        self.recipe.write_text(text.replace(old, new))
+
+
+def new_workplace(folder: Path, go1_root: Path, store: Path) -> Workplace:
+    """Go1 as a `path` source: a copy that a test may edit."""
+    place = Workplace(folder, store)
+    source = go1_root / "robots/go1_description"
+    shutil.copytree(source, folder / "robot/robots/go1_description")
+    place.recipe.parent.mkdir(parents=True)
+    text = RECIPE.read_text()
+    begin, end = text.index("  pypi:"), text.index("  urdf:")
+    place.recipe.write_text(f"{text[:begin]}  path: ../robot\n{text[end:]}")
+    return place
+
+
+@pytest.fixture(scope="session")
+def built_store(tmp_path_factory: pytest.TempPathFactory, go1_root: Path) -> Path:
+    """A store that holds a finished build of Go1; tests work on copies or add to it."""
+    store = tmp_path_factory.mktemp("store")
+    place = new_workplace(tmp_path_factory.mktemp("first"), go1_root, store)
+    done = place.build()
+    assert done.returncode == 0, done.stdout + done.stderr
+    return store
+
+
+@pytest.fixture
+def place(tmp_path: Path, go1_root: Path, built_store: Path) -> Workplace:
+    """A workplace whose store is warm."""
+    return new_workplace(tmp_path, go1_root, built_store)
+
+
+@pytest.fixture
+def cold_place(tmp_path: Path, go1_root: Path) -> Workplace:
+    """A workplace with an empty store."""
+    return new_workplace(tmp_path, go1_root, tmp_path / "store")

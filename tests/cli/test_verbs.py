@@ -1,0 +1,84 @@
+"""Small verbs: fast help, light check, schema, plan."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from assetbuild.cli import VERBS
+
+from .conftest import Workplace
+
+HEAVY = ("mujoco", "pxr", "trimesh", "coacd", "scipy", "yourdfpy", "collada", "pinocchio")
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_imports_nothing_heavy(verb: str):
+    code = (
+        "import sys\nfrom assetbuild.cli import main\n"
+        "try:\n    main([sys.argv[1], '--help'])\nexcept SystemExit:\n    pass\n"
+        "sys.stderr.write(' '.join(sorted(m.split('.')[0] for m in sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code, verb], capture_output=True, text=True)
+    loaded = set(done.stderr.split())
+    assert not loaded & {*HEAVY, "pydantic", "yaml", "numpy", "networkx"}
+
+
+def test_check_runs_no_heavy_step(place: Workplace):
+    code = (
+        "import sys\nfrom assetbuild.cli import main\ncode = main(['check', 'recipes/go1.yaml'])\n"
+        "sys.stderr.write(' '.join(sorted(m.split('.')[0] for m in sys.modules)))\nsys.exit(code)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=place.folder,
+        env=place.env(),
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert not set(done.stderr.split()) & set(HEAVY)
+
+
+def test_the_null_build_imports_almost_nothing(place: Workplace):
+    place.build()
+    code = (
+        "import sys\nsys.argv = ['assetbuild', 'build', 'recipes/go1.yaml']\n"
+        "from assetbuild.__main__ import main\ncode = main()\n"
+        "sys.stderr.write(' '.join(sorted(m.split('.')[0] for m in sys.modules)))\nsys.exit(code)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=place.folder,
+        env=place.env(),
+        capture_output=True,
+        text=True,
+    )
+    assert "0 ran" in done.stdout
+    slow = {
+        *HEAVY,
+        "pydantic",
+        "yaml",
+        "numpy",
+        "networkx",
+        "argparse",
+        "json",
+        "typing",
+        "pathlib",
+    }
+    assert not set(done.stderr.split()) & slow
+
+
+def test_the_schema_describes_every_key(place: Workplace):
+    schema = json.loads(place.run("schema").stdout)
+    assert {"robot", "source", "actuators"} <= schema["properties"].keys()
+
+
+def test_plan_prints_the_graph(place: Workplace):
+    graph = json.loads(place.run("plan", "recipes/go1.yaml", "--format", "json").stdout)
+    labels = {node["label"] for node in graph["nodes"]}
+    assert {"read_urdf", "merge_fixed_joints", "assemble", "control", "mjcf", "usd"} <= labels
+    assert place.run("plan", "recipes/go1.yaml", "--format", "dot").stdout.startswith("digraph")

@@ -1,0 +1,163 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+from steps_for_tests import Mix, MixInChild, Write, flip
+
+from assetbuild.engine import keys
+from assetbuild.engine.execute import execute
+from assetbuild.engine.explain import Change, changes_between, explain
+from assetbuild.engine.graph import Graph, Planner
+from assetbuild.engine.keys import key_of, key_parts
+from assetbuild.engine.session import Session
+from assetbuild.engine.step import Step
+from assetbuild.engine.store import Store
+
+
+class Row(Step):
+    joints: str = ".*"
+    kp: float = 80.0
+
+
+class Actuators(Step):
+    tools = ("pydantic",)
+    rows: tuple[Row, ...] = (Row(), Row())
+    limits_n_m: dict[str, float]
+
+
+PARTS = key_parts(Actuators(limits_n_m={}), {"robot.urdf": "3f2a91c0" + "0" * 56})
+
+
+def changed(**parts: object) -> list[str]:
+    return [str(change) for change in changes_between(PARTS, {**PARTS, **parts})]
+
+
+def test_a_field_is_named_with_both_values():
+    new = Actuators(rows=(Row(), Row(kp=90.0)), limits_n_m={"hip": 3.0})
+    fields = key_parts(new, {})["fields"]
+    assert "field rows[1].kp: 80.0 -> 90.0" in changed(fields=fields)
+    assert "field limits_n_m.hip: nothing -> 3.0" in changed(fields=fields)
+    old = {**PARTS, "fields": {"kp": 80}}
+    assert str(changes_between(old, {**old, "fields": {"kp": 90}})[0]) == "field kp: 80 -> 90"
+
+
+def test_an_input_is_named_with_both_digests():
+    assert changed(inputs={"robot.urdf": "99ab" + "0" * 60}) == [
+        "input robot.urdf changed (3f2a91c0 -> 99ab0000)"
+    ]
+    assert changed(inputs={}) == ["input robot.urdf is gone"]
+    assert changed(inputs={**PARTS["inputs"], "b": "0" * 64}) == ["input b is new"]
+
+
+def test_versions_tools_and_platform_are_named():
+    assert changed(version="2") == ["step version: 1 -> 2"]
+    now = keys.tool_version("pydantic")
+    assert changed(tools={"pydantic": "9"}) == [f"tool pydantic: {now} -> 9"]
+    assert changed(platform="linux-riscv") == [f"platform: {keys.platform_tag()} -> linux-riscv"]
+
+
+@pytest.mark.parametrize("part", list(PARTS))
+def test_every_part_of_a_key_changes_the_key_and_is_explained(part):
+    new = {**PARTS, part: {"x": "new"} if isinstance(PARTS[part], dict) else "new"}
+    assert key_of(new) != key_of(PARTS)
+    assert changes_between(PARTS, new)
+
+
+def test_equal_parts_have_equal_keys():
+    assert key_of(key_parts(Actuators(limits_n_m={}), dict(PARTS["inputs"]))) == key_of(PARTS)
+
+
+def graph(session: Session, salt: int = 0) -> Graph:
+    planner = Planner(session)
+    first = planner.add("first", Mix(salt=salt))
+    planner.add("second", Mix(), {"in": first["out"]})
+    return planner.graph()
+
+
+def test_why_a_node_ran_is_known_long_after(tmp_path):
+    for salt in (0, 7, 7, 7):
+        with Session(Store(tmp_path / "store"), build="go1.yaml") as session:
+            execute(graph(session, salt), session)
+    with Session(Store(tmp_path / "store"), build="go1.yaml") as session:
+        first = explain(graph(session, 7), session, "first")
+        second = explain(graph(session, 7), session, "second")
+    assert first.state == second.state == "up to date"
+    assert [str(change) for change in first.last_changes] == ["field salt: 0 -> 7"]
+    assert "input in changed" in second.to_text()
+    assert "in comes from `first`" in second.to_text()
+    assert json.loads(json.dumps(second.to_json()))["last_changes"][0]["name"] == "in"
+
+
+def test_why_a_node_would_run_is_told_before_it_does(session):
+    told = explain(graph(session), session, "first")
+    assert (told.state, told.changes) == ("would run", (Change("first"),))
+    execute(graph(session), session)
+    changed = graph(session, 3)
+    assert explain(changed, session, "first").to_text().splitlines()[:2] == [
+        "first: would run",
+        "  field salt: 0 -> 3",
+    ]
+    second = explain(changed, session, "second")
+    assert second.state == "waits"
+    assert second.waits_for == ("first",)
+    assert "after `first`, which would run first" in second.to_text()
+
+
+def test_a_result_says_why_it_ran(session):
+    assert execute(graph(session), session)["first"].reason == "first build"
+    results = execute(graph(session, 5), session)
+    assert results["first"].reason == "field salt: 0 -> 5"
+    assert results["second"].reason.startswith("input in changed (")
+    assert execute(graph(session, 0), session)["first"].status == "cached"
+
+
+def test_a_lost_output_is_the_reason(tmp_path):
+    with Session(Store(tmp_path / "store")) as session:
+        digest = execute(graph(session), session)["second"]["out"]
+        path = session.store.root / "cas" / digest[:2] / digest
+        flip(path)
+        path.unlink()
+    with Session(Store(tmp_path / "store")) as session:
+        told = explain(graph(session), session, "second")
+        assert str(told.changes[0]) == "output out is missing or corrupt in the store"
+        assert execute(graph(session), session)["second"].reason == str(told.changes[0])
+
+
+def test_an_emptied_action_cache_is_the_reason(tmp_path):
+    with Session(Store(tmp_path / "store")) as session:
+        execute(graph(session), session)
+        for path in (session.store.root / "ac").rglob("*.json"):
+            path.unlink()
+    with Session(Store(tmp_path / "store")) as session:
+        assert execute(graph(session), session)["first"].reason == (
+            "the store does not hold its result"
+        )
+
+
+def test_another_build_has_a_journal_of_its_own(tmp_path):
+    for build in ("go1.yaml", "go2.yaml"):
+        with Session(Store(tmp_path / "store"), build=build) as session:
+            execute(graph(session, len(build)), session)
+    with Session(Store(tmp_path / "store"), build="third.yaml") as session:
+        assert execute(graph(session, 77), session)["first"].reason == "first build"
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"format": 1}', '{"format": 1, "build": "x"}'])
+def test_an_unreadable_journal_counts_as_empty(tmp_path, text):
+    with Session(Store(tmp_path / "store"), build="x") as session:
+        execute(graph(session), session)
+        path = session.journal.path
+    path.write_text(text)
+    with Session(Store(tmp_path / "store"), build="x") as session:
+        assert execute(graph(session, 4), session)["first"].reason == "first build"
+
+
+def test_another_step_under_the_same_label_is_named(session):
+    planner = Planner(session)
+    planner.add("it", Write())
+    execute(planner.graph(), session)
+    planner = Planner(session)
+    planner.add("it", MixInChild())
+    changes = explain(planner.graph(), session, "it").changes
+    assert str(changes[0]) == "step: steps_for_tests:Write -> steps_for_tests:MixInChild"

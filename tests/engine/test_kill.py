@@ -1,0 +1,104 @@
+"""Builds killed by SIGKILL, then run again: the same result, nothing to unlock, no orphans."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from test_execute import is_alive
+
+PROGRAM = """
+import json, sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[3])
+from steps_for_tests import Mix, MixInChild, Slow, Split
+from assetbuild.engine.execute import execute, restore
+from assetbuild.engine.graph import Planner
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import Store
+folder, pids = Path(sys.argv[1]), sys.argv[2]
+print("begins", flush=True)
+with Session(Store(folder / "store"), build="killed") as session:
+    while True:
+        planner = Planner(session)
+        split = planner.add("split", Split(), {"in": planner.source(folder / "source")})
+        members = planner.ask_tree(split["parts/"]) or {}
+        inputs = {}
+        for number, name in enumerate(sorted(members)):
+            slow = planner.add(f"slow {name}", Slow(seconds=0.15, salt=number,
+                               pid_file=f"{pids}-{number}"))
+            mix = planner.add(f"mix {name}", MixInChild(), {"a": split["parts/"] / name,
+                              "b": slow["out"]})
+            inputs[name] = mix["out"]
+        planner.add("all", Mix(), inputs)
+        graph = planner.graph()
+        results = execute(graph, session, jobs=2)
+        if not planner.questions:
+            break
+    errors = [str(r.error) for r in results.values() if r.error]
+    print(json.dumps([errors, {k: r.outputs for k, r in results.items()}]))
+"""
+
+
+def start(folder: Path, pids: str) -> subprocess.Popen[str]:
+    # The pid files are parameters of the steps, so every run names the same ones.
+    here = str(Path(__file__).parent)
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, str(folder), pids, here],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def finish(folder: Path, pids: str) -> object:
+    process = start(folder, pids)
+    out, _ = process.communicate(timeout=60)
+    assert process.returncode == 0
+    return json.loads(out.splitlines()[-1])
+
+
+@pytest.fixture(scope="module")
+def gold(tmp_path_factory: pytest.TempPathFactory) -> tuple[object, float, str]:
+    folder = tmp_path_factory.mktemp("gold")
+    pids = str(tmp_path_factory.mktemp("pids") / "pid")
+    write_source(folder)
+    began = time.monotonic()
+    return finish(folder, pids), time.monotonic() - began, pids
+
+
+def write_source(folder: Path) -> None:
+    (folder / "source").write_text("".join(f"part{i} {i}\n" for i in range(6)))
+
+
+@pytest.mark.parametrize("share", [0.2, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 0.95])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_a_killed_build_leaves_a_store_that_just_works(tmp_path, gold, share, number):
+    if number == signal.SIGTERM and share not in (0.45, 0.75):
+        pytest.skip("two moments are enough for this signal")
+    want, seconds, pids = gold
+    write_source(tmp_path)
+    for file in Path(pids).parent.iterdir():
+        file.unlink()
+    process = start(tmp_path, pids)
+    time.sleep(share * seconds)
+    process.send_signal(number)
+    process.wait()
+    if process.stdout is not None:
+        process.stdout.close()
+    assert_no_orphans(Path(pids).parent)
+    assert finish(tmp_path, pids) == want
+    assert os.listdir(tmp_path / "store/v1/tmp") == []  # noqa: PTH208 - names are enough
+
+
+def assert_no_orphans(folder: Path) -> None:
+    found = [int(path.read_text()) for path in folder.iterdir() if path.read_text()]
+    deadline = time.monotonic() + 2
+    while any(is_alive(pid) for pid in found):
+        assert time.monotonic() < deadline, "a step outlived its build by two seconds"
+        time.sleep(0.02)

@@ -1,0 +1,159 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from assetbuild.engine import null
+from assetbuild.engine.digest import digest_file
+
+OPTIONS = "go1.yaml\t-j2\nx\\y"
+SUMMARY = "go1: ready\n\tbundle in build\\go1"
+
+
+@pytest.fixture
+def built(tmp_path: Path) -> Path:
+    """A finished build in `tmp_path`: two sources and a bundle of two files, and its record."""
+    for name in ("go1.yaml", "mesh 1.stl", "out/manifest.json", "out/mjcf/go1.xml"):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(name)
+    assert record(tmp_path)
+    return tmp_path
+
+
+def record(folder: Path, began_ns: int | None = None) -> bool:
+    files = [p for p in folder.rglob("*") if p.is_file() and p.name != "record"]
+    return null.write(
+        str(folder / "record"),
+        options=OPTIONS,
+        files={str(p): digest_file(p) for p in files},
+        folders=[str(folder / "out")],
+        absent=[str(folder / "go1.lock.yaml")],
+        exit_code=0,
+        summary=SUMMARY,
+        began_ns=began_ns or time.time_ns(),
+    )
+
+
+def check(folder: Path, options: str = OPTIONS) -> dict[str, object] | None:
+    return null.check(str(folder / "record"), options)
+
+
+def test_nothing_changed(built: Path):
+    assert check(built) == {"exit_code": 0, "summary": SUMMARY}
+
+
+def test_other_options_build(built: Path):
+    assert check(built, "go1.yaml -j3") is None
+
+
+@pytest.mark.parametrize("name", ["go1.yaml", "mesh 1.stl", "out/mjcf/go1.xml"])
+def test_an_edit_is_noticed_however_well_it_hides(built: Path, name: str):
+    path = built / name
+    before = path.stat()
+    path.write_text(name.upper())
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert path.stat().st_size == before.st_size
+    assert check(built) is None
+
+
+def test_a_missing_file_is_noticed(built: Path):
+    (built / "out/mjcf/go1.xml").unlink()
+    assert check(built) is None
+
+
+def test_an_added_file_in_the_bundle_is_noticed(built: Path):
+    (built / "out/mine.txt").write_text("mine")
+    assert check(built) is None
+
+
+def test_a_file_that_appears_is_noticed(built: Path):
+    (built / "go1.lock.yaml").write_text("lock")
+    assert check(built) is None
+
+
+def test_touching_is_no_change_and_the_new_stamps_are_noted(built: Path, monkeypatch):
+    os.utime(built / "go1.yaml")
+    assert check(built)
+    real = time.time_ns
+    monkeypatch.setattr(null.time, "time_ns", lambda: real() + 10_000_000_000)
+    assert check(built)
+    monkeypatch.setattr(null, "digest_file", None)  # from now on `stat` is enough
+    assert check(built)
+
+
+def test_a_fresh_bundle_is_read_again_before_it_is_trusted(built: Path):
+    assert f"\t{null.UNPROVEN}\n" in (built / "record").read_text()
+
+
+def test_a_source_edited_during_the_build_leaves_no_record(built: Path):
+    (built / "record").unlink()
+    digest = digest_file(built / "go1.yaml")
+    (built / "go1.yaml").write_text("edited while building")
+    written = null.write(
+        str(built / "record"),
+        options="",
+        files={str(built / "go1.yaml"): digest},
+        exit_code=0,
+        summary="",
+        began_ns=time.time_ns() - 1_000_000_000,
+    )
+    assert not written
+    assert not (built / "record").exists()
+
+
+def test_a_record_cut_or_changed_anywhere_counts_for_nothing(built: Path):
+    whole = (built / "record").read_bytes()
+    for end in range(len(whole) - 1):
+        (built / "record").write_bytes(whole[:end])
+        assert check(built) is None
+    for place in range(0, len(whole) - 1, 7):
+        changed = bytearray(whole)
+        changed[place] ^= 4
+        (built / "record").write_bytes(changed)
+        assert check(built) is None
+
+
+def test_another_version_of_ourselves_builds(built: Path, monkeypatch):
+    import assetbuild
+
+    monkeypatch.setattr(assetbuild, "__version__", "99")
+    assert check(built) is None
+
+
+def test_a_linked_source_is_read_each_time(built: Path):
+    (built / "real").write_text("one")
+    (built / "link").symlink_to("real")
+    assert record(built)
+    assert check(built)
+    (built / "real").write_text("two")
+    assert check(built) is None
+
+
+def test_a_folder_as_source_counts_as_changed(built: Path):
+    (built / "go1.yaml").unlink()
+    (built / "go1.yaml").mkdir()
+    assert check(built) is None
+
+
+def test_builds_have_records_of_their_own():
+    one = null.record_file("/store", "/a/go1.yaml", "/a/build/go1")
+    other = null.record_file("/store", "/a/go1.yaml", "/a/build/go1-train")
+    assert one != other
+    assert one.startswith("/store/v1/null/go1.yaml-")
+
+
+def test_the_null_build_loads_next_to_nothing():
+    program = (
+        "import sys; before = set(sys.modules); from assetbuild.engine import folders, null; "
+        "null.check('/nowhere', ''); folders.cache_root(); "
+        "print(*sorted(set(sys.modules) - before))"
+    )
+    out = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    loaded = {name for name in out.stdout.split() if not name.startswith("assetbuild")}
+    assert loaded <= {"__future__", "zlib"}

@@ -1,0 +1,204 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from assetbuild.engine import publish as module
+from assetbuild.engine.digest import digest_file
+from assetbuild.engine.publish import Published, discard, heal, new_staging, publish
+from assetbuild.errors import MachineError, UsageError
+
+EXCHANGE_POINTS = ["kept the user's files", "exchanged", "removed the old one"]
+RENAME_POINTS = [
+    "kept the user's files",
+    "moved the old one",
+    "moved the new one",
+    "retired the old one",
+    "removed the old one",
+]
+
+
+def fill(folder: Path, text: str) -> None:
+    folder.mkdir(exist_ok=True)
+    for name in ("manifest.json", "mjcf/go1.xml", "urdf/go1.urdf"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(f"{text} {name}")
+
+
+def content(folder: Path) -> dict[str, str]:
+    files = [p for p in folder.rglob("*") if p.is_file()]
+    return {p.relative_to(folder).as_posix(): p.read_text() for p in files}
+
+
+def names_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def manifest(folder: Path) -> dict[str, str]:
+    return {name: digest_file(folder / name) for name in content(folder) if "/" in name}
+
+
+def make(out: Path, text: str, old: dict[str, str] | None = None) -> Published:
+    staging = new_staging(out)
+    fill(staging, text)
+    return publish(staging, out, old)
+
+
+@pytest.fixture(params=["exchange", "two renames"])
+def way(request, monkeypatch):
+    if request.param == "two renames":
+        monkeypatch.setattr(module, "_exchange", lambda one, other: False)
+    return request.param
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    return tmp_path / "build" / "go1"
+
+
+def test_the_first_bundle_appears(out: Path):
+    make(out, "one")
+    assert content(out)["mjcf/go1.xml"] == "one mjcf/go1.xml"
+    assert names_in(out.parent) == ["go1"]
+
+
+def test_a_bundle_is_replaced_whole(out: Path, way: str):
+    make(out, "one")
+    (out / "stale.txt").write_text("of the old bundle")
+    make(out, "two")
+    assert set(content(out).values()) == {
+        "two manifest.json",
+        "two mjcf/go1.xml",
+        "two urdf/go1.urdf",
+    }
+    assert names_in(out.parent) == ["go1"]
+
+
+def test_what_the_user_did_is_kept_and_reported(out: Path, way: str):
+    make(out, "one")
+    old = manifest(out)
+    (out / "mjcf/go1.xml").write_text("edited")
+    (out / "notes").mkdir()
+    (out / "notes/mine.txt").write_text("mine")
+    found = make(out, "two", old)
+    aside = out.with_name("go1.edited")
+    assert found == Published(("mjcf/go1.xml",), ("notes/mine.txt",), aside)
+    assert content(aside) == {"mjcf/go1.xml": "edited", "notes/mine.txt": "mine"}
+    assert "notes/mine.txt" not in content(out)
+    (out / "mjcf/go1.xml").write_text("edited again")
+    make(out, "three", manifest_of_two(out))
+    assert content(aside)["mjcf/go1.xml"] == "edited"
+    assert content(aside)["mjcf/go1.xml.1"] == "edited again"
+
+
+def manifest_of_two(out: Path) -> dict[str, str]:
+    from assetbuild.engine.digest import digest_bytes
+
+    return {n: digest_bytes(f"two {n}".encode()) for n in ("mjcf/go1.xml", "urdf/go1.urdf")}
+
+
+def test_an_untouched_bundle_leaves_nothing_aside(out: Path):
+    make(out, "one")
+    assert make(out, "two", manifest(out)) == Published()
+    assert not out.with_name("go1.edited").exists()
+
+
+def test_a_folder_that_is_no_bundle_is_refused_and_stays(out: Path):
+    out.mkdir(parents=True)
+    (out / "thesis.tex").write_text("years of work")
+    with pytest.raises(UsageError, match=r"no manifest\.json: it is not a bundle, so it stays"):
+        new_staging(out)
+    staging = out.with_name("staging")
+    fill(staging, "new")
+    with pytest.raises(UsageError):
+        publish(staging, out)
+    assert content(out) == {"thesis.tex": "years of work"}
+
+
+def test_an_empty_folder_may_be_taken(out: Path):
+    out.mkdir(parents=True)
+    make(out, "one")
+    assert content(out)
+
+
+def test_a_file_in_the_way_is_refused(out: Path):
+    out.parent.mkdir()
+    out.write_text("a file")
+    with pytest.raises(UsageError, match="is not a folder"):
+        new_staging(out)
+    assert out.read_text() == "a file"
+
+
+def test_a_link_to_the_bundle_stays_a_link(out: Path, tmp_path: Path):
+    make(out, "one")
+    link = tmp_path / "link"
+    link.symlink_to(out)
+    make(link, "two")
+    assert link.is_symlink()
+    assert content(out)["mjcf/go1.xml"].startswith("two")
+
+
+def test_healing_leaves_running_builds_and_other_folders_alone(out: Path):
+    make(out, "one")
+    running = new_staging(out)
+    (running / "half").write_text("being built")
+    similar = out.with_name("go1.new-robot")
+    similar.mkdir()
+    heal(out)
+    make(out, "two")
+    assert (running / "half").is_file()
+    assert similar.is_dir()
+    discard(running)
+    assert not running.exists()
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_without_permission_is_the_machines_lack(out: Path):
+    out.parent.mkdir()
+    out.parent.chmod(0o555)
+    with pytest.raises(MachineError, match="no permission"):
+        new_staging(out)
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+sys.path.insert(0, {folder!r})
+from assetbuild.engine import publish as module
+from test_publish import make
+if {way!r} == "two renames":
+    module._exchange = lambda one, other: False
+module._at = lambda point: os._exit(9) if point == {point!r} else None
+make(Path({out!r}), "two", {old!r})
+"""
+
+
+@pytest.mark.parametrize(
+    ("way", "point"),
+    [("exchange", point) for point in EXCHANGE_POINTS]
+    + [("two renames", point) for point in RENAME_POINTS],
+)
+def test_killed_at_any_point_a_whole_bundle_is_there_after_the_next_call(out, way, point):
+    make(out, "one")
+    old = manifest(out)
+    (out / "urdf/go1.urdf").write_text("edited by the user")
+    whole_old = content(out)
+    program = KILLED.format(
+        folder=str(Path(__file__).parent), way=way, point=point, out=str(out), old=old
+    )
+    ended = subprocess.run([sys.executable, "-c", program], check=False)
+    assert ended.returncode == 9
+    if way == "exchange":
+        assert out.is_dir()
+    heal(out)
+    assert content(out) == whole_old or set(content(out).values()) == {
+        f"two {name}" for name in content(out)
+    }
+    make(out, "three", None)
+    assert all(text.startswith("three") for text in content(out).values())
+    assert names_in(out.parent) == ["go1", "go1.edited"]
+    assert content(out.with_name("go1.edited")) == {"urdf/go1.urdf": "edited by the user"}
