@@ -58,15 +58,17 @@ class UsdEqual(Check):
     isolated: ClassVar[bool] = True
     preload: ClassVar[tuple[str, ...]] = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics")
 
+    robot: str
+    """Name of the robot: the stem of the main file."""
+
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures: the largest deviation of each kind, as a share of its tolerance."""
         from pxr import Tf, Usd
 
         robot = _read(files)
-        usd = sorted(p for p in (files.inputs / "usd").glob("*.usda") if p.name != "scene.usda")
         book = Book()
         try:
-            stage = Usd.Stage.Open(str(usd[0] if usd else files.inputs / "usd/scene.usda"))
+            stage = Usd.Stage.Open(str(files.inputs / f"usd/{self.robot}.usda"))
         except Tf.ErrorException as error:
             book.differ("unreadable", "robot", f"cannot be opened as USD: {error}")
         else:

@@ -34,6 +34,9 @@ class UsdValid(Check):
     isolated: ClassVar[bool] = True
     preload: ClassVar[tuple[str, ...]] = ("pxr.Usd", "pxr.UsdPhysics", "pxr.UsdValidation")
 
+    robot: str
+    """Name of the robot: the stem of the main file."""
+
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures: what is on the stage, by kind."""
         tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
@@ -42,12 +45,14 @@ class UsdValid(Check):
         with tempfile.TemporaryDirectory() as elsewhere:
             folder = Path(elsewhere).resolve() / "moved"
             shutil.copytree(files.inputs / "usd", folder)
-            main = main_file(folder)
+            main = folder / f"{self.robot}.usda"
             yield from _references(main, folder)
             stage = _open(main)
             if stage is None:
                 write_figures(files, {})
-                yield _finding("usd.unreadable", "robot", f"`{main.name}` cannot be opened as USD")
+                yield Finding(
+                    "usd.unreadable", "error", "robot", f"`{main.name}` cannot be opened as USD"
+                )
                 return
             yield from _variant(stage)
             yield from _validation(stage)
@@ -59,12 +64,6 @@ class UsdValid(Check):
             figures["bytes"] = sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
             write_figures(files, figures)
             del stage, found
-
-
-def main_file(folder: Path) -> Path:
-    """The robot's own file: the one beside `scene.usda`."""
-    files = sorted(folder.glob("*.usda"))
-    return next((f for f in files if f.name != "scene.usda"), folder / "scene.usda")
 
 
 @dataclass(frozen=True)
@@ -145,12 +144,6 @@ def _ends(joint: Usd.Prim) -> list[str]:
     return [str(targets[0]) for targets in ends if targets]
 
 
-def _finding(
-    rule: str, subject: str, message: str, hint: str = "", severity: Severity = "error"
-) -> Finding:
-    return Finding(rule=rule, severity=severity, subject=subject, message=message, hint=hint)
-
-
 def _references(main: Path, folder: Path) -> Iterator[Finding]:
     """Each file that a layer names must be there, inside of the moved folder."""
     from pxr import Tf, UsdUtils
@@ -162,11 +155,15 @@ def _references(main: Path, folder: Path) -> Iterator[Finding]:
     hint = "references must be relative and stay inside of the asset's folder"
     for path in sorted(unresolved):
         named = path.replace(f"{folder}/", "")
-        yield _finding("usd.unresolved", "robot", f"`{named}` is not found after a move", hint)
+        yield Finding(
+            "usd.unresolved", "error", "robot", f"`{named}` is not found after a move", hint
+        )
     paths = [layer.realPath for layer in layers] + list(assets)
     for path in sorted(paths):
         if not Path(path).resolve().is_relative_to(folder):
-            yield _finding("usd.unresolved", "robot", f"`{Path(path).name}` lies outside", hint)
+            yield Finding(
+                "usd.unresolved", "error", "robot", f"`{Path(path).name}` lies outside", hint
+            )
 
 
 def _open(main: Path) -> Usd.Stage | None:
@@ -181,14 +178,15 @@ def _open(main: Path) -> Usd.Stage | None:
 def _variant(stage: Usd.Stage) -> Iterator[Finding]:
     prim = stage.GetDefaultPrim()
     if not prim:
-        yield _finding("usd.default_prim", "robot", "the stage has no default prim")
+        yield Finding("usd.default_prim", "error", "robot", "the stage has no default prim")
         return
     variants = prim.GetVariantSet(VARIANT_SET)
     names, selected = variants.GetVariantNames(), variants.GetVariantSelection()
     if not variants.HasAuthoredVariantSelection() or selected not in names or selected == "none":
         shown = f"`{selected}`" if selected else "nothing"
-        yield _finding(
+        yield Finding(
             "usd.variant",
+            "error",
             "robot",
             f"variant set `{VARIANT_SET}` selects {shown}: the robot opens without physics",
             f"select one of {', '.join(f'`{n}`' for n in names if n != 'none') or 'none given'}",
@@ -200,12 +198,12 @@ def _validation(stage: Usd.Stage) -> Iterator[Finding]:
     try:
         from pxr import UsdValidation
     except ImportError:
-        yield _finding(
+        yield Finding(
             "usd.validation_skipped",
+            "info",
             "robot",
             "this usd-core has no UsdValidation",
             "install usd-core 25.2 or later",
-            severity="info",
         )
         return
     kinds = UsdValidation.ValidationErrorType
@@ -246,8 +244,9 @@ def _counts(found: Contents, tree: Tree, shapes: Shapes, control: Control) -> It
 def _drives(found: Contents, control: Control) -> Iterator[Finding]:
     for actuator in control.actuators:
         if actuator.model != "passive" and actuator.joint not in found.driven:
-            yield _finding(
+            yield Finding(
                 "usd.drive",
+                "error",
                 f"actuator {actuator.joint}",
                 f"`{actuator.model}` in the recipe, but the joint has no drive in USD",
                 "PhysX ignores gains and effort limit of a joint without DriveAPI",
@@ -259,25 +258,30 @@ def _base(found: Contents, tree: Tree) -> Iterator[Finding]:
     roots, welds = found.articulations, found.world_joints
     if len(roots) != 1:
         names = ", ".join(f"`{name_of(p)}`" for p in roots) or "none"
-        yield _finding(
-            "usd.articulation", "robot", f"needs one articulation root, there are: {names}"
+        yield Finding(
+            "usd.articulation", "error", "robot", f"needs one articulation root, there are: {names}"
         )
         return
     if tree.base == "floating":
         for joint in welds:
-            yield _finding(
+            yield Finding(
                 "usd.base",
+                "error",
                 "robot",
                 f"`{name_of(joint)}` welds the floating base to the world",
                 "remove the joint: the robot would hang in the air",
             )
         if name_of(roots[0]) != tree.root:
-            yield _finding(
-                "usd.base", "robot", f"the articulation root is `{name_of(roots[0])}`, not the base"
+            yield Finding(
+                "usd.base",
+                "error",
+                "robot",
+                f"the articulation root is `{name_of(roots[0])}`, not the base",
             )
     elif roots[0] not in welds or name_of_end(roots[0]) != tree.root:
-        yield _finding(
+        yield Finding(
             "usd.base",
+            "error",
             "robot",
             "the fixed base is not held by an articulation root on the joint to the world",
             "on the link itself, PhysX would let the base drift",

@@ -183,9 +183,7 @@ class Worker:
             self.dead = True
             waiting = list(self._waiting.values())
             self._waiting.clear()
-        self._kill_groups()
-        with suppress(subprocess.TimeoutExpired):
-            self.process.wait(CLOSING_S)
+        self.end()
         for future in waiting:
             future.set_result(None)
 

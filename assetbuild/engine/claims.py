@@ -18,13 +18,16 @@ def claim_new_folder(parent: Path, prefix: str = "") -> tuple[Path, int]:
     while True:
         folder = parent / f"{prefix}{secrets.token_hex(4)}"
         folder.mkdir(parents=True)
-        descriptor = _claim(folder)
+        descriptor = _claim(folder, without_locks=True)
         if descriptor is not None:
             return folder, descriptor
 
 
-def _claim(folder: Path) -> int | None:
-    """A descriptor that holds the claim, or None when another process has it or removed it."""
+def _claim(folder: Path, *, without_locks: bool = False) -> int | None:
+    """A descriptor that holds the claim, or None when another process has it or removed it.
+
+    Some network file systems know no locks: there folders are made, and never swept.
+    """
     try:
         descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     except OSError:
@@ -33,8 +36,11 @@ def _claim(folder: Path) -> int | None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if folder.stat().st_ino == os.fstat(descriptor).st_ino:
             return descriptor
-    except OSError:
+    except (BlockingIOError, FileNotFoundError):
         pass
+    except OSError:
+        if without_locks:
+            return descriptor
     os.close(descriptor)
     return None
 

@@ -109,7 +109,9 @@ class StatCache:
 
     def save(self) -> None:
         """Write what was learnt, beside what other builds learnt meanwhile; OSError passes."""
-        if self.path is None or all(self._old.get(k) == v for k, v in self._new.items()):
+        if self.path is None or all(
+            self._old.get(path) == entry for path, entry in list(self._new.items())
+        ):
             return
         import json
 

@@ -21,7 +21,8 @@ class Change:
     """One reason to run.
 
     part: `first`, `step`, `version`, `tool`, `field`, `input`, `outputs`, `platform`, `format`,
-        `lost` (an output is missing or corrupt) or `forgotten` (the store has no result).
+        `order` (of the entries in the fields), `lost` (an output is missing or corrupt) or
+        `forgotten` (the store has no result).
     name: of the tool, field, input or output. old, new: JSON data; None = absent.
     """
 
@@ -36,6 +37,8 @@ class Change:
                 return "first build"
             case "lost":
                 return f"output {self.name} is missing or corrupt in the store"
+            case "order":
+                return "the order of the entries in its fields"
             case "forgotten":
                 return "the store does not hold its result"
             case "input":
@@ -83,6 +86,8 @@ def _changes(old: Parts, new: Parts) -> Iterator[Change]:
     for part in ("outputs", "platform", "format"):
         if old.get(part) != new.get(part):
             yield Change(part, "", old.get(part), new.get(part))
+    if old.get("order") != new.get("order") and old.get("fields") == new.get("fields"):
+        yield Change("order")
 
 
 def _flat(value: object, part: str) -> dict[str, object]:

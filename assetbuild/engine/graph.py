@@ -168,6 +168,14 @@ def _check_inputs(node: Node, by_label: Mapping[str, Node]) -> None:
             maker[ref.output]  # refuses an unknown output
 
 
+def _holds_set(value: object) -> bool:
+    if isinstance(value, dict):
+        return any(map(_holds_set, value.values()))
+    if isinstance(value, list | tuple):
+        return any(map(_holds_set, value))
+    return isinstance(value, set | frozenset)
+
+
 class Planner:
     """Collects nodes; answers what the store knows already.
 
@@ -203,6 +211,8 @@ class Planner:
         """
         if label in self._nodes or not label:
             raise GraphError(f"two steps are labelled `{label}`" if label else "a label is empty")
+        if _holds_set(step.model_dump()):
+            raise GraphError(f"step `{label}` has a set in its fields: its order is not defined")
         node = Node(label, step, dict(inputs or {}))
         _check_inputs(node, self._nodes)
         self._nodes[label] = node

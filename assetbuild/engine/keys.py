@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import json
 import platform
 import sys
 from collections.abc import Mapping
@@ -19,12 +20,15 @@ KEY_FORMAT = 1
 
 def key_parts(step: Step, inputs: Mapping[str, str]) -> Parts:
     """What decides the outputs of a step; `inputs`: name -> digest."""
+    fields = step.model_dump(mode="json")
     return {
         "format": KEY_FORMAT,
         "step": f"{type(step).__module__}:{type(step).__qualname__}",
         "version": step.version,
         "tools": {name: tool_version(name) for name in sorted(step.tools)},
-        "fields": step.model_dump(mode="json"),
+        "fields": fields,
+        # A step may go through a mapping in its order, so the order is part of the key.
+        "order": digest_bytes(json.dumps(fields).encode())[:16],
         "inputs": dict(sorted(inputs.items())),
         "outputs": list(step.outputs),
         "platform": platform_tag(),

@@ -23,7 +23,7 @@ from assetbuild.engine.keys import Parts
 from assetbuild.engine.session import Made, Resolver, Session
 from assetbuild.engine.staging import check_untouched, collect, stage
 from assetbuild.engine.step import Files
-from assetbuild.engine.store import LostObjectError
+from assetbuild.engine.store import LostObjectError, machine_error
 from assetbuild.engine.wire import error_from_json, perform, step_to_json
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.findings import Finding, finding_from_json
@@ -71,6 +71,8 @@ class Maker:
         self.resolver = Resolver(graph.nodes, session)
         self.healed: dict[str, NodeResult] = {}
         self._healing = threading.RLock()
+        # Those of this execution: once they are closed by Ctrl-C, none is started any more.
+        self._children = session.children
 
     def make(self, label: str, started: Callable[[str], None] | None = None) -> NodeResult:
         """The node, from the store or freshly run; its errors are in the result.
@@ -93,19 +95,25 @@ class Maker:
                 started(label)
             made = self._run_healing(node, parts)
             self.session.learn(key, made)
+            self.session.journal.ran(label, parts, [c.to_json() for c in changes])
+            return self._ran(label, key, made, changes)
         except AssetBuildError as error:
-            return NodeResult(
-                label=label,
-                status="failed",
-                key=key,
-                seconds=round(time.monotonic() - began, 4),
-                child=node.step.isolated,
-                error=self._with_log(error, label),
-                reason=changes_text(changes),
-                changes=changes,
-                log=_existing(self.log_path(label)),
-            )
-        self.session.journal.ran(label, parts, [c.to_json() for c in changes])
+            failure = error
+        except OSError as error:  # of the private folder: disk full, no permission
+            failure = machine_error(error, self.session.store.root.parent)
+        return NodeResult(
+            label=label,
+            status="failed",
+            key=key,
+            seconds=round(time.monotonic() - began, 4),
+            child=node.step.isolated,
+            error=self._with_log(failure, label),
+            reason=changes_text(changes),
+            changes=changes,
+            log=_existing(self.log_path(label)),
+        )
+
+    def _ran(self, label: str, key: str, made: Made, changes: tuple[Change, ...]) -> NodeResult:
         return NodeResult(
             label=label,
             status="ran",
@@ -217,7 +225,7 @@ class Maker:
         }
         path = folder / "job.json"
         path.write_text(json.dumps(job), encoding="utf-8")
-        ended = self.session.children.run(node.step, path)
+        ended = self._children.run(node.step, path)
         if ended.status == 0 and not ended.over:
             with suppress(OSError, ValueError):
                 return json.loads((folder / "result.json").read_bytes()), ended

@@ -153,6 +153,10 @@ class Session:
         self._source_digests[name] = digest
         return name
 
+    def digest_of_source(self, name: str) -> str:
+        """Digest of what `source_digest` or `source_tree` remembered under a name."""
+        return self._source_digests.get(name) or self.source_digest(Path(name))
+
     # -- objects
 
     def object(self, digest: str) -> Path:
@@ -251,9 +255,7 @@ class Resolver:
     def digest(self, ref: Ref) -> str | None:
         """Digest of a reference; None while it is not built. StepError on an unknown member."""
         if not ref.node:
-            whole = self._session._source_digests.get(ref.output)
-            if whole is None:
-                whole = self._session.source_digest(Path(ref.output))
+            whole = self._session.digest_of_source(ref.output)
         else:
             made = self.made(ref.node)
             if made is None:

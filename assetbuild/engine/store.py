@@ -271,7 +271,7 @@ def machine_error(error: OSError, place: Path) -> MachineError:
         )
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return MachineError(
-            f"no permission to write `{error.filename or place}`",
+            f"no permission for `{error.filename or place}`",
             hint="choose another store folder by ASSETBUILD_CACHE",
         )
     return MachineError(f"{error.strerror or error}: `{error.filename or place}`")

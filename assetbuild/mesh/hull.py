@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from assetbuild.errors import StepError
 from assetbuild.mesh.triangles import Indices, TriangleMesh
@@ -13,65 +14,102 @@ from assetbuild.robot.pose import Array
 if TYPE_CHECKING:
     from scipy.spatial import ConvexHull
 
+COPLANAR = 1e-3
+"""Angle between normals, rad, below which neighbouring triangles are one polygon."""
 FLAT = 1e-7
 """Points whose smallest extent is below this share of the largest span no volume."""
 
 
-def convex_hull(points: Array, *, max_vertices: int | None = None, subject: str = "mesh") -> (
-    TriangleMesh
-):
+def convex_hull(
+    points: Array, *, max_vertices: int | None = None, subject: str = "mesh"
+) -> TriangleMesh:
     """The convex hull of points (n, 3) m: outward triangles; its vertices are input points.
 
-    max_vertices: at least 4; qhull then takes the farthest point next and stops in time, so
-    the hull lies inside the full one and the cap is never exceeded.
+    max_vertices: at least 4; the hull then lies inside the full one (see `_farthest_first`).
     Raises StepError when the points lie in a plane, on a line or in one spot.
     """
-    finite = np.asarray(points, dtype=np.float64)
-    if not np.isfinite(finite).all():
+    given = np.asarray(points, dtype=np.float64)
+    if not np.isfinite(given).all():
         raise StepError(f"{subject}: not all vertices are finite numbers")
-    distinct = np.unique(finite + 0.0, axis=0)
-    _refuse_flat(distinct, subject)
-    hull = _qhull(distinct, "Qt", subject)
+    distinct = np.unique(given + 0.0, axis=0)
+    refuse_flat(distinct, subject)
+    hull = _qhull(distinct, subject)
     if max_vertices is not None and len(hull.vertices) > max_vertices:
-        # "TAn" stops after n points beyond the first simplex of four (MuJoCo's maxhullvert).
-        kept = _qhull(distinct, f"Qt TA{max_vertices - 4}", subject).vertices
-        distinct = distinct[np.sort(kept)]
-        hull = _qhull(distinct, "Qt", subject)
+        distinct = distinct[np.sort(hull.vertices)]
+        distinct = distinct[_farthest_first(distinct, max_vertices, subject)]
+        hull = _qhull(distinct, subject)
     return _outward(distinct, hull)
 
 
-def hull_planes(hull: TriangleMesh) -> Array:
-    """(k, 4) distinct planes (unit outward normal, offset) of a convex mesh: n . p + d <= 0 inside.
+def _farthest_first(points: Array, count: int, subject: str) -> Indices:
+    """Indices of `count` points whose hull comes near to that of all.
 
-    Coplanar triangles are one plane: k is the number of polygons that PhysX counts.
+    Starts from a wide simplex, then always takes the point farthest outside; qhull's own `TA`
+    option takes the farthest of the facet at hand and leaves up to three times the gap.
     """
-    corners = hull.corners
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    chosen = _wide_simplex(points)
+    while len(chosen) < count:
+        planes = _qhull(points[chosen], subject).equations
+        local = points - _middle(points[chosen])
+        outside = (local @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+        outside[chosen] = -np.inf
+        farthest = int(np.argmax(outside))
+        chosen.append(farthest)
+    return np.sort(np.asarray(chosen, dtype=np.int64))
+
+
+def _wide_simplex(points: Array) -> list[int]:
+    """Four points that span much volume: each is the farthest from what the former span."""
+    first = int(np.argmin(points[:, 0]))
+    second = int(np.argmax(np.linalg.norm(points - points[first], axis=1)))
+    along = points[second] - points[first]
+    area = np.cross(points - points[first], along)
+    third = int(np.argmax(np.linalg.norm(area, axis=1)))
+    fourth = int(np.argmax(np.abs((points - points[first]) @ area[third])))
+    return [first, second, third, fourth]
+
+
+def hull_planes(hull: TriangleMesh) -> Array:
+    """(k, 4) planes (unit outward normal, offset) of a convex mesh: n . p + d <= 0 inside.
+
+    One per triangle; triangles without area have none.
+    """
+    normal, solid = _normals(hull)
+    offset = -np.einsum("ij,ij->i", normal[solid], hull.corners[solid, 0])
+    return np.column_stack([normal[solid], offset])
+
+
+def polygon_count(hull: TriangleMesh) -> int:
+    """Faces of a convex mesh once coplanar triangles are merged: what PhysX counts, at most 64.
+
+    Triangles that share an edge are coplanar when their normals are within COPLANAR.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    normal, solid = _normals(hull)
+    faces = len(hull.faces)
+    edges = np.sort(hull.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    order = np.lexsort(edges.T)
+    # On a closed mesh each edge stands twice, so sorted neighbours are neighbours on the hull.
+    left, right = order[0::2] // 3, order[1::2] // 3
+    cosine = np.einsum("ij,ij->i", normal[left], normal[right])
+    flat = (cosine > np.cos(COPLANAR)) | ~(solid[left] & solid[right])
+    joined = coo_array((np.ones(int(flat.sum())), (left[flat], right[flat])), shape=(faces, faces))
+    return int(connected_components(joined, directed=False, return_labels=False))
+
+
+def _normals(hull: TriangleMesh) -> tuple[Array, NDArray[np.bool_]]:
+    """Unit normals (m, 3), and which triangles are big enough to have one."""
+    a, b, c = np.moveaxis(hull.corners, 1, 0)
+    normal = np.cross(b - a, c - a)
     size = np.linalg.norm(normal, axis=1)
     solid = size > 1e-12 * max(float(size.max(initial=0.0)), 1e-300)
-    normal = normal[solid] / size[solid, None]
-    offset = -np.einsum("ij,ij->i", normal, corners[solid, 0])
-    # The biggest faces speak first; a face within 0.06 degrees and 1e-6 D of one joins it.
-    planes: list[Array] = []
-    rest = np.column_stack([normal, offset])[np.argsort(-size[solid], kind="stable")]
-    reach = 1e-6 * hull.diagonal
-    while len(rest):
-        plane = rest[0]
-        planes.append(plane)
-        same = (rest[:, :3] @ plane[:3] > 1.0 - 5e-7) & (
-            np.abs(rest[:, 3] - plane[3]) <= reach + 1e-3 * hull.diagonal * _angle(rest, plane)
-        )
-        same[0] = True
-        rest = rest[~same]
-    return np.asarray(planes, dtype=np.float64).reshape(-1, 4)
+    return normal / np.where(solid, size, 1.0)[:, None], solid
 
 
-def _angle(planes: Array, plane: Array) -> Array:
-    """(k,) sines of the angles between plane normals, rad for small ones."""
-    return np.asarray(np.linalg.norm(np.cross(planes[:, :3], plane[:3]), axis=1))
-
-
-def _refuse_flat(points: Array, subject: str) -> None:
+def refuse_flat(points: Array, subject: str) -> None:
+    """Raise StepError when points (n, 3) span no volume."""
     if len(points) < 4:
         raise StepError(f"{subject}: a hull needs 4 distinct points, there are {len(points)}")
     _, spread, _ = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
@@ -84,15 +122,19 @@ def _refuse_flat(points: Array, subject: str) -> None:
         )
 
 
-def _qhull(points: Array, options: str, subject: str) -> ConvexHull:
+def _qhull(points: Array, subject: str) -> ConvexHull:
     from scipy.spatial import ConvexHull, QhullError
 
     # Moved to the origin: qhull's tolerances grow with the largest coordinate.
     try:
-        return ConvexHull(points - points.mean(axis=0), qhull_options=options)
+        return ConvexHull(points - _middle(points), qhull_options="Qt")
     except QhullError as error:
         reason = str(error).splitlines()[0]
         raise StepError(f"{subject}: no convex hull: {reason}") from error
+
+
+def _middle(points: Array) -> Array:
+    return np.asarray((points.min(axis=0) + points.max(axis=0)) / 2.0, dtype=np.float64)
 
 
 def _outward(points: Array, hull: ConvexHull) -> TriangleMesh:

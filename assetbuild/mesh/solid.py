@@ -20,6 +20,10 @@ CROSSINGS = 64
 """Most surfaces that one ray is followed through."""
 
 
+CHUNK = 512
+"""Points tested against all planes at once: a table of 512 x 24,000 numbers is 100 MB."""
+
+
 class Solid:
     """The inside of a mesh by ray parity: a point is inside when two of three rays say so.
 
@@ -79,7 +83,11 @@ class ConvexPiece:
         if self.hull is None:
             raise ValueError("a piece is a hull or a primitive")
         planes = hull_planes(self.hull)
-        return np.asarray((points @ planes[:, :3].T + planes[:, 3]).max(axis=1))
+        chunks = [
+            (points[k : k + CHUNK] @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+            for k in range(0, len(points), CHUNK)
+        ]
+        return np.concatenate([np.zeros(0), *chunks])
 
     def surface(self) -> TriangleMesh:
         """Its triangles in the common frame."""

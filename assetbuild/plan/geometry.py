@@ -222,6 +222,7 @@ def _pieces(
     step = method.model_validate({"sources": tuple(sources), **_options(rule)})
     label = f"{method.step_name()} {link if per_link else shapes[0].name}"
     node = p.add(label, step, step_inputs)
+    geometry.subjects[label] = f"link {link}"
     folder = f"collision/{label}"
     inputs[f"{folder}/pieces/"] = node["pieces/"]
     inputs[f"{folder}/pieces.json"] = node["pieces.json"]

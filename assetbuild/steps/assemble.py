@@ -131,6 +131,7 @@ class _Library:
     """Mesh files of the bundle, each content once."""
 
     def __init__(self, folder: Path) -> None:
+        folder.mkdir(exist_ok=True)
         self._folder = folder
         self._by_digest: dict[str, MeshAsset] = {}
 
@@ -162,11 +163,13 @@ class _Palette:
         return self._take(material) if material else None
 
     def of_part(self, part: MeshPart) -> str | None:
-        """The material inside the mesh file, when it has a colour or a texture."""
-        if part.rgba is None and part.texture is None:
+        """The material inside the mesh file, when it has a colour.
+
+        Its texture stays behind: `convert_mesh` leaves a finding (`mesh.texture`) for each.
+        """
+        if part.rgba is None:
             return None
-        rgba = part.rgba or (1.0, 1.0, 1.0, 1.0)
-        return self._take(Material(part.material or "material", rgba, part.texture))
+        return self._take(Material(part.material or "material", part.rgba))
 
     def used(self) -> tuple[Material, ...]:
         """The materials in use, in order of first use."""

@@ -192,7 +192,7 @@ def _other_versions(wanted: str, text: str) -> str:
         v.strip() for v in tail.partition(")")[0].split(",") if v.strip() not in ("", "none")
     ]
     if not versions:
-        return "check the name and the index (`pip config list`); only wheels for this Python are taken"
+        return "check the name and `pip config list`; only wheels for this Python are taken"
     return did_you_mean(wanted.partition("==")[2], versions)
 
 

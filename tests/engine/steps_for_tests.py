@@ -6,7 +6,9 @@ import hashlib
 import json
 import os
 import signal
+import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterable
 from pathlib import Path
@@ -170,3 +172,24 @@ def flip(path: Path) -> None:
     data[len(data) // 2] ^= 1
     path.chmod(0o644)
     path.write_bytes(data)
+
+
+class PreloadedWithThreads(Preloaded):
+    preload: ClassVar[tuple[str, ...]] = ("threaded_for_tests",)
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        seen = {"loaded": "threaded_for_tests" in sys.modules, "threads": threading.active_count()}
+        (files.outputs / "out").write_text(json.dumps(seen))
+        return ()
+
+
+class LeavesAChild(Step):
+    """Starts a process of its own and ends without waiting for it."""
+
+    outputs = ("out",)
+    isolated: ClassVar[bool] = True
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+        (files.outputs / "out").write_text(str(child.pid))
+        return ()

@@ -9,7 +9,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from steps_for_tests import Misbehave, Mix, MixInChild, Preloaded, Slow, Split, Write, flip
+from steps_for_tests import (
+    LeavesAChild,
+    Misbehave,
+    Mix,
+    MixInChild,
+    Preloaded,
+    PreloadedWithThreads,
+    Slow,
+    Split,
+    Write,
+    flip,
+)
 
 from assetbuild.engine import make
 from assetbuild.engine.children import CancelledError
@@ -222,6 +233,30 @@ def test_modules_are_imported_once_for_many_steps(session):
     seen = [json.loads(session.read(result["out"])) for result in results.values()]
     assert all(one["loaded"] for one in seen)
     assert len({one["worker"] for one in seen}) == 1
+
+
+def test_a_module_that_starts_threads_is_not_forked(session):
+    result = one(session, PreloadedWithThreads())
+    assert json.loads(session.read(result["out"])) == {"loaded": False, "threads": 1}
+
+
+def test_what_a_step_leaves_running_is_ended(session):
+    result = one(session, LeavesAChild())
+    pid = int(session.read(result["out"]))
+    deadline = time.monotonic() + 2
+    while is_alive(pid) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not is_alive(pid)
+
+
+def test_a_disk_that_fills_up_fails_the_step_not_the_program(session, monkeypatch):
+    def full(*args: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(make, "stage", full)
+    error = one(session, Mix()).error
+    assert isinstance(error, MachineError)
+    assert "no space left" in str(error)
 
 
 def test_a_worker_that_dies_is_replaced(session):

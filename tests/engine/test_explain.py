@@ -50,6 +50,13 @@ def test_an_input_is_named_with_both_digests():
     assert changed(inputs={**PARTS["inputs"], "b": "0" * 64}) == ["input b is new"]
 
 
+def test_the_order_of_a_mapping_counts():
+    one = key_parts(Actuators(limits_n_m={"hip": 1.0, "calf": 2.0}), {})
+    other = key_parts(Actuators(limits_n_m={"calf": 2.0, "hip": 1.0}), {})
+    assert key_of(one) != key_of(other)
+    assert [c.part for c in changes_between(one, other)] == ["order"]
+
+
 def test_versions_tools_and_platform_are_named():
     assert changed(version="2") == ["step version: 1 -> 2"]
     now = keys.tool_version("pydantic")
@@ -60,6 +67,7 @@ def test_versions_tools_and_platform_are_named():
 @pytest.mark.parametrize("part", list(PARTS))
 def test_every_part_of_a_key_changes_the_key_and_is_explained(part):
     new = {**PARTS, part: {"x": "new"} if isinstance(PARTS[part], dict) else "new"}
+    # The digest of the order changes with the fields too; explained only when it is alone.
     assert key_of(new) != key_of(PARTS)
     assert changes_between(PARTS, new)
 

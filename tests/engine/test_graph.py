@@ -75,6 +75,15 @@ def test_a_graph_is_ordered_and_drawn(planner, tmp_path):
     assert json.dumps(graph.to_json())
 
 
+class WithSet(Mix):
+    links: frozenset[str] = frozenset({"trunk"})
+
+
+def test_a_field_without_an_order_is_refused(planner):
+    with pytest.raises(GraphError, match="has a set in its fields"):
+        planner.add("a", WithSet())
+
+
 def test_a_missing_source_is_the_users_error(planner, tmp_path):
     with pytest.raises(SourceError, match=r"cannot read .*gone\.urdf"):
         planner.source(tmp_path / "gone.urdf")

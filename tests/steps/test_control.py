@@ -5,7 +5,9 @@ Heights are compared with MuJoCo's kinematics and with points sampled on each su
 
 from __future__ import annotations
 
+import itertools
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -148,11 +150,10 @@ def test_the_height_agrees_with_mujoco_for_random_poses(run):
 
 
 def surface(geometry, rng, n=200_000):
-    """Random points on a primitive, by construction."""
+    """Random points on a primitive, by construction; of a box its corners."""
     if isinstance(geometry, Box):
-        points = rng.uniform(-0.5, 0.5, (n, 3))
-        points[np.arange(n), rng.integers(0, 3, n)] = rng.choice([-0.5, 0.5], n)
-        return points * np.asarray(geometry.size)
+        corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
+        return corners * np.asarray(geometry.size)
     direction = rng.normal(size=(n, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     if isinstance(geometry, Sphere):
@@ -347,10 +348,7 @@ def test_without_a_table_all_is_passive_and_it_is_said(run):
 
 def test_a_source_s_limit_of_zero_is_reported(run):
     tree = with_calf_limits(-3.0, 3.0)
-    joints = [
-        Joint(j.name, j.kind, j.parent, j.child, j.X_parent_joint, j.axis, Limits(-3, 3, 9.0, 0.0))
-        for j in tree.joints
-    ]
+    joints = [replace(j, limits=Limits(-3, 3, 9.0, 0.0)) for j in tree.joints]
     tree = Tree(tree.name, tree.base, tree.bodies, tuple(joints), tree.frames)
     _, findings = run(tree, feet(), recipe())
     assert findings["actuator.zero_limit"].data == {"velocity": 0.0}
@@ -362,3 +360,33 @@ def test_the_same_recipe_gives_the_same_bytes(run, tmp_path):
     first = (Path(tmp_path) / "out/control.json").read_bytes()
     run(quadruped(), feet(), said)
     assert (Path(tmp_path) / "out/control.json").read_bytes() == first
+
+
+def test_the_real_go1_stands_on_its_soles_by_pinocchio_on_the_source(run, go1_root, tmp_path):
+    pin = pytest.importorskip("pinocchio", reason="needs the extra `oracle`")
+    from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
+    from assetbuild.steps.read_urdf import ReadUrdf
+
+    urdf = go1_root / "robots/go1_description/urdf/go1.urdf"
+    ports = Files(tmp_path / "ports", tmp_path / "ports")
+    ports.inputs.mkdir()
+    (ports.inputs / "robot.urdf").write_bytes(urdf.read_bytes())
+    packages = {"example-robot-data": "."}
+    read = ReadUrdf(file="robots/go1_description/urdf/go1.urdf", base="floating", packages=packages)
+    for step in (read, MergeFixedJoints(merge=True, keep_bodies=())):
+        list(step.run(ports))
+    tree = decode(Tree, (ports.outputs / "tree.json").read_bytes())
+    shapes = decode(Shapes, (ports.outputs / "shapes.json").read_bytes())
+    soles = tuple(s for s in shapes.of("collision") if s.link.endswith("_foot"))
+
+    said = recipe(keyframes={"home": {"joints": HOME}})
+    control, findings = run(tree, Shapes(soles), said)
+    model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
+    data, q = model.createData(), pin.neutral(model)
+    for name, value in control.keyframes[0].joints:
+        q[model.joints[model.getJointId(name)].idx_q] = value
+    pin.framesForwardKinematics(model, data, q)
+    heights = [data.oMf[model.getFrameId(s.link)].translation[2] for s in soles]
+    assert len(soles) == 4
+    assert control.keyframes[0].base.xyz[2] == pytest.approx(0.02 - min(heights), abs=1e-12)
+    assert findings == {}

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 Values = dict[str, tuple[str, object]]
 
+NEAR = 1e-9
 _AXES: dict[Vec3, tuple[str, Quat]] = {
     (1.0, 0.0, 0.0): ("X", (1.0, 0.0, 0.0, 0.0)),
     (0.0, 1.0, 0.0): ("Y", (1.0, 0.0, 0.0, 0.0)),
@@ -35,10 +36,13 @@ _AXES: dict[Vec3, tuple[str, Quat]] = {
 def joint_axis(axis: Vec3) -> tuple[str, Quat]:
     """(token, R): USD knows the axes X, Y, Z only; R turns the token's onto `axis`.
 
-    R is the identity for +x, +y, +z and an exact half turn for their opposites.
+    R is the identity for +x, +y, +z and an exact half turn for their opposites. Directions that
+    differ from these by less than a float32 quaternion holds count as them.
     """
-    x, y, z = (v + 0.0 for v in axis)
-    return _AXES.get((x, y, z)) or ("X", quat_between((1.0, 0.0, 0.0), axis))
+    for plain, found in _AXES.items():
+        if max(abs(a - b) for a, b in zip(plain, axis, strict=True)) < NEAR:
+            return found
+    return ("X", quat_between((1.0, 0.0, 0.0), axis))
 
 
 def define_joints(stage: Usd.Stage, names: Names, tree: Tree, control: Control) -> None:

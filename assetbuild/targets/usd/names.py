@@ -38,9 +38,9 @@ def usd_identifier(name: str) -> str:
     if _IDENTIFIER.fullmatch(name):
         return name
     near = re.sub(r"[^A-Za-z0-9_]", "_", name)
-    if near[:1].isdigit():
-        near = f"_{near}"
-    return near if name.isascii() and near else _with_digest(near.strip("_") or "name", name)
+    if not name.isascii():
+        near = _with_digest(near.strip("_") or "name", name)
+    return near if _IDENTIFIER.fullmatch(near) else f"_{near}"
 
 
 def usd_identifiers(names: Iterable[str], taken: Iterable[str] = ()) -> dict[str, str]:

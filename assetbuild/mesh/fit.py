@@ -1,0 +1,311 @@
+"""The box, sphere, capsule or cylinder that stands best for a mesh.
+
+Each kind is fitted twice: the smallest that encloses all vertices, found over candidate axes,
+and from there by bounded least squares to the surface. A two-sided score over the volumes
+chooses: what sticks out counts once, what is missing twice.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from assetbuild.mesh.hull import convex_hull
+from assetbuild.mesh.primitives import Primitive, signed_distance, volume_of
+from assetbuild.mesh.quality import surface_samples
+from assetbuild.mesh.solid import Solid, sobol
+from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.volume import face_areas
+from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
+from assetbuild.robot.pose import Array, Pose, quat_between, quat_of, vec3
+
+KINDS: tuple[type[Primitive], ...] = (Sphere, Capsule, Box, Cylinder)
+"""From simple to costly in contact: of two equally good fits the earlier one is taken."""
+AS_GOOD = 0.01
+"""Scores closer than this, the sampling error, are equal."""
+POINTS = 8192
+"""Sobol points, a power of two: a share of the volume is known to about 0.005."""
+SAMPLES = 1000
+SEARCHED = 64
+"""Hull vertices of the search over axes; the chosen axis is fitted to all of them."""
+FACETS = 20
+FIBONACCI = 24
+
+Fitted = tuple[Primitive, Pose]
+
+
+def best_primitive(mesh: TriangleMesh, kinds: Sequence[type[Primitive]] = KINDS) -> Fitted:
+    """(primitive, X_frame_primitive) with the lowest over + 2 under of the asked kinds."""
+    score = _Score(mesh)
+    points = convex_hull(mesh.vertices).vertices
+    search = convex_hull(points, max_vertices=SEARCHED)
+    axes = _candidate_axes(mesh, search)
+    samples, _ = surface_samples(mesh, SAMPLES, 0)
+    best: tuple[float, Fitted] | None = None
+    for kind in kinds:
+        enclosing = _ENCLOSING[kind](points, search.vertices, axes)
+        for fitted in (enclosing, _least_squares(enclosing, samples)):
+            value = score.of(fitted)
+            if best is None or value < best[0] - AS_GOOD:
+                best = (value, fitted)
+    if best is None:
+        raise ValueError("no kinds of primitives to choose from")
+    return _tidy(best[1])
+
+
+class _Score:
+    """over + 2 under of a primitive against a mesh, on one seeded cloud of points."""
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        lower, upper = mesh.bounds
+        cloud = sobol(POINTS, lower, upper)
+        self._inside = cloud[Solid(mesh).contains(cloud)]
+        if not len(self._inside):  # an open sheet: its hull is all there is to compare with
+            self._inside = cloud
+        self._volume = float(np.prod(upper - lower)) * len(self._inside) / POINTS
+
+    def of(self, fitted: Fitted) -> float:
+        """The score; 0 is a perfect cover."""
+        primitive, pose = fitted
+        local = pose.inverse().apply(self._inside)
+        covered = float((signed_distance(primitive, local) <= 0.0).mean())
+        over = volume_of(primitive) / self._volume - covered
+        return over + 2.0 * (1.0 - covered)
+
+
+def _candidate_axes(mesh: TriangleMesh, hull: TriangleMesh) -> Array:
+    """(k, 3) unit directions along which a body may lie.
+
+    Normals of the largest hull facets, frame axes, principal axes of the surface, and directions
+    spread evenly over a half sphere (Fibonacci lattice).
+    """
+    a, b, c = np.moveaxis(hull.corners, 1, 0)
+    order = np.argsort(-face_areas(hull), kind="stable")[:FACETS]
+    facets = np.cross(b - a, c - a)[order]
+    weights = face_areas(mesh)
+    middle = mesh.corners.mean(axis=1)
+    spread = middle - weights @ middle / weights.sum()
+    principal = np.linalg.eigh((spread * weights[:, None]).T @ spread)[1].T
+    k = np.arange(FIBONACCI) + 0.5
+    z = k / FIBONACCI
+    turn = k * math.pi * (3.0 - math.sqrt(5.0))
+    flat = np.sqrt(1.0 - z * z)
+    even = np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
+    axes = np.concatenate([np.eye(3), principal, facets, even])
+    return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True), dtype=np.float64)
+
+
+def _enclosing_sphere(points: Array, search: Array, axes: Array) -> Fitted:
+    centre, radius = _smallest_ball(points)
+    return Sphere(radius), Pose(vec3(centre))
+
+
+def _smallest_ball(points: Array, steps: int = 400) -> tuple[Array, float]:
+    """Centre and radius of nearly the smallest ball (any dimension) about the points.
+
+    Badoiu and Clarkson (2003): the centre walks to the farthest point by 1 / (i + 1). It starts
+    from the middle of the bounds, which is exact for bodies with mirror symmetry.
+    """
+    start = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    centre = start
+    best, best_radius = start, float(np.linalg.norm(points - start, axis=1).max())
+    for i in range(1, steps):
+        distance = np.linalg.norm(points - centre, axis=1)
+        farthest = int(np.argmax(distance))
+        if distance[farthest] < best_radius * (1.0 - 1e-9):
+            best, best_radius = centre, float(distance[farthest])
+        centre = centre + (points[farthest] - centre) / (i + 1)
+    return best, best_radius
+
+
+def _frame_of(axis: Array) -> Array:
+    """(3, 3) rotation whose z column is the axis."""
+    return Pose(quat=quat_between((0.0, 0.0, 1.0), axis)).rotation
+
+
+def _cylinder_along(axis: Array, points: Array, steps: int) -> Fitted:
+    rotation = _frame_of(axis)
+    local = points @ rotation
+    centre, radius = _smallest_ball(local[:, :2], steps)
+    low, high = float(local[:, 2].min()), float(local[:, 2].max())
+    return Cylinder(radius, high - low), _pose_at(rotation, centre, (low + high) / 2.0)
+
+
+def _capsule_along(axis: Array, points: Array, steps: int) -> Fitted:
+    """The shortest capsule of the smallest radius about the axis; see the cap's half circle."""
+    rotation = _frame_of(axis)
+    local = points @ rotation
+    centre, radius = _smallest_ball(local[:, :2], steps)
+    off = np.linalg.norm(local[:, :2] - centre, axis=1)
+    cap = np.sqrt(np.maximum(radius * radius - off * off, 0.0))
+    high, low = float((local[:, 2] - cap).max()), float((local[:, 2] + cap).min())
+    if high < low:
+        high = low = (high + low) / 2.0
+    return Capsule(radius, high - low), _pose_at(rotation, centre, (low + high) / 2.0)
+
+
+def _pose_at(rotation: Array, centre: Array, height: float) -> Pose:
+    return Pose(vec3(rotation @ np.array([*centre, height])), quat_of(rotation))
+
+
+def _box_along(axis: Array, points: Array, steps: int) -> Fitted:
+    """The smallest box with one edge along the axis: one side lies on an edge of the shadow."""
+    from scipy.spatial import ConvexHull
+
+    rotation = _frame_of(axis)
+    local = points @ rotation
+    shadow = local[:, :2][ConvexHull(local[:, :2]).vertices]
+    edges = np.roll(shadow, -1, axis=0) - shadow
+    angles = np.unique(np.round(np.arctan2(edges[:, 1], edges[:, 0]) % (math.pi / 2.0), 12))
+    cos, sin = np.cos(angles), np.sin(angles)
+    u = np.outer(shadow[:, 0], cos) + np.outer(shadow[:, 1], sin)
+    v = np.outer(shadow[:, 1], cos) - np.outer(shadow[:, 0], sin)
+    best = int(np.argmin(np.ptp(u, axis=0) * np.ptp(v, axis=0)))
+    turn = np.array([[cos[best], -sin[best], 0], [sin[best], cos[best], 0], [0, 0, 1]])
+    turned = rotation @ turn
+    local = points @ turned
+    low, high = local.min(axis=0), local.max(axis=0)
+    return Box(vec3(high - low)), Pose(vec3(turned @ ((low + high) / 2.0)), quat_of(turned))
+
+
+@dataclass(frozen=True)
+class _Enclosing:
+    """The smallest enclosing body over all axes, refined by tilting the three best."""
+
+    along: Callable[[Array, Array, int], Fitted]
+    refined: bool
+
+    def __call__(self, points: Array, search: Array, axes: Array) -> Fitted:
+        volumes = [volume_of(self.along(axis, search, 60)[0]) for axis in axes]
+        order = np.argsort(volumes, kind="stable")[:3]
+        tilted = [self._tilted(axes[i], search) for i in order] if self.refined else []
+        # The untilted axes stay in the race: an exact one must not lose to rounding.
+        fits = [self.along(axis, points, 400) for axis in (*axes[order], *tilted)]
+        return min(fits, key=lambda fitted: round(volume_of(fitted[0]), 15))
+
+    def _tilted(self, axis: Array, search: Array) -> Array:
+        from scipy.optimize import minimize
+
+        frame = _frame_of(axis)
+
+        def direction(tilt: Array) -> Array:
+            return np.asarray(frame @ _unit(np.array([tilt[0], tilt[1], 1.0])))
+
+        def volume(tilt: Array) -> float:
+            return volume_of(self.along(direction(tilt), search, 60)[0])
+
+        simplex = np.array([[0.0, 0.0], [0.05, 0.0], [0.0, 0.05]])
+        found = minimize(
+            volume,
+            np.zeros(2),
+            method="Nelder-Mead",
+            options={"maxiter": 40, "initial_simplex": simplex},
+        )
+        return direction(found.x)
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+_ENCLOSING: dict[type[Primitive], Callable[[Array, Array, Array], Fitted]] = {
+    Sphere: _enclosing_sphere,
+    Box: _Enclosing(_box_along, refined=False),
+    Cylinder: _Enclosing(_cylinder_along, refined=True),
+    Capsule: _Enclosing(_capsule_along, refined=True),
+}
+
+
+def _least_squares(start: Fitted, samples: Array) -> Fitted:
+    """The fit that is nearest to the surface samples, from `start` and never far from it.
+
+    Minimises mean |d| + RMS(d) / 2 over the signed distances d, by Powell within bounds: shifts of
+    0.3 diagonals, turns of 0.6 rad, sizes by a factor of 2 (unbounded, a box once ran away).
+    """
+    from scipy.optimize import minimize
+
+    primitive, pose = start
+    scale = float(np.linalg.norm(np.ptp(samples, axis=0)))
+    local = pose.inverse().apply(samples)
+    sizes = np.maximum(np.asarray(_sizes(primitive)), 1e-3 * scale)
+
+    def body(x: Array) -> Fitted:
+        shift = Pose(vec3(x[:3] * scale), _turn(x[3:6]))
+        return _resized(primitive, sizes * np.exp(x[6:])), shift
+
+    def cost(x: Array) -> float:
+        made, shift = body(x)
+        distance = signed_distance(made, (local - np.asarray(shift.xyz)) @ shift.rotation)
+        return float(np.abs(distance).mean() + 0.5 * math.sqrt(float((distance**2).mean()))) / scale
+
+    bounds = [(-0.3, 0.3)] * 3 + [(-0.6, 0.6)] * 3 + [(-math.log(2.0), math.log(2.0))] * len(sizes)
+    zero = np.zeros(len(bounds))
+    found = minimize(cost, zero, method="Powell", bounds=bounds, options={"maxiter": 6})
+    if not float(found.fun) < cost(zero):
+        return start
+    made, shift = body(np.asarray(found.x, dtype=np.float64))
+    return made, pose @ shift
+
+
+def _turn(vector: Array) -> tuple[float, float, float, float]:
+    """Quaternion of a rotation vector, rad."""
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-12:
+        return (1.0, 0.0, 0.0, 0.0)
+    x, y, z = vec3(np.sin(angle / 2.0) * vector / angle)
+    return (math.cos(angle / 2.0), x, y, z)
+
+
+def _sizes(primitive: Primitive) -> tuple[float, ...]:
+    if isinstance(primitive, Box):
+        return primitive.size
+    if isinstance(primitive, Sphere):
+        return (primitive.radius,)
+    return (primitive.radius, primitive.length)
+
+
+def _resized(primitive: Primitive, sizes: Array) -> Primitive:
+    if isinstance(primitive, Box):
+        return Box(vec3(sizes))
+    if isinstance(primitive, Sphere):
+        return Sphere(float(sizes[0]))
+    return type(primitive)(float(sizes[0]), float(sizes[1]))
+
+
+def _tidy(fitted: Fitted) -> Fitted:
+    """Micrometres, and of the equal descriptions the one whose axes are nearest to the frame's."""
+    primitive, pose = fitted
+    rotation = pose.rotation
+    if isinstance(primitive, Box):
+        rotation, order = _nearest_axes(rotation)
+        size = np.asarray(primitive.size)[order]
+        primitive = Box(vec3(np.round(size, 6)))
+    elif isinstance(primitive, Sphere):
+        rotation = np.eye(3)
+        primitive = Sphere(round(primitive.radius, 6))
+    else:
+        axis = rotation[:, 2]
+        # Pointing up; a level one along +x, else +y.
+        lead = axis[2] if abs(axis[2]) > 1e-6 else axis[0] if abs(axis[0]) > 1e-6 else axis[1]
+        rotation = _frame_of(axis if lead > 0.0 else -axis)
+        primitive = _resized(primitive, np.round([primitive.radius, primitive.length], 6))
+    quat = quat_of(rotation)
+    snapped = (1.0, 0.0, 0.0, 0.0) if max(map(abs, quat[1:])) < 1e-6 else quat
+    return primitive, Pose(vec3(np.round(pose.xyz, 6)), snapped)
+
+
+def _nearest_axes(rotation: Array) -> tuple[Array, list[int]]:
+    """Columns permuted and signed so that each lies near its axis; and their former places."""
+    order: list[int] = []
+    for row in range(3):
+        free = [k for k in range(3) if k not in order]
+        order.append(max(free, key=lambda k: round(abs(float(rotation[row, k])), 9)))
+    turned = rotation[:, order]
+    turned = turned * np.where(np.diagonal(turned) < 0.0, -1.0, 1.0)
+    if np.linalg.det(turned) < 0.0:
+        weakest = int(np.argmin(np.abs(np.diagonal(turned))))
+        turned[:, weakest] *= -1.0
+    return turned, order
