@@ -197,7 +197,8 @@ def pin(loaded: LoadedRecipe, *, frozen: bool, say: Callable[[str], None]) -> Lo
 def write_pin(loaded: LoadedRecipe, say: Callable[[str], None]) -> Lock:
     """Resolve a moving source and write the lock beside the recipe."""
     name, _, version = str(loaded.recipe.source.pypi).partition("==")
-    lock = Lock(schema="assetbuild-lock/v1", source=resolve(name, version, on_line=say))
+    pinned = resolve(name, version, on_line=lambda line: say(line) if "MB)" in line else None)
+    lock = Lock(schema="assetbuild-lock/v1", source=pinned)
     path = lock_path(loaded.path)
     if write_lock(path, lock):
         say(f"wrote {shown_path(path)}")

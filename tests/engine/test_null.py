@@ -88,7 +88,9 @@ def test_touching_is_no_change_and_the_new_stamps_are_noted(built: Path, monkeyp
 
 
 def test_a_fresh_bundle_is_read_again_before_it_is_trusted(built: Path):
-    assert f"\t{null.UNPROVEN}\n" in (built / "record").read_text()
+    lines = (built / "record").read_text().splitlines()
+    (line,) = [line for line in lines if "out/mjcf/go1.xml" in line]
+    assert line.endswith(f"\t{null.UNPROVEN}")
 
 
 def test_a_source_edited_during_the_build_leaves_no_record(built: Path):
