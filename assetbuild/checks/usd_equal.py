@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 
 NUMBER, DIRECTION, TENSOR, POSE = 2e-7, 1e-6, 1e-6, 1e-9
 DEGREE = math.pi / 180.0
+UNDERFLOW = 1e-37
+"""Numbers below lose digits in float32, or all of them."""
 
 
 class UsdEqual(Check):
@@ -126,7 +128,8 @@ class Book:
         same = (a == b) | (np.isnan(a) & np.isnan(b))  # equal infinities have no difference
         with np.errstate(invalid="ignore"):
             error = float(np.max(np.where(same, 0.0, np.abs(a - b))))
-        share = 0.0 if error == 0.0 else (error / tolerance if tolerance > 0.0 else math.inf)
+        tolerance = max(tolerance, UNDERFLOW)
+        share = error / tolerance
         if math.isfinite(share):
             self.worst[kind] = max(self.worst.get(kind, 0.0), share)
         if not share <= 1.0:
@@ -409,21 +412,22 @@ def _compare_shapes(robot: Robot, prims: Prims, book: Book) -> None:
 def _compare_size(
     subject: str, geometry: Geometry, prim: Usd.Prim, scale: Array, book: Book
 ) -> None:
-    found: Sequence[object]
     expected: Sequence[float]
     if isinstance(geometry, Box):
-        edge = _get(prim, "size")
-        found = [_scaled(edge, float(s)) for s in scale]
-        expected = geometry.size
+        found, expected = _lengths(prim, "size") * scale, geometry.size
     elif isinstance(geometry, Sphere):
-        found, expected = [_get(prim, "radius")], [geometry.radius]
+        found, expected = _lengths(prim, "radius"), [geometry.radius]
     elif isinstance(geometry, Cylinder | Capsule):
-        found = [_get(prim, "radius"), _get(prim, "height")]
-        expected = [geometry.radius, geometry.length]
+        found, expected = _lengths(prim, "radius", "height"), [geometry.radius, geometry.length]
     else:
-        found, expected = [float(s) for s in scale], geometry.scale
-    for a, b in zip(found, expected, strict=True):
-        book.number("size", subject, "size (m)", a, b)
+        found, expected = scale, geometry.scale
+    book.compare("size", subject, "size (m)", found, expected, NUMBER * max(expected))
+
+
+def _lengths(prim: Usd.Prim, *attributes: str) -> Array:
+    """(n,) authored lengths, m; NaN where there is none."""
+    values = [_get(prim, name) for name in attributes]
+    return np.array([v if isinstance(v, float) else np.nan for v in values])
 
 
 def _compare_excludes(robot: Robot, prims: Prims, book: Book) -> None:

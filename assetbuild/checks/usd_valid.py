@@ -60,6 +60,7 @@ class UsdValid(Check):
             yield from _counts(found, tree, shapes, control)
             yield from _drives(found, control)
             yield from _base(found, tree)
+            yield from _bindings(stage)
             figures: dict[str, object] = dict(found.counts())
             figures["bytes"] = sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
             write_figures(files, figures)
@@ -286,6 +287,21 @@ def _base(found: Contents, tree: Tree) -> Iterator[Finding]:
             "the fixed base is not held by an articulation root on the joint to the world",
             "on the link itself, PhysX would let the base drift",
         )
+
+
+def _bindings(stage: Usd.Stage) -> Iterator[Finding]:
+    """Materials that are bound, for the eye or for contact, must be there."""
+    for prim in stage.Traverse():
+        for name in ("material:binding", "material:binding:physics"):
+            for target in prim.GetRelationship(name).GetTargets():
+                found = stage.GetPrimAtPath(target)
+                if not found or not found.IsActive():
+                    yield Finding(
+                        "usd.material_binding",
+                        "error",
+                        f"shape {name_of(prim)}",
+                        f"is bound to the material `{target}`, which is not there",
+                    )
 
 
 def name_of_end(joint: Usd.Prim) -> str:

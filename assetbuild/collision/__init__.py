@@ -123,10 +123,10 @@ class CollisionMethod(Step):
 
     def exact(self) -> tuple[ConvexPiece, ...] | None:
         """The answer when none needs to be searched: a single primitive is convex as it is."""
-        if len(self.sources) == 1 and self.sources[0].primitive is not None:
-            source = self.sources[0]
-            return (ConvexPiece(None, source.primitive.geometry, source.pose),)
-        return None
+        source = self.sources[0]
+        if len(self.sources) > 1 or source.primitive is None:
+            return None
+        return (ConvexPiece(None, source.primitive.geometry, source.pose),)
 
     @property
     def vertex_cap(self) -> int | None:

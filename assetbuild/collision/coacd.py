@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import ClassVar
 
 import numpy as np
@@ -36,18 +36,20 @@ class CoAcd(CollisionMethod):
         """As every method; warns when disjoint parts exceed `max_hulls`."""
         for finding in super().run(files):
             yield finding
-            made = finding.data.get("pieces")
-            over = finding.rule == "collision.gap" and isinstance(made, int)
-            if over and self.max_hulls is not None and made > self.max_hulls:
-                yield Finding(
-                    rule="collision.more_hulls",
-                    severity="warning",
-                    subject=self.subject,
-                    message=f"{made} pieces, {self.max_hulls} were asked for: parts that do not "
-                    "touch are not joined",
-                    hint="raise `max_hulls`, or use `vhacd`, which keeps to it",
-                    data={"pieces": made, "max_hulls": self.max_hulls},
-                )
+            if finding.rule == "collision.gap":
+                yield from self._too_many(finding.data.get("pieces"))
+
+    def _too_many(self, made: object) -> Iterator[Finding]:
+        if self.max_hulls is not None and isinstance(made, int) and made > self.max_hulls:
+            yield Finding(
+                rule="collision.more_hulls",
+                severity="warning",
+                subject=self.subject,
+                message=f"{made} pieces, {self.max_hulls} were asked for: parts that do not "
+                "touch are not joined",
+                hint="raise `max_hulls`, or use `vhacd`, which keeps to it",
+                data={"pieces": made, "max_hulls": self.max_hulls},
+            )
 
     def fit(self, mesh: TriangleMesh) -> Iterable[ConvexPiece]:
         """CoACD with seed 0: the same bytes again, whatever the number of threads."""

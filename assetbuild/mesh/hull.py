@@ -96,7 +96,8 @@ def polygon_count(hull: TriangleMesh) -> int:
     cosine = np.einsum("ij,ij->i", normal[left], normal[right])
     flat = (cosine > np.cos(COPLANAR)) | ~(solid[left] & solid[right])
     joined = coo_array((np.ones(int(flat.sum())), (left[flat], right[flat])), shape=(faces, faces))
-    return int(connected_components(joined, directed=False, return_labels=False))
+    count, _ = connected_components(joined, directed=False)
+    return int(count)
 
 
 def _normals(hull: TriangleMesh) -> tuple[Array, NDArray[np.bool_]]:

@@ -49,7 +49,9 @@ def _joined(meshes: list[TriangleMesh]) -> TriangleMesh:
     normals: Array | None = None
     if any(mesh.uv is not None for mesh in meshes):
         blank = [np.zeros((len(mesh.faces), 3, 2)) for mesh in meshes]
-        uv = np.concatenate([b if m.uv is None else m.uv for b, m in zip(blank, meshes, strict=True)])
+        uv = np.concatenate(
+            [b if m.uv is None else m.uv for b, m in zip(blank, meshes, strict=True)]
+        )
     if any(mesh.normals is not None for mesh in meshes):
         normals = np.concatenate([m.normals if m.normals is not None else _flat(m) for m in meshes])
     return TriangleMesh(joined.vertices, joined.faces, uv, normals)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -46,12 +47,53 @@ def read_triangles(data: bytes, subject: str = "mesh") -> TriangleMesh:
 
     Raises StepError naming `subject` and the line where the text is not OBJ.
     """
+    own = _read_own(data)
+    if own is not None:
+        return own
     obj = parse_obj(data, subject)
     meshes = [obj.mesh_of(group) for group in obj.groups]
     if len(meshes) == 1:
         return meshes[0]
     corners = [mesh.faces for mesh in meshes] or [np.zeros((0, 3), dtype=np.int64)]
     return TriangleMesh(obj.positions, np.concatenate(corners))
+
+
+def _read_own(data: bytes) -> TriangleMesh | None:
+    """A mesh in the layout of `obj_bytes`, read in a few passes; None for any other layout."""
+    uv_at, normals_at, faces_at = (data.find(key) + 1 for key in (b"\nvt ", b"\nvn ", b"\nf "))
+    starts = [0, *(at for at in (uv_at, normals_at) if at), faces_at]
+    if not data.startswith(b"v ") or not faces_at or starts != sorted(starts):
+        return None
+    ends = dict(zip(starts, [*starts[1:], len(data)], strict=True))
+    columns = 1 + bool(uv_at) + bool(normals_at)
+    vertices = _numbers(data[: ends[0]], 3)
+    uv = _numbers(data[uv_at : ends[uv_at]], 2) if uv_at else None
+    normals = _numbers(data[normals_at : ends[normals_at]], 3) if normals_at else None
+    corners = _numbers(data[faces_at:].replace(b"/", b" "), 3 * columns)
+    if vertices is None or corners is None or (uv_at and uv is None):
+        return None
+    index = corners.astype(np.int64).reshape(-1, 3, columns) - 1
+    sizes = [len(table) for table in (vertices, uv, normals) if table is not None]
+    if len(sizes) != columns or (index < 0).any() or (index.max(axis=(0, 1)) >= sizes).any():
+        return None  # the careful reader says what is wrong, and where
+    return TriangleMesh(
+        vertices,
+        np.ascontiguousarray(index[:, :, 0]),
+        None if uv is None else uv[index[:, :, 1]],
+        None if normals is None else normals[index[:, :, columns - 1]],
+    )
+
+
+def _numbers(block: bytes, width: int) -> Array | None:
+    """Rows of `width` numbers, one a line after its keyword; None when a line differs."""
+    text = block.translate(None, b"vntf")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # of text that is no number
+            values = np.fromstring(text, dtype=np.float64, sep=" ")
+    except (ValueError, DeprecationWarning):
+        return None
+    return values.reshape(-1, width) if values.size == width * block.count(b"\n") else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,9 +254,7 @@ def _group(
                 f"there are {size}"
             )
     fans = fan_triangles(counts)
-    return Group(
-        material, corners[fans, 0] - 1, corners[fans, 1] - 1, corners[fans, 2] - 1
-    )
+    return Group(material, corners[fans, 0] - 1, corners[fans, 1] - 1, corners[fans, 2] - 1)
 
 
 def _corners(words: Sequence[bytes]) -> Indices | None:

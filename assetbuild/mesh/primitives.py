@@ -20,7 +20,7 @@ SEGMENTS = 64
 def signed_distance(primitive: Primitive, points: Array) -> Array:
     """(n,) exact distances of points (n, 3), in the primitive's own frame, m; negative inside."""
     if isinstance(primitive, Sphere):
-        return np.linalg.norm(points, axis=1) - primitive.radius
+        return np.asarray(np.linalg.norm(points, axis=1) - primitive.radius)
     if isinstance(primitive, Box):
         return _outside(np.abs(points) - np.asarray(primitive.size) / 2.0)
     height = np.abs(points[:, 2]) - primitive.length / 2.0

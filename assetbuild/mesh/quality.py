@@ -119,7 +119,7 @@ def point_triangle_distance(points: Array, corners: Array) -> Array:
         off = to - np.clip(along, 0.0, 1.0)[:, None] * edge
         nearest = np.minimum(nearest, np.einsum("ij,ij->i", off, off))
     height = np.abs(np.einsum("ij,ij->i", points - a, normal)) / np.sqrt(safe)
-    return np.where(inside, height, np.sqrt(nearest))
+    return np.asarray(np.where(inside, height, np.sqrt(nearest)), dtype=np.float64)
 
 
 def surface_distance(a: TriangleMesh, b: TriangleMesh, *, samples: int = SAMPLES) -> Distance:

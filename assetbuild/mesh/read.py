@@ -12,7 +12,7 @@ import numpy as np
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.mesh.dae import read_dae
-from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, group_by_material
+from assetbuild.mesh.material import MaterialPart, Rgba, SurfaceMaterial, group_by_material
 from assetbuild.mesh.obj import parse_obj
 from assetbuild.mesh.stl import read_stl
 from assetbuild.mesh.triangles import TriangleMesh
@@ -63,7 +63,7 @@ def read_mesh(
         reader = {"stl": _read_stl, "ply": _read_ply, "glb": _read_glb}[format]
         parts, findings = reader(data, subject), []
         stated = "Y_UP" if format == "glb" else None  # glTF is Y-up by definition
-    if stated in TO_Z_UP:
+    if stated is not None and stated in TO_Z_UP:
         parts, finding = _turned(parts, stated, up_axis, subject)
         findings.append(finding)
     _refuse_unusable(parts, subject)
@@ -161,7 +161,7 @@ def _materials_of(data: bytes) -> dict[str, SurfaceMaterial]:
         try:
             if key == "newmtl":
                 if name:
-                    rgba = None if rgb is None else (*rgb, alpha)
+                    rgba: Rgba | None = None if rgb is None else (*rgb, alpha)
                     out[name] = SurfaceMaterial(name, rgba, texture)
                 name, rgb, alpha, texture = rest.strip(), None, 1.0, None
             elif key == "Kd":

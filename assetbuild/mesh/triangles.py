@@ -30,7 +30,9 @@ class TriangleMesh:
     @property
     def bounds(self) -> tuple[Array, Array]:
         """(lower, upper) corners, (3,) m each, of the vertices that faces use."""
-        used = self.vertices[np.unique(self.faces)]
+        is_used = np.zeros(len(self.vertices), dtype=bool)
+        is_used[self.faces] = True
+        used = self.vertices[is_used]
         return used.min(axis=0), used.max(axis=0)
 
     @property

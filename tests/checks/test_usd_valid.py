@@ -173,7 +173,7 @@ def test_lost_material_is_caught_twice(tmp_path: Path) -> None:
     def spoil(stage: Usd.Stage) -> None:
         stage.GetPrimAtPath("/robot/Looks/grey").SetActive(False)
 
-    assert {"usd.count.materials", "usd.validation"} <= rules(
+    assert {"usd.count.materials", "usd.material_binding"} <= rules(
         check(tiny_quadruped(), tmp_path, spoil)
     )
 

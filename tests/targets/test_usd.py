@@ -133,6 +133,25 @@ def test_visual_meshes_are_instances_of_one_library_and_keep_their_colour(tmp_pa
     assert color == (1, 0, 0)
 
 
+def test_the_name_of_a_mesh_file_does_not_rename_the_shapes_that_use_it(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    asset = replace(robot.shapes.meshes[0], name="trunk-0a1b2c3d")
+    shapes = Shapes(
+        (
+            Shape("seen", "trunk", "visual", Mesh(asset.name)),
+            Shape("touched", "trunk", "collision", Mesh(asset.name)),
+        ),
+        (),
+        (asset,),
+    )
+    usd, _ = build(replace(robot, shapes=shapes), tmp_path)
+    stage = UsdCore.Stage.Open(str(usd / "robot.usda"))
+    for path in ("visuals/seen", "visuals/seen/mesh", "collisions/touched"):
+        prim = stage.GetPrimAtPath(f"/robot/trunk/{path}")
+        assert prim.IsDefined()
+        assert prim.GetMetadata("displayName") is None
+
+
 def test_colliders_are_guides_of_one_surface(quadruped: UsdCore.Stage) -> None:
     colliders = [p for p in everything(quadruped) if p.HasAPI(UsdPhysics.CollisionAPI)]
     assert len(colliders) == 17

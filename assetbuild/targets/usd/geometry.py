@@ -45,7 +45,8 @@ def write_library(folder: Path, names: Names, shapes: Shapes, mesh_dir: Path) ->
     stage.SetDefaultPrim(library.GetPrim())
     for asset in shapes.meshes:
         path = f"{LIBRARY}/{names.assets[asset.name]}"
-        label(UsdGeom.Xform.Define(stage, path).GetPrim(), asset.name)
+        # No displayName here: it would come through the reference and name the shapes wrongly.
+        UsdGeom.Xform.Define(stage, path)
         data = (mesh_dir / asset.file).read_bytes()
         _define_mesh(stage, f"{path}/mesh", read_triangles(data, f"mesh {asset.file}"))
     save(stage)

@@ -1,0 +1,101 @@
+"""What we write we read back to the bit; what others write we read, or say why not."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+
+from assetbuild.errors import StepError
+from assetbuild.mesh.obj import obj_bytes, parse_obj, read_triangles
+from assetbuild.mesh.triangles import TriangleMesh
+
+TRIANGLES = np.array([[0, 1, 2], [2, 1, 3]])
+
+
+@given(npst.arrays(np.float64, (4, 3), elements=st.floats(allow_nan=False, allow_infinity=False)))
+def test_every_float_survives_to_the_bit(vertices):
+    read = read_triangles(obj_bytes(TriangleMesh(vertices, TRIANGLES)))
+    assert np.array_equal(read.vertices, vertices)
+    assert np.array_equal(read.faces, TRIANGLES)
+
+
+@pytest.mark.parametrize("with_uv", [False, True])
+@pytest.mark.parametrize("with_normals", [False, True])
+def test_texture_and_normals_survive_per_corner(with_uv, with_normals):
+    rng = np.random.default_rng(0)
+    mesh = TriangleMesh(
+        rng.random((4, 3)),
+        TRIANGLES,
+        rng.random((2, 3, 2)) if with_uv else None,
+        rng.random((2, 3, 3)) if with_normals else None,
+    )
+    data = obj_bytes(mesh)
+    read = read_triangles(data)
+    for name in ("vertices", "faces", "uv", "normals"):
+        assert np.array_equal(getattr(read, name), getattr(mesh, name)), name
+    assert obj_bytes(read) == data
+
+
+def test_the_quick_and_the_careful_reader_agree():
+    rng = np.random.default_rng(1)
+    mesh = TriangleMesh(rng.random((4, 3)), TRIANGLES, None, rng.random((2, 3, 3)))
+    data = obj_bytes(mesh)
+    careful = read_triangles(b"# a comment makes it somebody else's\n" + data)
+    assert obj_bytes(careful) == data
+
+
+def test_trimesh_reads_what_we_write():
+    mesh = TriangleMesh(np.random.default_rng(3).random((4, 3)), TRIANGLES)
+    other = trimesh.load(io.BytesIO(obj_bytes(mesh)), file_type="obj", process=False)
+    assert np.allclose(other.triangles, mesh.corners)
+
+
+def test_foreign_text_polygons_negative_indices_comments_and_materials():
+    text = b"""# exporter 1.0
+mtllib parts.mtl
+o thing
+v 0 0 0 1 0 0
+v 1 0 0 1 0 0
+v 1 1 0 1 0 0
+v 0 1 0 1 0 0
+vt 0.5
+vn 0 0 1
+usemtl red paint
+f 1/1/1 2/1/1 3/1/1 4/1/1
+usemtl blue
+f -4//1 -2//-1 \\
+  -1//1
+l 1 2
+"""
+    obj = parse_obj(text, "mesh")
+    assert [g.material for g in obj.groups] == ["red paint", "blue"]
+    assert obj.groups[0].faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert obj.groups[1].faces.tolist() == [[0, 2, 3]]
+    assert obj.mesh_of(obj.groups[1]).uv is None
+    assert obj.mesh_of(obj.groups[1]).normals[0].tolist() == [[0, 0, 1]] * 3
+    assert obj.libraries == ("parts.mtl",)
+    assert obj.skipped == {"l": 1}
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "line 4: index 9 of `v`, there are 3"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\n\nf 1 2\n", "line 5: a face needs three"),
+        (b"v 0 0 0\nv 1 x 0\nv 0 1 0\nf 1 2 3\n", "line 2: not 3 numbers"),
+        (b"v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", "line 2: not 3 numbers"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 three\n", "line 4: face indices"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "line 4: index 0 of `v`"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -9 1 2\n", "line 4: index"),
+    ],
+)
+def test_a_broken_line_is_named(text, says):
+    with pytest.raises(StepError, match=says) as caught:
+        read_triangles(text, "mesh meshes/bad.obj")
+    assert "mesh meshes/bad.obj" in str(caught.value)
