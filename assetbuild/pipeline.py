@@ -82,7 +82,11 @@ def build(request: Request, on_event: OnEvent, say: Callable[[str], None]) -> Ou
     lock = pin(loaded, frozen=request.frozen, say=say)
     with open_session(loaded, rehash=request.rehash) as session:
         outline, results, sources = _plan_and_execute(loaded, lock, session, request, on_event)
-        errors = tuple(r.error for r in results.values() if r.error is not None)
+        errors = tuple(
+            _located(result.error, outline.subjects.get(label, ""))
+            for label, result in results.items()
+            if result.error is not None
+        )
         if errors:
             code = max(error.exit_code for error in errors)
             return Outcome(loaded, code, time.monotonic() - started, results, errors=errors)
@@ -98,6 +102,18 @@ def build(request: Request, on_event: OnEvent, say: Callable[[str], None]) -> Ou
     outcome.read, outcome.absent, outcome.began_ns = read, lockless, began_ns
     _write_run_log(outcome, out)
     return outcome
+
+
+def _located(error: AssetBuildError, subject: str) -> AssetBuildError:
+    """The error of a step with the name of what it worked on, which the step did not know."""
+    kind, _, name = subject.partition(" ")
+    if not name:
+        return error
+    message = error.message.removeprefix(f"{kind}: ")
+    if kind != "mesh":
+        return type(error)(f"{subject}: {message}", where=error.where, hint=error.hint)
+    line, column = (error.where.line, error.where.column) if error.where else (0, 0)
+    return type(error)(message, where=Where(name, line, column), hint=error.hint)
 
 
 def _files_read(loaded: LoadedRecipe, sources: list[Path]) -> list[Path]:

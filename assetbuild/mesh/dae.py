@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from assetbuild.errors import StepError
+from assetbuild.errors import StepError, Where
 from assetbuild.findings import Finding
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, group_by_material
 from assetbuild.mesh.triangles import Indices, TriangleMesh
@@ -98,7 +98,8 @@ def _refuse_broken_xml(data: bytes, subject: str) -> None:
     except etree.XMLSyntaxError as error:
         line = error.position[0] or data.count(b"\n") + 1
         raise StepError(
-            f"{subject}: line {line}: broken XML: {_one_line(error.msg)}",
+            f"broken XML: {_one_line(error.msg)}",
+            where=Where(subject, line),
             hint="is the file cut off?",
         ) from error
 

@@ -192,7 +192,10 @@ def _read_glb(data: bytes, subject: str) -> tuple[MaterialPart, ...]:
 
     try:
         scene: Any = trimesh.load_scene(io.BytesIO(data), file_type="glb", process=False)
-        placed = [_glb_part(scene, node) for node in scene.graph.nodes_geometry]
+        # In the order of the file's meshes: the graph's own order is not stable.
+        nodes = sorted(scene.graph.nodes_geometry)
+        nodes.sort(key=lambda node: list(scene.geometry).index(scene.graph.get(node)[1]))
+        placed = [_glb_part(scene, node) for node in nodes]
     except Exception as error:  # as above
         raise StepError(f"{subject}: not readable as GLB: {_one_line(error)}") from error
     return group_by_material(part for part in placed if part is not None)

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from assetbuild.mesh.hull import hull_planes
 from assetbuild.mesh.primitives import Primitive, signed_distance, tessellate
 from assetbuild.mesh.quality import NearestSurface, surface_samples
-from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.triangles import TriangleMesh, face_normals
 from assetbuild.robot.pose import IDENTITY, Array, Pose
 
 RAYS = ((0.31, 0.67, 0.67), (-0.8, 0.36, 0.48), (0.1, -0.2, -0.97))
 """Directions of the parity test: skew, so that no ray runs along a wall."""
+STEP = 1e-5
+"""Of the diagonal, beyond a surface just struck, so that float32 does not strike it again."""
 CROSSINGS = 64
 """Most surfaces that one ray is followed through."""
 
@@ -39,7 +41,10 @@ class Solid:
         self._middle = (lower + upper) / 2.0
         self._size = max(mesh.diagonal, 1e-300)
         self._scene = rtcore_scene.EmbreeScene()
-        corners = ((mesh.corners - self._middle) / self._size).astype(np.float32)
+        local = (mesh.corners - self._middle) / self._size
+        # Parts that touch share a wall, twice in one place, and a ray would see it once: each
+        # face moves inwards by less than matters and more than a step.
+        corners = (local - 2.0 * STEP * face_normals(mesh)[:, None]).astype(np.float32)
         self._keep = EmbreeMesh(self._scene, corners)
 
     def contains(self, points: Array) -> NDArray[np.bool_]:
@@ -62,8 +67,7 @@ class Solid:
             struck = hit["primID"] != -1
             active = active[struck]
             found[active] += 1
-            # 1e-5 of the diagonal beyond the surface, where float32 cannot strike it again.
-            step = hit["tfar"][struck][:, None] + np.float32(1e-5)
+            step = hit["tfar"][struck][:, None] + np.float32(STEP)
             origins[active] += step * rays[struck]
         return found
 

@@ -83,11 +83,11 @@ class TriangleMesh:
         moved = (self.vertices * diagonal if straight else self.vertices @ a.T) + b
         normals = self.normals
         if normals is not None:
-            normals = unit_vectors(normals @ np.linalg.inv(a) * sign)
+            normals = unit_vectors(normals @ np.linalg.inv(a))
         out = replace(self, vertices=moved, normals=normals)
         if sign > 0.0:
             return out
-        # Mirrored: `flipped` turns the normals, which already point outwards, so undo that.
+        # Mirrored: the normals are outward already; `flipped` turns them, so turn them back.
         turned = out.flipped()
         return replace(turned, normals=None if turned.normals is None else -turned.normals)
 

@@ -24,3 +24,10 @@ def store(tmp_path: Path):
 def session(tmp_path: Path):
     with Session(Store(tmp_path / "store"), build="test") as session:
         yield session
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    path = tmp_path / "source.txt"
+    path.write_text("1")
+    return path

@@ -76,7 +76,7 @@ class Misbehave(Step):
 
     outputs = ("out",)
     isolated: ClassVar[bool] = True
-    limits: ClassVar[Limits] = Limits(wall_s=1.0, memory_mb=300, file_mb=1)
+    limits: ClassVar[Limits] = Limits(wall_s=30.0, memory_mb=300, file_mb=1)
     how: str
 
     def run(self, files: Files) -> Iterable[Finding]:
@@ -133,6 +133,30 @@ class Misbehave(Step):
     def do_print(self, files: Files) -> None:
         print("printed by the step")
         os.write(2, b"native message\n")
+
+
+class Hang(Misbehave):
+    limits: ClassVar[Limits] = Limits(wall_s=1.0)
+    how: str = "hang"
+
+
+class Meet(Step):
+    """Waits until all others of the company have begun too."""
+
+    outputs = ("out",)
+    isolated: ClassVar[bool] = True
+    number: int
+    company: int
+    folder: str
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        place = Path(self.folder)
+        (place / str(self.number)).touch()
+        deadline = time.monotonic() + 20
+        while len(list(place.iterdir())) < self.company and time.monotonic() < deadline:
+            time.sleep(0.01)
+        (files.outputs / "out").write_text(str(len(list(place.iterdir()))))
+        return ()
 
 
 class Slow(Step):

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
-from test_execute import is_alive
+from builds_for_tests import is_alive
 
 PROGRAM = """
 import json, sys
@@ -90,7 +90,7 @@ def test_a_killed_build_leaves_a_store_that_just_works(tmp_path, gold, share, nu
     process = start(tmp_path, pids)
     time.sleep(share * seconds)
     process.send_signal(number)
-    process.wait(timeout=2)
+    process.wait(timeout=5)
     if process.stdout is not None:
         process.stdout.close()
     assert_no_orphans(Path(pids).parent)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from assetbuild.errors import StepError
 from assetbuild.robot.model import MOVING, Actuator, Control, Joint, Tree
-from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between
+from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply
 from assetbuild.targets.usd.layers import apply_foreign, label
 from assetbuild.targets.usd.names import JOINTS, Names
 from assetbuild.targets.usd.units import coordinate, gain, is_angular, limits
@@ -42,7 +42,11 @@ def joint_axis(axis: Vec3) -> tuple[str, Quat]:
     for plain, found in _AXES.items():
         if max(abs(a - b) for a, b in zip(plain, axis, strict=True)) < NEAR:
             return found
-    return ("X", quat_between((1.0, 0.0, 0.0), axis))
+    if axis[0] >= 0.0:
+        return "X", quat_between((1.0, 0.0, 0.0), axis)
+    # By way of the exact half turn: the shortest turn from +x is ill-defined near -x.
+    _, half_turn = _AXES[(-1.0, 0.0, 0.0)]
+    return "X", quat_multiply(quat_between((-1.0, 0.0, 0.0), axis), half_turn)
 
 
 def define_joints(stage: Usd.Stage, names: Names, tree: Tree, control: Control) -> None:

@@ -1,0 +1,255 @@
+"""Every collision method on shapes whose answer is known."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from tiny import run_step
+
+from assetbuild.collision import CollisionMethod, PlacedSource, PrimitiveSource
+from assetbuild.collision.coacd import CoAcd
+from assetbuild.collision.hull import Hull
+from assetbuild.collision.primitive import FitPrimitive
+from assetbuild.collision.vhacd import VHacd
+from assetbuild.errors import StepError
+from assetbuild.kinds import Pieces, load_plugin, plugin_names
+from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
+from assetbuild.mesh.obj import obj_bytes, read_triangles
+from assetbuild.mesh.primitives import signed_distance, tessellate
+from assetbuild.mesh.triangles import TriangleMesh, merged
+from assetbuild.mesh.volume import is_closed, signed_volume
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Box, Capsule, Cylinder, Mesh, Sphere
+from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.steps.convert_mesh import write_converted
+
+BOX = tessellate(Box((1.0, 1.0, 1.0)))
+MESH = (PlacedSource.of_mesh("shapes/0"),)
+TURNED = Pose((0.3, -0.2, 0.5), quat_of_rpy(0.4, -0.7, 1.1))
+
+
+def l_shape() -> TriangleMesh:
+    """An L of 2 x 2 x 1 m with arms 1 m wide: volume 3 m3, its hull 3.5 m3."""
+    outline = np.array([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], dtype=float)
+    bottom, top = (np.column_stack([outline, np.full(6, z)]) for z in (0.0, 1.0))
+    caps = [(0, 1, 2), (0, 2, 3), (0, 3, 5), (3, 4, 5)]
+    faces = [(a + 6, b + 6, c + 6) for a, b, c in caps] + [(c, b, a) for a, b, c in caps]
+    for i in range(6):
+        j = (i + 1) % 6
+        faces += [(i, j, j + 6), (i, j + 6, i + 6)]
+    return TriangleMesh(np.concatenate([bottom, top]), np.array(faces))
+
+
+def fit(tmp_path: Path, method: CollisionMethod, *meshes: TriangleMesh, run: str = "out"):
+    """(pieces, their hull meshes, findings by rule, all bytes)."""
+    for number, mesh in enumerate(meshes):
+        folder = tmp_path / f"in/shapes/{number}"
+        folder.mkdir(parents=True, exist_ok=True)
+        write_converted(folder, [MaterialPart(SurfaceMaterial(), mesh)])
+    outputs = tmp_path / run
+    outputs.mkdir()
+    findings = {f.rule: f for f in run_step(method, tmp_path / "in", outputs)}
+    record = decode(Pieces, (outputs / "pieces.json").read_bytes())
+    hulls = []
+    for piece in record.pieces:
+        if isinstance(piece.geometry, Mesh):
+            hull = read_triangles((outputs / "pieces" / piece.geometry.mesh).read_bytes())
+            assert (len(hull.vertices), len(hull.faces)) == (piece.vertices, piece.faces)
+            hulls.append(hull)
+    files = {str(p.relative_to(outputs)): p.read_bytes() for p in outputs.rglob("*.*")}
+    return record.pieces, hulls, findings, files
+
+
+def test_the_methods_are_found_by_their_file_names():
+    assert plugin_names("assetbuild.collision") == ("coacd", "hull", "primitive", "vhacd")
+    assert load_plugin(CollisionMethod, "assetbuild.collision", "hull") is Hull
+
+
+def test_the_hull_of_an_l_is_one_prism_and_the_gap_is_its_notch(tmp_path):
+    pieces, (hull,), findings, _ = fit(tmp_path, Hull(sources=MESH), l_shape())
+    assert len(pieces) == 1
+    assert len(hull.vertices) == 10
+    assert signed_volume(hull) == pytest.approx(3.5)
+    data = findings["collision.gap"].data
+    assert data["max_outside_mm"] == pytest.approx(500.0, abs=30.0)
+    assert data["over"] == pytest.approx(0.5 / 3.0, abs=0.02)
+    assert data["max_missing"] < 0.01
+    assert data["max_polygons"] == 7
+    assert data["closed"] is True
+
+
+def test_a_capped_hull_has_exactly_the_asked_vertices(tmp_path):
+    ball = tessellate(Sphere(0.5))
+    _, (hull,), _, _ = fit(tmp_path, Hull(sources=MESH, max_vertices=20), ball)
+    assert len(hull.vertices) == 20
+    assert is_closed(hull)
+
+
+def test_sources_are_placed_and_joined_in_the_output_frame(tmp_path):
+    sources = (
+        PlacedSource.of_mesh("shapes/0", Pose((10.0, 0.0, 0.0))),
+        PlacedSource.of_primitive(Box((1.0, 1.0, 1.0)), Pose((0.0, 0.0, 0.0))),
+    )
+    _, (hull,), _, _ = fit(tmp_path, Hull(sources=sources), BOX)
+    assert hull.bounds[0] == pytest.approx([-0.5, -0.5, -0.5])
+    assert hull.bounds[1] == pytest.approx([10.5, 0.5, 0.5])
+
+
+def test_an_open_mesh_is_said_to_be_open(tmp_path):
+    _, _, findings, _ = fit(tmp_path, Hull(sources=MESH), BOX.select(np.arange(11)))
+    assert findings["collision.gap"].data["closed"] is False
+    assert "open" in findings["collision.gap"].message
+
+
+def test_vhacd_finds_a_unit_box_to_be_one_box(tmp_path):
+    _, hulls, _, _ = fit(tmp_path, VHacd(sources=MESH), BOX)
+    assert len(hulls) == 1
+    assert len(hulls[0].vertices) == 8
+    assert signed_volume(hulls[0]) == pytest.approx(1.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("method", [VHacd(sources=MESH, max_hulls=4), CoAcd(sources=MESH)])
+def test_decomposition_opens_the_notch_of_an_l(tmp_path, method):
+    _, hulls, findings, _ = fit(tmp_path, method, l_shape())
+    assert 2 <= len(hulls) <= 4
+    assert all(is_closed(h) and signed_volume(h) > 0.0 for h in hulls)
+    assert sum(map(signed_volume, hulls)) == pytest.approx(3.0, rel=0.06)
+    data = findings["collision.gap"].data
+    assert data["over"] < 0.06
+    assert data["max_missing"] < 0.06
+
+
+def test_coacd_keeps_its_vertex_cap_and_tells_when_disjoint_parts_exceed_the_hulls(tmp_path):
+    balls = [tessellate(Sphere(0.1)).mapped(np.eye(3), (x, 0.0, 0.0)) for x in (0.0, 1.0, 2.0)]
+    method = CoAcd(sources=MESH, max_hulls=1, max_vertices=32)
+    _, hulls, findings, _ = fit(tmp_path, method, merged(balls))
+    assert max(len(h.vertices) for h in hulls) <= 32
+    assert len(hulls) == 3
+    assert findings["collision.more_hulls"].data == {"pieces": 3, "max_hulls": 1}
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [Box((0.3, 0.2, 0.1)), Sphere(0.1), Capsule(0.05, 0.3), Cylinder(0.08, 0.25)],
+    ids=lambda s: type(s).__name__,
+)
+@pytest.mark.parametrize("asked", [True, False], ids=["asked", "free"])
+def test_a_primitive_is_recovered_from_its_own_turned_mesh(tmp_path, solid, asked):
+    shape = type(solid).__name__.lower() if asked else None
+    mesh = tessellate(solid).placed(TURNED)
+    (piece,), _, findings, _ = fit(tmp_path, FitPrimitive(sources=MESH, shape=shape), mesh)
+    assert type(piece.geometry) is type(solid)
+    pose = piece.X_frame_piece
+    # The same body, whatever names its axes have: equal distances at points all around.
+    points = np.random.default_rng(0).uniform(-0.3, 0.3, size=(200, 3)) + TURNED.xyz
+    truth = signed_distance(solid, TURNED.inverse().apply(points))
+    found = signed_distance(piece.geometry, pose.inverse().apply(points))
+    assert found == pytest.approx(truth, abs=2e-3)
+    assert findings["collision.gap"].data["iou"] > 0.97
+
+
+@pytest.mark.parametrize("shape", ["sphere", None])
+def test_a_source_that_is_the_primitive_stays_exactly_as_it_is(tmp_path, shape):
+    source = PlacedSource.of_primitive(Sphere(0.0213), TURNED)
+    (piece,), _, findings, files = fit(tmp_path, FitPrimitive(sources=(source,), shape=shape))
+    assert (piece.geometry, piece.X_frame_piece) == (Sphere(0.0213), TURNED)
+    assert findings == {}
+    assert list(files) == ["pieces.json"]
+
+
+def test_a_cylinder_asked_to_be_a_capsule_becomes_one(tmp_path):
+    source = PlacedSource.of_primitive(Cylinder(0.05, 0.4), TURNED)
+    method = FitPrimitive(sources=(source,), shape="capsule")
+    (piece,), _, _, _ = fit(tmp_path, method)
+    assert isinstance(piece.geometry, Capsule)
+    assert piece.geometry.radius == pytest.approx(0.05, rel=0.15)
+    along = piece.X_frame_piece.rotation[:, 2] @ TURNED.rotation[:, 2]
+    assert abs(along) == pytest.approx(1.0, abs=1e-2)
+
+
+def test_a_primitive_source_of_a_hull_method_is_convex_already(tmp_path):
+    source = PlacedSource.of_primitive(Cylinder(0.05, 0.4))
+    (piece,), hulls, _, _ = fit(tmp_path, Hull(sources=(source,)))
+    assert piece.geometry == Cylinder(0.05, 0.4)
+    assert hulls == []
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_the_choice_does_not_depend_on_the_scale(tmp_path, scale):
+    mesh = tessellate(Capsule(0.1, 0.5)).scaled((scale,) * 3)
+    (piece,), _, _, _ = fit(tmp_path, FitPrimitive(sources=MESH), mesh)
+    assert isinstance(piece.geometry, Capsule)
+    assert piece.geometry.radius == pytest.approx(0.1 * scale, rel=0.02)
+    assert piece.geometry.length == pytest.approx(0.5 * scale, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        Hull(sources=MESH, max_vertices=16),
+        VHacd(sources=MESH, max_hulls=4, resolution=50_000),
+        CoAcd(sources=MESH),
+        FitPrimitive(sources=MESH),
+    ],
+    ids=lambda m: m.step_name(),
+)
+def test_the_same_bytes_twice(tmp_path, method):
+    assert (
+        fit(tmp_path, method, l_shape(), run="a")[3] == fit(tmp_path, method, l_shape(), run="b")[3]
+    )
+
+
+BAD = {
+    "not finite": (np.array([[np.nan, 0, 0], *np.eye(3)]), [[0, 1, 2], [0, 1, 3]]),
+    "too few": (np.eye(3), [[0, 1, 2]]),
+    "flat": (np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), [[0, 1, 2], [0, 2, 3]] * 2),
+    "line": (np.outer(np.arange(6.0), [1, 1, 1]), [[0, 1, 2], [1, 2, 3], [2, 3, 4], [3, 4, 5]]),
+}
+
+
+@pytest.mark.parametrize("defect", BAD)
+@pytest.mark.parametrize("kind", [Hull, VHacd, CoAcd, FitPrimitive])
+def test_bad_meshes_stop_before_native_code(tmp_path, kind, defect):
+    vertices, faces = BAD[defect]
+    folder = tmp_path / "in/shapes/0"
+    folder.mkdir(parents=True)
+    write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)])
+    text = obj_bytes(TriangleMesh(np.asarray(vertices, dtype=float), np.array(faces)))
+    (folder / "parts/0.obj").write_bytes(text)
+    (tmp_path / "out").mkdir()
+    with pytest.raises(StepError, match="^link bad: "):
+        run_step(kind(sources=MESH, subject="link bad"), tmp_path / "in", tmp_path / "out")
+
+
+def test_an_index_out_of_range_names_the_line(tmp_path):
+    folder = tmp_path / "in/shapes/0"
+    folder.mkdir(parents=True)
+    write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)])
+    (folder / "parts/0.obj").write_bytes(obj_bytes(BOX) + b"f 1 2 99\n")
+    with pytest.raises(StepError, match="line 21: index 99"):
+        run_step(Hull(sources=MESH), tmp_path / "in", tmp_path)
+
+
+def test_a_primitive_source_says_what_it_lacks():
+    assert PrimitiveSource(type="Box", size=(1, 2, 3)).geometry == Box((1.0, 2.0, 3.0))
+    with pytest.raises(ValidationError, match="a Box has"):
+        PrimitiveSource(type="Box", radius=1.0)
+    with pytest.raises(ValidationError, match="either a mesh folder or a primitive"):
+        PlacedSource()
+
+
+def test_equal_numbers_of_another_kind_are_another_key():
+    one, other = (PlacedSource.of_primitive(k(0.1, 0.2)) for k in (Cylinder, Capsule))
+    assert one.model_dump() != other.model_dump()
+
+
+def test_the_volume_of_a_ball_fitted_by_a_box_is_not_the_enclosing_box(tmp_path):
+    # Two-sided: the enclosing box has over 6/pi - 1 = 0.91; a smaller one misses corners of air.
+    ball = tessellate(Sphere(0.5))
+    (piece,), _, findings, _ = fit(tmp_path, FitPrimitive(sources=MESH, shape="box"), ball)
+    assert math.prod(piece.geometry.size) <= 1.0 + 1e-6
+    assert findings["collision.gap"].data["iou"] >= math.pi / 6 - 0.02

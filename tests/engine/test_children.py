@@ -1,0 +1,150 @@
+"""Steps in child processes, and how they go wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+
+import pytest
+from builds_for_tests import is_alive, one
+from steps_for_tests import (
+    Hang,
+    LeavesAChild,
+    Misbehave,
+    Mix,
+    MixInChild,
+    Preloaded,
+    PreloadedWithThreads,
+)
+
+from assetbuild.engine import make
+from assetbuild.engine.execute import execute
+from assetbuild.engine.graph import Planner
+from assetbuild.errors import MachineError, SourceError, StepError, Where
+
+
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        ("abort", "crashed with SIGABRT"),
+        ("segfault", "crashed with SIGSEGV"),
+        ("exit", "ended without a result (exit status 3)"),
+        ("system_exit", "a bug in step `it`: SystemExit"),
+        ("memory", "ran over its memory limit of 300 MB"),
+        ("big_file", "wrote a file over its limit of 1 MB"),
+        ("bug", "a bug in step `it`: KeyError: 'no such thing'"),
+    ],
+)
+def test_a_step_that_goes_wrong_is_named_with_the_reason(session, how, message):
+    result = one(session, Misbehave(how=how))
+    assert isinstance(result.error, StepError)
+    assert message in str(result.error)
+    assert "`it`" in str(result.error)
+    assert "Traceback" not in str(result.error)
+
+
+def test_a_step_that_hangs_is_stopped_though_it_ignores_signals(session):
+    began = time.monotonic()
+    error = one(session, Hang()).error
+    assert "`it` ran over its time limit of 1 s and was stopped" in str(error)
+    assert time.monotonic() - began < 15
+
+
+def test_a_crash_loses_one_step_only(session):
+    planner = Planner(session)
+    for how in ("nothing", "abort", "print", "segfault"):
+        planner.add(how, Misbehave(how=how))
+    planner.add("other", MixInChild())
+    results = execute(planner.graph(), session, keep_going=True, jobs=2)
+    failed = {label for label, result in results.items() if result.status == "failed"}
+    assert failed == {"abort", "segfault"}
+
+
+def test_the_class_of_an_error_survives_the_way_to_the_parent(session):
+    error = one(session, Misbehave(how="user_error")).error
+    assert type(error) is SourceError
+    assert error.exit_code == 2
+    assert error.where == Where("a.dae", 7, 3)
+    assert error.hint == "export it again"
+
+
+def test_a_missing_package_is_the_machines_lack(session):
+    error = one(session, Misbehave(how="missing_package")).error
+    assert isinstance(error, MachineError)
+    assert "`no_such_package_anywhere`, which is not installed" in str(error)
+
+
+def test_prints_and_tracebacks_go_to_the_log(session):
+    log = one(session, Misbehave(how="print")).log
+    assert log is not None
+    assert log.read_text().splitlines() == ["native message", "printed by the step"]
+    result = one(session, Misbehave(how="bug"))
+    assert result.log is not None
+    assert "Traceback" in result.log.read_text()
+    assert str(result.log) in result.error.hint
+
+
+def test_a_child_sees_a_bare_environment(session, monkeypatch, tmp_path):
+    monkeypatch.setenv("SECRET", "x")
+    monkeypatch.chdir(tmp_path)
+    result = one(session, Misbehave(how="read_environment"))
+    seen = json.loads(session.read(result["out"]))
+    assert seen["OMP_NUM_THREADS"] == "1"
+    assert (seen["TZ"], seen["LC_ALL"], seen["PYTHONHASHSEED"]) == ("UTC", "C", "0")
+    assert seen["SECRET"] is None
+    assert seen["HOME"] != os.environ.get("HOME")
+    assert seen["home_files"] == []
+    assert seen["stdin"] == ""
+    assert seen["cwd"] != str(tmp_path)
+    assert "" not in seen["path"]
+    assert str(tmp_path) not in seen["path"]
+
+
+def test_modules_are_imported_once_for_many_steps(session):
+    planner = Planner(session)
+    for salt in range(4):
+        planner.add(f"step {salt}", Preloaded(salt=salt))
+    results = execute(planner.graph(), session, jobs=2)
+    seen = [json.loads(session.read(result["out"])) for result in results.values()]
+    assert all(one["loaded"] for one in seen)
+    assert len({one["worker"] for one in seen}) == 1
+
+
+def test_a_module_that_starts_threads_is_not_forked(session):
+    result = one(session, PreloadedWithThreads())
+    assert json.loads(session.read(result["out"])) == {"loaded": False, "threads": 1}
+
+
+def test_what_a_step_leaves_running_is_ended(session):
+    result = one(session, LeavesAChild())
+    pid = int(session.read(result["out"]))
+    deadline = time.monotonic() + 2
+    while is_alive(pid) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not is_alive(pid)
+
+
+def test_a_disk_that_fills_up_fails_the_step_not_the_program(session, monkeypatch):
+    def full(*args: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(make, "stage", full)
+    error = one(session, Mix()).error
+    assert isinstance(error, MachineError)
+    assert "no space left" in str(error)
+
+
+def test_a_worker_that_dies_is_replaced(session):
+    one(session, Preloaded(salt=1))
+    (worker,) = session.children._workers.values()
+    worker.process.kill()
+    assert one(session, Preloaded(salt=2)).status == "ran"
+
+
+def test_a_step_that_no_child_can_import_is_refused(session):
+    class Local(MixInChild):
+        pass
+
+    with pytest.raises(ValueError, match="cannot import"):
+        one(session, Local())

@@ -1,0 +1,135 @@
+"""What the store lost is made again; full disks; several builds at once."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from builds_for_tests import chain, one
+from steps_for_tests import (
+    Mix,
+    MixInChild,
+    flip,
+)
+
+from assetbuild.engine.execute import execute, restore
+from assetbuild.engine.graph import Planner
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import LostObjectError, Store
+from assetbuild.errors import MachineError
+
+
+@pytest.mark.parametrize("label", ["first", "second", "third"])
+@pytest.mark.parametrize("fault", ["flip", "delete"])
+def test_a_lost_object_is_made_again_when_it_is_needed(tmp_path, source, label, fault):
+    with Session(Store(tmp_path / "store")) as session:
+        graph = chain(session, source)
+        gold = execute(graph, session)
+        want = session.read(gold["third"]["out"])
+    with Session(Store(tmp_path / "store")) as session:
+        digest = gold[label]["out"]
+        path = session.store.root / "cas" / digest[:2] / digest
+        flip(path) if fault == "flip" else path.unlink()
+        planner = Planner(session)
+        first = planner.add("first", Mix(), {"in": planner.source(source)})
+        second = planner.add("second", Mix(salt=1), {"in": first["out"]})
+        third = planner.add("third", Mix(salt=2), {"in": second["out"]})
+        planner.add("new", Mix(salt=9), {"a": first["out"], "b": second["out"], "c": third["out"]})
+        results = execute(planner.graph(), session)
+        assert results[label].status == "ran"
+        assert results["new"].status == "ran"
+        assert "missing or corrupt" in results[label].reason
+        assert session.read(results["third"]["out"]) == want
+
+
+def test_restore_heals_what_the_store_lost(tmp_path, source):
+    with Session(Store(tmp_path / "store")) as session:
+        graph = chain(session, source)
+        digest = execute(graph, session)["third"]["out"]
+        want = session.read(digest)
+        flip(session.store.root / "cas" / digest[:2] / digest)
+        restore(graph, session, graph.nodes["third"]["out"], tmp_path / "dest")
+    assert (tmp_path / "dest").read_bytes() == want
+
+
+def test_a_question_about_a_lost_object_is_open_again(session, source):
+    graph = chain(session, source)
+    digest = execute(graph, session)["third"]["out"]
+    flip(session.store.root / "cas" / digest[:2] / digest)
+    planner = Planner(session)
+    first = planner.add("first", Mix(), {"in": planner.source(source)})
+    second = planner.add("second", Mix(salt=1), {"in": first["out"]})
+    third = planner.add("third", Mix(salt=2), {"in": second["out"]})
+    assert planner.ask(third["out"]) is None
+    execute(planner.graph(), session)
+    assert planner.ask(third["out"]) is not None
+
+
+def test_a_step_that_gives_other_bytes_each_time_is_told_on(tmp_path, session, monkeypatch):
+    """The store loses an output, and making it again gives other bytes."""
+    planner = Planner(session)
+    first = planner.add("first", Mix())
+    graph = planner.graph()
+    digest = execute(graph, session)["first"]["out"]
+    planner.add("second", Mix(), {"in": first["out"]})
+    monkeypatch.setattr(Mix, "run", lambda self, files: _write(files.outputs / "out", "new"))
+    monkeypatch.setattr(session, "object", _lost_once(session, digest))
+    error = execute(planner.graph(), session)["second"].error
+    assert "gave other bytes when it was run again" in str(error)
+
+
+def _write(path: Path, text: str) -> tuple[()]:
+    path.write_text(text)
+    return ()
+
+
+def _lost_once(session: Session, digest: str):
+    real = session.object
+
+    def lost(wanted: str) -> Path:
+        if wanted == digest:
+            path = session.store.root / "cas" / digest[:2] / digest
+            path.unlink(missing_ok=True)
+            raise LostObjectError(digest, "gone")
+        return real(wanted)
+
+    return lost
+
+
+def test_a_full_disk_fails_the_step_that_meets_it(session, monkeypatch):
+    def full(*args: object, **kwargs: object) -> str:
+        raise MachineError("no space left on the disk")
+
+    monkeypatch.setattr(session.store, "put_file", full)
+    error = one(session, Mix()).error
+    assert isinstance(error, MachineError)
+
+
+def test_two_builds_at_once_share_a_store(tmp_path, source):
+    def build(results: list[object]) -> None:
+        with Session(Store(tmp_path / "store")) as session:
+            done = execute(chain(session, source, MixInChild), session, jobs=1)
+            results.append([r.outputs for r in done.values()])
+
+    found: list[object] = []
+    threads = [threading.Thread(target=build, args=(found,)) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(found) == 3
+    assert found[0] == found[1] == found[2]
+
+
+def test_the_engine_loads_nothing_heavy():
+    program = (
+        "import sys, assetbuild.engine.execute, assetbuild.engine.explain, "
+        "assetbuild.engine.publish; print(sorted(set(sys.modules) & "
+        "{'numpy', 'networkx', 'mujoco', 'pxr', 'trimesh', 'yaml'}))"
+    )
+    import subprocess
+
+    out = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
+    assert out.stdout.strip() == b"[]"

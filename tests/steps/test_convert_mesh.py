@@ -1,0 +1,132 @@
+"""A mesh file becomes one OBJ per material, the same bytes for the same geometry."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from pydantic import ValidationError
+from tiny import box_obj, run_step
+
+from assetbuild.errors import StepError
+from assetbuild.kinds import ConvertedMesh
+from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.volume import signed_volume
+from assetbuild.robot.codec import decode
+from assetbuild.steps.convert_mesh import ConvertMesh
+
+GO1_MESHES = ("calf", "depthCamera", "hip", "thigh", "thigh_mirror", "trunk", "ultraSound")
+
+
+def convert(tmp_path: Path, data: bytes, **fields):
+    """(record, first part, findings, all bytes written)."""
+    inputs, outputs = tmp_path / "in", tmp_path / f"out{len(list(tmp_path.glob('out*')))}"
+    inputs.mkdir(exist_ok=True)
+    outputs.mkdir()
+    (inputs / "mesh").write_bytes(data)
+    findings = run_step(ConvertMesh(**fields), inputs, outputs)
+    record = decode(ConvertedMesh, (outputs / "mesh.json").read_bytes())
+    files = {p.name: p.read_bytes() for p in sorted(outputs.rglob("*")) if p.is_file()}
+    return record, read_triangles(files["0.obj"]), findings, files
+
+
+def stl(triangles: np.ndarray, header: bytes = b"") -> bytes:
+    record = np.zeros(len(triangles), dtype=[("n", "<f4", 3), ("c", "<f4", (3, 3)), ("a", "<u2")])
+    record["c"] = triangles
+    return header.ljust(80, b" ") + struct.pack("<I", len(triangles)) + record.tobytes()
+
+
+BOX = read_triangles(box_obj((1.0, 2.0, 4.0)))
+
+
+def test_an_stl_is_welded_measured_and_written(tmp_path):
+    record, mesh, findings, _ = convert(tmp_path, stl(BOX.corners), format="stl")
+    assert (record.faces, len(mesh.vertices)) == (12, 8)
+    assert record.area_m2 == pytest.approx(28.0)
+    assert record.volume_m3 == pytest.approx(8.0)
+    assert record.watertight
+    assert (record.lower, record.upper) == ((-0.5, -1.0, -2.0), (0.5, 1.0, 2.0))
+    assert [p.file for p in record.parts] == ["0.obj"]
+    assert findings == []
+
+
+def test_scale_is_baked_and_a_mirroring_one_keeps_the_volume_positive(tmp_path):
+    scale = (0.001, -0.001, 0.002)
+    record, mesh, _, _ = convert(tmp_path, stl(BOX.corners), format="stl", scale=scale)
+    assert signed_volume(mesh) == pytest.approx(16e-9)
+    assert record.upper == pytest.approx((0.0005, 0.001, 0.004))
+
+
+def test_a_file_saved_again_gives_the_same_bytes(tmp_path):
+    *_, first = convert(tmp_path, stl(BOX.corners, b"CAD 1, Monday"), format="stl")
+    *_, again = convert(tmp_path, stl(BOX.corners, b"solid CAD 2, Tuesday"), format="stl")
+    assert first == again
+
+
+def test_parts_follow_the_first_use_of_their_material(tmp_path):
+    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n" + b"".join(
+        b"usemtl %s\nf %s\n" % pair
+        for pair in [(b"b", b"1 3 2"), (b"a", b"1 2 4"), (b"b", b"1 4 3"), (b"c", b"2 3 4")]
+    )
+    record, _, _, files = convert(tmp_path, data, format="obj")
+    assert [(p.material, p.faces) for p in record.parts] == [("b", 2), ("a", 1), ("c", 1)]
+    assert record.watertight  # the parts close one another
+    assert record.volume_m3 == pytest.approx(1 / 6)
+    assert set(files) == {"0.obj", "1.obj", "2.obj", "mesh.json"}
+
+
+def test_texture_coordinates_stay_only_with_a_texture(tmp_path):
+    text = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nusemtl m\nf 1/1 2/2 3/1\n"
+    (tmp_path / "in" / "libraries").mkdir(parents=True)
+    library = tmp_path / "in" / "libraries" / "a.mtl"
+    library.write_bytes(b"newmtl m\nKd 1 0 0\n")
+    assert convert(tmp_path, text, format="obj")[1].uv is None
+    library.write_bytes(b"newmtl m\nmap_Kd wood.png\n")
+    record, mesh, findings, _ = convert(tmp_path, text, format="obj")
+    assert mesh.uv.tolist() == [[[0, 0], [1, 0], [0, 0]]]
+    assert record.parts[0].texture == "wood.png"
+    assert [f.rule for f in findings] == ["mesh.texture"]
+
+
+def test_collapsed_triangles_are_left_out_and_counted(tmp_path):
+    flat = np.concatenate([BOX.corners, np.repeat(BOX.corners[:2, :1], 3, axis=1)])
+    record, _, findings, _ = convert(tmp_path, stl(flat), format="stl")
+    assert record.faces == 12
+    assert [(f.rule, f.data["dropped"]) for f in findings] == [("mesh.collapsed_faces", 2)]
+
+
+def test_a_mesh_that_is_inside_out_is_told(tmp_path):
+    *_, findings, _ = convert(tmp_path, stl(BOX.corners[:, ::-1]), format="stl")
+    assert [(f.rule, f.severity) for f in findings] == [("mesh.inside_out", "warning")]
+
+
+def test_normals_are_kept_and_missing_ones_are_those_of_the_face(tmp_path):
+    text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 3 4\nvn 0 0 0\nf 1//1 2//1 3//2\n"
+    normals = convert(tmp_path, text, format="obj")[1].normals[0]
+    assert normals.tolist() == [[0.0, 0.6, 0.8], [0.0, 0.6, 0.8], [0.0, 0.0, 1.0]]
+
+
+def test_scale_zero_is_an_error_and_an_unknown_format_is_not_a_step(tmp_path):
+    with pytest.raises(StepError, match="scaled to zero"):
+        convert(tmp_path, stl(BOX.corners), format="stl", scale=(1.0, 0.0, 1.0))
+    with pytest.raises(ValidationError):
+        ConvertMesh(format="step")
+
+
+@pytest.mark.parametrize("name", GO1_MESHES)
+def test_each_mesh_of_go1_arrives_whole(tmp_path, go1_root, name):
+    path = go1_root / "robots/go1_description/meshes" / f"{name}.dae"
+    scene = trimesh.load_scene(path, process=False)
+    other = [g for g in scene.dump() if hasattr(g, "faces")]
+    record, _, findings, _ = convert(tmp_path, path.read_bytes(), format="dae")
+    assert record.faces == sum(len(g.faces) for g in other)
+    assert np.allclose([record.lower, record.upper], scene.bounds, atol=1e-7)
+    assert record.area_m2 == pytest.approx(sum(g.area for g in other), rel=1e-5)
+    told = [f.rule for f in findings]
+    assert told == (["mesh.up_axis"] if name == "trunk" else [])
+    material = record.parts[0].material
+    expected = {"depthCamera": "材质", "trunk": None, "hip": "Material.029"}
+    assert material == expected.get(name, material)
