@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import json
-import os
 import platform
 import time
 from collections.abc import Callable, Mapping
@@ -15,9 +14,9 @@ from assetbuild import __version__
 from assetbuild.engine.execute import Event, NodeResult, execute
 from assetbuild.engine.folders import cache_root
 from assetbuild.engine.graph import Graph, Node, Planner
-from assetbuild.engine.publish import check_replaceable, new_staging, publish
+from assetbuild.engine.publish import check_replaceable, discard, new_staging, publish
 from assetbuild.engine.session import Resolver, Session
-from assetbuild.engine.store import Store
+from assetbuild.engine.store import LostObjectError, Store, machine_error
 from assetbuild.errors import AssetBuildError, LockError, OutOfDateError, Where
 from assetbuild.findings import Finding
 from assetbuild.lock import Lock, check_pin, lock_path, read_lock, write_lock
@@ -59,8 +58,8 @@ class Outcome:
 
     loaded: LoadedRecipe
     exit_code: int
-    seconds: float
     results: Mapping[str, NodeResult]
+    seconds: float = 0.0
     out: Path | None = None
     report: Report | None = None
     edited: tuple[str, ...] = ()
@@ -81,26 +80,46 @@ def build(request: Request, on_event: OnEvent, say: Callable[[str], None]) -> Ou
     check_replaceable(out)
     lock = pin(loaded, frozen=request.frozen, say=say)
     with open_session(loaded, rehash=request.rehash) as session:
-        outline, results, sources = _plan_and_execute(loaded, lock, session, request, on_event)
-        errors = tuple(
-            _located(result.error, outline.subjects.get(label, ""))
-            for label, result in results.items()
-            if result.error is not None
-        )
-        if errors:
-            code = max(error.exit_code for error in errors)
-            return Outcome(loaded, code, time.monotonic() - started, results, errors=errors)
-        report = _report(loaded, outline, results, session)
-        failed = fails(report, request.fail_on)
-        target = out.with_name(f"{out.name}.failed") if failed else out
-        files = _bundle(loaded, lock, outline, report, session, results)
-        edited = publish_bundle(files, target, session)
-        read = {str(path): session.source_digest(path) for path in _files_read(loaded, sources)}
-    lockless = (lock_path(loaded.path),) if lock is None else ()
-    seconds = time.monotonic() - started
-    outcome = Outcome(loaded, 1 if failed else 0, seconds, results, target, report, edited)
-    outcome.read, outcome.absent, outcome.began_ns = read, lockless, began_ns
-    _write_run_log(outcome, out)
+        for attempt in (1, 2, 3):
+            try:
+                outcome = _build(loaded, lock, out, session, request, on_event)
+                break
+            except LostObjectError:  # found corrupt while it was read: make it again
+                session.forget()
+                if attempt == 3:
+                    raise
+    outcome.seconds, outcome.began_ns = time.monotonic() - started, began_ns
+    if outcome.report is not None:
+        _write_run_log(outcome, out)
+    return outcome
+
+
+def _build(
+    loaded: LoadedRecipe,
+    lock: Lock | None,
+    out: Path,
+    session: Session,
+    request: Request,
+    on_event: OnEvent,
+) -> Outcome:
+    outline, results, sources = _plan_and_execute(loaded, lock, session, request, on_event)
+    outcome = Outcome(loaded, 0, results)
+    outcome.errors = tuple(
+        _located(result.error, outline.subjects.get(label, ""))
+        for label, result in results.items()
+        if result.error is not None
+    )
+    if outcome.errors:
+        outcome.exit_code = max(error.exit_code for error in outcome.errors)
+        return outcome
+    report = _report(loaded, outline, results, session)
+    outcome.exit_code = 1 if fails(report, request.fail_on) else 0
+    outcome.out = out.with_name(f"{out.name}.failed") if outcome.exit_code else out
+    files = _bundle(loaded, lock, outline, report, session, results)
+    outcome.edited = publish_bundle(files, outcome.out, session)
+    outcome.report = report
+    outcome.read = {str(path): session.source_digest(path) for path in _read(loaded, sources)}
+    outcome.absent = (lock_path(loaded.path),) if lock is None else ()
     return outcome
 
 
@@ -116,7 +135,7 @@ def _located(error: AssetBuildError, subject: str) -> AssetBuildError:
     return type(error)(message, where=Where(name, line, column), hint=error.hint)
 
 
-def _files_read(loaded: LoadedRecipe, sources: list[Path]) -> list[Path]:
+def _read(loaded: LoadedRecipe, sources: list[Path]) -> list[Path]:
     lock = lock_path(loaded.path)
     return [*loaded.files, *sources, *([lock] if loaded.recipe.source.pypi else [])]
 
@@ -238,13 +257,18 @@ def _plan_and_execute(
     on_event: OnEvent,
 ) -> tuple[Outline, dict[str, NodeResult], list[Path]]:
     """(plan, execute)* until no question is open or a step has failed."""
-    jobs = request.jobs or os.cpu_count() or 1
     results: dict[str, NodeResult] = {}
     while True:
         planner = Planner(session)
         outline = plan(loaded, lock, planner)
         graph = planner.graph()
-        now = execute(graph, session, jobs=jobs, keep_going=request.keep_going, on_event=on_event)
+        now = execute(
+            graph,
+            session,
+            jobs=request.jobs,
+            keep_going=request.keep_going,
+            on_event=on_event,
+        )
         # What ran in an earlier round is found in the store in this one; it still has run.
         ran = {label for label, result in results.items() if result.status == "ran"}
         results = {
@@ -404,16 +428,24 @@ def _card(
 def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tuple[str, ...]:
     """Write the bundle beside its place, then swap; returns what the user had edited there."""
     staging = new_staging(out)
-    for file in files:
-        path = staging / file.path
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if file.content is not None:
-            path.write_bytes(file.content)
-        else:
-            session.object(file.sha256)  # a source comes into the store first
-            session.store.restore(file.sha256, path)
-    published = publish(staging, out, _digests_of(out))
+    try:
+        for file in files:
+            _place(file, staging / file.path, session)
+        published = publish(staging, out, _digests_of(out))
+    except OSError as error:
+        raise machine_error(error, out) from error
+    finally:
+        discard(staging)
     return (*published.edited, *published.added)
+
+
+def _place(file: BundleFile, path: Path, session: Session) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if file.content is not None:
+        path.write_bytes(file.content)
+    else:
+        session.object(file.sha256)  # a source comes into the store first
+        session.store.restore(file.sha256, path)
 
 
 def _digests_of(bundle: Path) -> dict[str, str] | None:

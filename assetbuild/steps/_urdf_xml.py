@@ -118,7 +118,8 @@ class Node:
         value = float(word) if _NUMBER.fullmatch(word) else math.nan
         if math.isfinite(value):
             return value
-        hint = "expand the xacro file first" if "${" in word or "$(" in word else ""
+        macro = "${" in word or "$(" in word
+        hint = "expand the xacro file first" if macro else "give a decimal number, such as 0.0123"
         raise self.error(f"{self.tag} {attribute} is `{_cut(word)}`, not a finite number", hint)
 
 

@@ -145,7 +145,7 @@ def test_decimal_numbers_of_a_dae_stay_decimal():
         (b"<html><body>404</body></html>", "COLLADA|scene"),
         (b"PK\x03\x04....", "zip"),
         (b'<!DOCTYPE x [<!ENTITY a "b">]>' + dae(), "entities"),
-        (dae().replace(b"<instance_visual_scene url=\"#s\"/>", b""), "no scene"),
+        (dae().replace(b'<instance_visual_scene url="#s"/>', b""), "no scene"),
         (b"", "empty"),
     ],
 )
@@ -190,7 +190,8 @@ def test_a_broken_stl_is_one_error(data, says):
 
 
 def test_an_obj_takes_its_colours_from_its_library():
-    text = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl red\nf 1 2 3\nusemtl sky\nf 1 2 4"
+    corners = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+    text = b"mtllib a.mtl\n" + corners + b"usemtl red\nf 1 2 3\nusemtl sky\nf 1 2 4"
     library = b"newmtl red\nKd 1 0 0\nnewmtl sky\nKd 0 0 1\nd 0.5\nmap_Kd sky.png\n"
     source = read_mesh(text, "obj", libraries={"a.mtl": library})
     assert [p.material for p in source.parts] == [

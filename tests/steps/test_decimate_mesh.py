@@ -88,7 +88,7 @@ def test_parts_share_the_goal_by_their_faces(tmp_path):
 
 def test_a_textured_part_is_left_alone_and_named(tmp_path):
     uv = np.random.default_rng(0).random((len(BALL.faces), 3, 2))
-    textured = TriangleMesh(BALL.vertices + [1.0, 0.0, 0.0], BALL.faces, uv)
+    textured = TriangleMesh(np.add(BALL.vertices, (1.0, 0.0, 0.0)), BALL.faces, uv)
     record, findings, files = decimate(tmp_path, [part(textured, "a"), part(BALL, "b")], 5000)
     assert record.parts[0].faces == len(BALL.faces)
     assert record.parts[1].faces < len(BALL.faces) / 3
