@@ -101,4 +101,4 @@ def place(tmp_path: Path, go1_root: Path, built_store: Path) -> Workplace:
 @pytest.fixture
 def cold_place(tmp_path: Path, go1_root: Path) -> Workplace:
     """A workplace with an empty store."""
-    return new_workplace(tmp_path, go1_root, tmp_path / "store")
+    return new_workplace(tmp_path / "cold", go1_root, tmp_path / "store")
