@@ -9,7 +9,7 @@ Every target and check finds the robot under the same input names:
     meshes/        the assets, `<name>.obj`
 
 A check finds each target that it `needs` as a folder of that name (`mjcf/`, `usd/`), and the
-untouched description as `source.urdf` when `needs` says "source".
+untouched description (but for comments) as `source.urdf` when `needs` says "source".
 """
 
 from __future__ import annotations

@@ -74,7 +74,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     geometry = Geometry(decode(Shapes, shapes), mesh_files, p)
     assembled = assemble(loaded, decode(Tree, links), geometry, read, p)
     outline.subjects = geometry.subjects
-    control = _control(recipe, read, tree, assembled, p)
+    control = _control(recipe, tree, assembled, p)
     outline.robot = {
         "links.json": read["links.json"],
         "tree.json": tree["tree.json"],
@@ -83,7 +83,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
         "meshes/": assembled["meshes/"],
     }
     outline.targets = _targets(recipe, outline.robot, p)
-    _checks(recipe, outline, description.ref, p)
+    _checks(recipe, outline, read["source.urdf"], p)
     return outline
 
 
@@ -116,10 +116,9 @@ def _merge(recipe: Recipe, read: Node, p: Planner) -> Node:
 # --- control, targets, checks ---------------------------------------------------------------
 
 
-def _control(recipe: Recipe, read: Node, tree: Node, assembled: Node, p: Planner) -> Node:
+def _control(recipe: Recipe, tree: Node, assembled: Node, p: Planner) -> Node:
     step = ControlStep.configure(recipe)
     inputs = {
-        "links.json": read["links.json"],
         "tree.json": tree["tree.json"],
         "shapes.json": assembled["shapes.json"],
         "meshes/": assembled["meshes/"],

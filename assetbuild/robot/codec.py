@@ -6,6 +6,7 @@ class name. Equal values give equal bytes; decoding gives equal values.
 
 from __future__ import annotations
 
+import functools
 import json
 import types
 from dataclasses import fields, is_dataclass
@@ -53,7 +54,7 @@ def _typed(kind: Any, raw: Any) -> Any:  # Any: walks type hints, which mypy can
             raise TypeError(f"{raw!r} is not one of {get_args(kind)}")
         return raw
     if is_dataclass(kind):
-        hints = get_type_hints(kind)
+        hints = _hints(kind)  # type: ignore[arg-type] # a class is hashable
         values = {f.name: _typed(hints[f.name], raw[f.name]) for f in fields(kind)}
         return kind(**values)  # type: ignore[operator] # a dataclass type, not an instance
     if kind is float and isinstance(raw, int | float) and not isinstance(raw, bool):
@@ -61,6 +62,11 @@ def _typed(kind: Any, raw: Any) -> Any:  # Any: walks type hints, which mypy can
     if not isinstance(raw, kind):
         raise TypeError(f"expected {kind.__name__}, found {raw!r}")
     return raw
+
+
+@functools.cache
+def _hints(kind: type) -> dict[str, Any]:  # Any: as above
+    return get_type_hints(kind)
 
 
 def _typed_union(kind: Any, raw: Any) -> Any:  # Any: as above

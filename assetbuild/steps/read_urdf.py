@@ -15,18 +15,21 @@ from assetbuild.robot.model import Base, Body, Joint, Tree
 from assetbuild.steps._urdf_joints import build_tree, read_joint
 from assetbuild.steps._urdf_links import Geometries, named, read_body, read_shapes
 from assetbuild.steps._urdf_paths import Paths
-from assetbuild.steps._urdf_xml import Node, Problems, homeless, parse
+from assetbuild.steps._urdf_xml import Node, Problems, homeless, parse, without_comments
 
 
 class ReadUrdf(Step):
     """`robot.urdf` -> links, shapes, the meshes it names, and the lines of them all.
+
+    `source.urdf` is the description itself, without comments and indentation: what checks read
+    who must not believe this reader.
 
     Comments and formatting change nothing but `source_map.json` and the lines in `meshes.json`.
     Raises SourceError with `file:line`; of several mistakes the first in the file is told.
     """
 
     tools = ("lxml",)
-    outputs = ("links.json", "shapes.json", "meshes.json", "source_map.json")
+    outputs = ("links.json", "shapes.json", "meshes.json", "source_map.json", "source.urdf")
     isolated = True
     preload = ("lxml.etree",)
     limits = Limits(wall_s=120.0, memory_mb=2048)
@@ -39,7 +42,8 @@ class ReadUrdf(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `robot.urdf`; writes Tree, Shapes, mesh uses, lines."""
-        root = parse((files.inputs / "robot.urdf").read_bytes(), self.file)
+        data = (files.inputs / "robot.urdf").read_bytes()
+        root = parse(data, self.file)
         problems = Problems()
         links = list(named(root.all("link"), problems))
         bodies = _read_bodies(links, problems)
@@ -51,6 +55,7 @@ class ReadUrdf(Step):
         nodes = {f"{n.tag} {n.get('name')}": n for n in root.all("link") + root.all("joint")}
         tree = build_tree(name, self.base, bodies, joints, nodes, problems)
         _write(files, tree, geometries, self._source_map(root, nodes, geometries))
+        (files.outputs / "source.urdf").write_bytes(without_comments(data))
         yield from [*unnamed, *geometries.findings, *findings, *_dropped(root)]
 
     def _source_map(
