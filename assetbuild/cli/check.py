@@ -6,14 +6,16 @@ import argparse
 from pathlib import Path
 
 from assetbuild.cli import print_error
-from assetbuild.errors import AssetBuildError
+from assetbuild.errors import AssetBuildError, UsageError
 
 HELP = "check recipes: schema, paths, static lints, lock up to date; runs nothing heavy"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE")
+    parser.add_argument(
+        "recipes", nargs="*", type=Path, metavar="RECIPE", help="default: recipes/*.yaml"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -21,7 +23,7 @@ def run(arguments: argparse.Namespace) -> int:
     from assetbuild.pipeline import check
 
     codes = [0]
-    for recipe in arguments.recipes:
+    for recipe in _recipes(arguments.recipes):
         try:
             findings = check(recipe)
         except AssetBuildError as error:
@@ -37,3 +39,13 @@ def run(arguments: argparse.Namespace) -> int:
         if not errors:
             print(f"{recipe}: ok")
     return max(codes)
+
+
+def _recipes(named: list[Path]) -> list[Path]:
+    """The recipes to check; a lock stands for its recipe."""
+    if not named:
+        named = sorted(Path("recipes").glob("*.yaml"))
+        if not named:
+            raise UsageError("no recipe given, and there is none in `recipes/`")
+    recipes = (path.with_name(path.name.replace(".lock.", ".")) for path in named)
+    return list(dict.fromkeys(recipes))
