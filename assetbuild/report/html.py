@@ -18,6 +18,7 @@ table { border-collapse: collapse; width: 100%; font-size: .92rem; }
 th, td { text-align: left; vertical-align: top; padding: .3rem .6rem; }
 th, td { border-top: 1px solid var(--line); }
 code { font: .9em ui-monospace, monospace; overflow-wrap: anywhere; }
+td:nth-child(2) > code { white-space: nowrap; } pre { overflow: auto; } summary { cursor: pointer; }
 .error, .fail { color: var(--bad); font-weight: 600; } .warning, .skip { color: var(--warn); }
 .pass, .ready { color: var(--ok); font-weight: 600; }
 .verdict { font-size: 1.2rem; padding: .8rem 1rem; border: 2px solid; border-radius: .5rem; }
@@ -73,8 +74,17 @@ def _pictures(images: Mapping[str, bytes]) -> str:
 
 
 def _findings(findings: tuple[Finding, ...]) -> str:
-    if not findings:
-        return "<p>None.</p>"
+    """What matters in the open; what merely informs folded away."""
+    loud = [finding for finding in findings if finding.severity != "info"]
+    quiet = [finding for finding in findings if finding.severity == "info"]
+    parts = [_finding_table(loud) if loud else "<p>No errors and no warnings.</p>"]
+    if quiet:
+        summary = f"<summary>{len(quiet)} for information</summary>"
+        parts.append(f"<details>{summary}{_finding_table(quiet)}</details>")
+    return "".join(parts)
+
+
+def _finding_table(findings: list[Finding]) -> str:
     rows = []
     for finding in findings:
         because = finding.data.get("because")

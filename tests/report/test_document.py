@@ -1,0 +1,82 @@
+"""Verdict, waivers and places of findings; the page that shows them."""
+
+from __future__ import annotations
+
+from html.parser import HTMLParser
+
+from assetbuild.findings import Finding
+from assetbuild.recipe.models import Waiver
+from assetbuild.report.document import CheckResult, fails, make_report
+from assetbuild.report.html import html_page
+
+TRIANGLE = Finding("inertia.triangle", "error", "link calf", "moments do not fit", "check the CoM")
+RADIUS = Finding("inertia.radius", "warning", "link calf", "0.6 m")
+
+
+def nowhere(subject: str) -> str:
+    return {"link calf": "robot.urdf:17"}.get(subject, "")
+
+
+def test_an_error_blocks_training_and_names_the_next_step_with_its_line():
+    report = make_report("r", [RADIUS, TRIANGLE], {}, {}, nowhere)
+    assert not report.verdict.ready
+    assert report.verdict.blocked_by == ("inertia.triangle",)
+    assert report.verdict.next_step == "robot.urdf:17: check the CoM"
+    assert [finding.rule for finding in report.findings] == ["inertia.triangle", "inertia.radius"]
+    assert fails(report, "error")
+
+
+def test_a_waiver_changes_the_severity_and_stays_visible():
+    waivers = {"inertia.triangle": Waiver(severity="info", because="measured on the part")}
+    report = make_report("r", [TRIANGLE], {}, waivers, nowhere)
+    assert report.verdict.ready
+    assert report.findings[0].severity == "info"
+    assert report.findings[0].data["because"] == "measured on the part"
+    assert report.findings[0].data["severity_before"] == "error"
+    assert not fails(report, "error")
+
+
+def test_a_waiver_for_a_rule_that_found_nothing_is_told():
+    waivers = {"inertia.tirangle": Waiver(severity="info", because="whatever it is")}
+    report = make_report("r", [], {}, waivers, nowhere)
+    assert [finding.rule for finding in report.findings] == ["rules.unused"]
+
+
+def test_fail_on_decides_what_fails():
+    report = make_report("r", [RADIUS], {}, {}, nowhere)
+    assert fails(report, "warning")
+    assert not fails(report, "error")
+    assert not fails(report, "never")
+
+
+def test_a_skipped_check_is_part_of_the_next_step():
+    checks = {"oracle": CheckResult("skip", note="needs pinocchio")}
+    assert "oracle" in make_report("r", [], checks, {}, nowhere).verdict.next_step
+
+
+def test_the_page_is_well_formed_self_contained_and_escapes_names():
+    nasty = Finding("urdf.dropped", "warning", "link <script>alert(1)</script>", "a & b")
+    report = make_report("<b>r</b>", [nasty], {"c": CheckResult("pass", {"x": 1.5})}, {}, nowhere)
+    page = html_page(report, "| card |", {})
+    seen = Tags()
+    seen.feed(page)
+    assert "script" not in seen.opened
+    assert not seen.open_now
+    assert "http" not in page
+
+
+class Tags(HTMLParser):
+    """Collects tags and checks that they close in order."""
+
+    def __init__(self):
+        super().__init__()
+        self.opened: set[str] = set()
+        self.open_now: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        self.opened.add(tag)
+        if tag not in ("meta", "br", "img"):
+            self.open_now.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open_now.pop() == tag
