@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
@@ -30,6 +30,8 @@ from assetbuild.findings import Finding, finding_from_json
 
 Status = Literal["ran", "cached", "failed", "blocked"]
 HEALING_ROUNDS = 3
+ATTEMPTS = 2
+"""How often a step is run whose process is killed by something else than our limits."""
 
 
 @dataclass(frozen=True)
@@ -87,16 +89,19 @@ class Maker:
         try:
             key, parts = self._key(label)
             made = self.resolver.made(label)
-            if made is not None:
-                self.session.journal.saw(label, parts)
-                return _cached(label, key, made)
-            changes = why_it_runs(self.session, label, key, parts)
-            if started is not None:
-                started(label)
-            made = self._run_healing(node, parts)
-            self.session.learn(key, made)
-            self.session.journal.ran(label, parts, [c.to_json() for c in changes])
-            return self._ran(label, key, made, changes)
+            if made is None:
+                with self._turn(node, key):
+                    made = self.resolver.made(label)  # another may have made it meanwhile
+                    if made is None:
+                        changes = why_it_runs(self.session, label, key, parts)
+                        if started is not None:
+                            started(label)
+                        made = self._run_healing(node, parts)
+                        self.session.learn(key, made)
+                        self.session.journal.ran(label, parts, [c.to_json() for c in changes])
+                        return self._ran(label, key, made, changes)
+            self.session.journal.saw(label, parts)
+            return _cached(label, key, made)
         except AssetBuildError as error:
             failure = error
         except OSError as error:  # of the private folder: disk full, no permission
@@ -111,6 +116,13 @@ class Maker:
             reason=changes_text(changes),
             changes=changes,
             log=_existing(self.log_path(label)),
+        )
+
+    def _turn(self, node: Node, key: str) -> AbstractContextManager[None]:
+        """Each action runs once: in this build, and among all builds that share the store."""
+        patience_s = node.step.limits.wall_s * ATTEMPTS + 30.0
+        return self.session.store.turns.turn(
+            key, patience_s=patience_s, done=lambda: self._children.closed
         )
 
     def _ran(self, label: str, key: str, made: Made, changes: tuple[Change, ...]) -> NodeResult:

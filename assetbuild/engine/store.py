@@ -4,6 +4,7 @@
     <root>/v1/ac/ab/<key>.json     what a step with this key made
     <root>/v1/quarantine/          objects whose bytes did not match their name
     <root>/v1/tmp/                 private folders of running builds
+    <root>/v1/turns/               who runs which action now
 
 Everything is written beside and renamed, so any number of builds may share a store and a kill
 at any moment leaves it valid. There is no fsync: what a power cut tears is found on reading,
@@ -23,7 +24,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from assetbuild.engine.claims import claim_new_folder, remove_abandoned
+from assetbuild.engine.claims import Turns, claim_new_folder, remove_abandoned
 from assetbuild.engine.digest import (
     CHUNK,
     Signature,
@@ -57,6 +58,7 @@ class Store:
 
     def __init__(self, root: Path) -> None:
         self.root = Path(os.path.abspath(root)) / LAYOUT  # noqa: PTH100 - keeps symlinks
+        self.turns = Turns(self.root / "turns")
         self._verified: dict[str, Signature] = {}
         with self._machine_errors():
             for name in ("cas", "ac", "quarantine", "tmp", "journal", "logs"):

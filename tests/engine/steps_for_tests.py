@@ -190,6 +190,28 @@ class Preloaded(Step):
         return ()
 
 
+class Count(Step):
+    """Leaves one line in a file outside for every run (only a test may)."""
+
+    outputs = ("out",)
+    log: str
+    name: str
+    text: str = ""
+    seconds: float = 0.0
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        with Path(self.log).open("a") as log:
+            log.write(f"{self.name}\n")
+        time.sleep(self.seconds)
+        read = [p.read_text() for p in sorted(files.inputs.iterdir())]
+        (files.outputs / "out").write_text("+".join([self.text or self.name, *read]))
+        return ()
+
+
+class CountInChild(Count):
+    isolated: ClassVar[bool] = True
+
+
 def flip(path: Path) -> None:
     """Change one bit of an object of the store."""
     data = bytearray(path.read_bytes())
