@@ -21,7 +21,7 @@ from assetbuild.engine.explain import Change, changes_text, why_it_runs
 from assetbuild.engine.graph import Graph, Node
 from assetbuild.engine.keys import Parts
 from assetbuild.engine.session import Made, Resolver, Session
-from assetbuild.engine.staging import check_untouched, collect, stage
+from assetbuild.engine.staging import check_present, check_untouched, collect, stage
 from assetbuild.engine.step import Files
 from assetbuild.engine.store import LostObjectError, machine_error
 from assetbuild.engine.wire import error_from_json, perform, step_to_json
@@ -207,6 +207,7 @@ class Maker:
                     log.write_text(trace, encoding="utf-8", errors="backslashreplace")
             check_untouched(self.session, staged, node.label)
             if "error" in result:
+                check_present(staged)
                 raise error_from_json(dict_of(result["error"]))
             outputs = collect(self.session, node, folder / "outputs")
             findings = result["findings"]

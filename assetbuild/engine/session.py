@@ -197,6 +197,7 @@ class Session:
             made = made_from_json(raw) if raw is not None else None
             if made is None or self.missing_output(made):
                 return None
+            self.store.touch_action(key)
             self._known[key] = made
         return self._known[key]
 
