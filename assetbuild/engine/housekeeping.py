@@ -97,10 +97,8 @@ def stats(root: Path) -> Stats:
 
 def total_bytes(home: Path) -> int:
     """Size of everything but the private folders of running builds."""
-    parts = [p for p in _folders(home) if p.name != "tmp"]
-    sizes = [entry.stat().st_size for part in parts for entry in _files(part)]
-    loose = [p.stat().st_size for p in home.glob("*") if p.is_file()]
-    return sum(sizes) + sum(loose)
+    private = f"{home / 'tmp'}{os.sep}"
+    return sum(e.stat().st_size for e in _files(home) if not e.path.startswith(private))
 
 
 def check(store: Store) -> Checked:

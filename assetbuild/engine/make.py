@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -135,7 +135,7 @@ class Maker:
             seconds=made.seconds,
             cpu_seconds=made.cpu_seconds,
             child=made.child,
-            reason=changes_text(changes),
+            reason=changes_text(changes) + ("; run again after a crash" * (made.attempts > 1)),
             changes=changes,
             log=_existing(self.log_path(label)),
         )
@@ -206,6 +206,7 @@ class Maker:
                 if trace:
                     log.write_text(trace, encoding="utf-8", errors="backslashreplace")
             check_untouched(self.session, staged, node.label)
+            self.session.check_sources(node)
             if "error" in result:
                 check_present(staged)
                 raise error_from_json(dict_of(result["error"]))
@@ -217,6 +218,7 @@ class Maker:
                 seconds=used.wall_s,
                 cpu_seconds=used.cpu_s,
                 child=node.step.isolated,
+                attempts=used.attempts,
             )
         finally:
             self._keep_log(log, node.label)
@@ -238,10 +240,17 @@ class Maker:
         }
         path = folder / "job.json"
         path.write_text(json.dumps(job), encoding="utf-8")
-        ended = self._children.run(node.step, path)
-        if ended.status == 0 and not ended.over:
-            with suppress(OSError, ValueError):
-                return json.loads((folder / "result.json").read_bytes()), ended
+        for attempt in range(1, ATTEMPTS + 1):
+            ended = self._children.run(node.step, path)
+            if ended.status == 0 and not ended.over:
+                with suppress(OSError, ValueError):
+                    result = json.loads((folder / "result.json").read_bytes())
+                    return result, replace(ended, attempts=attempt)
+            if attempt == ATTEMPTS or not was_killed_by_chance(ended, log):
+                break
+            for private in ("outputs", "home"):
+                shutil.rmtree(folder / private)
+                (folder / private).mkdir()
         raise StepError(how_it_ended(node, ended, log))
 
     def _with_log(self, error: AssetBuildError, label: str) -> AssetBuildError:
@@ -261,6 +270,19 @@ class Maker:
                 place.unlink(missing_ok=True)
 
 
+def was_killed_by_chance(ended: Ended, log: Path) -> bool:
+    """Did a signal end the process that none of our limits sent? Then it may go well again."""
+    if ended.over or ended.status is None or not os.WIFSIGNALED(ended.status):
+        return False
+    if os.WTERMSIG(ended.status) in (signal.SIGXCPU, signal.SIGXFSZ):
+        return False
+    return not _tells_of_memory(_tail(log))
+
+
+def _tells_of_memory(text: str) -> bool:
+    return any(word in text for word in ("bad_alloc", "MemoryError", "annot allocate memory"))
+
+
 def how_it_ended(node: Node, ended: Ended, log: Path) -> str:
     """The sentence for a child process that did not end well."""
     name, limits = f"step `{node.label}`", node.step.limits
@@ -276,7 +298,7 @@ def how_it_ended(node: Node, ended: Ended, log: Path) -> str:
             allowed = limits.wall_s * max(1, limits.cpus)
             return f"{name} used more than {allowed:g} s of processor time and was stopped"
         tail = _tail(log)
-        if "bad_alloc" in tail or "MemoryError" in tail or "annot allocate memory" in tail:
+        if _tells_of_memory(tail):
             return f"{name} ran over its memory limit of {limits.memory_mb} MB"
         told = f": {tail}" if tail else ""
         if number == signal.SIGKILL:

@@ -148,11 +148,12 @@ class Meet(Step):
     number: int
     company: int
     folder: str
+    patience_s: float = 20.0
 
     def run(self, files: Files) -> Iterable[Finding]:
         place = Path(self.folder)
         (place / str(self.number)).touch()
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + self.patience_s
         while len(list(place.iterdir())) < self.company and time.monotonic() < deadline:
             time.sleep(0.01)
         (files.outputs / "out").write_text(str(len(list(place.iterdir()))))
@@ -210,6 +211,52 @@ class Count(Step):
 
 class CountInChild(Count):
     isolated: ClassVar[bool] = True
+
+
+class AlwaysDies(CountInChild):
+    def run(self, files: Files) -> Iterable[Finding]:
+        super().run(files)
+        os.kill(os.getpid(), signal.SIGSEGV)
+        return ()
+
+
+class DiesOnce(Step):
+    """Killed by a signal after it wrote a part; well when it is run again."""
+
+    outputs = ("out",)
+    isolated: ClassVar[bool] = True
+    flag: str
+    signal_name: str
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        if not Path(self.flag).exists():
+            Path(self.flag).touch()
+            (files.outputs / "left behind").touch()
+            os.kill(os.getpid(), signal.Signals[self.signal_name])
+            time.sleep(5)
+        (files.outputs / "out").write_text("alive")
+        return ()
+
+
+class Edit(Step):
+    """Edits a source while it runs, as a user with an editor may."""
+
+    outputs = ("out",)
+    path: str
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        text = "".join(p.read_text() for p in sorted(files.inputs.rglob("*")) if p.is_file())
+        source = Path(self.path)
+        if source.read_text() == "1":
+            source.write_text("2")
+        (files.outputs / "out").write_text(text)
+        return ()
+
+
+class Big(Meet):
+    """Declares much memory."""
+
+    limits: ClassVar[Limits] = Limits(memory_mb=3000)
 
 
 def flip(path: Path) -> None:
