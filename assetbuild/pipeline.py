@@ -16,7 +16,7 @@ from assetbuild.engine.folders import cache_root
 from assetbuild.engine.graph import Graph, Node, Planner
 from assetbuild.engine.publish import check_replaceable, discard, new_staging, publish
 from assetbuild.engine.session import Resolver, Session
-from assetbuild.engine.store import LostObjectError, Store, machine_error
+from assetbuild.engine.store import LostObjectError, machine_error, open_store
 from assetbuild.errors import AssetBuildError, LockError, OutOfDateError, Where
 from assetbuild.findings import Finding
 from assetbuild.lock import Lock, check_pin, lock_path, read_lock, write_lock
@@ -80,6 +80,8 @@ def build(request: Request, on_event: OnEvent, say: Callable[[str], None]) -> Ou
     check_replaceable(out)
     lock = pin(loaded, frozen=request.frozen, say=say)
     with open_session(loaded, rehash=request.rehash) as session:
+        if session.store.notice:
+            say(f"warning: {session.store.notice}")
         for attempt in (1, 2, 3):
             try:
                 outcome = _build(loaded, lock, out, session, request, on_event)
@@ -202,7 +204,7 @@ def default_out(loaded: LoadedRecipe) -> Path:
 def open_session(loaded: LoadedRecipe, *, rehash: bool = False) -> Session:
     """The store and what this machine knows of earlier builds of the recipe."""
     name = f"{loaded.path}#{loaded.variant}" if loaded.variant else str(loaded.path)
-    return Session(Store(Path(cache_root())), build=name, rehash=rehash)
+    return Session(open_store(Path(cache_root())), build=name, rehash=rehash)
 
 
 def pin(loaded: LoadedRecipe, *, frozen: bool, say: Callable[[str], None]) -> Lock | None:

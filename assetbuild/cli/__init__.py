@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import signal
 import sys
+import threading
 from collections.abc import Sequence
 
 from assetbuild import __version__
 from assetbuild.errors import AssetBuildError
 
-VERBS = ("build", "check", "explain", "lock", "plan", "report", "schema", "verify")
+VERBS = ("build", "cache", "check", "explain", "lock", "plan", "report", "schema", "verify")
 """Each is a module of this package with `HELP`, `add_arguments(parser)` and `run(arguments)`."""
 
 
@@ -21,17 +23,33 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.verb is None:
         parser.print_help()
         return 0
+    _end_as_by_ctrl_c()
     try:
         return int(_module(arguments.verb).run(arguments))
     except AssetBuildError as error:
         print_error(error)
         return error.exit_code
+    except Terminated:
+        print("terminated; what is finished is kept", file=sys.stderr)
+        return 143
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+        print("interrupted; what is finished is kept", file=sys.stderr)
         return 130
     except BrokenPipeError:  # the reader of our output is gone: nobody is left to tell
         sys.stderr.close()
         return 1
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM: children are killed and what is learnt is saved, as with Ctrl-C."""
+
+
+def _end_as_by_ctrl_c() -> None:
+    def leave(*_: object) -> None:
+        raise Terminated
+
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, leave)
 
 
 def print_error(error: AssetBuildError) -> None:

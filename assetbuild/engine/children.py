@@ -46,6 +46,7 @@ class Ended:
 
     status: as `os.wait` gives it; None when it never ran. over: `wall` when it was killed for
     running over its time, or why it could not start. log: last lines of a dead worker's log.
+    attempts: processes that it took.
     """
 
     status: int | None
@@ -54,6 +55,7 @@ class Ended:
     max_rss_mb: int = 0
     over: str = ""
     log: str = ""
+    attempts: int = 1
 
 
 @dataclass(frozen=True)

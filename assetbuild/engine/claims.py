@@ -1,6 +1,7 @@
-"""Folders that belong to a running process: when it dies, however it dies, they are free.
+"""What belongs to a running process: when it dies, however it dies, it is free.
 
-The claim is an advisory lock on the folder itself, so nothing has to be unlocked after a kill.
+A claim is an advisory lock of the kernel on the folder or file itself, so nothing has to be
+unlocked after a kill.
 """
 
 from __future__ import annotations
@@ -9,8 +10,13 @@ import fcntl
 import os
 import secrets
 import shutil
-from collections.abc import Iterable
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+LONGEST_PAUSE_S = 0.1
 
 
 def claim_new_folder(parent: Path, prefix: str = "") -> tuple[Path, int]:
@@ -52,3 +58,79 @@ def remove_abandoned(folders: Iterable[Path]) -> None:
         if descriptor is not None:
             shutil.rmtree(folder, ignore_errors=True)
             os.close(descriptor)
+
+
+def is_claimed(folder: Path) -> bool:
+    """Does a live process hold the folder?"""
+    descriptor = _claim(folder)
+    if descriptor is not None:
+        os.close(descriptor)
+    return descriptor is None and folder.is_dir()
+
+
+class Turns:
+    """One at a time per name, among all threads and processes that share a folder.
+
+    The same thread may take a name that it holds already.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._mine = threading.local()
+
+    @contextmanager
+    def turn(
+        self, name: str, *, patience_s: float, done: Callable[[], bool] = lambda: False
+    ) -> Iterator[None]:
+        """Wait for the name and hold it.
+
+        patience_s: then go on without it; so does a file system that knows no locks. The turn
+        saves work, it guards nothing: what two of them write at once is the same.
+        done: asked while waiting; True ends the wait.
+        """
+        held: set[str] = self._mine.__dict__.setdefault("held", set())
+        if name in held:
+            yield
+            return
+        path = self._folder / name
+        descriptor = self._wait(path, time.monotonic() + patience_s, done)
+        held.add(name)
+        try:
+            yield
+        finally:
+            held.discard(name)
+            if descriptor is not None:
+                path.unlink(missing_ok=True)  # whoever waits for this file notices, and opens anew
+                os.close(descriptor)
+
+    def _wait(self, path: Path, deadline: float, done: Callable[[], bool]) -> int | None:
+        pause = 0.005
+        while True:
+            try:
+                descriptor = _lock_file(path)
+            except OSError:
+                return None
+            if descriptor is not None or done() or time.monotonic() > deadline:
+                return descriptor
+            time.sleep(pause)
+            pause = min(LONGEST_PAUSE_S, pause * 1.5)
+
+
+def _lock_file(path: Path) -> int | None:
+    """A descriptor that holds the lock on the file of this name; None when another has it.
+
+    OSError where locks are not known, or nothing can be written.
+    """
+    path.parent.mkdir(exist_ok=True)
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if path.stat().st_ino == os.fstat(descriptor).st_ino:
+            return descriptor
+    except (BlockingIOError, FileNotFoundError):
+        pass
+    except OSError:
+        os.close(descriptor)
+        raise
+    os.close(descriptor)
+    return None

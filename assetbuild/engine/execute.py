@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
@@ -43,6 +44,7 @@ def execute(
     *,
     jobs: int | None = None,
     keep_going: bool = False,
+    memory_mb: int | None = None,
     on_event: Listener | None = None,
 ) -> dict[str, NodeResult]:
     """Make every node; a result for each, in the order of the graph.
@@ -50,10 +52,14 @@ def execute(
     jobs: how many steps run at once; a step that declares more `cpus` takes as many places.
     None = the cores of this process. keep_going: after a failure, still make everything that
     does not need the failed node; else only what runs already is finished.
+    memory_mb: the memory that child processes may declare together; one always runs.
+    None = what this machine has left.
     Errors of steps are in the results. KeyboardInterrupt passes, with all children killed.
     """
     places = jobs if jobs and jobs > 0 else usable_cores()
-    return _Schedule(graph, session, places, keep_going, on_event or (lambda _: None)).run()
+    memory = usable_memory_mb() if memory_mb is None else memory_mb
+    tell = on_event or (lambda _: None)
+    return _Schedule(graph, session, places, memory, keep_going, tell).run()
 
 
 def usable_cores() -> int:
@@ -61,6 +67,23 @@ def usable_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0)) or 1
     return os.cpu_count() or 1
+
+
+def usable_memory_mb() -> int:
+    """Memory that this process and its children may still take, in MB."""
+    free_mb = [_available_mb()]
+    group = Path("/sys/fs/cgroup")
+    with suppress(OSError, ValueError):  # no control group, or `max`: no limit
+        limit, used = ((group / f"memory.{n}").read_text() for n in ("max", "current"))
+        free_mb.append((int(limit) - int(used)) >> 20)
+    return max(1, min(free_mb))
+
+
+def _available_mb() -> int:
+    with suppress(OSError, StopIteration):
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        return int(next(x for x in lines if x.startswith("MemAvailable")).split()[1]) >> 10
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") >> 20
 
 
 def first_error(results: Mapping[str, NodeResult]) -> AssetBuildError | None:
@@ -100,7 +123,13 @@ class _Schedule:
     """The state of one execution; only the calling thread touches it."""
 
     def __init__(
-        self, graph: Graph, session: Session, places: int, keep_going: bool, tell: Listener
+        self,
+        graph: Graph,
+        session: Session,
+        places: int,
+        memory_mb: int,
+        keep_going: bool,
+        tell: Listener,
     ) -> None:
         self.graph = graph
         self.session = session
@@ -110,6 +139,8 @@ class _Schedule:
         self.maker = Maker(graph, session)
         self.results: dict[str, NodeResult] = {}
         self.free = places
+        self.memory_mb = memory_mb
+        self.declared_mb = 0
         self.stopping = False
         self.missing = {label: set(graph.predecessors(label)) for label in graph.nodes}
         self.readers: dict[str, list[str]] = {label: [] for label in graph.nodes}
@@ -158,13 +189,21 @@ class _Schedule:
             return
         for label in list(self.ready):
             need = self._need(label)
-            if need <= self.free:
+            memory_mb = self._memory_mb(label)
+            has_memory = not self.declared_mb or self.declared_mb + memory_mb <= self.memory_mb
+            if need <= self.free and (has_memory or not memory_mb):
                 self.ready.remove(label)
                 self.free -= need
+                self.declared_mb += memory_mb
                 self.work.put(label)
 
     def _need(self, label: str) -> int:
         return max(1, min(self.places, self.graph.nodes[label].step.limits.cpus))
+
+    def _memory_mb(self, label: str) -> int:
+        """What the step declares; steps in this process are small and share its memory."""
+        step = self.graph.nodes[label].step
+        return step.limits.memory_mb if step.isolated else 0
 
     def _take(self, label: str, message: NodeResult | BaseException | None) -> None:
         if message is None:
@@ -173,6 +212,7 @@ class _Schedule:
         if isinstance(message, BaseException):
             raise message
         self.free += self._need(label)
+        self.declared_mb -= self._memory_mb(label)
         self.results[label] = message
         self._say("finished", label, message)
         if message.status == "failed":

@@ -10,8 +10,8 @@ import signal
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import asdict, dataclass
+from contextlib import AbstractContextManager, suppress
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -21,7 +21,7 @@ from assetbuild.engine.explain import Change, changes_text, why_it_runs
 from assetbuild.engine.graph import Graph, Node
 from assetbuild.engine.keys import Parts
 from assetbuild.engine.session import Made, Resolver, Session
-from assetbuild.engine.staging import check_untouched, collect, stage
+from assetbuild.engine.staging import check_present, check_untouched, collect, stage
 from assetbuild.engine.step import Files
 from assetbuild.engine.store import LostObjectError, machine_error
 from assetbuild.engine.wire import error_from_json, perform, step_to_json
@@ -30,6 +30,8 @@ from assetbuild.findings import Finding, finding_from_json
 
 Status = Literal["ran", "cached", "failed", "blocked"]
 HEALING_ROUNDS = 3
+ATTEMPTS = 2
+"""How often a step is run whose process is killed by something else than our limits."""
 
 
 @dataclass(frozen=True)
@@ -87,16 +89,19 @@ class Maker:
         try:
             key, parts = self._key(label)
             made = self.resolver.made(label)
-            if made is not None:
-                self.session.journal.saw(label, parts)
-                return _cached(label, key, made)
-            changes = why_it_runs(self.session, label, key, parts)
-            if started is not None:
-                started(label)
-            made = self._run_healing(node, parts)
-            self.session.learn(key, made)
-            self.session.journal.ran(label, parts, [c.to_json() for c in changes])
-            return self._ran(label, key, made, changes)
+            if made is None:
+                with self._turn(node, key):
+                    made = self.resolver.made(label)  # another may have made it meanwhile
+                    if made is None:
+                        changes = why_it_runs(self.session, label, key, parts)
+                        if started is not None:
+                            started(label)
+                        made = self._run_healing(node, parts)
+                        self.session.learn(key, made)
+                        self.session.journal.ran(label, parts, [c.to_json() for c in changes])
+                        return self._ran(label, key, made, changes)
+            self.session.journal.saw(label, parts)
+            return _cached(label, key, made)
         except AssetBuildError as error:
             failure = error
         except OSError as error:  # of the private folder: disk full, no permission
@@ -113,6 +118,13 @@ class Maker:
             log=_existing(self.log_path(label)),
         )
 
+    def _turn(self, node: Node, key: str) -> AbstractContextManager[None]:
+        """Each action runs once: in this build, and among all builds that share the store."""
+        patience_s = node.step.limits.wall_s * ATTEMPTS + 30.0
+        return self.session.store.turns.turn(
+            key, patience_s=patience_s, done=lambda: self._children.closed
+        )
+
     def _ran(self, label: str, key: str, made: Made, changes: tuple[Change, ...]) -> NodeResult:
         return NodeResult(
             label=label,
@@ -123,7 +135,7 @@ class Maker:
             seconds=made.seconds,
             cpu_seconds=made.cpu_seconds,
             child=made.child,
-            reason=changes_text(changes),
+            reason=changes_text(changes) + ("; run again after a crash" * (made.attempts > 1)),
             changes=changes,
             log=_existing(self.log_path(label)),
         )
@@ -194,7 +206,9 @@ class Maker:
                 if trace:
                     log.write_text(trace, encoding="utf-8", errors="backslashreplace")
             check_untouched(self.session, staged, node.label)
+            self.session.check_sources(node)
             if "error" in result:
+                check_present(staged)
                 raise error_from_json(dict_of(result["error"]))
             outputs = collect(self.session, node, folder / "outputs")
             findings = result["findings"]
@@ -204,6 +218,7 @@ class Maker:
                 seconds=used.wall_s,
                 cpu_seconds=used.cpu_s,
                 child=node.step.isolated,
+                attempts=used.attempts,
             )
         finally:
             self._keep_log(log, node.label)
@@ -225,10 +240,17 @@ class Maker:
         }
         path = folder / "job.json"
         path.write_text(json.dumps(job), encoding="utf-8")
-        ended = self._children.run(node.step, path)
-        if ended.status == 0 and not ended.over:
-            with suppress(OSError, ValueError):
-                return json.loads((folder / "result.json").read_bytes()), ended
+        for attempt in range(1, ATTEMPTS + 1):
+            ended = self._children.run(node.step, path)
+            if ended.status == 0 and not ended.over:
+                with suppress(OSError, ValueError):
+                    result = json.loads((folder / "result.json").read_bytes())
+                    return result, replace(ended, attempts=attempt)
+            if attempt == ATTEMPTS or not was_killed_by_chance(ended, log):
+                break
+            for private in ("outputs", "home"):
+                shutil.rmtree(folder / private)
+                (folder / private).mkdir()
         raise StepError(how_it_ended(node, ended, log))
 
     def _with_log(self, error: AssetBuildError, label: str) -> AssetBuildError:
@@ -248,6 +270,19 @@ class Maker:
                 place.unlink(missing_ok=True)
 
 
+def was_killed_by_chance(ended: Ended, log: Path) -> bool:
+    """Did a signal end the process that none of our limits sent? Then it may go well again."""
+    if ended.over or ended.status is None or not os.WIFSIGNALED(ended.status):
+        return False
+    if os.WTERMSIG(ended.status) in (signal.SIGXCPU, signal.SIGXFSZ):
+        return False
+    return not _tells_of_memory(_tail(log))
+
+
+def _tells_of_memory(text: str) -> bool:
+    return any(word in text for word in ("bad_alloc", "MemoryError", "annot allocate memory"))
+
+
 def how_it_ended(node: Node, ended: Ended, log: Path) -> str:
     """The sentence for a child process that did not end well."""
     name, limits = f"step `{node.label}`", node.step.limits
@@ -263,7 +298,7 @@ def how_it_ended(node: Node, ended: Ended, log: Path) -> str:
             allowed = limits.wall_s * max(1, limits.cpus)
             return f"{name} used more than {allowed:g} s of processor time and was stopped"
         tail = _tail(log)
-        if "bad_alloc" in tail or "MemoryError" in tail or "annot allocate memory" in tail:
+        if _tells_of_memory(tail):
             return f"{name} ran over its memory limit of {limits.memory_mb} MB"
         told = f": {tail}" if tail else ""
         if number == signal.SIGKILL:

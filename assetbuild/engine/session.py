@@ -26,6 +26,7 @@ class Made:
     """What a step with a known key made, when it last ran.
 
     outputs: name -> digest. seconds: wall clock; cpu_seconds: of its child process, else 0.
+    attempts: processes that it took just now; not kept.
     """
 
     outputs: Mapping[str, str]
@@ -33,6 +34,7 @@ class Made:
     seconds: float = 0.0
     cpu_seconds: float = 0.0
     child: bool = False
+    attempts: int = 1
 
     def to_json(self) -> dict[str, object]:
         """The action entry."""
@@ -78,6 +80,7 @@ class Session:
         self._listings: dict[str, Listing] = {}
         self._source_digests: dict[str, str] = {}
         self._source_paths: dict[str, Path] = {}
+        self._source_folders: dict[str, Path] = {}
         self._children: Children | None = None
         self._lock = threading.Lock()
 
@@ -151,11 +154,38 @@ class Session:
         if self._source_digests.get(name, digest) != digest:
             name = f"{folder.absolute()}:{digest[:8]}/"
         self._source_digests[name] = digest
+        self._source_folders[name] = folder
         return name
 
     def digest_of_source(self, name: str) -> str:
         """Digest of what `source_digest` or `source_tree` remembered under a name."""
         return self._source_digests.get(name) or self.source_digest(Path(name))
+
+    def check_sources(self, node: Node) -> None:
+        """SourceError when a source that the node reads is not what it was when first seen."""
+        for ref in node.inputs.values():
+            if ref.node:
+                continue
+            for path, digest in self._files_of(ref):
+                try:
+                    same = self.stat_cache.digest(path) == digest
+                except OSError:
+                    same = False
+                if not same:
+                    raise edited(path)
+
+    def _files_of(self, ref: Ref) -> list[tuple[Path, str]]:
+        """The files outside the store that a source stands for, with their digests."""
+        folder = self._source_folders.get(ref.output)
+        if folder is None:
+            return [(Path(ref.output), self._source_digests[ref.output])]
+        members = self.tree(self._source_digests[ref.output])
+        wanted = ref.member
+        return [
+            (folder / name, digest)
+            for name, (digest, _) in members.items()
+            if name == wanted or not wanted or (wanted[-1] == "/" and name.startswith(wanted))
+        ]
 
     # -- objects
 
@@ -186,7 +216,7 @@ class Session:
     def _take_in(self, source: Path, digest: str) -> None:
         changed = not source.is_file() or self.store.put_file(source) != digest
         if changed:
-            raise SourceError(f"`{source}` was edited during the build", hint="run the build again")
+            raise edited(source)
 
     # -- what is known
 
@@ -197,6 +227,7 @@ class Session:
             made = made_from_json(raw) if raw is not None else None
             if made is None or self.missing_output(made):
                 return None
+            self.store.touch_action(key)
             self._known[key] = made
         return self._known[key]
 
@@ -220,6 +251,11 @@ class Session:
             if not all(self.store.has(d) for d in (digest, *(d for d, _ in members.values()))):
                 return name
         return ""
+
+
+def edited(source: Path) -> SourceError:
+    """A source changed between its first reading and now."""
+    return SourceError(f"`{source}` was edited during the build", hint="run the build again")
 
 
 class Resolver:

@@ -8,7 +8,7 @@ from pathlib import Path
 from assetbuild.engine.digest import Signature, signature_of
 from assetbuild.engine.graph import Node
 from assetbuild.engine.session import Session
-from assetbuild.engine.store import files_below
+from assetbuild.engine.store import LostObjectError, files_below
 from assetbuild.errors import StepError
 
 Staged = dict[str, tuple[str, Path, Signature]]
@@ -57,9 +57,14 @@ def check_untouched(session: Session, staged: Staged, label: str) -> None:
             )
 
 
-def _is_whole(session: Session, digest: str) -> bool:
-    from assetbuild.engine.store import LostObjectError
+def check_present(staged: Staged) -> None:
+    """LostObjectError when an input went away while the step ran: it is made again."""
+    for name, (digest, path, _) in staged.items():
+        if not path.is_file():
+            raise LostObjectError(digest, f"input `{name}` went away while its step ran")
 
+
+def _is_whole(session: Session, digest: str) -> bool:
     try:
         session.store.path(digest)
     except LostObjectError:

@@ -4,6 +4,7 @@
     <root>/v1/ac/ab/<key>.json     what a step with this key made
     <root>/v1/quarantine/          objects whose bytes did not match their name
     <root>/v1/tmp/                 private folders of running builds
+    <root>/v1/turns/               who runs which action now
 
 Everything is written beside and renamed, so any number of builds may share a store and a kill
 at any moment leaves it valid. There is no fsync: what a power cut tears is found on reading,
@@ -18,12 +19,13 @@ import json
 import os
 import secrets
 import shutil
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from assetbuild.engine.claims import claim_new_folder, remove_abandoned
+from assetbuild.engine.claims import Turns, claim_new_folder, remove_abandoned
 from assetbuild.engine.digest import (
     CHUNK,
     Signature,
@@ -37,6 +39,8 @@ from assetbuild.engine.digest import (
 from assetbuild.errors import MachineError
 
 LAYOUT = "v1"
+BEGAN = "began"
+"""A file in the private folder of a build: its stamp says when the build began."""
 ACTION_FORMAT = 1
 Listing = dict[str, tuple[str, int]]
 """A tree: relative path -> (digest, size in bytes)."""
@@ -53,15 +57,22 @@ class LostObjectError(MachineError):
 
 
 class Store:
-    """Objects and actions below `root`. Threads and processes may share it."""
+    """Objects and actions below `root`. Threads and processes may share it.
 
-    def __init__(self, root: Path) -> None:
+    notice: why this store stands in for the one that was meant; it then goes when it is closed.
+    """
+
+    def __init__(self, root: Path, *, notice: str = "") -> None:
+        self.notice = notice
+        self.is_temporary = bool(notice)
         self.root = Path(os.path.abspath(root)) / LAYOUT  # noqa: PTH100 - keeps symlinks
+        self.turns = Turns(self.root / "turns")
         self._verified: dict[str, Signature] = {}
-        with self._machine_errors():
+        with machine_errors(self.root.parent):
             for name in ("cas", "ac", "quarantine", "tmp", "journal", "logs"):
                 (self.root / name).mkdir(parents=True, exist_ok=True)
             self._tmp, self._claim = claim_new_folder(self.root / "tmp")
+            (self._tmp / BEGAN).touch()
 
     def close(self) -> None:
         """Remove this process's private folder, and those of builds that were killed."""
@@ -70,11 +81,13 @@ class Store:
             os.close(self._claim)
             self._claim = -1
         remove_abandoned((self.root / "tmp").iterdir())
+        if self.is_temporary:
+            shutil.rmtree(self.root.parent, ignore_errors=True)
 
     def scratch(self) -> Path:
         """A new empty folder on the file system of the store, private to this process."""
         folder = self._tmp / secrets.token_hex(6)
-        with self._machine_errors():
+        with machine_errors(self.root.parent):
             folder.mkdir()
         return folder
 
@@ -84,7 +97,7 @@ class Store:
         """Store bytes; their digest."""
         digest = digest_bytes(data)
         beside = self._tmp / secrets.token_hex(8)
-        with self._machine_errors():
+        with machine_errors(self.root.parent):
             beside.write_bytes(data)
             self._accept(beside, digest)
         return digest
@@ -94,7 +107,7 @@ class Store:
 
         move: the file is ours, on the file system of the store, and finished: it is renamed.
         """
-        with self._machine_errors():
+        with machine_errors(self.root.parent):
             if move and path.stat().st_nlink == 1:
                 digest = digest_file(path)
                 self._accept(path, digest)
@@ -185,7 +198,7 @@ class Store:
         """
         beside = dest.with_name(f".{dest.name[:200]}.{secrets.token_hex(4)}.tmp")
         try:
-            with self._machine_errors():
+            with machine_errors(self.root.parent):
                 dest.parent.mkdir(parents=True, exist_ok=True)
                 try:
                     source = self._object(digest).open("rb", buffering=0)
@@ -203,7 +216,7 @@ class Store:
         listing = self.tree(digest)
         beside = dest.with_name(f".{dest.name[:200]}.{secrets.token_hex(4)}.tmp")
         try:
-            with self._machine_errors():
+            with machine_errors(self.root.parent):
                 beside.mkdir(parents=True)
                 for name, (member, _) in sorted(listing.items()):
                     self.restore(member, beside / name)
@@ -243,6 +256,11 @@ class Store:
             return None
         return result if sound and isinstance(result, dict) else None
 
+    def touch_action(self, key: str) -> None:
+        """The action was used: `cache gc` removes those first that were not used for long."""
+        with suppress(OSError):
+            os.utime(self.root / "ac" / key[:2] / f"{key}.json")
+
     def put_action(self, key: str, result: Mapping[str, object]) -> None:
         """Remember what a step with this key made: plain JSON data, outputs by digest."""
         entry = {
@@ -251,15 +269,34 @@ class Store:
             "result": dict(result),
             "check": digest_bytes(canonical_json(dict(result))),
         }
-        with self._machine_errors():
+        with machine_errors(self.root.parent):
             replace_file(self.root / "ac" / key[:2] / f"{key}.json", canonical_json(entry))
 
-    @contextmanager
-    def _machine_errors(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise machine_error(error, self.root.parent) from error
+
+def open_store(root: Path) -> Store:
+    """The store below `root`; a temporary one with a notice where that cannot be written to.
+
+    MachineError when the disk is full, or there is no place for a temporary one either.
+    """
+    try:
+        return Store(root)
+    except MachineError as error:
+        cause = error.__cause__
+        if not isinstance(cause, OSError) or cause.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        why = f"cannot write to the store {root} ({cause.strerror or cause})"
+        with machine_errors(Path(tempfile.gettempdir())):
+            place = Path(tempfile.mkdtemp(prefix="assetbuild-store-"))
+        return Store(place, notice=f"{why}: nothing is taken from it or kept")
+
+
+@contextmanager
+def machine_errors(place: Path) -> Iterator[None]:
+    """Failed writes below `place` as MachineError."""
+    try:
+        yield
+    except OSError as error:
+        raise machine_error(error, place) from error
 
 
 def machine_error(error: OSError, place: Path) -> MachineError:

@@ -148,11 +148,12 @@ class Meet(Step):
     number: int
     company: int
     folder: str
+    patience_s: float = 20.0
 
     def run(self, files: Files) -> Iterable[Finding]:
         place = Path(self.folder)
         (place / str(self.number)).touch()
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + self.patience_s
         while len(list(place.iterdir())) < self.company and time.monotonic() < deadline:
             time.sleep(0.01)
         (files.outputs / "out").write_text(str(len(list(place.iterdir()))))
@@ -188,6 +189,74 @@ class Preloaded(Step):
         seen = {"loaded": "colorsys" in sys.modules, "worker": os.getppid()}
         (files.outputs / "out").write_text(json.dumps(seen))
         return ()
+
+
+class Count(Step):
+    """Leaves one line in a file outside for every run (only a test may)."""
+
+    outputs = ("out",)
+    log: str
+    name: str
+    text: str = ""
+    seconds: float = 0.0
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        with Path(self.log).open("a") as log:
+            log.write(f"{self.name}\n")
+        time.sleep(self.seconds)
+        read = [p.read_text() for p in sorted(files.inputs.iterdir())]
+        (files.outputs / "out").write_text("+".join([self.text or self.name, *read]))
+        return ()
+
+
+class CountInChild(Count):
+    isolated: ClassVar[bool] = True
+
+
+class AlwaysDies(CountInChild):
+    def run(self, files: Files) -> Iterable[Finding]:
+        super().run(files)
+        os.kill(os.getpid(), signal.SIGSEGV)
+        return ()
+
+
+class DiesOnce(Step):
+    """Killed by a signal after it wrote a part; well when it is run again."""
+
+    outputs = ("out",)
+    isolated: ClassVar[bool] = True
+    flag: str
+    signal_name: str
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        if not Path(self.flag).exists():
+            Path(self.flag).touch()
+            (files.outputs / "left behind").touch()
+            os.kill(os.getpid(), signal.Signals[self.signal_name])
+            time.sleep(5)
+        (files.outputs / "out").write_text("alive")
+        return ()
+
+
+class Edit(Step):
+    """Edits a source while it runs, as a user with an editor may."""
+
+    outputs = ("out",)
+    path: str
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        text = "".join(p.read_text() for p in sorted(files.inputs.rglob("*")) if p.is_file())
+        source = Path(self.path)
+        if source.read_text() == "1":
+            source.write_text("2")
+        (files.outputs / "out").write_text(text)
+        return ()
+
+
+class Big(Meet):
+    """Declares much memory."""
+
+    limits: ClassVar[Limits] = Limits(memory_mb=3000)
 
 
 def flip(path: Path) -> None:

@@ -9,6 +9,8 @@ import time
 import pytest
 from builds_for_tests import is_alive, one
 from steps_for_tests import (
+    AlwaysDies,
+    DiesOnce,
     Hang,
     LeavesAChild,
     Misbehave,
@@ -19,6 +21,7 @@ from steps_for_tests import (
 )
 
 from assetbuild.engine import make
+from assetbuild.engine.children import Children
 from assetbuild.engine.execute import execute
 from assetbuild.engine.graph import Planner
 from assetbuild.errors import MachineError, SourceError, StepError, Where
@@ -148,3 +151,31 @@ def test_a_step_that_no_child_can_import_is_refused(session):
 
     with pytest.raises(ValueError, match="cannot import"):
         one(session, Local())
+
+
+@pytest.mark.parametrize("number", ["SIGKILL", "SIGSEGV", "SIGABRT"])
+def test_a_child_killed_once_is_run_again_in_clean_folders(session, tmp_path, number):
+    result = one(session, DiesOnce(flag=str(tmp_path / "flag"), signal_name=number))
+    assert result.status == "ran"
+    assert "run again after a crash" in result.reason
+    assert session.read(result["out"]) == b"alive"
+
+
+def test_a_child_that_always_dies_is_run_twice_and_named_with_its_signal(session, tmp_path):
+    planner = Planner(session)
+    log = tmp_path / "log"
+    planner.add("bad", AlwaysDies(log=str(log), name="bad"))
+    planner.add("good", MixInChild())
+    results = execute(planner.graph(), session, keep_going=True)
+    assert log.read_text() == "bad\nbad\n"
+    assert "step `bad` crashed with SIGSEGV" in str(results["bad"].error)
+    assert results["good"].status == "ran"
+
+
+@pytest.mark.parametrize("how", ["exit", "bug", "memory"])
+def test_a_failure_of_its_own_is_not_tried_again(session, monkeypatch, how):
+    jobs = []
+    run = Children.run
+    monkeypatch.setattr(Children, "run", lambda *a: jobs.append(a) or run(*a))
+    assert one(session, Misbehave(how=how)).status == "failed"
+    assert len(jobs) == 1

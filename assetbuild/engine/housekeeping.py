@@ -1,0 +1,249 @@
+"""What lies in a store: counted, verified, and held below a size by removing what was used least.
+
+Last use is the time of an entry's last change (ctime): a build touches the entry of each action
+that it takes from the store. `atime` says nothing on most machines.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from assetbuild.engine.claims import is_claimed, remove_abandoned
+from assetbuild.engine.session import Made, made_from_json
+from assetbuild.engine.store import BEGAN, LAYOUT, LostObjectError, Store
+
+UNITS = {"": 1, "K": 1000, "M": 1000**2, "G": 1000**3, "T": 1000**4}
+UNITS |= {"KI": 1024, "MI": 1024**2, "GI": 1024**3, "TI": 1024**4}
+
+NOTES = ("logs", "journal", "null")
+"""Folders of small files that only spare work or explain; a tenth of the limit is theirs."""
+CLOCK_TICK_S = 0.05
+"""Stamps of files may lie this much behind the clock."""
+
+
+@dataclass(frozen=True)
+class Stats:
+    """What a store holds. Sizes in bytes; times in seconds since 1970, 0 = never."""
+
+    objects: int = 0
+    object_bytes: int = 0
+    actions: int = 0
+    quarantined: int = 0
+    total_bytes: int = 0
+    oldest_use: float = 0.0
+    live_builds: int = 0
+
+    def to_json(self) -> dict[str, object]:
+        """Plain data for `cache stats --json`."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Checked:
+    """Result of verifying a store. corrupt: digests set aside; torn: unreadable action entries;
+    incomplete: actions whose outputs are gone. Torn and incomplete entries were removed."""
+
+    objects: int
+    corrupt: tuple[str, ...] = ()
+    torn: int = 0
+    incomplete: int = 0
+
+    @property
+    def is_clean(self) -> bool:
+        """Was everything as it should be? An action that lost its outputs is merely forgotten."""
+        return not self.corrupt and not self.torn
+
+
+@dataclass(frozen=True)
+class Collected:
+    """Result of `collect`: sizes of the store in bytes, and how many entries went."""
+
+    before: int
+    after: int
+    actions: int
+    objects: int
+
+
+def size_of_text(text: str) -> int:
+    """Bytes of `5GB`, `500 MB`, `2GiB` or `1000`. ValueError."""
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([KMGT]?I?)B?", text.strip().upper())
+    if found is None or found[2] not in UNITS:
+        raise ValueError(f"`{text}` is no size; write `500MB`, `5GB` or `2GiB`")
+    return int(float(found[1]) * UNITS[found[2]])
+
+
+def stats(root: Path) -> Stats:
+    """Count what the store below `root` holds; an absent store holds nothing."""
+    home = root / LAYOUT
+    objects = [entry.stat() for entry in _files(home / "cas")]
+    actions = [entry.stat() for entry in _files(home / "ac")]
+    uses = [found.st_ctime for found in [*actions, *objects]]
+    return Stats(
+        objects=len(objects),
+        object_bytes=sum(found.st_size for found in objects),
+        actions=len(actions),
+        quarantined=sum(1 for _ in _files(home / "quarantine")),
+        total_bytes=total_bytes(home),
+        oldest_use=min(uses, default=0.0),
+        live_builds=len(_live(home)),
+    )
+
+
+def total_bytes(home: Path) -> int:
+    """Size of everything but the private folders of running builds."""
+    private = f"{home / 'tmp'}{os.sep}"
+    return sum(e.stat().st_size for e in _files(home) if not e.path.startswith(private))
+
+
+def check(store: Store) -> Checked:
+    """Verify every object and action; what is wrong is set aside and made again when needed."""
+    corrupt = []
+    count = 0
+    for entry in _files(store.root / "cas"):
+        count += 1
+        try:
+            store.path(entry.name)
+        except LostObjectError:
+            corrupt.append(entry.name)
+            with suppress(OSError):  # not even a digest by its name
+                Path(entry.path).replace(store.root / "quarantine" / entry.name)
+    torn = incomplete = 0
+    for entry in _files(store.root / "ac"):
+        raw = store.action(entry.name.removesuffix(".json"))
+        made = made_from_json(raw) if raw is not None else None
+        if made is None:
+            torn += 1
+        elif not all(store.has(d) for d in _closure(store, made)):
+            incomplete += 1
+        else:
+            continue
+        Path(entry.path).unlink(missing_ok=True)
+    return Checked(count, tuple(sorted(corrupt)), torn, incomplete)
+
+
+def collect(store: Store, max_bytes: int) -> Collected:
+    """Remove what was used least lately until the store holds at most `max_bytes`.
+
+    What was used since the oldest running build began stays, whatever the limit; what such a
+    build read earlier and loses, it makes again.
+    """
+    began = time.time() - CLOCK_TICK_S
+    remove_abandoned((store.root / "tmp").iterdir())
+    before = total_bytes(store.root)
+    _trim(store.root, ("quarantine",), 0)
+    _trim(store.root, NOTES, max_bytes // 10)
+    protected_from = min([began, *_live(store.root)])
+    choice = _Choice(store, max_bytes - _size_below(store.root, NOTES), protected_from)
+    for path in choice.dropped:
+        path.unlink(missing_ok=True)
+    removed = 0
+    for entry in _files(store.root / "cas"):
+        # An object may have come, or come again, since we chose.
+        if entry.name not in choice.kept and entry.stat().st_ctime < protected_from:
+            Path(entry.path).unlink(missing_ok=True)
+            removed += 1
+    after = total_bytes(store.root)
+    return Collected(before, after, len(choice.dropped), removed)
+
+
+class _Choice:
+    """What stays: actions with all that they made, those used last first; then sources.
+
+    kept: objects that stay. dropped: action entries that go.
+    """
+
+    def __init__(self, store: Store, max_bytes: int, protected_from: float) -> None:
+        self.kept: set[str] = set()
+        self.dropped: list[Path] = []
+        self._left = max_bytes
+        found = {entry.name: entry.stat() for entry in _files(store.root / "cas")}
+        self._sizes = {name: each.st_size for name, each in found.items()}
+        made: set[str] = set()
+        actions = [(e.stat().st_ctime, e.stat().st_size, e.path) for e in _files(store.root / "ac")]
+        for used, size, path in sorted(actions, reverse=True):
+            objects = _objects_of(store, Path(path).stem)
+            made |= objects or set()
+            young = used >= protected_from
+            if objects is None or not self._keep(objects, size, young=young):
+                self.dropped.append(Path(path))
+        sources = found.keys() - made
+        for name in sorted(sources, key=lambda n: (-found[n].st_ctime, n)):
+            self._keep({name}, 0, young=found[name].st_ctime >= protected_from)
+
+    def _keep(self, objects: set[str], size: int, *, young: bool) -> bool:
+        cost = size + sum(self._sizes.get(name, 0) for name in objects - self.kept)
+        if not young and cost > self._left:
+            return False
+        self._left -= cost
+        self.kept |= objects
+        return True
+
+
+def _objects_of(store: Store, key: str) -> set[str] | None:
+    """Everything that an action made, folders with their members; None when it is torn."""
+    raw = store.action(key)
+    made = made_from_json(raw) if raw is not None else None
+    return None if made is None else _closure(store, made)
+
+
+def _closure(store: Store, made: Made) -> set[str]:
+    found = set(made.outputs.values())
+    for name, digest in made.outputs.items():
+        if name.endswith("/"):
+            with suppress(LostObjectError):
+                found |= {member for member, _ in store.tree(digest).values()}
+    return found
+
+
+def _trim(home: Path, names: tuple[str, ...], allowed: int) -> None:
+    """Remove the oldest files below these folders until they hold at most `allowed` bytes."""
+    found = [(e.stat().st_ctime, e.stat().st_size, e.path) for n in names for e in _files(home / n)]
+    size = sum(part[1] for part in found)
+    for _, part, path in sorted(found):
+        if size <= allowed:
+            return
+        Path(path).unlink(missing_ok=True)
+        size -= part
+
+
+def _size_below(home: Path, names: tuple[str, ...]) -> int:
+    return sum(entry.stat().st_size for name in names for entry in _files(home / name))
+
+
+def _live(home: Path) -> list[float]:
+    """When the builds that run now began."""
+    return [began for f in _folders(home / "tmp") if (began := _began(f)) and is_claimed(f)]
+
+
+def _began(folder: Path) -> float:
+    with suppress(OSError):
+        return (folder / BEGAN).stat().st_ctime
+    return 0.0
+
+
+def _folders(folder: Path) -> list[Path]:
+    try:
+        return sorted(path for path in folder.iterdir() if path.is_dir())
+    except OSError:
+        return []
+
+
+def _files(folder: Path) -> Iterator[os.DirEntry[str]]:
+    """Every file below a folder; one that goes away meanwhile, and an absent folder, pass."""
+    try:
+        entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
+    except OSError:
+        return
+    for entry in entries:
+        if entry.is_dir(follow_symlinks=False):
+            yield from _files(Path(entry.path))
+        elif entry.is_file(follow_symlinks=False):
+            with suppress(FileNotFoundError):
+                entry.stat()  # kept by the entry
+                yield entry

@@ -1,0 +1,54 @@
+"""`assetbuild cache`, as a user runs it, on a store that needs no robot."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from assetbuild.engine.store import Store
+
+
+def run(cache: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "assetbuild", "cache", *words],
+        env=os.environ | {"ASSETBUILD_CACHE": str(cache)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+def test_stats_check_and_gc(tmp_path: Path):
+    store = Store(tmp_path / "store")
+    digest = store.put_bytes(b"x" * 3000)
+    other = store.put_bytes(b"y" * 3000)
+    store.close()
+    found = json.loads(run(tmp_path / "store", "stats", "--json").stdout)
+    assert (found["objects"], found["object_bytes"]) == (2, 6000)
+    assert run(tmp_path / "store", "check").returncode == 0
+    path = tmp_path / "store/v1/cas" / digest[:2] / digest
+    path.chmod(0o644)
+    path.write_bytes(b"x")
+    done = run(tmp_path / "store", "check")
+    assert done.returncode == 1
+    assert f"corrupt, set aside: {digest}" in done.stdout
+    assert (tmp_path / "store/v1/cas" / other[:2] / other).is_file()
+    done = run(tmp_path / "store", "gc", "--max-size", "1kB")
+    assert done.returncode == 0, done.stderr
+    assert "1 objects removed" in done.stdout
+    assert json.loads(run(tmp_path / "store", "stats", "--json").stdout)["total_bytes"] < 1000
+
+
+def test_without_a_store_there_is_nothing_to_do(tmp_path: Path):
+    for words in (("stats",), ("check",), ("gc", "--max-size", "1GB")):
+        assert run(tmp_path / "none", *words).returncode == 0
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_wrong_size_is_explained(tmp_path: Path):
+    done = run(tmp_path, "gc", "--max-size", "huge")
+    assert done.returncode == 2
+    assert "`huge` is no size; write `500MB`" in done.stderr

@@ -1,0 +1,74 @@
+"""Ctrl-C and SIGTERM: children dead within two seconds, what is finished stays (F30)."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from .conftest import Workplace
+
+
+def descendants(pid: int) -> set[int]:
+    """Process ids of all children, and of theirs."""
+    parents: dict[int, int] = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            parents[int(stat.parent.name)] = int(stat.read_text().rpartition(")")[2].split()[1])
+        except OSError:
+            continue
+    found, grown = {pid}, True
+    while grown:
+        more = {child for child, parent in parents.items() if parent in found} - found
+        grown = bool(more)
+        found |= more
+    return found - {pid}
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.parametrize(
+    ("number", "times", "code"),
+    [(signal.SIGINT, 1, 130), (signal.SIGINT, 2, 130), (signal.SIGTERM, 1, 143)],
+)
+def test_an_interrupted_build_leaves_nothing_running(
+    cold_place: Workplace, number: signal.Signals, times: int, code: int
+):
+    build = subprocess.Popen(
+        cold_place.command("build", "recipes/go1.yaml"),
+        cwd=cold_place.folder,
+        env=cold_place.env(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert build.stderr is not None
+    line = next(line for line in build.stderr if "convert" in line and " ran " in line)
+    assert line
+    children = descendants(build.pid)
+    assert children
+    began = time.monotonic()
+    for _ in range(times):
+        os.kill(build.pid, number)
+        time.sleep(0.05)
+    said = build.communicate(timeout=10)[1]
+    while any(is_alive(pid) for pid in children):
+        assert time.monotonic() - began < 2
+        time.sleep(0.02)
+    assert build.returncode == code, said
+    assert "what is finished is kept" in said
+    assert "Traceback" not in said
+    told = cold_place.build("-n").stdout
+    stale, total = map(int, re.findall(r"(\d+) of (\d+) steps would run", told)[0])
+    assert stale < total
+    assert list((cold_place.store / "v1/tmp").iterdir()) == []

@@ -1,0 +1,128 @@
+"""The disk is full at the k-th write, for every k: one clear error, and nothing is lost (F3)."""
+
+from __future__ import annotations
+
+import builtins
+import errno
+import io
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from steps_for_tests import Mix, Split
+
+from assetbuild.engine.execute import execute, first_error, restore
+from assetbuild.engine.graph import Planner
+from assetbuild.engine.housekeeping import check
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import Store
+from assetbuild.errors import AssetBuildError, MachineError
+
+
+class Disk:
+    """Counts writes; from the `full_at`-th on there is no space."""
+
+    def __init__(self, full_at: int | None) -> None:
+        self.full_at = full_at
+        self.writes = 0
+
+    def take(self, name: object) -> None:
+        self.writes += 1
+        if self.full_at is not None and self.writes >= self.full_at:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(name))
+
+
+class CountedFile:
+    """A file opened for writing, whose `write` may fail."""
+
+    def __init__(self, disk: Disk, file: Any) -> None:
+        self._disk, self._file = disk, file
+
+    def write(self, data: Any) -> int:
+        self._disk.take(self._file.name)
+        return int(self._file.write(data))
+
+    def __enter__(self) -> CountedFile:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+
+@contextmanager
+def disk(full_at: int | None) -> Iterator[Disk]:
+    """Opening for writing, writing and making folders count, and fail from `full_at` on."""
+    counted = Disk(full_at)
+    plain_open, plain_mkdir = io.open, os.mkdir
+
+    def counted_open(file: Any, mode: str = "r", *args: Any, **options: Any) -> Any:
+        if not set(mode) & set("wax+"):
+            return plain_open(file, mode, *args, **options)
+        counted.take(file)
+        return CountedFile(counted, plain_open(file, mode, *args, **options))
+
+    def counted_mkdir(path: Any, *args: Any, **options: Any) -> None:
+        counted.take(path)
+        plain_mkdir(path, *args, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(io, "open", counted_open)
+        patch.setattr(builtins, "open", counted_open)
+        patch.setattr(os, "mkdir", counted_mkdir)
+        yield counted
+
+
+def build(root: Path, source: Path, dest: Path) -> bytes:
+    """Three steps, a folder among their outputs, and one output restored to a user's folder."""
+    with Session(Store(root), build="it") as session:
+        planner = Planner(session)
+        split = planner.add("split", Split(), {"in": planner.source(source)})
+        mix = planner.add("mix", Mix(), {"all/": split["parts/"]})
+        planner.add("last", Mix(salt=1), {"in": mix["out"]})
+        graph = planner.graph()
+        results = execute(graph, session, jobs=1)
+        error = first_error(results)
+        if error is not None:
+            raise error
+        restore(graph, session, graph.nodes["last"]["out"], dest)
+        return dest.read_bytes()
+
+
+def attempt(full_at: int | None, run: Callable[[], bytes]) -> tuple[AssetBuildError | None, int]:
+    with disk(full_at) as counted:
+        try:
+            run()
+        except AssetBuildError as error:
+            return error, counted.writes
+    return None, counted.writes
+
+
+def test_a_full_disk_at_any_write_is_one_error_that_loses_nothing(tmp_path: Path):
+    source = tmp_path / "source"
+    source.write_text("one 1\ntwo 2\n")
+    gold = build(tmp_path / "gold", source, tmp_path / "dest")
+    error, writes = attempt(None, lambda: build(tmp_path / "counted", source, tmp_path / "d"))
+    assert error is None
+    assert writes > 40
+    failed = 0
+    for full_at in range(1, writes + 1):
+        root, dest = tmp_path / f"store-{full_at}", tmp_path / f"dest-{full_at}"
+        error, _ = attempt(full_at, lambda root=root, dest=dest: build(root, source, dest))
+        if error is not None:
+            failed += 1
+            assert isinstance(error, MachineError), (full_at, error)
+            assert "no space" in error.message, full_at
+            assert error.exit_code == 1
+            assert not dest.exists()
+        store = Store(root)
+        assert check(store).is_clean, full_at
+        store.close()
+        assert build(root, source, dest) == gold, full_at
+        assert list((root / "v1/tmp").iterdir()) == []
+    assert failed >= writes - 6  # notes such as the journal are given up in silence

@@ -1,0 +1,141 @@
+"""Each action runs once, in one build and among many builds at once on one store."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from pathlib import Path
+
+from steps_for_tests import Count, Mix
+
+from assetbuild.engine.claims import Turns
+from assetbuild.engine.execute import execute
+from assetbuild.engine.graph import Planner
+from assetbuild.engine.session import Session
+
+BUILDS, ROUNDS = 8, 10
+
+PROGRAM = """
+import json, sys, time
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+from steps_for_tests import Count, CountInChild
+from assetbuild.engine.execute import execute
+from assetbuild.engine.graph import Planner
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import Store
+folder, me, builds, rounds = Path(sys.argv[2]), sys.argv[3], int(sys.argv[4]), int(sys.argv[5])
+for number in range(rounds):
+    place = folder / str(number)
+    (place / "here").mkdir(parents=True, exist_ok=True)
+    (place / "here" / me).touch()
+    while len(list((place / "here").iterdir())) < builds:
+        time.sleep(0.002)
+    log = str(place / "log")
+    with Session(Store(place / "store"), build=me) as session:
+        planner = Planner(session)
+        kind = CountInChild if number == 0 else Count
+        a = planner.add("a", kind(log=log, name="a", seconds=0.02))
+        middle = [planner.add(n, Count(log=log, name=n), {"in": a["out"]}) for n in "bcd"]
+        planner.add("e", Count(log=log, name="e", seconds=0.01),
+                    {str(i): m["out"] for i, m in enumerate(middle)})
+        results = execute(planner.graph(), session, jobs=2)
+    told = [[k, r.status, r.outputs] for k, r in results.items()]
+    (place / f"result-{me}").write_text(json.dumps(told))
+"""
+
+
+def test_eight_builds_at_once_run_each_action_once(tmp_path: Path):
+    here = str(Path(__file__).parent)
+    words = [sys.executable, "-c", PROGRAM, here, str(tmp_path)]
+    builds = [
+        subprocess.Popen([*words, str(number), str(BUILDS), str(ROUNDS)])
+        for number in range(BUILDS)
+    ]
+    assert [build.wait(timeout=120) for build in builds] == [0] * BUILDS
+    for number in range(ROUNDS):
+        place = tmp_path / str(number)
+        ran = Counter((place / "log").read_text().split())
+        assert ran == dict.fromkeys("abcde", 1)
+        told = [json.loads(path.read_text()) for path in place.glob("result-*")]
+        assert len(told) == BUILDS
+        assert len({json.dumps([[k, o] for k, _, o in one]) for one in told}) == 1
+        states = Counter(status for one in told for _, status, _ in one)
+        assert states == {"ran": 5, "cached": 5 * (BUILDS - 1)}
+        assert list((place / "store/v1/turns").iterdir()) == []
+
+
+def test_two_nodes_of_one_build_with_the_same_key_run_once(session: Session, tmp_path: Path):
+    planner = Planner(session)
+    step = Count(log=str(tmp_path / "log"), name="it", seconds=0.1)
+    planner.add("left", step)
+    planner.add("right", step)
+    results = execute(planner.graph(), session, jobs=2)
+    assert sorted(result.status for result in results.values()) == ["cached", "ran"]
+    assert (tmp_path / "log").read_text() == "it\n"
+    assert results["left"].outputs == results["right"].outputs
+
+
+def test_a_failure_is_not_shared_and_the_next_in_turn_tries_itself(session: Session, tmp_path):
+    planner = Planner(session)
+    step = Count(log=str(tmp_path / "log"), name="it", text="\udcff")  # cannot be written
+    planner.add("left", step)
+    planner.add("right", step)
+    results = execute(planner.graph(), session, jobs=2, keep_going=True)
+    assert [result.status for result in results.values()] == ["failed", "failed"]
+
+
+def test_a_killed_owner_frees_its_turn_at_once(tmp_path: Path):
+    code = (
+        "import sys, time; from pathlib import Path; from assetbuild.engine.claims import Turns\n"
+        "with Turns(Path(sys.argv[1])).turn('k', patience_s=1):\n"
+        "    print('held', flush=True); time.sleep(60)"
+    )
+    owner = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True
+    )
+    assert owner.stdout is not None
+    assert owner.stdout.readline() == "held\n"
+    threading.Timer(0.2, owner.kill).start()
+    began = time.monotonic()
+    with Turns(tmp_path).turn("k", patience_s=30):
+        assert 0.15 < time.monotonic() - began < 5
+    owner.wait()
+    owner.stdout.close()
+
+
+def test_nobody_waits_for_ever(tmp_path: Path):
+    turns = Turns(tmp_path)
+    entered: list[float] = []
+
+    def wait() -> None:
+        began = time.monotonic()
+        with turns.turn("k", patience_s=0.2):
+            entered.append(time.monotonic() - began)
+
+    with turns.turn("k", patience_s=1):
+        with turns.turn("k", patience_s=1):  # the same thread: healing may come back to it
+            pass
+        other = threading.Thread(target=wait)
+        other.start()
+        other.join(10)
+    assert 0.15 < entered[0] < 5
+
+
+def test_a_step_and_its_maker_may_have_the_same_key(session: Session, source: Path):
+    """`second` and `third` read the same bytes, so they are one action; healing meets both."""
+    planner = Planner(session)
+    first = planner.add("first", Mix(keep=0), {"in": planner.source(source)})
+    second = planner.add("second", Mix(keep=0), {"in": first["out"]})
+    third = planner.add("third", Mix(keep=0), {"in": second["out"]})
+    results = execute(planner.graph(), session, jobs=2)
+    assert results["second"].key == results["third"].key
+    digest = results["third"]["out"]
+    (session.store.root / "cas" / digest[:2] / digest).unlink()
+    session.forget()
+    planner.add("last", Mix(), {"in": third["out"]})
+    assert not any(r.error for r in execute(planner.graph(), session, jobs=2).values())
