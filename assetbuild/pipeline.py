@@ -169,7 +169,9 @@ def check(recipe: Path) -> list[Finding]:
     return list(make_report("", findings, {}, loaded.recipe.rules, locate).findings)
 
 
-LIGHT_STEPS = frozenset({"read_urdf", "lint_links", "merge_fixed_joints", "lint_bodies"})
+LIGHT_STEPS = frozenset(
+    {"expand_xacro", "read_urdf", "lint_links", "merge_fixed_joints", "lint_bodies"}
+)
 """Steps that `check` may run: no simulator, no mesh, no network."""
 
 
@@ -331,10 +333,11 @@ def _locator(
 ) -> Callable[[str], str]:
     """From a finding's subject to `file:line` of the source or of the recipe."""
     lines: dict[str, int] = {}
-    file = str(loaded.recipe.source.urdf)
+    file = loaded.recipe.source.description
     if outline.source_map is not None:
         digest = results[outline.source_map.node][outline.source_map.output]
-        lines = json.loads(session.read(digest))["lines"]
+        source_map = json.loads(session.read(digest))
+        file, lines = source_map["file"], source_map["lines"]
     joints = {f"actuator {name[6:]}": line for name, line in lines.items() if name[:6] == "joint "}
 
     def locate(subject: str) -> str:
@@ -368,6 +371,10 @@ def _bundle(
         BundleFile.of_text("model_card.md", "report", card),
         notice(recipe, pinned),
     ]
+    if outline.expanded is not None:
+        expanded = results[outline.expanded.node][outline.expanded.output]
+        size = len(session.read(expanded))
+        files.append(BundleFile("report/expanded.urdf", "report", expanded, size))
     files.append(manifest(recipe.robot, files))
     materials: list[dict[str, object]] = [{"name": "assetbuild", "version": __version__}]
     if lock is not None:

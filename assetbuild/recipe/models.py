@@ -75,7 +75,7 @@ class Model(BaseModel):
 
 
 class Source(Model):
-    """Where the robot comes from: exactly one of path, pypi; exactly one of urdf, xacro, mjcf."""
+    """Where the robot comes from: exactly one of path, pypi; exactly one of urdf, xacro."""
 
     path: str | None = Field(None, description="a folder, relative to the recipe")
     pypi: str | None = Field(None, description="`name==version` of a wheel", pattern=PYPI_PATTERN)
@@ -83,6 +83,10 @@ class Source(Model):
         ".", description="folder inside the source that all paths below start from"
     )
     urdf: InsidePath | None = Field(None, description="the URDF file")
+    xacro: InsidePath | None = Field(None, description="the xacro file, instead of `urdf`")
+    args: dict[str, str | bool | int | Real] = Field(
+        default_factory=dict, description="arguments of the xacro file, by name"
+    )
     packages: dict[str, InsidePath] = Field(
         default_factory=dict, description="package:// name -> folder; explicit, nothing is searched"
     )
@@ -92,9 +96,16 @@ class Source(Model):
     def _one_of_each(self) -> Source:
         if (self.path is None) == (self.pypi is None):
             raise ValueError("give exactly one of `path`, `pypi`")
-        if self.urdf is None:
-            raise ValueError("give `urdf`, the robot's description below `root`")
+        if (self.urdf is None) == (self.xacro is None):
+            raise ValueError("give exactly one of `urdf`, `xacro`: the description below `root`")
+        if self.args and self.xacro is None:
+            raise ValueError("`args` are for a `xacro` file")
         return self
+
+    @property
+    def description(self) -> str:
+        """Path of the robot's description below the root."""
+        return str(self.urdf or self.xacro)
 
 
 class FixedJoints(Model):

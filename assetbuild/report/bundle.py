@@ -81,7 +81,7 @@ def notice(recipe: Recipe, pin: Mapping[str, object]) -> BundleFile:
         f"{recipe.robot}",
         "",
         f"Converted by assetbuild {__version__} from {source.pypi or source.path},",
-        f"file {source.urdf}.",
+        f"file {source.description}.",
         *(f"{key}: {value}" for key, value in sorted(pin.items())),
         f"Licence of the source: {source.license or 'not stated in the recipe'}",
         "Changes: meshes converted and simplified, fixed joints merged, collision geometry,",

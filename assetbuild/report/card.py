@@ -57,7 +57,7 @@ def _identity(
     mass = sum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
     rows: list[tuple[str, object]] = [
         ("source", recipe.source.pypi or recipe.source.path),
-        ("description", recipe.source.urdf),
+        ("description", recipe.source.description),
         *sorted(pin.items()),
         ("licence", recipe.source.license or "not stated"),
         ("base", tree.base),
