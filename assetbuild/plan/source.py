@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import posixpath
+import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 from assetbuild.engine.graph import Planner, Ref
 from assetbuild.errors import Where
-from assetbuild.lock import Lock
+from assetbuild.lock import GitPin, Lock
 from assetbuild.plan.source_archive import ArchiveSource
 from assetbuild.plan.source_folder import FolderSource
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.steps.expand_xacro import INCLUDED, ExpandXacro
 from assetbuild.steps.fetch import Fetch
+from assetbuild.steps.fetch_git import FetchGit
+from assetbuild.steps.fetch_url import FetchUrl
+
+SCP_LIKE = re.compile(r"[A-Za-z0-9._-]+@[A-Za-z0-9.-]+:")
+"""`git@host:path`, which ssh understands."""
 
 
 @dataclass(frozen=True)
@@ -48,12 +55,36 @@ class Source(Protocol):
 
 def open_source(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Source:
     """The source that the recipe names. RecipeError when a folder is not there."""
-    if loaded.recipe.source.pypi is None:
+    source = loaded.recipe.source
+    if source.path is not None and not (loaded.path.parent / source.path).is_file():
         return FolderSource(loaded, p)
-    assert lock is not None  # noqa: S101 # the pipeline pins moving sources first
-    pin = lock.source
-    fetch = Fetch(name=pin.name, release=pin.version, filename=pin.file, sha256=pin.sha256)
-    return ArchiveSource(p.add("fetch", fetch, {})["archive"], loaded.recipe.source.root, p)
+    return ArchiveSource(_archive(loaded, lock, p), source.root, source.description, p)
+
+
+def _archive(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Ref:
+    """The zip or tar of a source that is no folder."""
+    source = loaded.recipe.source
+    if source.path is not None:
+        return p.source((loaded.path.parent / source.path).resolve())
+    step: FetchUrl | FetchGit | Fetch
+    if source.url is not None:
+        step = FetchUrl(url=source.url, sha256=str(source.sha256))
+    else:
+        assert lock is not None  # noqa: S101 # the pipeline pins moving sources first
+        pin = lock.source
+        if isinstance(pin, GitPin):
+            step = FetchGit(url=repository(loaded), commit=pin.commit, sha256=pin.sha256)
+        else:
+            step = Fetch(name=pin.name, release=pin.version, filename=pin.file, sha256=pin.sha256)
+    return p.add("fetch", step, {})["archive"]
+
+
+def repository(loaded: LoadedRecipe) -> str:
+    """`source.git` as git takes it: an address, or an absolute path."""
+    git = str(loaded.recipe.source.git)
+    if "://" in git or SCP_LIKE.match(git):
+        return git
+    return str((loaded.path.parent / Path(git).expanduser()).resolve())
 
 
 def description_of(loaded: LoadedRecipe, source: Source, p: Planner) -> Description | None:

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import json
+import re
+from pathlib import PurePosixPath
 
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.steps.list_archive import ListArchive
 from assetbuild.steps.unpack import Unpack
 
+MESHES = "unpack meshes"
+"""The one label of unpacking that is not light: see `pipeline.check`."""
+_LICENSE = re.compile(r"(licen[cs]e|copying)[^/]*", re.IGNORECASE)
+
 
 class ArchiveSource:
     """A zip or tar, wherever it came from; only what the recipe needs is unpacked."""
 
-    def __init__(self, archive: Ref, root: str, p: Planner) -> None:
+    def __init__(self, archive: Ref, root: str, description: str, p: Planner) -> None:
         self._archive, self._root, self._p = archive, root, p
+        self._above = {parent.as_posix() for parent in PurePosixPath(description).parents}
         listed = p.add("list_archive", ListArchive(root=root), {"archive": archive})
         answer = p.ask(listed["listing.json"])
         self._listing: dict[str, list[str]] | None = None
@@ -49,7 +56,7 @@ class ArchiveSource:
         paths = tuple(sorted(entry["path"] for entry in listing))
         if not paths:
             return {}
-        unpacked = self._unpack("unpack meshes", self._root, paths)["files/"]
+        unpacked = self._unpack(MESHES, self._root, paths)["files/"]
         return {path: unpacked / path for path in paths}
 
     def below(self, folders: tuple[str, ...], suffixes: tuple[str, ...]) -> dict[str, Ref] | None:
@@ -71,8 +78,19 @@ class ArchiveSource:
         """See `Source`."""
         if self._listing is None:
             return {}
-        paths = tuple(self._listing["licenses"])
-        if not paths:
-            return {}
-        unpacked = self._unpack("unpack licences", ".", paths)["files/"]
-        return {path: unpacked / path for path in paths}
+        of_wheel = tuple(self._listing["licenses"])
+        beside = tuple(path for path in self._listing["files"] if self._is_license(path))
+        found = {}
+        for label, root, paths in (
+            ("unpack licences", ".", of_wheel),
+            ("unpack licences of the robot", self._root, beside),
+        ):
+            if paths:
+                unpacked = self._unpack(label, root, paths)["files/"]
+                found.update({path: unpacked / path for path in paths})
+        return found
+
+    def _is_license(self, path: str) -> bool:
+        """A licence text in a folder above the description."""
+        place = PurePosixPath(path)
+        return place.parent.as_posix() in self._above and bool(_LICENSE.fullmatch(place.name))

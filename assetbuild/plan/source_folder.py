@@ -23,7 +23,7 @@ class FolderSource:
         if not self.root.is_dir():
             key = ("source", "path")
             raise RecipeError(
-                f"source.path: no folder `{loaded.recipe.source.path}`",
+                f"source.path: no folder or archive `{loaded.recipe.source.path}`",
                 where=loaded.where(key),
                 hint="paths are relative to the recipe's folder",
             )

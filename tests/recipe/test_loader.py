@@ -127,7 +127,7 @@ def test_an_aliased_key_is_known_by_the_name_people_write(refused):
         ("urdf: tiny.urdf", "urdf: ../x.urdf", "5:9", "inside the source", ""),
         ("urdf: tiny.urdf", "urdf: /etc/passwd", "5:9", "inside the source", ""),
         ("  urdf: tiny.urdf\n", "", "3:1", "give exactly one of `urdf`", ""),
-        ("  path: tiny\n", "", "3:1", "exactly one of `path`, `pypi`", ""),
+        ("  path: tiny\n", "", "3:1", "exactly one of `path`, `url`, `git`, `pypi`", ""),
         ("path: tiny", "pypi: '-r==1'", "4:9", "does not fit", "name==version"),
         ("on_ground", "on_grund", "17:16", "`on_ground` or a list", "`on_ground`"),
         ("on_ground", "[0, 0]", "17:10", "missing entry 3", ""),
