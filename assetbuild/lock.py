@@ -6,11 +6,12 @@ import contextlib
 import json
 import os
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from packaging.utils import canonicalize_name
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
 from assetbuild.errors import LockError, MachineError, Where
 from assetbuild.recipe.loader import read_small_file, shown_path
@@ -40,11 +41,29 @@ class Pin(Model):
         return self.pypi.partition("==")[2]
 
 
+class GitPin(Model):
+    """One commit of a repository."""
+
+    git: str = Field(description="the repository, as in the recipe")
+    rev: str = Field(description="branch, tag or commit, as in the recipe")
+    commit: str = Field(pattern=r"^[0-9a-f]{40}$", description="what `rev` stood for")
+    sha256: Sha256 = Field(description="of the paths and contents of its files")
+    size: int = Field(ge=1, description="bytes of the exported tar")
+
+
 class Lock(Model):
     """The pins of one recipe."""
 
     schema_: Literal["assetbuild-lock/v1"] = Field("assetbuild-lock/v1", alias="schema")
-    source: Pin
+    source: Annotated[
+        Annotated[Pin, Tag("a wheel")] | Annotated[GitPin, Tag("a commit")],
+        # Without it a wrong value would be told once for each kind of pin.
+        Discriminator(lambda raw: "a commit" if "git" in _keys(raw) else "a wheel"),
+    ]
+
+
+def _keys(raw: object) -> Iterable[str]:
+    return raw if isinstance(raw, dict) else dict(raw) if isinstance(raw, Model) else ()
 
 
 def lock_path(recipe: Path) -> Path:
@@ -67,12 +86,9 @@ def read_lock(path: Path) -> Lock | None:
 
 def lock_text(lock: Lock) -> str:
     """The file's text: the same lock gives the same bytes."""
-    pin = lock.source
-    return (
-        f"{_HEAD}schema: {lock.schema_}\nsource:\n"
-        f"  pypi: {_quoted(pin.pypi)}\n  file: {_quoted(pin.file)}\n"
-        f"  sha256: {_quoted(pin.sha256)}\n  size: {pin.size}\n"
-    )
+    rows = "".join(f"  {key}: {json.dumps(value)}\n" for key, value in lock.source)
+    # JSON's quotes are YAML's; a digest of digits alone must stay text.
+    return f"{_HEAD}schema: {lock.schema_}\nsource:\n{rows}"
 
 
 def write_lock(path: Path, lock: Lock) -> bool:
@@ -101,19 +117,25 @@ def write_lock(path: Path, lock: Lock) -> bool:
 def check_pin(source: Source, lock: Lock, path: Path) -> None:
     """LockError when the lock at `path` pins another source than the recipe names."""
     where = Where(shown_path(path))
-    if source.pypi is None:
-        message = f"the lock pins {lock.source.pypi}, but the recipe's source is a folder"
+    pinned = _pinned(lock.source)
+    if source.moving is None:
+        kind = "a folder" if source.path else "pinned in the recipe"
+        message = f"the lock pins {pinned}, but the recipe's source is {kind}"
         raise LockError(message, where=where, hint="delete the lock")
-    name, _, version = source.pypi.partition("==")
-    pin = lock.source
-    if canonicalize_name(name) != canonicalize_name(pin.name) or version != pin.version:
+    if not _agree(source, lock.source):
         raise LockError(
-            f"the lock pins {pin.pypi}, but the recipe names {source.pypi}",
+            f"the lock pins {pinned}, but the recipe names {source.moving}",
             where=where,
             hint="run `assetbuild lock` to pin what the recipe names",
         )
 
 
-def _quoted(text: str) -> str:
-    """JSON's quotes are YAML's; a digest of digits alone must stay text."""
-    return json.dumps(text)
+def _pinned(pin: Pin | GitPin) -> str:
+    return pin.pypi if isinstance(pin, Pin) else f"{pin.git} at {pin.rev}"
+
+
+def _agree(source: Source, pin: Pin | GitPin) -> bool:
+    if isinstance(pin, GitPin):
+        return (source.git, source.rev) == (pin.git, pin.rev)
+    name, _, version = (source.pypi or "").partition("==")
+    return canonicalize_name(name) == canonicalize_name(pin.name) and version == pin.version

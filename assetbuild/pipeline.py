@@ -19,10 +19,13 @@ from assetbuild.engine.session import Resolver, Session
 from assetbuild.engine.store import LostObjectError, machine_error, open_store
 from assetbuild.errors import AssetBuildError, LockError, OutOfDateError, Where
 from assetbuild.findings import Finding
-from assetbuild.lock import Lock, check_pin, lock_path, read_lock, write_lock
+from assetbuild.lock import GitPin, Lock, Pin, check_pin, lock_path, read_lock, write_lock
 from assetbuild.plan import Outline, plan
 from assetbuild.plan.agree import check_names
+from assetbuild.plan.source import repository
+from assetbuild.plan.source_archive import MESHES
 from assetbuild.recipe.loader import LoadedRecipe, load_recipe, shown_path
+from assetbuild.recipe.models import Recipe
 from assetbuild.report.bundle import BundleFile, json_text, manifest, notice, provenance
 from assetbuild.report.card import model_card
 from assetbuild.report.document import CheckResult, FailOn, Report, fails, make_report
@@ -30,6 +33,7 @@ from assetbuild.report.html import html_page
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Shapes, Tree
 from assetbuild.steps.fetch import resolve
+from assetbuild.steps.fetch_git import resolve_git
 
 
 @dataclass(frozen=True)
@@ -139,7 +143,7 @@ def _located(error: AssetBuildError, subject: str) -> AssetBuildError:
 
 def _read(loaded: LoadedRecipe, sources: list[Path]) -> list[Path]:
     lock = lock_path(loaded.path)
-    return [*loaded.files, *sources, *([lock] if loaded.recipe.source.pypi else [])]
+    return [*loaded.files, *sources, *([lock] if loaded.recipe.source.moving else [])]
 
 
 def check(recipe: Path) -> list[Finding]:
@@ -171,7 +175,17 @@ def check(recipe: Path) -> list[Finding]:
     return list(make_report("", findings, {}, loaded.recipe.rules, locate).findings)
 
 
-LIGHT_STEPS = frozenset({"read_urdf", "lint_links", "merge_fixed_joints", "lint_bodies"})
+LIGHT_STEPS = frozenset(
+    {
+        "list_archive",
+        "unpack",
+        "expand_xacro",
+        "read_urdf",
+        "lint_links",
+        "merge_fixed_joints",
+        "lint_bodies",
+    }
+)
 """Steps that `check` may run: no simulator, no mesh, no network."""
 
 
@@ -180,7 +194,7 @@ def _light(graph: Graph, session: Session) -> Graph:
     resolver = Resolver(graph.nodes, session)
     kept: dict[str, Node] = {}
     for label, node in graph.nodes.items():  # each after the nodes it reads
-        may_run = node.step.step_name() in LIGHT_STEPS
+        may_run = node.step.step_name() in LIGHT_STEPS and label != MESHES
         if all(maker in kept for maker in graph.predecessors(label)) and (
             may_run or resolver.made(label) is not None
         ):
@@ -212,7 +226,7 @@ def pin(loaded: LoadedRecipe, *, frozen: bool, say: Callable[[str], None]) -> Lo
 
     Raises OutOfDateError instead when `frozen`.
     """
-    if loaded.recipe.source.pypi is None:
+    if loaded.recipe.source.moving is None:
         return None
     path = lock_path(loaded.path)
     lock = read_lock(path)
@@ -227,14 +241,19 @@ def pin(loaded: LoadedRecipe, *, frozen: bool, say: Callable[[str], None]) -> Lo
         raise OutOfDateError(
             reason, where=Where(shown_path(path)), hint=f"run `assetbuild lock {loaded.file}`"
         )
-    say(f"{reason}: pinning {loaded.recipe.source.pypi}")
+    say(f"{reason}: pinning {loaded.recipe.source.moving}")
     return write_pin(loaded, say)
 
 
 def write_pin(loaded: LoadedRecipe, say: Callable[[str], None]) -> Lock:
     """Resolve a moving source and write the lock beside the recipe."""
-    name, _, version = str(loaded.recipe.source.pypi).partition("==")
-    pinned = resolve(name, version, on_line=lambda line: say(line) if "MB)" in line else None)
+    source = loaded.recipe.source
+    pinned: Pin | GitPin
+    if source.git is not None:
+        pinned = resolve_git(source.git, str(source.rev), repository(loaded))
+    else:
+        name, _, version = str(source.pypi).partition("==")
+        pinned = resolve(name, version, on_line=lambda line: say(line) if "MB)" in line else None)
     lock = Lock(schema="assetbuild-lock/v1", source=pinned)
     path = lock_path(loaded.path)
     if write_lock(path, lock):
@@ -333,10 +352,11 @@ def _locator(
 ) -> Callable[[str], str]:
     """From a finding's subject to `file:line` of the source or of the recipe."""
     lines: dict[str, int] = {}
-    file = str(loaded.recipe.source.urdf)
+    file = loaded.recipe.source.description
     if outline.source_map is not None:
         digest = results[outline.source_map.node][outline.source_map.output]
-        lines = json.loads(session.read(digest))["lines"]
+        source_map = json.loads(session.read(digest))
+        file, lines = source_map["file"], source_map["lines"]
     joints = {f"actuator {name[6:]}": line for name, line in lines.items() if name[:6] == "joint "}
 
     def locate(subject: str) -> str:
@@ -370,19 +390,33 @@ def _bundle(
         BundleFile.of_text("model_card.md", "report", card),
         notice(recipe, pinned),
     ]
+    if outline.expanded is not None:
+        expanded = results[outline.expanded.node][outline.expanded.output]
+        size = len(session.read(expanded))
+        files.append(BundleFile("report/expanded.urdf", "report", expanded, size))
     files.append(manifest(recipe.robot, files))
     materials: list[dict[str, object]] = [{"name": "assetbuild", "version": __version__}]
-    if lock is not None:
-        digest = {"sha256": lock.source.sha256}
-        materials.append(
-            {"uri": f"pkg:pypi/{lock.source.name}@{lock.source.version}", "digest": digest}
-        )
+    materials += _materials(recipe, lock)
     recipe_digest = session.source_digest(loaded.path)
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     run = {"finishedOn": now, "host": platform.node(), "python": platform.python_version()}
     parameters = {"recipe": loaded.path.name, "variant": loaded.variant}
     files.append(provenance(files, recipe_digest, parameters, materials, run))
     return files
+
+
+def _materials(recipe: Recipe, lock: Lock | None) -> list[dict[str, object]]:
+    """What was downloaded, each with its digest."""
+    if recipe.source.url is not None:
+        return [{"uri": recipe.source.url, "digest": {"sha256": recipe.source.sha256}}]
+    if lock is None:
+        return []
+    pin = lock.source
+    if isinstance(pin, GitPin):
+        uri = f"git+{pin.git}@{pin.commit}"
+        return [{"uri": uri, "digest": {"gitCommit": pin.commit, "sha256": pin.sha256}}]
+    uri = f"pkg:pypi/{pin.name}@{pin.version}"
+    return [{"uri": uri, "digest": {"sha256": pin.sha256}}]
 
 
 def _target_files(

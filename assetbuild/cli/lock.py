@@ -16,16 +16,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the locks; prints each lock file."""
-    from assetbuild.lock import lock_path
+    from assetbuild.lock import Pin, lock_path
     from assetbuild.pipeline import write_pin
     from assetbuild.recipe.loader import load_recipe, shown_path
 
     for recipe in arguments.recipes:
         loaded = load_recipe(recipe)
-        if loaded.recipe.source.pypi is None:
-            print(f"{loaded.file}: the source is a folder; there is nothing to pin")
+        if loaded.recipe.source.moving is None:
+            kind = "a folder" if loaded.recipe.source.path else "pinned in the recipe"
+            print(f"{loaded.file}: the source is {kind}; there is nothing to pin")
             continue
         lock = write_pin(loaded, lambda text: print(text, file=sys.stderr))
         pin = lock.source
-        print(f"{shown_path(lock_path(loaded.path))}: {pin.file}, {pin.size / 1e6:.1f} MB")
+        what = pin.file if isinstance(pin, Pin) else pin.commit
+        print(f"{shown_path(lock_path(loaded.path))}: {what}, {pin.size / 1e6:.1f} MB")
     return 0

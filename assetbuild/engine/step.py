@@ -56,7 +56,7 @@ class Step(BaseModel):
     """Modules that the child imports once for many steps (`trimesh`)."""
     limits: ClassVar[Limits] = Limits()
     network: ClassVar[bool] = False
-    """Only `fetch` may say True."""
+    """Only the `fetch*` steps may say True."""
 
     def run(self, files: Files) -> Iterable[Finding]:
         """Read `files.inputs`, write `files.outputs`, yield findings."""

@@ -37,10 +37,11 @@ class Outline:
     """What a plan leaves for the report and the bundle: references into the graph.
 
     skipped: checks that this machine cannot run, and why. subjects: what a node works on, where
-    the node itself does not know.
+    the node itself does not know. expanded: the URDF behind a xacro, which its lines count.
     """
 
     source_map: Ref | None = None
+    expanded: Ref | None = None
     robot: dict[str, Ref] = field(default_factory=dict)
     targets: dict[str, Node] = field(default_factory=dict)
     checks: dict[str, Node] = field(default_factory=dict)
@@ -54,13 +55,14 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     recipe, outline = loaded.recipe, Outline()
     check_names(loaded)
     source = open_source(loaded, lock, p)
-    description = description_of(loaded, source)
+    description = description_of(loaded, source, p)
     outline.licenses = source.licenses()
     if description is None:
         return outline
 
     read = _read(recipe, description, p)
     outline.source_map = read["source_map.json"]
+    outline.expanded = description.ref if recipe.source.xacro else None
     tree = _merge(recipe, read, p)
     links, shapes = p.ask(read["links.json"]), p.ask(read["shapes.json"])
     meshes, merged = p.ask(read["meshes.json"]), p.ask(tree["tree.json"])

@@ -75,14 +75,36 @@ class Model(BaseModel):
 
 
 class Source(Model):
-    """Where the robot comes from: exactly one of path, pypi; exactly one of urdf, xacro, mjcf."""
+    """Where the robot comes from: one of path, url, git, pypi; one of urdf, xacro."""
 
-    path: str | None = Field(None, description="a folder, relative to the recipe")
+    path: str | None = Field(
+        None, description="a folder, or a zip or tar archive, relative to the recipe"
+    )
+    url: str | None = Field(
+        None,
+        description="http(s) address of a zip or tar archive",
+        pattern=r"^https?://[^/@\s]+/\S*$",
+    )
+    sha256: Sha256 | None = Field(None, description="of the file at `url`, 64 hex digits")
+    git: str | None = Field(
+        None,
+        description="a repository: https or ssh address, or a folder relative to the recipe",
+        pattern=r"^[A-Za-z0-9./~_][^\s]*$",
+    )
+    rev: str | None = Field(
+        None,
+        description="branch, tag or commit of `git`; the lock pins the commit",
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9._/+-]*$",
+    )
     pypi: str | None = Field(None, description="`name==version` of a wheel", pattern=PYPI_PATTERN)
     root: InsidePath = Field(
         ".", description="folder inside the source that all paths below start from"
     )
     urdf: InsidePath | None = Field(None, description="the URDF file")
+    xacro: InsidePath | None = Field(None, description="the xacro file, instead of `urdf`")
+    args: dict[str, str | bool | int | Real] = Field(
+        default_factory=dict, description="arguments of the xacro file, by name"
+    )
     packages: dict[str, InsidePath] = Field(
         default_factory=dict, description="package:// name -> folder; explicit, nothing is searched"
     )
@@ -90,11 +112,38 @@ class Source(Model):
 
     @model_validator(mode="after")
     def _one_of_each(self) -> Source:
-        if (self.path is None) == (self.pypi is None):
-            raise ValueError("give exactly one of `path`, `pypi`")
-        if self.urdf is None:
-            raise ValueError("give `urdf`, the robot's description below `root`")
+        if [self.path, self.url, self.git, self.pypi].count(None) != 3:
+            raise ValueError("give exactly one of `path`, `url`, `git`, `pypi`")
+        if (self.url is None) != (self.sha256 is None):
+            raise ValueError("`url` and `sha256` go together")
+        if (self.git is None) != (self.rev is None):
+            raise ValueError("`git` and `rev` go together")
+        if self.git is not None and "://" in self.git:
+            scheme, _, rest = self.git.partition("://")
+            if scheme not in ("http", "https", "ssh") or ":" in rest.partition("@")[0] * (
+                "@" in rest
+            ):
+                raise ValueError("`git`: https or ssh, without a password; or a folder")
+        if (self.urdf is None) == (self.xacro is None):
+            raise ValueError("give exactly one of `urdf`, `xacro`: the description below `root`")
+        if self.args and self.xacro is None:
+            raise ValueError("`args` are for a `xacro` file")
         return self
+
+    @property
+    def moving(self) -> str | None:
+        """What the lock must pin: a name that may stand for something else tomorrow."""
+        return self.pypi or (f"{self.git} at {self.rev}" if self.git else None)
+
+    @property
+    def origin(self) -> str:
+        """Where the files come from, as the recipe spells it."""
+        return str(self.path or self.url or self.moving)
+
+    @property
+    def description(self) -> str:
+        """Path of the robot's description below the root."""
+        return str(self.urdf or self.xacro)
 
 
 class FixedJoints(Model):

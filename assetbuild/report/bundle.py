@@ -80,8 +80,8 @@ def notice(recipe: Recipe, pin: Mapping[str, object]) -> BundleFile:
     lines = [
         f"{recipe.robot}",
         "",
-        f"Converted by assetbuild {__version__} from {source.pypi or source.path},",
-        f"file {source.urdf}.",
+        f"Converted by assetbuild {__version__} from {source.origin},",
+        f"file {source.description}.",
         *(f"{key}: {value}" for key, value in sorted(pin.items())),
         f"Licence of the source: {source.license or 'not stated in the recipe'}",
         "Changes: meshes converted and simplified, fixed joints merged, collision geometry,",

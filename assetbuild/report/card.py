@@ -56,8 +56,8 @@ def _identity(
 ) -> str:
     mass = sum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
     rows: list[tuple[str, object]] = [
-        ("source", recipe.source.pypi or recipe.source.path),
-        ("description", recipe.source.urdf),
+        ("source", recipe.source.origin),
+        ("description", recipe.source.description),
         *sorted(pin.items()),
         ("licence", recipe.source.license or "not stated"),
         ("base", tree.base),

@@ -6,11 +6,13 @@ what each one is, and streams it. Formats never write.
 
 from __future__ import annotations
 
+import lzma
 import stat
+import tarfile
 import zipfile
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Literal, Protocol
@@ -19,8 +21,13 @@ from assetbuild.errors import SourceError
 
 Kind = Literal["file", "folder", "link", "special"]
 
+MAX_CONTENT = 16 << 30
+"""Bytes that a tar may state in all: to list one is to unpack it."""
+MAX_MEMBERS = 1_000_000
 READ_ERRORS = (
     zipfile.BadZipFile,
+    tarfile.TarError,
+    lzma.LZMAError,
     zlib.error,
     EOFError,
     NotImplementedError,
@@ -84,17 +91,56 @@ def _zip_member(index: int, info: zipfile.ZipInfo) -> Member:
     )
 
 
+class _Tar:
+    def __init__(self, file: tarfile.TarFile) -> None:
+        self._file = file
+        self._infos: list[tarfile.TarInfo] = []
+        total = 0
+        for info in file:  # each is stated before it is unpacked
+            self._infos.append(info)
+            total += info.size
+            if total > MAX_CONTENT or len(self._infos) > MAX_MEMBERS:
+                size = f"{total >> 20} MB in {len(self._infos)} members"
+                raise SourceError(f"the archive states {size}; that is no robot")
+        self.members = tuple(_tar_member(i, info) for i, info in enumerate(self._infos))
+
+    def open(self, member: Member) -> IO[bytes]:
+        stream = self._file.extractfile(self._infos[member.index])
+        if stream is None:
+            raise OSError("it has no content")
+        return stream
+
+
+def _tar_member(index: int, info: tarfile.TarInfo) -> Member:
+    kind: Kind = "special"
+    if info.issym() or info.islnk():
+        kind = "link"
+    elif info.isdir():
+        kind = "folder"
+    elif info.isreg() and not info.sparse:
+        kind = "file"
+    path = info.name + "/" if kind == "folder" else info.name
+    # `tar -c .` puts `./` before every name.
+    path = path if path in (".", "./") else path.removeprefix("./")
+    # The packed size is that of the whole archive; `unpack` bounds all members by it together.
+    return Member(path, kind, info.size, info.size, encrypted=False, index=index)
+
+
 @contextmanager
 def open_archive(path: Path) -> Iterator[Archive]:
     """The archive in a file; SourceError when it is none of the formats that we read."""
-    try:
-        file = zipfile.ZipFile(path)
-    except READ_ERRORS as problem:
-        message = f"the archive cannot be read: {problem}"
-        hint = "only zip archives (wheels) are read; was the download cut off?"
-        raise SourceError(message, hint=hint) from None
-    with file:
-        yield _Zip(file)
+    with ExitStack() as opened:
+        try:
+            archive: Archive
+            if zipfile.is_zipfile(path):
+                archive = _Zip(opened.enter_context(zipfile.ZipFile(path)))
+            else:
+                archive = _Tar(opened.enter_context(tarfile.open(path, "r:*")))
+        except READ_ERRORS as problem:
+            message = f"the archive cannot be read: {problem}"
+            hint = "zip and tar (plain, gz, bz2, xz) are read; was the download cut off?"
+            raise SourceError(message, hint=hint) from None
+        yield archive
 
 
 def why_unsafe(path: str) -> str:

@@ -1,0 +1,226 @@
+"""The program that runs xacro: its own process, its own folder, then no rights at all.
+
+A xacro file is a program, and the check of its expressions is no sandbox. So everything that
+xacro needs is imported first; then the process gives up its rights (see `engine.confine`), and
+an audit hook refuses and *names* what leads outside, which a kernel's "permission denied" would
+not. The job comes as JSON on the standard input, the answer goes to the standard output.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import resource
+import sys
+from dataclasses import dataclass, field
+from typing import Any, NoReturn
+
+from assetbuild.engine.confine import confine
+
+MEMORY_BYTES = 2 << 30
+READING = os.O_ACCMODE | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+"""Bits of `open`'s flags that are all 0 (`O_RDONLY`) for reading."""
+LISTING = ("os.listdir", "os.scandir")
+REFUSED = (
+    "os.", "shutil.", "socket.", "subprocess.", "ctypes.", "tempfile.", "pty.", "mmap.",
+    "fcntl.", "signal.", "sys.", "webbrowser.", "urllib.", "gc.",
+)  # fmt: skip
+"""Audit events that no robot description needs."""
+
+
+class RefusedError(Exception):
+    """The file asks for something that it may not have. Not an OSError: xacro excuses those."""
+
+
+@dataclass
+class Guard:
+    """The audit hook. tree: the folder of the declared files; used: those that were opened."""
+
+    tree: str
+    used: set[str] = field(default_factory=set)
+    refused: list[str] = field(default_factory=list)
+
+    def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:  # Any: the event's own
+        """Called by the interpreter for every open, listing, socket, process, ..."""
+        if event == "open":
+            path, _, flags = arguments
+            if not isinstance(path, int):
+                self.opened(os.fsdecode(path), flags)
+        elif event in LISTING:
+            path = arguments[0]
+            if isinstance(path, int) or not self.inside(os.fsdecode(path or ".")):
+                self.refuse(f"lists the folder `{shown(path)}`, which is not below the packages")
+        elif event.startswith(REFUSED):
+            self.refuse(f"wants to use `{event}`, which no robot description needs")
+
+    def opened(self, path: str, flags: int) -> None:
+        """Reading below the tree is fine; a file that is not there says so itself."""
+        if flags & READING:
+            self.refuse(f"wants to write the file `{shown(path)}`")
+        inside = self.inside(path)
+        if not inside:
+            self.refuse(f"wants to read `{shown(path)}`, which is outside the declared packages")
+        self.used.add(str(inside))
+
+    def inside(self, path: str) -> str:
+        """The path below the tree, "" when it leads outside. Without asking the disk."""
+        full = os.path.normpath(os.path.join(self.tree, path))  # noqa: PTH118 - strings
+        if full == self.tree:
+            return "."
+        return full[len(self.tree) + 1 :] if full.startswith(self.tree + "/") else ""
+
+    def refuse(self, what: str) -> NoReturn:
+        """Remember it, so that no `except` of xacro can hide it."""
+        self.refused.append(what)
+        raise RefusedError(what)
+
+
+def shown(path: object) -> str:
+    """A path for a message: short and printable."""
+    text = str(path)
+    return (text if text.isprintable() else ascii(text))[:200]
+
+
+def main() -> None:
+    """Expand one file as the job says."""
+    job = json.loads(sys.stdin.read())
+    answer = os.dup(1)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    guard = Guard(os.path.realpath(job["tree"]))
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+    result = _run(job, guard)
+    data = json.dumps(result).encode()
+    while data:
+        data = data[os.write(answer, data) :]
+    os._exit(0)
+
+
+def _run(job: dict[str, Any], guard: Guard) -> dict[str, object]:  # Any: JSON
+    import xacro
+
+    os.chdir(guard.tree)
+    packages = {name: _joined(guard.tree, folder) for name, folder in job["packages"].items()}
+    said = _prepare(packages, guard)
+    confine([guard.tree, *_linked(guard.tree)])
+    sys.addaudithook(guard)
+    path = _joined(guard.tree, job["file"])
+    try:
+        xacro.init_stacks(path)
+        document = xacro.parse(None, path)
+        xacro.process_doc(document, mappings=dict(job["args"]))
+        text = document.toprettyxml(indent="  ")
+    except Exception as error:
+        return _told(error, guard, packages) | _stacks(guard)
+    if guard.refused:  # and excused by xacro, as in an optional include
+        return {"error": guard.refused[0]} | _stacks(guard)
+    used = sorted(path for path in guard.used if os.path.isfile(path))  # noqa: PTH113
+    return {"urdf": _portable(text, guard.tree, packages, job["file"]), "used": used, "said": said}
+
+
+def _joined(tree: str, folder: str) -> str:
+    return os.path.normpath(os.path.join(tree, folder))  # noqa: PTH118 - strings
+
+
+def _linked(tree: str) -> list[str]:
+    """The files that the links in the tree point to: Landlock knows files, not names."""
+    return [
+        os.path.realpath(os.path.join(folder, name))  # noqa: PTH118 - many names
+        for folder, _, names in os.walk(tree)
+        for name in names
+    ]
+
+
+def _prepare(packages: dict[str, str], guard: Guard) -> list[str]:
+    """Everything xacro imports late, `$(find)` by the recipe's map, XML without a DOCTYPE."""
+    import encodings.cp1252
+    import encodings.latin_1
+    import encodings.utf_16
+    import encodings.utf_32
+    import glob
+    import xml.dom.expatbuilder
+    import xml.dom.minidom
+
+    import defusedxml.minidom
+    import xacro
+    import yaml  # noqa: F401 - before the rights go
+    from xacro import substitution_args
+
+    def find(name: str) -> str:
+        if name not in packages:
+            guard.refuse(f"`$(find {name})`: no package named `{shown(name)}`")
+        return packages[name]
+
+    substitution_args._eval_find = find
+    substitution_args._eval_dict["find"] = find
+
+    def parse(file: Any) -> Any:  # Any: a file in, a document out
+        return defusedxml.minidom.parse(file, forbid_dtd=True)
+
+    xml.dom.minidom.parse = parse  # type: ignore[assignment] # this process only
+    said: list[str] = []
+
+    def warning(*words: object, **_: object) -> None:
+        said.append(" ".join(map(str, words)))
+
+    xacro.warning = warning
+    xacro.print_location = lambda: None
+    _ = (encodings.cp1252, encodings.latin_1, encodings.utf_16, encodings.utf_32, glob)
+    return said
+
+
+def _stacks(guard: Guard) -> dict[str, object]:
+    """The file that was being read, and the macros that were being expanded, innermost last."""
+    import xacro
+
+    files = [guard.inside(str(file)) for file in xacro.filestack or [] if file]
+    macros = [macro.body.getAttribute("name") for macro in xacro.macrostack or []]
+    return {"files": [file for file in files if file], "macros": macros}
+
+
+def _told(error: Exception, guard: Guard, packages: dict[str, str]) -> dict[str, object]:
+    """An exception as plain data: message, and the line where one is known."""
+    cause = _innermost(error)
+    line = int(getattr(cause, "lineno", 0) or 0)
+    mark = getattr(cause, "problem_mark", None)
+    if mark is not None:
+        line = mark.line + 1
+        text = f"not readable as YAML: {getattr(cause, 'problem', None) or cause}"
+        return {"error": text, "line": line, "file": guard.inside(str(mark.name))}
+    if guard.refused:
+        known = sorted(packages) if "`$(find" in guard.refused[0] else []
+        return {"error": guard.refused[0], "line": line, "packages": known}
+    if isinstance(cause, MemoryError):
+        return {"error": f"it ran over its memory limit of {MEMORY_BYTES >> 20} MB", "line": 0}
+    if isinstance(cause, RecursionError):
+        return {"error": "a macro, property or include uses itself without end", "line": line}
+    if isinstance(cause, FileNotFoundError):
+        path = guard.inside(str(cause.filename)) or shown(cause.filename)
+        return {"error": f"no file `{path}` among the readable files of the packages", "line": line}
+    if type(cause).__name__ in ("DTDForbidden", "EntitiesForbidden"):
+        return {"error": "a DOCTYPE is not allowed", "line": line}
+    words = " ".join(str(error).split()) or type(error).__name__
+    return {"error": words.replace(f"{guard.tree}/", "")[:400], "line": line}
+
+
+def _innermost(error: BaseException) -> BaseException:
+    seen = {id(error)}
+    while True:
+        inner = getattr(error, "exc", None) or error.__cause__ or error.__context__
+        if not isinstance(inner, BaseException) or id(inner) in seen:
+            return error
+        seen.add(id(inner))
+        error = inner
+
+
+def _portable(text: str, tree: str, packages: dict[str, str], file: str) -> str:
+    """Paths of this process, as `package://` or relative to the file: the same everywhere."""
+    end = r"(?=[/\"'\s<&]|$)"
+    for name, folder in sorted(packages.items(), key=lambda item: (-len(item[1]), item[0])):
+        text = re.sub(rf"(file://)?{re.escape(folder)}{end}", f"package://{name}", text)
+    beside = os.path.dirname(file) or "."  # noqa: PTH120 - strings
+
+    def relative(match: re.Match[str]) -> str:
+        return os.path.relpath("." + (match[2] or ""), beside)
+
+    return re.sub(rf"(file://)?{re.escape(tree)}(/[^\"'\s<&]*)?", relative, text)

@@ -1,0 +1,178 @@
+"""One commit of a git repository as a tar, pinned to the byte.
+
+git runs as a child process without the user's configuration: no hooks, no submodules, no filters,
+no password prompt, and the local file protocol only for repositories that are local.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import shutil
+import subprocess
+import tarfile
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import ClassVar
+
+from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.errors import LockError, MachineError, SourceError, did_you_mean
+from assetbuild.findings import Finding
+from assetbuild.lock import GitPin
+
+SECONDS = 1800.0
+COMMIT = re.compile(r"[0-9a-f]{40}")
+_NO_SURPRISES = (
+    "-c", "core.hooksPath=/dev/null", "-c", "protocol.allow=never",
+    "-c", "fetch.recurseSubmodules=false", "-c", "submodule.recurse=false",
+    "-c", "credential.helper=", "-c", "core.fsmonitor=false", "-c", "gc.auto=0",
+    "-c", "tar.umask=0022",
+)  # fmt: skip
+
+
+class FetchGit(Step):
+    """`archive`: the files of `commit` as a tar, with the digest that the lock pins.
+
+    SourceError: no such repository or commit; LockError: other content; MachineError: no git.
+    """
+
+    outputs = ("archive",)
+    network = True
+    limits: ClassVar[Limits] = Limits(wall_s=3600)
+
+    url: str
+    """http(s), ssh, or the absolute path of a local repository."""
+    commit: str
+    """40 hex digits."""
+    sha256: str
+    """Of `tree_digest`."""
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Fetch, export, compare."""
+        target = files.outputs / "archive"
+        with _repository(files.outputs) as folder:
+            _export(self.url, self.commit, folder, target)
+        found = tree_digest(target)
+        if found != self.sha256:
+            raise LockError(
+                f"{self.url}: commit {self.commit} has the digest {found}, "
+                f"the lock pins {self.sha256}",
+                hint="run `assetbuild lock` only if you trust the change",
+            )
+        yield from ()
+
+
+def resolve_git(git: str, rev: str, url: str) -> GitPin:
+    """The commit that a branch, tag or commit stands for now, and the digest of its files.
+
+    git: as the recipe spells it; url: where it is from here. Errors as `FetchGit.run`.
+    """
+    with _repository(None) as folder:
+        commit = rev if COMMIT.fullmatch(rev) else _commit_of(url, rev, folder)
+        target = folder / "archive.tar"
+        _export(url, commit, folder, target)
+        size = target.stat().st_size
+        return GitPin(git=git, rev=rev, commit=commit, sha256=tree_digest(target), size=size)
+
+
+def tree_digest(archive: Path) -> str:
+    """sha256 of the canonical list of paths, kinds and contents: no times, owners or tar details.
+
+    Links count by where they point.
+    """
+    rows: list[list[str]] = []
+    with tarfile.open(archive, "r:") as tar:
+        for member in tar:
+            if member.isreg():
+                stream = tar.extractfile(member)
+                data = stream.read() if stream else b""
+                rows.append([member.name, "file", hashlib.sha256(data).hexdigest()])
+            elif member.issym():
+                rows.append([member.name, "link", member.linkname])
+    text = json.dumps(sorted(rows), separators=(",", ":"))
+    return hashlib.sha256(text.encode("ascii")).hexdigest()
+
+
+def _commit_of(url: str, rev: str, folder: Path) -> str:
+    """A tag (what it points to), else a branch."""
+    lines = _git(["ls-remote", "--", url], folder, url).splitlines()
+    refs = {name: commit for commit, _, name in (line.partition("\t") for line in lines)}
+    wanted = (f"refs/tags/{rev}^{{}}", f"refs/tags/{rev}", f"refs/heads/{rev}", rev)
+    for name in wanted:
+        if name in refs:
+            return refs[name]
+    names = [n.split("/", 2)[2] for n in refs if n.count("/") >= 2 and not n.endswith("^{}")]
+    raise SourceError(
+        f"{url}: no branch or tag `{rev}`",
+        hint=did_you_mean(rev, names) + "; a commit is given by its 40 digits",
+    )
+
+
+def _export(url: str, commit: str, folder: Path, target: Path) -> None:
+    _git(["init", "--quiet", "--bare", "."], folder, url)
+    fetch = ["fetch", "--quiet", "--no-tags", "--no-write-fetch-head"]
+    try:
+        _git([*fetch, "--depth=1", "--", url, commit], folder, url)
+    except SourceError:  # a server that hands out branches and tags only
+        _git([*fetch, "--", url, "+refs/heads/*:refs/heads/*", "+refs/tags/*:refs/tags/*"],
+             folder, url)  # fmt: skip
+    _git(["archive", "--format=tar", f"--output={target}", commit], folder, url)
+
+
+def _git(words: list[str], folder: Path, url: str) -> str:
+    allowed = ("file",) if os.path.isabs(url) else ("http", "https", "ssh")  # noqa: PTH117
+    protocols = [word for name in allowed for word in ("-c", f"protocol.{name}.allow=always")]
+    command = ["git", *_NO_SURPRISES, *protocols, *words]
+    try:
+        done = subprocess.run(
+            command,
+            cwd=folder,
+            env=_environment(os.environ),
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=SECONDS,
+            encoding="utf-8",
+            errors="replace",
+        )
+    except FileNotFoundError:
+        raise MachineError("git is not installed", hint="install git") from None
+    except subprocess.TimeoutExpired:
+        raise MachineError(f"{url}: git took more than {SECONDS:g} s") from None
+    if done.returncode == 0:
+        return done.stdout
+    said = [line.strip() for line in done.stderr.splitlines() if line.strip()]
+    raise _reason(url, said)
+
+
+def _reason(url: str, said: list[str]) -> MachineError | SourceError:
+    text = next((s for s in said if s.startswith(("fatal:", "error:"))), "; ".join(said[:2]))
+    short = text.removeprefix("fatal: ").removeprefix("error: ")[:200]
+    if "Could not resolve host" in text or "unable to access" in text or "Connection" in text:
+        return MachineError(f"{url}: cannot be reached: {short}", hint="check the network")
+    return SourceError(f"{url}: git says: {short}", hint="check `source.git` and `source.rev`")
+
+
+def _environment(own: Mapping[str, str]) -> dict[str, str]:
+    """The user's, for proxies and keys, without any GIT_*; no configuration but ours."""
+    kept = {name: value for name, value in own.items() if not name.startswith("GIT_")}
+    return kept | {
+        "GIT_CONFIG_NOSYSTEM": "1",
+        "GIT_CONFIG_GLOBAL": os.devnull,
+        "GIT_TERMINAL_PROMPT": "0",
+        "GIT_LFS_SKIP_SMUDGE": "1",
+        "GIT_SSH_COMMAND": "ssh -o BatchMode=yes",
+        "LC_ALL": "C",
+    }
+
+
+@contextmanager
+def _repository(beside: Path | None) -> Iterator[Path]:
+    folder = Path(tempfile.mkdtemp(prefix=".git-", dir=beside))
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
