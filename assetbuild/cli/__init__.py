@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from assetbuild import __version__
 from assetbuild.errors import AssetBuildError
 
-VERBS = ("build", "check", "explain", "lock", "plan", "report", "schema", "verify")
+VERBS = ("build", "check", "explain", "init", "lock", "plan", "report", "schema", "verify")
 """Each is a module of this package with `HELP`, `add_arguments(parser)` and `run(arguments)`."""
 
 
