@@ -103,7 +103,7 @@ def _carried(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> di
         return {}
     mass = sum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
     X_root = forward_kinematics(tree, pose)
-    found = {}
+    found: dict[str, float] = {}
     for leg in legs:
         body, X_body_foot = tree.placement(leg.foot)
         foot = X_root[body].apply(X_body_foot.xyz)

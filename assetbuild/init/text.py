@@ -140,10 +140,10 @@ def _ball_feet(robot: Looked, anatomy: Anatomy) -> tuple[str, ...]:
     """Feet of walkers on four legs or more that are meshes and nothing else."""
     if len(anatomy.legs) < 4:
         return ()
-    role = "collision" if robot.shapes.of("collision") else "visual"
+    solid = robot.shapes.of("collision") or robot.shapes.of("visual")
     balls = []
     for leg in anatomy.legs:
-        own = [s for s in robot.shapes.of(role) if s.link == leg.foot]
+        own = [s for s in solid if s.link == leg.foot]
         separate = leg.foot != leg.tip or len(leg.joints) >= 4
         if own and separate and all(isinstance(s.geometry, Mesh) for s in own):
             balls.append(leg.foot)

@@ -3,8 +3,9 @@
     python tests/corpus/run.py -o table.md [--only NAME ...] [--jobs N]
 
 The data: `--data FOLDER` or $ASSETBUILD_TEST_DATA (a folder that holds
-`example-robot-data/robots`), else the wheel is fetched once with pip. Results are kept in `<table>.json` as they come, so that
-an interrupted run goes on where it stopped; `--again` forgets them.
+`example-robot-data/robots`), else the wheel is fetched once with pip.
+Results are kept in `<table>.json` as they come, so that an interrupted run goes on where it
+stopped; `--again` forgets them.
 """
 
 from __future__ import annotations
