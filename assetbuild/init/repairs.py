@@ -10,6 +10,7 @@ _EDITS = {
     "inertia.positive": "inertia_from_geometry: {{link: {name}}}",
     "inertia.missing": "inertia_from_geometry: {{link: {name}}}",
     "inertia.mass": "inertia_from_geometry: {{link: {name}}}",
+    "inertia.radius": "inertia_from_geometry: {{link: {name}}}",
     "joint.limits": "set_limits: {{joint: {name}, lower: 0, upper: 0}}",
     "joint.locked": "set_limits: {{joint: {name}, lower: 0, upper: 0}}",
 }
