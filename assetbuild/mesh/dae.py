@@ -104,7 +104,9 @@ def _without_lost_materials(document: Any, subject: str) -> Any:
         return document
     for use in lost:
         use.getparent().remove(use)
-    return _load(etree.tostring(root), subject)
+    whole = _load(etree.tostring(root), subject)
+    whole.errors = document.errors
+    return whole
 
 
 def _refuse_broken_xml(data: bytes, subject: str) -> None:
