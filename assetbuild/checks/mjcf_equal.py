@@ -41,6 +41,7 @@ ROUNDING = 1e-14
 class MjcfEqual(Check):
     """Findings `equal.mjcf.<what>`; all are errors and carry both values."""
 
+    version = "2"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -65,6 +66,16 @@ class MjcfEqual(Check):
         comparison = _Comparison(model, tree, shapes, control)
         yield from comparison.findings()
         write_figures(files, comparison.figures())
+
+
+def _opens(joint: Joint) -> bool:
+    lower, upper = joint.limits.lower, joint.limits.upper
+    return lower is not None and (upper is None or lower < upper)
+
+
+def _is_locked(joint: Joint) -> bool:
+    lower, upper = joint.limits.lower, joint.limits.upper
+    return joint.kind in ("revolute", "prismatic") and lower is not None and lower == upper
 
 
 @dataclass
@@ -123,13 +134,14 @@ class _Comparison:
         nv = sum(dofs.get(joint.kind, 1) for joint in tree.joints)
         nv += 6 if tree.base == "floating" else 0
         driven = [a for a in control.actuators if a.model != "passive"]
+        held = sum(joint.mimic is not None or _is_locked(joint) for joint in tree.joints)
         for what, expected, found in (
             ("bodies", len(tree.bodies), model.nbody - 1),
             ("degrees of freedom", nv, model.nv),
             ("actuators", len(driven), model.nu),
             ("keyframes", len(control.keyframes), model.nkey),
             ("excluded pairs", len(control.excludes), model.nexclude),
-            ("equalities", sum(joint.mimic is not None for joint in tree.joints), model.neq),
+            ("equalities", held, model.neq),
             ("shapes", len(self.shapes.shapes), model.ngeom),
         ):
             if expected != found:
@@ -191,13 +203,27 @@ class _Comparison:
 
     def limits(self, joint: Joint, index: int) -> Iterator[Finding]:
         subject, limits = f"joint {joint.name}", joint.limits
-        limited = joint.kind != "continuous" and limits.lower is not None
+        # A range of width 0 is an equality in MJCF; a crossed one is no range at all.
+        limited = joint.kind != "continuous" and _opens(joint)
         if limited != bool(self.model.jnt_limited[index]):
             yield _differs("limits", subject, "limited", limited, not limited)
         elif limited and limits.lower is not None and limits.upper is not None:
             expected = (limits.lower, limits.upper)
             found = self.model.jnt_range[index]
             yield from self.compare("limits", subject, "range (rad or m)", expected, found)
+
+        if joint.mimic is None and _is_locked(joint):
+            yield from self.held(joint, index)
+
+    def held(self, joint: Joint, index: int) -> Iterator[Finding]:
+        """The equality that stands for equal limits."""
+        model, subject = self.model, f"joint {joint.name}"
+        mine = [i for i in range(model.neq) if int(model.eq_obj1id[i]) == index]
+        if len(mine) != 1 or int(model.eq_obj2id[mine[0]]) >= 0:
+            yield _differs("limits", subject, "equalities that lock it", 1, len(mine))
+            return
+        expected, found = [joint.limits.lower or 0.0, 0.0], model.eq_data[mine[0]][:2]
+        yield from self.compare("limits", subject, "locked at (rad or m)", expected, found)
 
     def drive(self, joint: Joint, index: int) -> Iterator[Finding]:
         model, subject = self.model, f"actuator {joint.name}"

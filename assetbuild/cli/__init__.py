@@ -12,7 +12,9 @@ from collections.abc import Sequence
 from assetbuild import __version__
 from assetbuild.errors import AssetBuildError
 
-VERBS = ("build", "cache", "check", "explain", "lock", "plan", "report", "schema", "verify")
+VERBS = (
+    "build", "cache", "check", "explain", "init", "lock", "plan", "report", "schema", "verify",
+)  # fmt: skip
 """Each is a module of this package with `HELP`, `add_arguments(parser)` and `run(arguments)`."""
 
 

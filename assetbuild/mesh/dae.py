@@ -37,7 +37,7 @@ def read_dae(data: bytes, subject: str) -> Dae:
     Raises StepError with the line of a cut-off or broken file, for a geometry that cannot be
     read, and for NaN in positions (which pycollada would turn into zeros).
     """
-    document = _load(data, subject)
+    document = _without_lost_materials(_load(data, subject), subject)
     _refuse_lost_geometry(document, subject)
     skipped: dict[str, int] = {}
     placed: list[tuple[SurfaceMaterial, TriangleMesh]] = []
@@ -86,6 +86,27 @@ def _load(data: bytes, subject: str) -> Any:
     if document.scene is None:
         raise StepError(f"{subject}: the file has no scene, so nothing says where its parts are")
     return document
+
+
+def _without_lost_materials(document: Any, subject: str) -> Any:
+    """The file without uses of materials that it does not hold, or that are broken themselves.
+
+    pycollada leaves out a whole geometry when one of its materials is missing; its triangles
+    matter more than their colour, whose loss `mesh.ignored` tells.
+    """
+    from lxml import etree
+
+    known = {material.id for material in document.materials}
+    root = document.xmlnode.getroot()
+    uses = list(root.iter(document.tag("instance_material")))
+    lost = [use for use in uses if use.get("target", "").removeprefix("#") not in known]
+    if not lost:
+        return document
+    for use in lost:
+        use.getparent().remove(use)
+    whole = _load(etree.tostring(root), subject)
+    whole.errors = document.errors
+    return whole
 
 
 def _refuse_broken_xml(data: bytes, subject: str) -> None:

@@ -29,7 +29,7 @@ NORMAL_DECIMALS = 6
 class ConvertMesh(Step):
     """Reads `mesh`; an OBJ's MTL files may lie in `libraries/` under their names."""
 
-    version = "1"
+    version = "2"
     tools = ("numpy", "pycollada", "trimesh")
     outputs = ("parts/", "mesh.json")
     isolated = True

@@ -22,6 +22,8 @@ class LintLinks(Step):
     `lint_bodies` judges what will be simulated. Joint limits are final here.
     """
 
+    version = "2"
+
     bounds: Bounds = Field(default_factory=Bounds)
 
     def run(self, files: Files) -> Iterator[Finding]:
@@ -41,7 +43,11 @@ def _range(joint: Joint) -> Iterator[Finding]:
         return
     unit = "m" if joint.kind == "prismatic" else "rad"
     subject, data = f"joint {joint.name}", {"lower": lower, "upper": upper}
-    if lower >= upper:
+    if lower == upper:
+        message = f"both limits are {lower:g} {unit}: taken by their word, the joint is locked"
+        hint = "set the limits if it is meant to move, else make it `fixed`"
+        yield Finding("joint.locked", "warning", subject, message, hint, data=data)
+    elif lower > upper:
         message = f"lower limit {lower:g} {unit} is not below upper limit {upper:g} {unit}"
         hint = "set both limits, or make the joint `fixed` if it is not meant to move"
         yield Finding("joint.limits", "error", subject, message, hint, data=data)

@@ -15,7 +15,7 @@ from tiny import TinyRobot, check_inputs, pendulum, robots, run_step, tiny_quadr
 
 from assetbuild.checks.mjcf_equal import MjcfEqual
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Body
+from assetbuild.robot.model import Body, Limits
 from assetbuild.targets.mjcf import Mjcf
 
 
@@ -52,6 +52,18 @@ def test_pendulum_mimic_and_world_are_equal(tmp_path: Path) -> None:
     assert check(replace(robot, tree=world), tmp_path / "b") == []
     mimic = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", -1.0, 0.0)
     assert check(mimic, tmp_path / "c") == []
+
+
+def test_a_locked_joint_is_held_where_its_limits_meet(tmp_path: Path) -> None:
+    robot = pendulum()
+    joint = replace(robot.tree.joints[0], limits=Limits(0.0, 0.0, 5.0, 1.0))
+    locked = replace(robot, tree=replace(robot.tree, joints=(joint,)))
+    assert check(locked, tmp_path / "a") == []
+
+    def elsewhere(text: str) -> str:
+        return text.replace('polycoef="0 0', 'polycoef="0.1 0')
+
+    assert [f.rule for f in check(locked, tmp_path / "b", elsewhere)] == ["equal.mjcf.limits"]
 
 
 @pytest.mark.parametrize(

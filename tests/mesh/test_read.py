@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import struct
 
 import numpy as np
@@ -127,6 +128,18 @@ def test_a_dae_without_any_material_is_fine():
     (part,) = read_mesh(bare, "dae").parts
     assert part.material == SurfaceMaterial()
     assert len(part.mesh.faces) == 24
+
+
+def test_a_shape_survives_a_material_that_is_missing():
+    """pycollada would leave out the whole geometry: this robot's foot was lost."""
+    whole = read_mesh(dae(), "dae")
+    lost = re.sub(rb'<material id="m1".*?</material>', b"", dae(), flags=re.S)
+    assert lost != dae()
+    source = read_mesh(lost, "dae")
+    assert sum(len(p.mesh.faces) for p in source.parts) == sum(
+        len(p.mesh.faces) for p in whole.parts
+    )
+    assert "mesh.ignored" in {finding.rule for finding in source.findings}
 
 
 def test_decimal_numbers_of_a_dae_stay_decimal():

@@ -82,11 +82,20 @@ def _range(joint: Joint) -> str | None:
             hint="state both limits in the source",
         )
     if not lower < upper:
-        raise StepError(
-            f"joint {joint.name}: lower limit {lower:g} is not below upper limit {upper:g}",
-            hint="correct the limits in the source, or make the joint fixed",
-        )
+        return None  # MJCF wants a range that opens: see `locked_at`; `lint_links` judges the rest
     return numbers((lower, upper))
+
+
+def locked_at(joint: Joint) -> float | None:
+    """Where equal limits hold a joint, rad or m; None when it is free to move.
+
+    Such a joint keeps its degree of freedom and is held by an equality: MJCF has no range of
+    width 0. A mimic joint is held by the one it follows.
+    """
+    lower, upper = joint.limits.lower, joint.limits.upper
+    if joint.kind not in ("revolute", "prismatic") or joint.mimic is not None:
+        return None
+    return lower if lower is not None and lower == upper else None
 
 
 def _drive(joint: Joint, actuator: Actuator) -> Drive | None:

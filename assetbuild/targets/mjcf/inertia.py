@@ -11,10 +11,12 @@ import math
 
 import numpy as np
 
-from assetbuild.robot.pose import Quat, Vec3, quat_of
+from assetbuild.robot.pose import Quat, Vec3, quat_multiply, quat_of
 
 SWEEPS = 20
 """Far more than needed: the method converges quadratically, 3 x 3 in about five sweeps."""
+NEAR_IDENTITY = 1e-5
+"""Largest imaginary part of a quaternion that MuJoCo might take for the identity."""
 
 
 def principal_inertia(
@@ -36,7 +38,19 @@ def principal_inertia(
             _rotate(a, r, p, q)
     if r == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]:
         return (xx, yy, zz), (1.0, 0.0, 0.0, 0.0)
-    return (a[0][0], a[1][1], a[2][2]), quat_of(np.array(r))
+    return _clear_of_identity((a[0][0], a[1][1], a[2][2]), quat_of(np.array(r)))
+
+
+def _clear_of_identity(moments: Vec3, quat: Quat) -> tuple[Vec3, Quat]:
+    """The same tensor with its axes named in another order, when the quaternion is almost 1.
+
+    MuJoCo takes a quaternion within about 1e-6 of the identity for the identity (measured in 3.11
+    and 4.0: a mass matrix off by 1e-9); one turned by 120 degrees about (1, 1, 1) is never near.
+    """
+    if max(map(abs, quat[1:])) >= NEAR_IDENTITY:
+        return moments, quat
+    a, b, c = moments
+    return (b, c, a), quat_multiply(quat, (0.5, 0.5, 0.5, 0.5))
 
 
 def _rotate(a: list[list[float]], r: list[list[float]], p: int, q: int) -> None:

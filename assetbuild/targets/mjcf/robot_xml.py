@@ -27,7 +27,7 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import Pose, quat_between, rotation_of, vec3
 from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjcf.classes import Defaults, Names, Use, find_defaults, uses
-from assetbuild.targets.mjcf.drives import Row, actuator_names, row_of
+from assetbuild.targets.mjcf.drives import Row, actuator_names, locked_at, row_of
 from assetbuild.targets.mjcf.inertia import principal_inertia
 from assetbuild.targets.mjcf.xml import Element, element, number, numbers
 
@@ -292,27 +292,22 @@ class RobotXml:
         return element("contact", None, pairs, gap=True)
 
     def equality(self) -> Element:
-        """Mimic joints: q = offset + multiplier * q(leader)."""
-        return element(
-            "equality",
-            None,
-            [
-                element(
-                    "joint",
-                    {
-                        "name": joint.name,
-                        "joint1": joint.name,
-                        "joint2": joint.mimic.joint,
-                        "polycoef": numbers(
-                            (joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0)
-                        ),
-                    },
-                )
-                for joint in self.joints
-                if joint.mimic
-            ],
-            gap=True,
-        )
+        """Mimic joints: q = offset + multiplier * q(leader). Locked ones: q = a constant."""
+        held: list[Element] = []
+        for joint in self.joints:
+            leader, line = None, (locked_at(joint), 0.0)
+            if joint.mimic:
+                leader, line = joint.mimic.joint, (joint.mimic.offset, joint.mimic.multiplier)
+            offset, multiplier = line
+            if offset is not None:
+                attributes = {
+                    "name": joint.name,
+                    "joint1": joint.name,
+                    "joint2": leader,
+                    "polycoef": numbers((offset, multiplier, 0.0, 0.0, 0.0)),
+                }
+                held.append(element("joint", attributes))
+        return element("equality", None, held, gap=True)
 
     def driven(self) -> list[tuple[Row, Use]]:
         """Joints with an actuator element, in MuJoCo's order of joints."""

@@ -1,0 +1,51 @@
+"""`assetbuild init`: a commented recipe for a robot."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+HELP = "look at a robot and write a commented recipe that builds"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("robot", type=Path, metavar="ROBOT.urdf")
+    parser.add_argument(
+        "-o", "--out", type=Path, metavar="RECIPE", help="default: <robot>.yaml, - prints it"
+    )
+    parser.add_argument(
+        "--package",
+        action="append",
+        default=[],
+        type=_package,
+        metavar="NAME=PATH",
+        help="the folder that package://NAME stands for; others are looked for above the URDF",
+    )
+    parser.add_argument("--force", action="store_true", help="replace a recipe that exists")
+
+
+def _package(text: str) -> tuple[str, Path]:
+    name, equals, folder = text.partition("=")
+    if not name or not equals or not folder:
+        raise argparse.ArgumentTypeError("must be NAME=PATH")
+    return name, Path(folder)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the recipe; says what to do next."""
+    from assetbuild.init import propose, write
+    from assetbuild.recipe.loader import shown_path
+
+    printed = str(arguments.out) == "-"
+    out = None if printed else arguments.out
+    proposal = propose(arguments.robot, out, dict(arguments.package))
+    if printed:
+        print(proposal.text, end="")
+        return 0
+    write(proposal, force=arguments.force)
+    shown = shown_path(proposal.path)
+    print(f"wrote {shown}")
+    print(f"next: read it, then `assetbuild build {shown}`", file=sys.stderr)
+    return 0

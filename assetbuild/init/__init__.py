@@ -1,0 +1,58 @@
+"""`assetbuild init`: look at a robot, write a commented recipe that builds.
+
+Everything is decided here once, in the open: each choice stands in the recipe with its reason
+beside it, and a build never guesses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from assetbuild.errors import MachineError, UsageError, Where
+from assetbuild.init.anatomy import study
+from assetbuild.init.look import look
+from assetbuild.init.source import find_source
+from assetbuild.init.text import recipe_name, recipe_text
+from assetbuild.recipe.loader import shown_path
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A recipe that is not written yet. path: where it belongs."""
+
+    path: Path
+    text: str
+
+
+def propose(urdf: Path, out: Path | None, packages: Mapping[str, Path]) -> Proposal:
+    """Look at the robot and word its recipe; writes nothing.
+
+    out: default `<robot>.yaml` in the working folder; paths in the recipe are relative to its
+    folder. packages: package:// name -> folder, as the user says; the others are looked for
+    upwards from the URDF. Raises SourceError with file and line for a description that no recipe
+    can save.
+    """
+    source = find_source(urdf, packages)
+    robot = look(source)
+    anatomy = study(robot)
+    robot = replace(robot, links=replace(robot.links, base=anatomy.base.kind))
+    path = out or Path(f"{recipe_name(robot.links.name)}.yaml")
+    return Proposal(path, recipe_text(robot, anatomy, source, path))
+
+
+def write(proposal: Proposal, *, force: bool) -> None:
+    """Write the recipe; an existing file is replaced only by `force`."""
+    where = Where(shown_path(proposal.path))
+    try:
+        with proposal.path.open("w" if force else "x", encoding="utf-8") as file:
+            file.write(proposal.text)
+    except FileExistsError:
+        hint = "`--force` replaces it, `-o FILE` writes another"
+        raise UsageError("this file exists", where=where, hint=hint) from None
+    except FileNotFoundError:
+        hint = "make it, or give another file to `-o`"
+        raise UsageError("the folder of this file does not exist", where=where, hint=hint) from None
+    except OSError as problem:
+        raise MachineError(f"cannot be written: {problem.strerror}", where=where) from None

@@ -1,0 +1,309 @@
+"""The recipe as text: each choice with its reason beside it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from assetbuild.init.anatomy import Anatomy
+from assetbuild.init.drives import (
+    BRAKE_S,
+    DAMPING_RATIO,
+    FASTEST_HZ,
+    FULL_ERROR,
+    SLOWEST_HZ,
+    Row,
+    drive_rows,
+)
+from assetbuild.init.home import home_pose
+from assetbuild.init.look import Looked
+from assetbuild.init.patterns import patterns_of
+from assetbuild.init.repairs import repairs
+from assetbuild.init.source import Found
+from assetbuild.robot.model import Mesh, Tree
+from assetbuild.robot.pose import Pose
+from assetbuild.robot.tree import forward_kinematics
+
+COMPOUND = 0.15
+"""Joints closer than this share of the robot's size make one compound joint (a hip, a wrist)."""
+WIDTH = 100
+
+
+def recipe_name(name: str) -> str:
+    """The robot's name as a recipe may spell it."""
+    plain = re.sub(r"[^A-Za-z0-9_.-]", "_", name)
+    return (plain if plain[:1].isalpha() else f"robot_{plain}")[:64]
+
+
+def recipe_text(robot: Looked, anatomy: Anatomy, source: Found, path: Path) -> str:
+    """The whole recipe, as it will lie at `path`."""
+    pose = home_pose(robot.tree, anatomy.legs)
+    sections = (
+        _head(robot, anatomy, path),
+        _source(source, path),
+        [f"base: {anatomy.base.kind}   # {anatomy.base.reason}"],
+        _fixed_joints(robot, anatomy),
+        repairs(robot),
+        ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],
+        _collision(robot, anatomy),
+        _actuators(robot, anatomy, pose),
+        _home(robot, anatomy, pose),
+        _simulation(robot, anatomy),
+        _variants(robot, anatomy),
+    )
+    lines: list[str] = []
+    for section in sections:
+        if section:
+            lines += [*section, ""]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+# --- where from -----------------------------------------------------------------------------
+
+
+def _head(robot: Looked, anatomy: Anatomy, path: Path) -> list[str]:
+    tree = robot.tree
+    mass = sum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
+    moving = len(tree.moving_joints)
+    sensors = [f"# {kind}: {_some(names)}" for kind, names in anatomy.sensors.items()]
+    return [
+        f"# {_plain(robot.links.name)}: {mass:.4g} kg, {len(tree.bodies)} bodies, "
+        f"{moving} moving joints",
+        "# Written by `assetbuild init`: read it, correct it, it is yours. Build it with",
+        f"#   assetbuild build {_plain(path.name)}",
+        *(["# Frames that survive as sites under the names of their links:"] if sensors else []),
+        *sensors,
+        "schema: assetbuild/v1",
+        f"robot: {recipe_name(robot.links.name)}",
+    ]
+
+
+def _source(source: Found, path: Path) -> list[str]:
+    folder = os.path.realpath(path.parent)
+    relative = Path(os.path.relpath(source.root, folder)).as_posix()
+    lines = [
+        "source:",
+        f"  path: {_quoted(relative)}   # relative to this file",
+        f"  urdf: {_quoted(source.urdf)}",
+    ]
+    if source.packages:
+        pairs = ", ".join(f"{_quoted(k)}: {_quoted(v)}" for k, v in source.packages.items())
+        lines.append(
+            f"  packages: {{{pairs}}}   # package:// roots; nothing is searched in a build"
+        )
+    return [*lines, "  # license: MIT   # the SPDX name of the source's licence; please state it"]
+
+
+def _fixed_joints(robot: Looked, anatomy: Anatomy) -> list[str]:
+    links, bodies = len(robot.links.bodies), len(robot.tree.bodies)
+    lines = ["fixed_joints:"]
+    lines.append(
+        f"  merge: true   # {links} links become {bodies} bodies; the others survive as frames"
+        if bodies < links
+        else "  merge: true   # every link moves, so none is merged"
+    )
+    return lines
+
+
+# --- geometry -------------------------------------------------------------------------------
+
+
+def _collision(robot: Looked, anatomy: Anatomy) -> list[str]:
+    solid = {shape.link for shape in robot.shapes.of("collision")}
+    seen = {shape.link for shape in robot.shapes.of("visual")}
+    lines = ["collision:", "  # auto: a primitive stays as it is, a mesh becomes its convex hull"]
+    if solid:
+        idle = len(seen - solid)
+        why = f"{idle} links are drawn but hit nothing, as in the source" if idle else "all have it"
+        lines.append(f"  default: {{method: auto, from: collision}}   # {why}")
+    else:
+        lines.append(
+            "  default: {method: auto, from: visual}   # the source has no collision shapes"
+        )
+    balls = _ball_feet(robot, anatomy)
+    if balls:
+        lines.append("  links:")
+        lines.append("    # A foot that meets the ground in a point rolls best as a sphere.")
+        lines += [f"    {_quoted(p)}: {{method: primitive, shape: sphere}}" for p in balls]
+    lines += ["  exclude:", "    adjacent: true   # bodies that a joint connects never collide"]
+    pairs = _compound_pairs(robot.tree, anatomy.size_m)
+    if pairs:
+        lines.append("    # Joints close together make one (a hip, a wrist): hulls overlap there.")
+        lines += _flow("    pairs: [", [f"[{_quoted(a)}, {_quoted(b)}]" for a, b in pairs], "]")
+    return lines
+
+
+def _ball_feet(robot: Looked, anatomy: Anatomy) -> tuple[str, ...]:
+    """Feet of walkers on four legs or more that are meshes and nothing else."""
+    if len(anatomy.legs) < 4:
+        return ()
+    solid = robot.shapes.of("collision") or robot.shapes.of("visual")
+    balls = []
+    for leg in anatomy.legs:
+        own = [s for s in solid if s.link == leg.foot]
+        separate = leg.foot != leg.tip or len(leg.joints) >= 4
+        if own and separate and all(isinstance(s.geometry, Mesh) for s in own):
+            balls.append(leg.foot)
+    return patterns_of(balls, [body.name for body in robot.links.bodies]) if balls else ()
+
+
+def _compound_pairs(tree: Tree, size: float) -> list[tuple[str, str]]:
+    """A body and the one two joints further, where the two joints are close together."""
+    poses = forward_kinematics(tree, {})
+    pairs = []
+    for joint in tree.joints:
+        above = tree.joint_above.get(joint.parent)
+        if above is None:
+            continue
+        if _distance(poses[joint.child], poses[above.child]) < COMPOUND * size:
+            pairs.append((above.parent, joint.child))
+    return pairs
+
+
+def _distance(a: Pose, b: Pose) -> float:
+    return float(sum((x - y) ** 2 for x, y in zip(a.xyz, b.xyz, strict=True)) ** 0.5)
+
+
+# --- drives and poses -----------------------------------------------------------------------
+
+
+def _actuators(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[str]:
+    tree = robot.tree
+    rows = drive_rows(tree, pose, anatomy.legs)
+    if not rows:
+        return []
+    everything = [joint.name for joint in tree.moving_joints]
+    lines = [
+        "# Effort and velocity limits are the source's; joints with equal limits share a row.",
+        f"# kp gives all the effort at an error of {FULL_ERROR['rad']:g} rad "
+        f"({1e3 * FULL_ERROR['m']:g} mm for slides), but keeps the natural",
+        f"# frequency with the links that the joint moves at home between {SLOWEST_HZ:g} and "
+        f"{FASTEST_HZ:g} Hz; kd: damping",
+        f"# ratio {DAMPING_RATIO:g}, at least kp times {1e3 * BRAKE_S:g} ms. A first guess: put "
+        "the motor's data here when you know it.",
+        "actuators:",
+    ]
+    for row in rows:
+        for pattern in patterns_of(row.joints, everything):
+            lines.extend(_row(pattern, row))
+    mimics = [joint.name for joint in tree.moving_joints if joint.mimic is not None]
+    if mimics:
+        lines.append(f"  # mimic others and need no row: {_some(mimics)}")
+    return lines
+
+
+def _row(pattern: str, row: Row) -> Iterator[str]:
+    torque = "N" if row.unit == "m" else "N m"
+    if row.effort is None or row.kp is None or row.kd is None:
+        yield f"  # {_joints(row)} without effort in the source: state `effort`, kp, kd to drive"
+        yield f"  - {{joints: {_quoted(pattern)}, model: passive}}"
+        return
+    speed = f"{row.velocity:g} {row.unit}/s" if row.velocity else "no stated speed"
+    unit = "kg" if row.unit == "m" else "kg m2"
+    yield f"  # {_joints(row)}: {row.effort:g} {torque}, {speed}, moves {row.inertia:.3g} {unit}"
+    yield f"  - {{joints: {_quoted(pattern)}, model: pd, kp: {row.kp!r}, kd: {row.kd!r}}}"
+
+
+def _joints(row: Row) -> str:
+    return "1 joint" if len(row.joints) == 1 else f"{len(row.joints)} joints"
+
+
+def _home(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[str]:
+    tree = robot.tree
+    if not pose and tree.base == "fixed":
+        return []
+    legged = {joint.name for leg in anatomy.legs for joint in leg.joints}
+    shown = {n: v for n, v in pose.items() if v != 0.0 or (n in legged and any(pose.values()))}
+    lines = ["keyframes:", "  home:"]
+    if robot.links.base == "floating":
+        lines.append("    base: on_ground   # the lowest collision point touches z = 0")
+    if not shown:
+        return [*lines, "    joints: {}   # all joints at 0, which the limits allow"]
+    if legged & shown.keys():
+        lines.append("    # each foot below its hip, all at one height")
+    lines.append("    # joints not named here are 0, which their limits allow")
+    lines.append("    joints:")
+    for value in sorted(set(shown.values()), key=list(shown.values()).index):
+        names = [name for name, v in shown.items() if v == value]
+        patterns = patterns_of(names, list(pose))
+        lines.extend(f"      {_quoted(pattern)}: {value!r}" for pattern in patterns)
+    return lines
+
+
+def _simulation(robot: Looked, anatomy: Anatomy) -> list[str]:
+    lines = [
+        "contact: {friction: [0.8, 0.02, 0.01], condim: 3}   # rubber on a floor",
+        "simulation: {timestep: 0.005, decimation: 4}   # 200 Hz physics, 50 Hz control",
+        "targets: [urdf, mjcf, usd]",
+    ]
+    driven = all(joint.limits.effort for leg in anatomy.legs for joint in leg.joints)
+    if anatomy.legs and driven:
+        feet = patterns_of(
+            [leg.foot for leg in anatomy.legs], [body.name for body in robot.links.bodies]
+        )
+        pattern = feet[0] if len(feet) == 1 else f"({'|'.join(feet)})"
+        stand = f"stand: {{keyframe: home, seconds: 2, feet: {_quoted(pattern)}}}"
+        lines.append("validate:")
+        if len(anatomy.legs) >= 4:
+            lines.append(f"  {stand}   # must not fall or sink")
+        else:
+            lines.append(f"  # {stand}")
+            lines.append(
+                "  # Two legs stand only with balanced gains: switch this on once they are."
+            )
+            lines.append("  free_fall: {}")
+    return lines
+
+
+def _variants(robot: Looked, anatomy: Anatomy) -> list[str]:
+    feet = [leg.foot for leg in anatomy.legs if leg.foot not in robot.tree.by_body]
+    if not feet:
+        return []
+    patterns = patterns_of(feet, [body.name for body in robot.links.bodies])
+    listed = ", ".join(map(_quoted, patterns))
+    return [
+        "variants:",
+        "  # Feet as bodies of their own, for contact sensors that are bound to bodies.",
+        f"  foot_bodies: {{fixed_joints: {{keep_bodies: [{listed}]}}}}",
+    ]
+
+
+# --- words ----------------------------------------------------------------------------------
+
+
+def _flow(head: str, items: Sequence[str], tail: str) -> list[str]:
+    """A flow list, broken into lines below its key."""
+    one = head + ", ".join(items) + tail
+    if len(one) <= WIDTH:
+        return [one]
+    indent = " " * (len(head) - len(head.lstrip()) + 2)
+    lines, line = [head], indent
+    for item in items:
+        if len(line) + len(item) > WIDTH and line.strip():
+            lines.append(line.rstrip())
+            line = indent
+        line += item + ", "
+    return [*lines, line.rstrip(" ,") + tail]
+
+
+def _quoted(text: str) -> str:
+    """JSON's quotes are YAML's; plain words stay plain."""
+    if re.fullmatch(r"[A-Za-z][A-Za-z0-9_./-]*", text) and text.lower() not in _YAML_WORDS:
+        return text
+    return json.dumps(text)
+
+
+_YAML_WORDS = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
+
+
+def _some(names: Sequence[str]) -> str:
+    more = f" and {len(names) - 6} more" if len(names) > 6 else ""
+    return _plain(", ".join(names[:6]), 200) + more
+
+
+def _plain(text: str, longest: int = 80) -> str:
+    """Text for a comment: one line."""
+    return " ".join(text.split())[:longest]

@@ -1,0 +1,243 @@
+"""Every robot of example-robot-data through `init` and `build`, as a Markdown table.
+
+    python tests/corpus/run.py -o table.md [--only NAME ...] [--jobs N]
+
+The data: `--data FOLDER` or $ASSETBUILD_TEST_DATA (a folder that holds
+`example-robot-data/robots`), else the wheel is fetched once with pip.
+Results are kept in `<table>.json` as they come, so that an interrupted run goes on where it
+stopped; `--again` forgets them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+import zipfile
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from xml.etree.ElementTree import ParseError
+
+from defusedxml.ElementTree import parse
+
+PACKAGE = "example-robot-data==6.0.0"
+ROOT_IN_WHEEL = "cmeel.prefix/share/example-robot-data"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("-o", "--out", type=Path, default=Path("corpus.md"))
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="parts of the robots' paths")
+    parser.add_argument("--jobs", type=int, default=1, help="robots at a time")
+    parser.add_argument("--data", type=Path)
+    parser.add_argument("--again", action="store_true", help="forget earlier results")
+    parser.add_argument("--work", type=Path, help="keep recipes and bundles here")
+    options = parser.parse_args()
+    root = data_root(options.data)
+    names = corpus(root)
+    if options.only:
+        names = [name for name in names if any(part in name for part in options.only)]
+    state = options.out.with_suffix(".json")
+    rows = {} if options.again or not state.is_file() else json.loads(state.read_text())
+    with tempfile.TemporaryDirectory(prefix="corpus-") as scratch:
+        work = options.work or Path(scratch)
+
+        def do(name: str) -> None:
+            rows[name] = one(root, name, work)
+            print(f"{name}: {rows[name]['result']} ({rows[name]['seconds']:.0f} s)", flush=True)
+            state.write_text(json.dumps(rows, indent=1, sort_keys=True))
+            options.out.write_text(table(rows))
+
+        left = [name for name in names if name not in rows or options.only]
+        with ThreadPoolExecutor(options.jobs) as pool:
+            list(pool.map(do, left))
+    options.out.write_text(table(rows))
+    print(summary(rows))
+    return 0
+
+
+def data_root(stated: Path | None) -> Path:
+    """The folder `example-robot-data`."""
+    named = stated or os.environ.get("ASSETBUILD_TEST_DATA")
+    if named:
+        return Path(named) / "example-robot-data"
+    folder = Path.home() / ".cache/assetbuild/test-data/whole"
+    root = folder / ROOT_IN_WHEEL
+    if not root.is_dir():
+        pip = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest"]
+        subprocess.run([*pip, str(folder), PACKAGE], check=True)
+        (wheel,) = folder.glob("*.whl")
+        with zipfile.ZipFile(wheel) as archive:
+            archive.extractall(folder)
+        wheel.unlink()
+    return root
+
+
+def corpus(root: Path) -> list[str]:
+    """Paths of all URDFs below `robots`, sorted."""
+    robots = root / "robots"
+    return sorted(path.relative_to(robots).as_posix() for path in robots.rglob("*.urdf"))
+
+
+# --- one robot ------------------------------------------------------------------------------
+
+
+def one(root: Path, name: str, work: Path) -> dict[str, object]:
+    """Init and build; everything that the table says about it."""
+    urdf = root / "robots" / name
+    folder = work / re.sub(r"[^A-Za-z0-9_]", "_", name.removesuffix(".urdf"))
+    folder.mkdir(parents=True, exist_ok=True)
+    started = time.monotonic()
+    row: dict[str, object] = {"result": "refused", "note": "", "seconds": 0.0}
+    row |= counts_in(urdf)
+    done = run("init", str(urdf), "-o", str(folder / "recipe.yaml"), "--force")
+    if done.returncode == 0:
+        done = run("build", str(folder / "recipe.yaml"), "-o", str(folder / "bundle"))
+        row |= judged(folder, done.returncode)
+    row["seconds"] = round(time.monotonic() - started, 1)
+    if row["result"] in ("refused", "crashed"):
+        if "Traceback" in done.stderr:
+            row["result"] = "crashed"
+        row["note"] = error_of(done.stderr + done.stdout).replace(str(root), "")
+    return row
+
+
+def run(*words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "assetbuild", *words]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+def error_of(text: str) -> str:
+    """The first error line."""
+    lines = [line for line in text.splitlines() if "error" in line.lower()] or text.splitlines()
+    return lines[0].removeprefix("error: ")[:200] if lines else ""
+
+
+def counts_in(urdf: Path) -> dict[str, object]:
+    """Shapes and mass that the source states, read by another library than ours."""
+    try:
+        robot = parse(urdf).getroot()
+    except ParseError:
+        return {}
+    masses = [float(m.get("value") or 0) for m in robot.iterfind("link/inertial/mass")]
+    return {
+        "visual_in": len(robot.findall("link/visual")),
+        "collision_in": len(robot.findall("link/collision")),
+        "mass_source": sum(masses),
+    }
+
+
+def judged(folder: Path, code: int) -> dict[str, object]:
+    """What the bundle's report says; a bundle in `bundle.failed` is not ready."""
+    bundle = folder / ("bundle" if code == 0 else "bundle.failed")
+    report = bundle / "report/report.json"
+    if not report.is_file():
+        return {}
+    said = json.loads(report.read_text())
+    findings = said["findings"]
+    errors = [f for f in findings if f["severity"] == "error"]
+    row: dict[str, object] = {
+        "result": "built" if code == 0 else "not ready",
+        "findings": dict(Counter(f["severity"] for f in findings)),
+    }
+    if errors:
+        first = errors[0]
+        rules = ", ".join(sorted({e["rule"] for e in errors}))
+        row["note"] = f"{len(errors)} errors ({rules}): {first['subject']}: {first['message']}"[
+            :240
+        ]
+        row["where"] = first["where"]
+    row["figures"] = said["checks"].get("oracle", {}).get("figures", {})
+    return row | counts_out(bundle)
+
+
+def counts_out(bundle: Path) -> dict[str, object]:
+    """Shapes and mass of the MJCF, as MuJoCo compiles it."""
+    import mujoco
+
+    (path,) = [p for p in (bundle / "mjcf").glob("*.xml") if p.name != "scene.xml"]
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        return {"note": f"MuJoCo: {error}"[:200]}
+    groups = Counter(model.geom_group.tolist())
+    return {
+        "visual_out": groups[2],
+        "collision_out": groups[3],
+        "mass_mjcf": float(model.body_mass.sum()),
+    }
+
+
+# --- the table ------------------------------------------------------------------------------
+
+
+def table(rows: dict[str, dict]) -> str:
+    head = (
+        "| robot | result | mass kg | mass err | kinematics | mass matrix | gravity "
+        "| visual | collision | s | E/W/I | note |"
+    )
+    lines = [f"# Corpus: {PACKAGE}", "", summary(rows), "", head, "|" + " --- |" * 12]
+    lines += [line_of(name, rows[name]) for name in sorted(rows)]
+    lines += [
+        "",
+        "Errors are relative, against pinocchio on the source (50 poses); shapes: in → out.",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def line_of(name: str, row: dict) -> str:
+    figures, findings = row.get("figures", {}), row.get("findings", {})
+    cells = [
+        name.removesuffix(".urdf"),
+        row["result"],
+        f"{row.get('mass_source', 0):.4g}",
+        number(mass_error(row)),
+        *(
+            number(figures.get(f"{kind}_error"))
+            for kind in ("kinematics", "mass_matrix", "gravity")
+        ),
+        f"{row.get('visual_in', '-')} → {row.get('visual_out', '-')}",
+        f"{row.get('collision_in', '-')} → {row.get('collision_out', '-')}",
+        f"{row['seconds']:.0f}",
+        "/".join(str(findings.get(s, 0)) for s in ("error", "warning", "info")),
+        str(row["note"]).replace("|", "\\|").replace("\n", " "),
+    ]
+    return "| " + " | ".join(cells) + " |"
+
+
+def mass_error(row: dict) -> float | None:
+    if not row.get("mass_source") or "mass_mjcf" not in row:
+        return None
+    return abs(row["mass_mjcf"] - row["mass_source"]) / row["mass_source"]
+
+
+def number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1e}" if value else "0"
+
+
+def summary(rows: dict[str, dict]) -> str:
+    results = Counter(row["result"] for row in rows.values())
+    worst = {
+        kind: max(
+            (row.get("figures", {}).get(f"{kind}_error", 0.0) for row in rows.values()), default=0
+        )
+        for kind in ("kinematics", "mass_matrix", "gravity")
+    }
+    masses = [e for e in map(mass_error, rows.values()) if e is not None]
+    told = ", ".join(f"{count} {result}" for result, count in sorted(results.items()))
+    errors = ", ".join(f"{kind.replace('_', ' ')} {value:.1e}" for kind, value in worst.items())
+    seconds = sum(row["seconds"] for row in rows.values())
+    mass = f"{max(masses):.1e}" if masses else "-"
+    return (
+        f"{len(rows)} robots: {told}. Worst errors: mass {mass}, {errors}. {seconds:.0f} s in all."
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

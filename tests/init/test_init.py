@@ -1,0 +1,196 @@
+"""The recipe that `init` writes: its choices, and that it builds."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from assetbuild.errors import AssetBuildError, SourceError, UsageError
+from assetbuild.init import propose, write
+from assetbuild.init.anatomy import study
+from assetbuild.init.home import home_pose
+from assetbuild.init.look import Looked, look
+from assetbuild.init.source import find_source
+from assetbuild.recipe.loader import LoadedRecipe, load_recipe
+from assetbuild.robot.tree import forward_kinematics
+
+STL = bytes(80) + (0).to_bytes(4, "little")
+
+
+def initialised(urdf: Path, out: Path, **packages: Path) -> LoadedRecipe:
+    write(propose(urdf, out, packages), force=True)
+    return load_recipe(out)
+
+
+def looked(urdf: Path) -> Looked:
+    return look(find_source(urdf, {}))
+
+
+def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"ASSETBUILD_CACHE": str(folder / "cache")}
+    command = [sys.executable, "-m", "assetbuild", *words]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+
+
+# --- choices --------------------------------------------------------------------------------
+
+
+def test_a_dog_floats_on_its_four_feet(robots: Path):
+    anatomy = study(looked(robots / "four_legs.urdf"))
+    assert anatomy.base.kind == "floating"
+    assert sorted(leg.foot for leg in anatomy.legs) == ["LF_foot", "LH_foot", "RF_foot", "RH_foot"]
+    assert anatomy.sensors == {"IMU": ("imu_link",), "camera": ("head_camera",)}
+
+
+def test_a_bolted_arm_is_fixed_and_its_fingers_are_no_legs(robots: Path):
+    anatomy = study(looked(robots / "odd_arm.urdf"))
+    assert (anatomy.base.kind, anatomy.legs) == ("fixed", ())
+    assert "`world`" in anatomy.base.reason
+
+
+def test_the_home_pose_stands_within_the_limits_feet_level_below_the_hips(robots: Path):
+    robot = looked(robots / "four_legs.urdf")
+    anatomy = study(robot)
+    pose = home_pose(robot.tree, anatomy.legs)
+    for joint in robot.tree.moving_joints:
+        assert joint.limits.lower <= pose[joint.name] <= joint.limits.upper  # type: ignore[operator]
+    X = forward_kinematics(robot.links, pose)
+    heights = [X[leg.foot].xyz[2] for leg in anatomy.legs]
+    assert max(heights) - min(heights) < 1e-3
+    for leg in anatomy.legs:
+        assert X[leg.foot].xyz[0] == pytest.approx(X[leg.foot[:2] + "_thigh"].xyz[0], abs=5e-3)
+    # two links of 0.2 m with the knee bent by q: the hip is 0.4 cos(q / 2) above the foot
+    knee = pose["LF_calf_joint"]
+    assert -heights[0] == pytest.approx(0.4 * math.cos(knee / 2), abs=2e-3)
+
+
+def test_the_table_has_a_row_per_limit_and_a_passive_one_where_effort_is_missing(
+    robots: Path, tmp_path: Path
+):
+    dog = initialised(robots / "four_legs.urdf", tmp_path / "dog.yaml").recipe
+    assert [row.joints for row in dog.actuators] == [".*_(hip|thigh)_joint", ".*_calf_joint"]
+    assert dog.actuators[1].kp == pytest.approx(36 / 0.3, rel=0.05)
+    arm = initialised(robots / "odd_arm.urdf", tmp_path / "arm.yaml").recipe
+    models = {row.joints: row.model for row in arm.actuators}
+    assert models == {
+        "shoulder": "pd", "elbow": "pd", "wrist": "passive", "left_slide": "pd", "hinge": "pd"
+    }  # fmt: skip
+    assert arm.keyframes["home"].joints == {"elbow": 1.5}
+
+
+def test_what_the_lints_find_is_answered_by_edits_in_a_comment(robots: Path, tmp_path: Path):
+    initialised(robots / "odd_arm.urdf", tmp_path / "arm.yaml")
+    lines = (tmp_path / "arm.yaml").read_text().splitlines()
+    assert "#   - balance_inertia: {link: forearm}" in lines
+    assert any("set_limits" in line and "hinge" in line and line[0] == "#" for line in lines)
+
+
+# --- files ----------------------------------------------------------------------------------
+
+
+def package(folder: Path, uri: str, mesh: str) -> Path:
+    """`robots/urdf/r.urdf` whose one mesh is `uri`; the file lies at `mesh`."""
+    urdf = folder / "robots/urdf/r.urdf"
+    urdf.parent.mkdir(parents=True)
+    (folder / mesh).parent.mkdir(parents=True, exist_ok=True)
+    (folder / mesh).write_bytes(STL)
+    urdf.write_text(
+        f'<robot name="r"><link name="a"><visual><geometry><mesh filename="{uri}"/></geometry>'
+        "</visual></link></robot>"
+    )
+    return urdf
+
+
+@pytest.mark.parametrize(
+    ("uri", "mesh", "root", "packages"),
+    [
+        ("package://pkg/m/a.stl", "pkg/m/a.stl", ".", {"pkg": "pkg"}),
+        ("package:///robots/m/a.stl", "robots/m/a.stl", "robots", {"robots": "."}),
+        ("package://renamed/m/a.stl", "robots/m/a.stl", "robots", {"renamed": "."}),
+        ("../m/a.stl", "robots/m/a.stl", "robots", {}),
+    ],
+)
+def test_packages_are_found_above_the_urdf_and_written_down(
+    tmp_path: Path, uri: str, mesh: str, root: str, packages: dict[str, str]
+):
+    urdf = package(tmp_path, uri, mesh)
+    source = find_source(urdf, {})
+    assert source.root == (tmp_path / root).resolve()
+    assert source.packages == packages
+    assert (source.root / source.urdf).samefile(urdf)
+
+
+def test_a_package_that_is_nowhere_is_named_with_its_line(tmp_path: Path):
+    urdf = package(tmp_path, "package://far/m/a.stl", "elsewhere/m/a.stl")
+    with pytest.raises(SourceError, match=r"r\.urdf:1: .*package `far`") as error:
+        find_source(urdf, {})
+    assert "--package far=FOLDER" in error.value.hint
+    source = find_source(urdf, {"far": tmp_path / "elsewhere"})
+    assert source.packages == {"far": "elsewhere"}
+    with pytest.raises(UsageError, match="no such folder"):
+        find_source(urdf, {"far": tmp_path / "nowhere"})
+
+
+def test_the_source_is_relative_to_the_recipe_wherever_one_stands(
+    robots: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    shutil.copy(robots / "four_legs.urdf", tmp_path / "dog.urdf")
+    (tmp_path / "recipes").mkdir()
+    (tmp_path / "other").mkdir()
+    monkeypatch.chdir(tmp_path / "other")
+    recipe = initialised(Path("../dog.urdf"), Path("../recipes/dog.yaml")).recipe
+    assert (recipe.source.path, recipe.source.urdf) == ("..", "dog.urdf")
+
+
+def test_an_existing_recipe_is_kept_unless_forced(robots: Path, tmp_path: Path):
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("# my work\n")
+    proposal = propose(robots / "four_legs.urdf", mine, {})
+    with pytest.raises(UsageError, match="exists"):
+        write(proposal, force=False)
+    assert mine.read_text() == "# my work\n"
+    write(proposal, force=True)
+    assert load_recipe(mine).recipe.robot == "four_legs"
+
+
+@pytest.mark.parametrize(
+    "text", ["", "not xml", "<robot/>", '<robot name="r"><link name="a"/><link name="b"/></robot>']
+)
+def test_bad_input_is_one_clear_error(tmp_path: Path, text: str):
+    bad = tmp_path / "bad.urdf"
+    bad.write_text(text)
+    with pytest.raises(AssetBuildError, match=r"bad\.urdf"):
+        propose(bad, None, {})
+    with pytest.raises(AssetBuildError, match="no such file"):
+        propose(tmp_path / "none.urdf", None, {})
+
+
+# --- the whole way --------------------------------------------------------------------------
+
+
+def test_the_dog_checks_builds_and_stands(robots: Path, tmp_path: Path):
+    shutil.copy(robots / "four_legs.urdf", tmp_path)
+    assert run(tmp_path, "init", "four_legs.urdf").returncode == 0
+    assert run(tmp_path, "init", "four_legs.urdf").returncode == 2
+    checked = run(tmp_path, "check", "four_legs.yaml")
+    assert checked.returncode == 0, checked.stdout + checked.stderr
+    built = run(tmp_path, "build", "four_legs.yaml")
+    assert built.returncode == 0, built.stdout + built.stderr
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "build/four_legs/mjcf/four_legs.xml"))
+    assert (model.nv, model.nu, model.nkey) == (18, 12, 1)
+
+
+def test_a_broken_robot_is_judged_and_still_written(robots: Path, tmp_path: Path):
+    shutil.copy(robots / "odd_arm.urdf", tmp_path)
+    assert run(tmp_path, "init", "odd_arm.urdf").returncode == 0
+    built = run(tmp_path, "build", "odd_arm.yaml")
+    assert built.returncode == 1
+    assert "inertia.triangle" in built.stdout + built.stderr
+    assert (tmp_path / "build/odd_arm.failed/report/report.json").is_file()
