@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.schema import allowed_values, known_keys, meaning, schema_text
@@ -34,3 +35,10 @@ def test_keys_are_found_below_patterns_lists_and_choices():
     assert known_keys(Recipe, ("motors",)) == []
     assert allowed_values(Recipe, ("base",)) == ["floating", "fixed"]
     assert meaning(Recipe, ("actuators", 0, "kp")) == "N m/rad or N/m"
+
+
+def test_the_published_schema_is_the_one_of_the_models():
+    published = Path(__file__).parents[2] / "docs" / "reference" / "recipe.schema.json"
+    assert published.read_text(encoding="utf-8") == schema_text(), (
+        "run `assetbuild schema > docs/reference/recipe.schema.json`"
+    )
