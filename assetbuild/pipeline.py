@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import datetime
 import json
+import os
 import platform
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from assetbuild import __version__
 from assetbuild.engine.execute import Event, NodeResult, execute
 from assetbuild.engine.folders import cache_root
-from assetbuild.engine.graph import Graph, Node, Planner
+from assetbuild.engine.graph import Graph, Node, Planner, joined
 from assetbuild.engine.publish import check_replaceable, discard, new_staging, publish
+from assetbuild.engine.rebuild import Difference, run_again
+from assetbuild.engine.remote import Remote
 from assetbuild.engine.session import Resolver, Session
 from assetbuild.engine.store import LostObjectError, machine_error, open_store
-from assetbuild.errors import AssetBuildError, LockError, OutOfDateError, Where
+from assetbuild.errors import AssetBuildError, LockError, OutOfDateError, UsageError, Where
 from assetbuild.findings import Finding
 from assetbuild.lock import GitPin, Lock, Pin, check_pin, lock_path, read_lock, write_lock
 from assetbuild.plan import Outline, plan
@@ -47,6 +50,9 @@ class Request:
     keep_going: bool = False
     frozen: bool = False
     rehash: bool = False
+    rebuild_check: bool = False
+    remote: str = ""
+    cache_write: bool = False
     fail_on: FailOn = "error"
 
 
@@ -57,7 +63,8 @@ class Outcome:
     out: where the bundle lies, None when a step failed. edited: files of the user that were set
     aside. errors: of the failed steps, in the order of the graph.
     read: path -> sha256 of every file outside the store that decided the result; absent: paths
-    that would have, had they existed; began_ns: when the first was read.
+    that would have, had they existed; began_ns: when the first was read. differences: what the
+    second run of `--rebuild-check` found.
     """
 
     loaded: LoadedRecipe
@@ -71,52 +78,113 @@ class Outcome:
     read: Mapping[str, str] = field(default_factory=dict)
     absent: tuple[Path, ...] = ()
     began_ns: int = 0
+    differences: tuple[Difference, ...] = ()
 
 
 OnEvent = Callable[[Event], None]
 
 
+@dataclass(frozen=True)
+class _Job:
+    """One recipe of a build, ready to be planned. name: its robot, which no other job builds."""
+
+    name: str
+    loaded: LoadedRecipe
+    lock: Lock | None
+    out: Path
+
+
+@dataclass(frozen=True)
+class _Executed:
+    """The last plan of one recipe, and what became of its steps."""
+
+    outline: Outline
+    graph: Graph
+    results: dict[str, NodeResult]
+
+
 def build(request: Request, on_event: OnEvent, say: Callable[[str], None]) -> Outcome:
     """Build one recipe. Raises AssetBuildError for wrong input; failed steps are in the outcome."""
+    return build_all([request], on_event, say)[0]
+
+
+def build_all(
+    requests: Sequence[Request], on_event: OnEvent, say: Callable[[str], None]
+) -> list[Outcome]:
+    """Build several recipes as one graph; they differ in `recipe` and `out` only.
+
+    Raises AssetBuildError for wrong input; failed steps are in the outcomes.
+    """
     started, began_ns = time.monotonic(), time.time_ns()
-    loaded = load_recipe(request.recipe, request.variant)
-    out = request.out or default_out(loaded)
-    check_replaceable(out)
-    lock = pin(loaded, frozen=request.frozen, say=say)
-    with open_session(loaded, rehash=request.rehash) as session:
+    jobs = _jobs(requests, say)
+    request = requests[0]
+    with open_session(*(job.loaded for job in jobs), rehash=request.rehash) as session:
+        session.remote = _remote(request, say)
         if session.store.notice:
             say(f"warning: {session.store.notice}")
         for attempt in (1, 2, 3):
             try:
-                outcome = _build(loaded, lock, out, session, request, on_event)
+                outcomes = _build(jobs, session, request, on_event, say)
                 break
             except LostObjectError:  # found corrupt while it was read: make it again
                 session.forget()
                 if attempt == 3:
                     raise
-    outcome.seconds, outcome.began_ns = time.monotonic() - started, began_ns
-    if outcome.report is not None:
-        _write_run_log(outcome, out)
-    return outcome
+    for job, outcome in zip(jobs, outcomes, strict=True):
+        outcome.seconds, outcome.began_ns = time.monotonic() - started, began_ns
+        if outcome.report is not None:
+            _write_run_log(outcome, job.out)
+    return outcomes
+
+
+def _jobs(requests: Sequence[Request], say: Callable[[str], None]) -> list[_Job]:
+    """Read and pin every recipe before any is built."""
+    jobs: list[_Job] = []
+    for request in requests:
+        loaded = load_recipe(request.recipe, request.variant)
+        out = request.out or default_out(loaded)
+        name = loaded.recipe.robot
+        if any(job.name == name for job in jobs):
+            raise UsageError(f"two of the recipes build `{name}`", hint="build them one by one")
+        check_replaceable(out)
+        jobs.append(_Job(name, loaded, pin(loaded, frozen=request.frozen, say=say), out))
+    return jobs
 
 
 def _build(
-    loaded: LoadedRecipe,
-    lock: Lock | None,
-    out: Path,
+    jobs: Sequence[_Job],
     session: Session,
     request: Request,
     on_event: OnEvent,
-) -> Outcome:
-    outline, results, sources = _plan_and_execute(loaded, lock, session, request, on_event)
+    say: Callable[[str], None],
+) -> list[Outcome]:
+    executed = _plan_and_execute(jobs, session, request, on_event)
+    outcomes = []
+    for job, done in zip(jobs, executed, strict=True):
+        outcome = _finish(job, done, session, request)
+        if request.rebuild_check and outcome.report is not None:
+            say("running every step a second time")
+            keep = job.out.with_name(f"{job.out.name}.rebuild-check")
+            outcome.differences = run_again(
+                done.graph, session, done.results, keep, jobs=request.jobs, on_event=on_event
+            )
+            outcome.exit_code = outcome.exit_code or (4 if outcome.differences else 0)
+        outcomes.append(outcome)
+    return outcomes
+
+
+def _finish(job: _Job, done: _Executed, session: Session, request: Request) -> Outcome:
+    """Report and bundle of one recipe, if all its steps went well."""
+    loaded, lock, out = job.loaded, job.lock, job.out
+    outline, results = done.outline, done.results
     outcome = Outcome(loaded, 0, results)
     outcome.errors = tuple(
         _located(result.error, outline.subjects.get(label, ""))
         for label, result in results.items()
         if result.error is not None
     )
-    if outcome.errors:
-        outcome.exit_code = max(error.exit_code for error in outcome.errors)
+    if any(result.outputs is None for result in results.values()):
+        outcome.exit_code = max((error.exit_code for error in outcome.errors), default=1)
         return outcome
     report = _report(loaded, outline, results, session)
     outcome.exit_code = 1 if fails(report, request.fail_on) else 0
@@ -124,6 +192,7 @@ def _build(
     files = _bundle(loaded, lock, outline, report, session, results)
     outcome.edited = publish_bundle(files, outcome.out, session)
     outcome.report = report
+    sources = [Path(ref.output) for ref in done.graph.sources if not ref.is_tree]
     outcome.read = {str(path): session.source_digest(path) for path in _read(loaded, sources)}
     outcome.absent = (lock_path(loaded.path),) if lock is None else ()
     return outcome
@@ -215,10 +284,24 @@ def default_out(loaded: LoadedRecipe) -> Path:
     return Path("build") / f"{loaded.recipe.robot}{suffix}"
 
 
-def open_session(loaded: LoadedRecipe, *, rehash: bool = False) -> Session:
-    """The store and what this machine knows of earlier builds of the recipe."""
-    name = f"{loaded.path}#{loaded.variant}" if loaded.variant else str(loaded.path)
-    return Session(open_store(Path(cache_root())), build=name, rehash=rehash)
+def open_session(*loaded: LoadedRecipe, rehash: bool = False) -> Session:
+    """The store and what this machine knows of earlier builds of the recipes."""
+    names = {
+        each.recipe.robot: f"{each.path}#{each.variant}" if each.variant else str(each.path)
+        for each in loaded
+    }
+    store = open_store(Path(cache_root()))
+    if len(names) == 1:
+        return Session(store, build=next(iter(names.values())), rehash=rehash)
+    return Session(store, builds=names, rehash=rehash)
+
+
+def _remote(request: Request, say: Callable[[str], None]) -> Remote | None:
+    """The cache shared with other machines; no recipe can name one."""
+    if not request.remote:
+        return None
+    key = os.environ.get("ASSETBUILD_CACHE_KEY", "")
+    return Remote(request.remote, key=key, write=request.cache_write, warn=say)
 
 
 def pin(loaded: LoadedRecipe, *, frozen: bool, say: Callable[[str], None]) -> Lock | None:
@@ -271,20 +354,18 @@ def planned(
 
 
 def _plan_and_execute(
-    loaded: LoadedRecipe,
-    lock: Lock | None,
-    session: Session,
-    request: Request,
-    on_event: OnEvent,
-) -> tuple[Outline, dict[str, NodeResult], list[Path]]:
-    """(plan, execute)* until no question is open or a step has failed."""
+    jobs: Sequence[_Job], session: Session, request: Request, on_event: OnEvent
+) -> list[_Executed]:
+    """(plan, execute)* of all recipes as one graph, until no question is open or a step failed."""
     results: dict[str, NodeResult] = {}
     while True:
-        planner = Planner(session)
-        outline = plan(loaded, lock, planner)
-        graph = planner.graph()
+        planners = [Planner(session) for _ in jobs]
+        outlines = [
+            plan(job.loaded, job.lock, planner) for job, planner in zip(jobs, planners, strict=True)
+        ]
+        graphs = {job.name: p.graph() for job, p in zip(jobs, planners, strict=True)}
         now = execute(
-            graph,
+            joined(graphs) if len(jobs) > 1 else graphs[jobs[0].name],
             session,
             jobs=request.jobs,
             keep_going=request.keep_going,
@@ -295,9 +376,20 @@ def _plan_and_execute(
         results = {
             k: results[k] if k in ran and r.status == "cached" else r for k, r in now.items()
         }
-        if not planner.questions or any(result.error for result in results.values()):
-            sources = [Path(ref.output) for ref in graph.sources if not ref.is_tree]
-            return outline, results, sources
+        is_open = any(planner.questions for planner in planners)
+        if not is_open or any(result.error for result in results.values()):
+            return [
+                _Executed(outline, graphs[job.name], _own(results, job.name, len(jobs)))
+                for job, outline in zip(jobs, outlines, strict=True)
+            ]
+
+
+def _own(results: dict[str, NodeResult], name: str, jobs: int) -> dict[str, NodeResult]:
+    """The results of one recipe, under the labels of its own graph."""
+    if jobs == 1:
+        return results
+    prefix = f"{name}:"
+    return {k.removeprefix(prefix): r for k, r in results.items() if k.startswith(prefix)}
 
 
 # --- the report -----------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,6 +25,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frozen", action="store_true", help="fail rather than write a lock")
     parser.add_argument("--rehash", action="store_true", help="read every source file again")
     parser.add_argument(
+        "--rebuild-check", action="store_true", help="run every step twice and compare"
+    )
+    parser.add_argument(
+        "--remote",
+        default=os.environ.get("ASSETBUILD_REMOTE", ""),
+        metavar="URL",
+        help="cache shared with other machines; default: $ASSETBUILD_REMOTE",
+    )
+    parser.add_argument("--cache-write", action="store_true", help="also write to that cache")
+    parser.add_argument(
         "--fail-on", choices=("error", "warning", "never"), default="error", help="default: error"
     )
 
@@ -36,15 +47,14 @@ def _positive(text: str) -> int:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Build each recipe; the worst exit code of all."""
+    """Build the recipes as one graph; the worst exit code of all."""
     from assetbuild.errors import UsageError
     from assetbuild.pipeline import Request
 
     if arguments.out is not None and len(arguments.recipes) > 1:
         raise UsageError("`-o` names one bundle, but several recipes were given")
-    codes, outcomes = [0], []
-    for recipe in arguments.recipes:
-        request = Request(
+    requests = [
+        Request(
             recipe=recipe,
             out=arguments.out,
             variant=arguments.variant,
@@ -52,26 +62,36 @@ def run(arguments: argparse.Namespace) -> int:
             keep_going=arguments.keep_going,
             frozen=arguments.frozen,
             rehash=arguments.rehash,
+            rebuild_check=arguments.rebuild_check,
+            remote=arguments.remote,
+            cache_write=arguments.cache_write,
             fail_on=arguments.fail_on,
         )
-        if arguments.dry_run:
-            codes.append(_dry_run(request))
-        else:
-            outcomes.append(_build(request))
-    if not arguments.dry_run:
+        for recipe in arguments.recipes
+    ]
+    if arguments.cache_write and not arguments.remote:
+        raise UsageError("`--cache-write` needs `--remote`: where to?")
+    if arguments.dry_run:
+        return max(_dry_run(request) for request in requests)
+    outcomes = _build(requests)
+    if not arguments.rebuild_check:
         _remember(outcomes)
-    return max(codes + [outcome.exit_code for outcome in outcomes])
+    return max(outcome.exit_code for outcome in outcomes)
 
 
-def _build(request: Request) -> Outcome:
+def _build(requests: list[Request]) -> list[Outcome]:
     from assetbuild.cli.progress import progress
-    from assetbuild.cli.summary import print_summary
-    from assetbuild.pipeline import build
+    from assetbuild.cli.summary import print_differences, print_summary
+    from assetbuild.pipeline import build_all
 
-    with progress(request.recipe.name) as shown:
-        outcome = build(request, shown.on_event, shown.say)
-    print_summary(outcome)
-    return outcome
+    name = requests[0].recipe.name if len(requests) == 1 else "assetbuild"
+    with progress(name) as shown:
+        outcomes = build_all(requests, shown.on_event, shown.say)
+    for outcome in outcomes:
+        print_summary(outcome)
+        if requests[0].rebuild_check:
+            print_differences(outcome)
+    return outcomes
 
 
 def _remember(outcomes: list[Outcome]) -> None:

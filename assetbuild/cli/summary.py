@@ -26,6 +26,20 @@ def print_summary(outcome: Outcome) -> None:
         print(line)
 
 
+def print_differences(outcome: Outcome) -> None:
+    """What `--rebuild-check` found, if the build got that far."""
+    if outcome.report is None:
+        return
+    for difference in outcome.differences:
+        print(f"error: {difference}", file=sys.stderr)
+    robot = outcome.loaded.recipe.robot
+    if outcome.differences:
+        place = f"{outcome.out}".removesuffix(".failed")
+        print(f"{robot}: not reproducible; both versions are in {place}.rebuild-check/")
+    else:
+        print(f"{robot}: reproducible: every step gave the same bytes twice")
+
+
 def summary_lines(outcome: Outcome, report: Report) -> list[str]:
     """The lines of the summary."""
     ready = "yes" if report.verdict.ready else "no"

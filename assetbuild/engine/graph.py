@@ -133,6 +133,22 @@ def checked_graph(nodes: Iterable[Node], sources: Iterable[Ref] = ()) -> Graph:
     return Graph(_in_order(by_label), tuple(sources))
 
 
+def joined(graphs: Mapping[str, Graph]) -> Graph:
+    """Several graphs as one: `calf` of the graph `go1` is labelled `go1:calf`.
+
+    Steps with equal keys run once, whichever graphs they come from.
+    """
+    nodes: dict[str, Node] = {}
+    for name, graph in graphs.items():
+        for node in graph.nodes.values():
+            inputs = {
+                key: Ref(f"{name}:{ref.node}", ref.output, ref.member) if ref.node else ref
+                for key, ref in node.inputs.items()
+            }
+            nodes[f"{name}:{node.label}"] = Node(f"{name}:{node.label}", node.step, inputs)
+    return Graph(nodes, tuple(ref for graph in graphs.values() for ref in graph.sources))
+
+
 def _in_order(by_label: Mapping[str, Node]) -> dict[str, Node]:
     import networkx
 

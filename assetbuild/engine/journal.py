@@ -63,3 +63,40 @@ class Journal:
             entry = {"format": JOURNAL_FORMAT, "build": self.build, "steps": self._steps}
             replace_file(self.path, canonical_json(entry))
             self._changed = False
+
+
+class JoinedJournal(Journal):
+    """The journals of several builds that run as one graph: `go1:calf` is `calf` of `go1`."""
+
+    def __init__(self, store_root: Path, builds: Mapping[str, str]) -> None:
+        super().__init__(store_root, "\n".join(builds.values()))
+        self._journals = {name: Journal(store_root, build) for name, build in builds.items()}
+
+    def _of(self, label: str) -> tuple[Journal, str]:
+        name, _, own = label.partition(":")
+        return self._journals[name], own
+
+    def parts(self, label: str) -> Parts | None:
+        """See `Journal`."""
+        journal, own = self._of(label)
+        return journal.parts(own)
+
+    def last_run(self, label: str) -> tuple[str, list[Mapping[str, object]]] | None:
+        """See `Journal`."""
+        journal, own = self._of(label)
+        return journal.last_run(own)
+
+    def saw(self, label: str, parts: Parts) -> None:
+        """See `Journal`."""
+        journal, own = self._of(label)
+        journal.saw(own, parts)
+
+    def ran(self, label: str, parts: Parts, why: Sequence[Mapping[str, object]]) -> None:
+        """See `Journal`."""
+        journal, own = self._of(label)
+        journal.ran(own, parts, why)
+
+    def save(self) -> None:
+        """See `Journal`."""
+        for journal in self._journals.values():
+            journal.save()

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from assetbuild.engine.digest import StatCache
-from assetbuild.engine.journal import Journal
+from assetbuild.engine.journal import JoinedJournal, Journal
 from assetbuild.engine.keys import Parts, key_of, key_parts
 from assetbuild.engine.store import Listing, LostObjectError, Store, is_plain_path
 from assetbuild.errors import SourceError, StepError, did_you_mean
@@ -19,6 +19,7 @@ from assetbuild.findings import Finding, finding_from_json
 if TYPE_CHECKING:
     from assetbuild.engine.children import Children
     from assetbuild.engine.graph import Node, Ref
+    from assetbuild.engine.remote import Remote
 
 
 @dataclass(frozen=True)
@@ -68,14 +69,25 @@ class Session:
     """Store, stat cache, journal and child processes of one build; a context manager.
 
     build: names the build in the journal, so that `explain` finds its last run; the path of the
-    recipe is a good one. Each source is read once: every step of the build sees the same bytes.
+    recipe is a good one. builds: the same for graphs that are `joined`, by their names.
+    remote: a cache shared with other machines, asked for what the store lacks.
+    Each source is read once: every step of the build sees the same bytes.
     """
 
-    def __init__(self, store: Store, *, build: str = "", rehash: bool = False) -> None:
+    def __init__(
+        self,
+        store: Store,
+        *,
+        build: str = "",
+        builds: Mapping[str, str] | None = None,
+        rehash: bool = False,
+        remote: Remote | None = None,
+    ) -> None:
         self.store = store
-        self.build = build
+        self.remote = remote
+        self.build = build or "\n".join((builds or {}).values())
         self.stat_cache = StatCache(store.root / "stat.json", rehash=rehash)
-        self.journal = Journal(store.root, build)
+        self.journal = JoinedJournal(store.root, builds) if builds else Journal(store.root, build)
         self._known: dict[str, Made] = {}
         self._listings: dict[str, Listing] = {}
         self._source_digests: dict[str, str] = {}
@@ -223,18 +235,30 @@ class Session:
     def known(self, key: str) -> Made | None:
         """What a step with this key made, if all of it is still in the store."""
         if key not in self._known:
-            raw = self.store.action(key)
-            made = made_from_json(raw) if raw is not None else None
-            if made is None or self.missing_output(made):
+            made = self._whole(self.store.action(key))
+            if made is not None:
+                self.store.touch_action(key)
+            elif self.remote is not None:
+                raw = self.remote.get(key, self.store)
+                made = self._whole(raw)
+                if made is not None and raw is not None:
+                    self.store.put_action(key, raw)
+            if made is None:
                 return None
-            self.store.touch_action(key)
             self._known[key] = made
         return self._known[key]
+
+    def _whole(self, raw: dict[str, Any] | None) -> Made | None:  # Any: JSON
+        """The result in an action entry, if all its outputs are in the store."""
+        made = made_from_json(raw) if raw is not None else None
+        return None if made is None or self.missing_output(made) else made
 
     def learn(self, key: str, made: Made) -> None:
         """Remember what a step made, in the store and here."""
         self.store.put_action(key, made.to_json())
         self._known[key] = made
+        if self.remote is not None:
+            self.remote.put(key, made.to_json(), self.store)
 
     def forget(self) -> None:
         """An object was lost: look again which results are whole."""

@@ -259,6 +259,19 @@ class Big(Meet):
     limits: ClassVar[Limits] = Limits(memory_mb=3000)
 
 
+class Irreproducible(Step):
+    """Gives other bytes in every run, in one file of a folder."""
+
+    outputs = ("parts/", "same")
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        (files.outputs / "parts").mkdir()
+        (files.outputs / "parts/steady").write_text("steady")
+        (files.outputs / "parts/clock").write_text(str(time.monotonic_ns()))
+        (files.outputs / "same").write_text("same")
+        return ()
+
+
 def flip(path: Path) -> None:
     """Change one bit of an object of the store."""
     data = bytearray(path.read_bytes())
