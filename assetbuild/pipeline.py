@@ -368,6 +368,11 @@ def _locator(
         digest = results[outline.source_map.node][outline.source_map.output]
         source_map = json.loads(session.read(digest))
         file, lines = source_map["file"], source_map["lines"]
+    for label in outline.edits:  # the source knows its own names only
+        for finding in results[label].findings if label in results else ():
+            if finding.rule == "edit.rename":
+                kind = finding.subject.partition(" ")[0]
+                lines[finding.subject] = lines.get(f"{kind} {finding.data['before']}", 0)
     joints = {f"actuator {name[6:]}": line for name, line in lines.items() if name[:6] == "joint "}
 
     def locate(subject: str) -> str:

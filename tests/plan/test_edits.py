@@ -37,6 +37,8 @@ def test_lints_see_the_source_before_and_the_bodies_after(tmp_path):
 def test_an_edit_sees_the_names_that_the_one_before_gave(tmp_path):
     found = findings(tmp_path, "rename: {links: {tip: hand}}", "set_mass: {link: hand, mass: 3}")
     assert {f.subject for f in found if f.rule.startswith("edit")} == {"link hand"}
+    line = next(n for n, text in enumerate(URDF.splitlines(), 1) if '"tip"' in text)
+    assert {f.where for f in found if f.subject == "link hand"} == {f"r.urdf:{line}"}
 
 
 @pytest.mark.parametrize(
