@@ -17,15 +17,32 @@ from __future__ import annotations
 import importlib
 import json
 import pkgutil
-from collections.abc import Mapping
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Self, TypeVar
 
+from pydantic import ConfigDict
+
 from assetbuild.engine.step import Files, Step
+from assetbuild.findings import Finding
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Box, Capsule, Control, Cylinder, Mesh, Shapes, Sphere, Tree
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.model import (
+    Body,
+    Box,
+    Capsule,
+    Control,
+    Cylinder,
+    Inertial,
+    Joint,
+    Mesh,
+    Shape,
+    Shapes,
+    Sphere,
+    Tree,
+)
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3
 
 ROBOT_PORTS = ("links.json", "tree.json", "shapes.json", "control.json", "meshes/")
@@ -100,6 +117,79 @@ class Pieces:
     """`pieces.json` beside `pieces/`: what a collision method writes."""
 
     pieces: tuple[Piece, ...]
+
+
+class Edit(Step):
+    """A named change of the robot between reading and merging: its fields are the recipe's keys.
+
+    `links.json`, `shapes.json` -> the same two. A field called `link` or `joint` is a pattern
+    that must match whole names, of at least one link or joint as the edits before left them.
+    Each change leaves a finding `edit.<name>` with before and after.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+    outputs = ("links.json", "shapes.json")
+
+    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+        """The changed robot and what to say about it; RecipeError for what cannot be done."""
+        raise NotImplementedError
+
+    def meshes(self, shapes: Shapes) -> tuple[Shape, ...]:
+        """Shapes whose converted meshes it reads, as `mesh/<shape>/parts/` and `.../mesh.json`."""
+        return ()
+
+    def patterns(self) -> tuple[tuple[tuple[str, ...], str, str], ...]:
+        """(key below the edit, "link" or "joint", pattern) of all that must match something."""
+        return tuple(
+            ((kind,), kind, str(getattr(self, kind)))
+            for kind in ("link", "joint")
+            if kind in type(self).model_fields
+        )
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        """Reads and writes `links.json` and `shapes.json`."""
+        tree = decode(Tree, (files.inputs / "links.json").read_bytes())
+        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        done = self.edit(tree, shapes, files)
+        (files.outputs / "links.json").write_bytes(encode(done.tree))
+        (files.outputs / "shapes.json").write_bytes(encode(done.shapes))
+        return done.findings
+
+
+@dataclass(frozen=True)
+class Edited:
+    """What an edit made."""
+
+    tree: Tree
+    shapes: Shapes
+    findings: tuple[Finding, ...]
+
+
+def edit_inertials(
+    tree: Tree, pattern: str, change: Callable[[Body], tuple[Inertial, Finding] | None]
+) -> tuple[Tree, tuple[Finding, ...]]:
+    """The tree with new mass properties of the links that match; None = this one stays."""
+    bodies, findings = [], []
+    for body in tree.bodies:
+        changed = change(body) if re.fullmatch(pattern, body.name) else None
+        if changed is not None:
+            body = replace(body, inertial=changed[0])
+            findings.append(changed[1])
+        bodies.append(body)
+    return replace(tree, bodies=tuple(bodies)), tuple(findings)
+
+
+def edit_joints(
+    tree: Tree, pattern: str, change: Callable[[Joint], tuple[Joint, Finding]]
+) -> tuple[Tree, tuple[Finding, ...]]:
+    """The tree with the joints that match replaced."""
+    joints, findings = [], []
+    for joint in tree.joints:
+        if re.fullmatch(pattern, joint.name):
+            joint, finding = change(joint)
+            findings.append(finding)
+        joints.append(joint)
+    return replace(tree, joints=tuple(joints)), tuple(findings)
 
 
 class Target(Step):

@@ -22,6 +22,7 @@ from assetbuild.engine.session import Resolver, Session
 from assetbuild.engine.store import LostObjectError, machine_error, open_store
 from assetbuild.errors import AssetBuildError, LockError, OutOfDateError, UsageError, Where
 from assetbuild.findings import Finding
+from assetbuild.kinds import Edit
 from assetbuild.lock import GitPin, Lock, Pin, check_pin, lock_path, read_lock, write_lock
 from assetbuild.plan import Outline, plan
 from assetbuild.plan.agree import check_names
@@ -179,7 +180,7 @@ def _finish(job: _Job, done: _Executed, session: Session, request: Request) -> O
     outline, results = done.outline, done.results
     outcome = Outcome(loaded, 0, results)
     outcome.errors = tuple(
-        _located(result.error, outline.subjects.get(label, ""))
+        _located(result.error, outline.subjects.get(label, ""), _where(loaded, outline, label))
         for label, result in results.items()
         if result.error is not None
     )
@@ -198,8 +199,15 @@ def _finish(job: _Job, done: _Executed, session: Session, request: Request) -> O
     return outcome
 
 
-def _located(error: AssetBuildError, subject: str) -> AssetBuildError:
+def _where(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | None:
+    """The place in the recipe of an edit."""
+    return loaded.where(outline.edits[label]) if label in outline.edits else None
+
+
+def _located(error: AssetBuildError, subject: str, where: Where | None) -> AssetBuildError:
     """The error of a step with the name of what it worked on, which the step did not know."""
+    if where is not None and error.where is None:
+        return type(error)(error.message, where=where, hint=error.hint)
     kind, _, name = subject.partition(" ")
     if not name:
         return error
@@ -234,7 +242,11 @@ def check(recipe: Path) -> list[Finding]:
             light = _light(planner.graph(), session)
             known = len(results)
             results |= execute(light, session)
-            failed = [result.error for result in results.values() if result.error]
+            failed = [
+                _located(result.error, "", _where(loaded, outline, label))
+                for label, result in results.items()
+                if result.error
+            ]
             if failed:
                 raise failed[0]
             if not planner.questions or len(results) == known:
@@ -263,7 +275,8 @@ def _light(graph: Graph, session: Session) -> Graph:
     resolver = Resolver(graph.nodes, session)
     kept: dict[str, Node] = {}
     for label, node in graph.nodes.items():  # each after the nodes it reads
-        may_run = node.step.step_name() in LIGHT_STEPS and label != MESHES
+        light = node.step.step_name() in LIGHT_STEPS or isinstance(node.step, Edit)
+        may_run = light and label != MESHES
         if all(maker in kept for maker in graph.predecessors(label)) and (
             may_run or resolver.made(label) is not None
         ):
@@ -449,6 +462,11 @@ def _locator(
         digest = results[outline.source_map.node][outline.source_map.output]
         source_map = json.loads(session.read(digest))
         file, lines = source_map["file"], source_map["lines"]
+    for label in outline.edits:  # the source knows its own names only
+        for finding in results[label].findings if label in results else ():
+            if finding.rule == "edit.rename":
+                kind = finding.subject.partition(" ")[0]
+                lines[finding.subject] = lines.get(f"{kind} {finding.data['before']}", 0)
     joints = {f"actuator {name[6:]}": line for name, line in lines.items() if name[:6] == "joint "}
 
     def locate(subject: str) -> str:

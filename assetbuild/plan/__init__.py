@@ -1,6 +1,6 @@
 """Recipe to graph, top to bottom: the only wiring, and the map of the project.
 
-    source -> read -> lint -> merge fixed joints -> lint -> meshes -> collision -> assemble
+    source -> read -> lint -> edits -> merge fixed joints -> lint -> meshes -> collision -> assemble
            -> control -> targets -> checks
 
 A plan may ask: where the graph depends on what a built file says (which meshes does this URDF
@@ -19,8 +19,9 @@ from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.kinds import Check, Target, load_plugin, plugin_names
 from assetbuild.lock import Lock
 from assetbuild.plan.agree import check_against_robot, check_names
+from assetbuild.plan.edits import apply_edits, edit_keys
 from assetbuild.plan.geometry import Geometry, assemble
-from assetbuild.plan.source import Description, description_of, open_source
+from assetbuild.plan.source import Description, Source, description_of, open_source
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
@@ -37,7 +38,8 @@ class Outline:
     """What a plan leaves for the report and the bundle: references into the graph.
 
     skipped: checks that this machine cannot run, and why. subjects: what a node works on, where
-    the node itself does not know. expanded: the URDF behind a xacro, which its lines count.
+    the node itself does not know. edits: label of an edit's node -> its key in the recipe.
+    expanded: the URDF behind a xacro, which its lines count.
     """
 
     source_map: Ref | None = None
@@ -48,6 +50,7 @@ class Outline:
     skipped: dict[str, str] = field(default_factory=dict)
     licenses: dict[str, Ref] = field(default_factory=dict)
     subjects: dict[str, str] = field(default_factory=dict)
+    edits: dict[str, tuple[str | int, ...]] = field(default_factory=dict)
 
 
 def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
@@ -63,29 +66,33 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     read = _read(recipe, description, p)
     outline.source_map = read["source_map.json"]
     outline.expanded = description.ref if recipe.source.xacro else None
-    tree = _merge(recipe, read, p)
-    links, shapes = p.ask(read["links.json"]), p.ask(read["shapes.json"])
-    meshes, merged = p.ask(read["meshes.json"]), p.ask(tree["tree.json"])
-    if links is None or shapes is None or meshes is None or merged is None:
+    geometry = _geometry(source, description, read, p)
+    edited = apply_edits(loaded, read, geometry, p)
+    outline.edits = edit_keys(loaded)
+    if edited is None:
+        return outline
+    tree = _merge(recipe, edited, p)
+    links, shapes = p.ask(edited["links.json"]), p.ask(edited["shapes.json"])
+    merged = p.ask(tree["tree.json"])
+    if links is None or shapes is None or merged is None:
         return outline
     check_against_robot(loaded, decode(Tree, links), decode(Tree, merged))
 
-    mesh_files = source.meshes(json.loads(meshes), description.path)
-    if mesh_files is None:
+    if geometry is None:
         return outline
-    geometry = Geometry(decode(Shapes, shapes), mesh_files, p)
-    assembled = assemble(loaded, decode(Tree, links), geometry, read, p)
+    geometry.shapes = decode(Shapes, shapes)
+    assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], p)
     outline.subjects = geometry.subjects
     control = _control(recipe, tree, assembled, p)
     outline.robot = {
-        "links.json": read["links.json"],
+        "links.json": edited["links.json"],
         "tree.json": tree["tree.json"],
         "shapes.json": assembled["shapes.json"],
         "control.json": control["control.json"],
         "meshes/": assembled["meshes/"],
     }
     outline.targets = _targets(recipe, outline.robot, p)
-    _checks(recipe, outline, read["source.urdf"], p)
+    _checks(recipe, outline, _comparable(recipe, outline, read), p)
     return outline
 
 
@@ -107,10 +114,19 @@ def _read(recipe: Recipe, description: Description, p: Planner) -> Node:
     return read
 
 
-def _merge(recipe: Recipe, read: Node, p: Planner) -> Node:
+def _geometry(source: Source, description: Description, read: Node, p: Planner) -> Geometry | None:
+    """The source's meshes; None while it is not known which there are."""
+    meshes, shapes = p.ask(read["meshes.json"]), p.ask(read["shapes.json"])
+    if meshes is None or shapes is None:
+        return None
+    files = source.meshes(json.loads(meshes), description.path)
+    return None if files is None else Geometry(decode(Shapes, shapes), files, p)
+
+
+def _merge(recipe: Recipe, edited: Mapping[str, Ref], p: Planner) -> Node:
     fixed = recipe.fixed_joints
     step = MergeFixedJoints(merge=fixed.merge, keep_bodies=fixed.keep_bodies)
-    tree = p.add("merge_fixed_joints", step, {"links.json": read["links.json"]})
+    tree = p.add("merge_fixed_joints", step, {"links.json": edited["links.json"]})
     p.add("lint_bodies", LintBodies(), {"tree.json": tree["tree.json"]})
     return tree
 
@@ -137,7 +153,15 @@ def _targets(recipe: Recipe, robot: Mapping[str, Ref], p: Planner) -> dict[str, 
     return nodes
 
 
-def _checks(recipe: Recipe, outline: Outline, source: Ref, p: Planner) -> None:
+def _comparable(recipe: Recipe, outline: Outline, read: Node) -> Ref | None:
+    """The URDF that the robot must equal: the source's; after edits, the one that we wrote."""
+    if not recipe.edits:
+        return read["source.urdf"]
+    written = outline.targets.get("urdf")
+    return written["urdf/"] / f"{recipe.robot}.urdf" if written else None
+
+
+def _checks(recipe: Recipe, outline: Outline, source: Ref | None, p: Planner) -> None:
     """Every check whose needs are built; those that this machine cannot run are named."""
     for name in plugin_names("assetbuild.checks"):
         check = load_plugin(Check, "assetbuild.checks", name)
@@ -151,9 +175,12 @@ def _checks(recipe: Recipe, outline: Outline, source: Ref, p: Planner) -> None:
             extra = check.requires[missing[0]]
             outline.skipped[name] = f"needs `{missing[0]}`: pip install 'assetbuild[{extra}]'"
             continue
+        if "source" in check.needs and source is None:
+            outline.skipped[name] = "the edits changed the robot: add `urdf` to the targets"
+            continue
         inputs = {port: outline.robot[port] for port in check.reads}
         for need in check.needs:
-            if need == "source":
+            if need == "source" and source is not None:
                 inputs["source.urdf"] = source
             else:
                 inputs[f"{need}/"] = outline.targets[need][f"{need}/"]

@@ -6,6 +6,7 @@ import re
 
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.kinds import plugin_names
+from assetbuild.plan.edits import edits_of
 from assetbuild.plan.geometry import BUILT_IN, collision_method
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.actuators import RowError
@@ -30,6 +31,7 @@ def check_names(loaded: LoadedRecipe) -> None:
     for key, rule in rules.items():
         if rule.method not in BUILT_IN:
             collision_method(loaded, rule, key)
+    edits_of(loaded)
     stand = recipe.validate_.stand
     if stand is not None and stand.keyframe not in recipe.keyframes:
         raise loaded.error(

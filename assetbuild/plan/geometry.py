@@ -82,9 +82,11 @@ def _short_names(paths: tuple[str, ...]) -> dict[str, str]:
     }
 
 
-def assemble(loaded: LoadedRecipe, links: Tree, geometry: Geometry, read: Node, p: Planner) -> Node:
+def assemble(
+    loaded: LoadedRecipe, links: Tree, geometry: Geometry, shapes: Ref, p: Planner
+) -> Node:
     """All final shapes and mesh files of the robot."""
-    inputs: dict[str, Ref] = {"shapes.json": read["shapes.json"]}
+    inputs: dict[str, Ref] = {"shapes.json": shapes}
     visuals = _visuals(loaded.recipe, geometry, inputs)
     collisions: list[CollisionUse] = []
     for body in links.bodies:

@@ -48,6 +48,12 @@ def _two_names(pair: tuple[str, str]) -> tuple[str, str]:
     return pair
 
 
+def _one_name(entry: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:  # Any: as OneEdit
+    if len(entry) != 1:
+        raise ValueError("an edit is one name and its keys: `set_mass: {link: .., mass: ..}`")
+    return entry
+
+
 def _finite(value: float) -> float:
     if not math.isfinite(value):
         raise ValueError("must be finite")
@@ -61,6 +67,7 @@ Positive = Annotated[float, Field(gt=0), AfterValidator(_finite)]
 NonNegative = Annotated[float, Field(ge=0), AfterValidator(_finite)]
 InsidePath = Annotated[str, AfterValidator(_inside)]
 Names = Annotated[tuple[str, ...], AfterValidator(_no_repeats)]
+OneEdit = Annotated[dict[str, dict[str, Any]], AfterValidator(_one_name)]  # Any: see plan/edits.py
 LinkPair = Annotated[tuple[str, str], AfterValidator(_two_names)]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
@@ -309,6 +316,11 @@ class Recipe(Model):
         "fixed", description="whether the root moves freely or is bolted to the world"
     )
     fixed_joints: FixedJoints = Field(default_factory=lambda: FixedJoints.model_validate({}))
+    edits: tuple[OneEdit, ...] = Field(
+        (),
+        max_length=1000,
+        description="named changes, in order, before merging: `- set_mass: {link: .., mass: ..}`",
+    )
     visual: Visual = Field(default_factory=lambda: Visual.model_validate({}))
     collision: Collision = Field(default_factory=lambda: Collision.model_validate({}))
     motors: dict[str, Motor] = Field(

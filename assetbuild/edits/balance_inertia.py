@@ -1,0 +1,88 @@
+"""`balance_inertia: {link}`: the nearest tensor that some mass could have."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import RecipeError
+from assetbuild.findings import Finding
+from assetbuild.kinds import Edit, Edited, edit_inertials
+from assetbuild.recipe.models import Pattern
+from assetbuild.robot.inertia import (
+    Tensor,
+    matrix_of,
+    principal_moments,
+    tensor_of,
+    triangle_violation,
+)
+from assetbuild.robot.model import Body, Inertial, Shapes, Tree
+
+
+class BalanceInertia(Edit):
+    """Where C > A + B of the principal moments A <= B <= C, A becomes C - B.
+
+    The other two and all axes stay: of all ways to raise one moment it is the smallest change.
+    Links that satisfy the inequality are left alone.
+    """
+
+    link: Pattern = Field(description="links, by whole name")
+
+    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+        """See `Edit`."""
+        tree, findings = edit_inertials(tree, self.link, _balanced)
+        return Edited(tree, shapes, findings or (self._needless(),))
+
+    def _needless(self) -> Finding:
+        return Finding(
+            rule="edit.balance_inertia",
+            severity="warning",
+            subject="recipe edits",
+            message=f"no link that matches `{self.link}` violates A + B >= C",
+            hint="remove the edit",
+        )
+
+
+def _balanced(body: Body) -> tuple[Inertial, Finding] | None:
+    old = body.inertial
+    if old is None or triangle_violation(old.inertia_com_kg_m2) <= 0.0:
+        return None
+    before = old.inertia_com_kg_m2
+    a, b, c = principal_moments(before)
+    if b <= 0.0:
+        raise RecipeError(
+            f"balance_inertia: two principal moments of link `{body.name}` are not positive "
+            f"({a:.4g}, {b:.4g} kg m2)",
+            hint="use `set_inertia` or `inertia_from_geometry`",
+        )
+    after = _raised(before, c - b - a)
+    finding = Finding(
+        rule="edit.balance_inertia",
+        severity="info",
+        subject=f"link {body.name}",
+        message=f"smallest principal moment {a:.6g} -> {c - b:.6g} kg m2, the others "
+        f"{b:.6g} and {c:.6g} as they were",
+        data={
+            "before_kg_m2": before,
+            "after_kg_m2": after,
+            "before_smallest_kg_m2": a,
+            "after_smallest_kg_m2": c - b,
+        },
+    )
+    return Inertial(old.mass_kg, old.com_m, after), finding
+
+
+def _raised(tensor: Tensor, step: float) -> Tensor:
+    """The tensor with its smallest principal moment raised by `step`, kg m2.
+
+    Turning the axes rounds; a few last digits more keep the inequality true in floating point.
+    """
+    moments, axes = np.linalg.eigh(matrix_of(tensor))
+    smallest = np.outer(axes[:, 0], axes[:, 0])
+    for ulps in (0, 1, 2, 4, 8, 16, 64, 256):
+        more = step + ulps * np.spacing(moments[2])
+        after = tensor_of(matrix_of(tensor) + more * smallest)
+        if triangle_violation(after) <= 0.0:
+            return after
+    return after

@@ -1,0 +1,85 @@
+"""`flip_axis: {joint}`: the joint counts the other way round."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import Literal
+
+from pydantic import Field
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import RecipeError
+from assetbuild.findings import Finding
+from assetbuild.kinds import Edit, Edited, edit_joints
+from assetbuild.recipe.models import Pattern
+from assetbuild.robot.model import MOVING, Joint, Limits, Mimic, Shapes, Tree
+
+
+class FlipAxis(Edit):
+    """`limits: mirror`: the same robot in another sign convention; limits and mimics turn too.
+
+    `limits: keep`: the axis itself is wrong in the source, its limits are right.
+    """
+
+    joint: Pattern = Field(description="joints, by whole name")
+    limits_: Literal["mirror", "keep"] = Field(
+        "mirror",
+        alias="limits",
+        description="mirror: lower and upper change places and sign; keep: as they are",
+    )
+
+    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+        """See `Edit`."""
+        tree, findings = edit_joints(tree, self.joint, self._flipped)
+        if self.limits_ == "mirror":
+            joints = tuple(self._coupled(joint) for joint in tree.joints)
+            tree = replace(tree, joints=joints)
+        return Edited(tree, shapes, findings)
+
+    def _flipped(self, joint: Joint) -> tuple[Joint, Finding]:
+        if joint.kind not in MOVING:
+            raise RecipeError(f"flip_axis: joint `{joint.name}` is {joint.kind} and has no axis")
+        x, y, z = joint.axis
+        axis = (0.0 - x, 0.0 - y, 0.0 - z)  # 0.0 - 0.0 is no negative zero
+        old = joint.limits
+        new = old
+        if self.limits_ == "mirror":
+            new = replace(old, lower=_negative(old.upper), upper=_negative(old.lower))
+        finding = Finding(
+            rule="edit.flip_axis",
+            severity="info",
+            subject=f"joint {joint.name}",
+            message=f"axis {_shown(joint.axis)} -> {_shown(axis)}, "
+            f"limits {_range(old)} -> {_range(new)}",
+            data={
+                "before": joint.axis,
+                "after": axis,
+                "before_limits": (old.lower, old.upper),
+                "after_limits": (new.lower, new.upper),
+            },
+        )
+        return replace(joint, axis=axis, limits=new), finding
+
+    def _coupled(self, joint: Joint) -> Joint:
+        """q = offset + multiplier * q(other), with the signs of both as they are now."""
+        if joint.mimic is None:
+            return joint
+        own = -1.0 if re.fullmatch(self.joint, joint.name) else 1.0
+        other = -1.0 if re.fullmatch(self.joint, joint.mimic.joint) else 1.0
+        multiplier = own * other * joint.mimic.multiplier
+        offset = own * joint.mimic.offset + 0.0
+        return replace(joint, mimic=Mimic(joint.mimic.joint, multiplier, offset))
+
+
+def _negative(value: float | None) -> float | None:
+    return None if value is None else 0.0 - value
+
+
+def _shown(axis: tuple[float, float, float]) -> str:
+    return "(" + ", ".join(f"{value:g}" for value in axis) + ")"
+
+
+def _range(limits: Limits) -> str:
+    ends = ("-" if v is None else f"{v:.6g}" for v in (limits.lower, limits.upper))
+    return "[" + ", ".join(ends) + "]"

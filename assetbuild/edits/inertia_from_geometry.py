@@ -1,0 +1,164 @@
+"""`inertia_from_geometry: {link, density | mass}`: exact mass properties of the link's shapes."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from assetbuild.engine.step import Files, Limits
+from assetbuild.errors import RecipeError
+from assetbuild.findings import Finding
+from assetbuild.kinds import ConvertedMesh, Edit, Edited, edit_inertials
+from assetbuild.mesh.hull import convex_hull
+from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.primitives import volume_of
+from assetbuild.mesh.triangles import merged
+from assetbuild.mesh.volume import is_closed, solid_moments
+from assetbuild.mesh.weld import cleaned
+from assetbuild.recipe.models import Pattern, Positive
+from assetbuild.robot.codec import decode
+from assetbuild.robot.inertia import combine, move_inertial, tensor_of
+from assetbuild.robot.model import (
+    Body,
+    Box,
+    Capsule,
+    Geometry,
+    Inertial,
+    Mesh,
+    Shape,
+    Shapes,
+    Sphere,
+    Tree,
+)
+from assetbuild.robot.pose import vec3
+
+
+class InertiaFromGeometry(Edit):
+    """Solid, of one density: `density` for each shape, or `mass` for the link as a whole.
+
+    A mesh must be closed; `open: hull` takes the convex hull of one that is not. Several shapes
+    add up, also where they overlap.
+    """
+
+    isolated = True
+    limits = Limits(wall_s=120.0)
+
+    link: Pattern = Field(description="links, by whole name")
+    density: Positive | None = Field(None, description="kg/m3")
+    mass: Positive | None = Field(None, description="kg, of the whole link")
+    from_: Literal["visual", "collision"] = Field(
+        "visual", alias="from", description="whose geometry"
+    )
+    open: Literal["refuse", "hull"] = Field("refuse", description="what to do with an open mesh")
+
+    @model_validator(mode="after")
+    def _one(self) -> InertiaFromGeometry:
+        if (self.density is None) == (self.mass is None):
+            raise ValueError("give exactly one of `density`, `mass`")
+        return self
+
+    def meshes(self, shapes: Shapes) -> tuple[Shape, ...]:
+        """See `Edit`."""
+        return tuple(
+            shape
+            for shape in shapes.of(self.from_)
+            if isinstance(shape.geometry, Mesh) and re.fullmatch(self.link, shape.link)
+        )
+
+    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+        """See `Edit`."""
+
+        def change(body: Body) -> tuple[Inertial, Finding]:
+            own = [shape for shape in shapes.of(self.from_) if shape.link == body.name]
+            if not own:
+                raise RecipeError(
+                    f"inertia_from_geometry: link `{body.name}` has no {self.from_} geometry",
+                    hint=f"try `from: {'collision' if self.from_ == 'visual' else 'visual'}`",
+                )
+            parts = [self._solid(shape, files) for shape in own]
+            volume = math.fsum(part.mass_kg for part in parts)
+            density = self.density if self.density is not None else (self.mass or 0.0) / volume
+            after = combine([_times(part, density) for part in parts])
+            return after, self._finding(body, after, volume, density, len(own))
+
+        tree, findings = edit_inertials(tree, self.link, change)
+        return Edited(tree, shapes, findings)
+
+    def _solid(self, shape: Shape, files: Files) -> Inertial:
+        """Mass properties at density 1, in the link frame."""
+        if isinstance(shape.geometry, Mesh):
+            return move_inertial(self._of_mesh(shape, files), shape.X_link_shape)
+        return move_inertial(of_primitive(shape.geometry), shape.X_link_shape)
+
+    def _of_mesh(self, shape: Shape, files: Files) -> Inertial:
+        folder = files.inputs / "mesh" / shape.name
+        record = decode(ConvertedMesh, (folder / "mesh.json").read_bytes())
+        parts = [read_triangles((folder / "parts" / p.file).read_bytes()) for p in record.parts]
+        mesh = cleaned(merged(parts))
+        if not is_closed(mesh):
+            if self.open == "refuse":
+                raise RecipeError(
+                    f"inertia_from_geometry: the mesh of `{shape.name}` is open, "
+                    "so it has no volume",
+                    hint="`open: hull` takes its convex hull; or use `from: collision`",
+                )
+            mesh = convex_hull(mesh.vertices, subject=shape.name)
+        volume, centre, inertia = solid_moments(mesh)
+        if volume <= 0.0:
+            raise RecipeError(f"inertia_from_geometry: the mesh of `{shape.name}` has no volume")
+        return Inertial(volume, vec3(centre), tensor_of(inertia))
+
+    def _finding(
+        self, body: Body, after: Inertial, volume: float, density: float, count: int
+    ) -> Finding:
+        before = body.inertial or Inertial(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
+        several = f" of {count} shapes, overlaps counted twice" if count > 1 else ""
+        return Finding(
+            rule="edit.inertia_from_geometry",
+            severity="info",
+            subject=f"link {body.name}",
+            message=f"mass {before.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {volume:.6g} m3"
+            f"{several} at {density:.6g} kg/m3",
+            data={
+                "before_kg": before.mass_kg,
+                "after_kg": after.mass_kg,
+                "before_m": before.com_m,
+                "after_m": after.com_m,
+                "before_kg_m2": before.inertia_com_kg_m2,
+                "after_kg_m2": after.inertia_com_kg_m2,
+                "volume_m3": volume,
+                "density_kg_m3": density,
+            },
+        )
+
+
+def of_primitive(geometry: Geometry) -> Inertial:
+    """A solid of density 1 about its own frame: textbook formulas; mass is the volume in m3."""
+    if isinstance(geometry, Mesh):
+        raise TypeError("a mesh is no primitive")
+    volume = volume_of(geometry)
+    if isinstance(geometry, Box):
+        x, y, z = (volume * edge * edge / 12.0 for edge in geometry.size)
+        return Inertial(volume, (0.0, 0.0, 0.0), (y + z, x + z, x + y, 0.0, 0.0, 0.0))
+    r = geometry.radius
+    if isinstance(geometry, Sphere):
+        about = 0.4 * volume * r * r
+        return Inertial(volume, (0.0, 0.0, 0.0), (about, about, about, 0.0, 0.0, 0.0))
+    tube = math.pi * r * r * geometry.length
+    axial = tube * r * r / 2.0
+    across = tube * (r * r / 4.0 + geometry.length**2 / 12.0)
+    if isinstance(geometry, Capsule):
+        # Two half balls: centroid 3/8 r from the flat side; about the capsule's middle.
+        ball, half = volume - tube, geometry.length / 2.0
+        axial += 0.4 * ball * r * r
+        across += ball * (0.4 * r * r + half * half + 0.75 * half * r)
+    return Inertial(volume, (0.0, 0.0, 0.0), (across, across, axial, 0.0, 0.0, 0.0))
+
+
+def _times(part: Inertial, density: float) -> Inertial:
+    xx, yy, zz, xy, xz, yz = (float(v) for v in density * np.asarray(part.inertia_com_kg_m2))
+    return Inertial(density * part.mass_kg, part.com_m, (xx, yy, zz, xy, xz, yz))

@@ -1,0 +1,72 @@
+"""`set_inertia: {link, inertia, mass, com}`: measured mass properties."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import RecipeError
+from assetbuild.findings import Finding
+from assetbuild.kinds import Edit, Edited, edit_inertials
+from assetbuild.recipe.models import Model, Pattern, Positive, Real
+from assetbuild.robot.inertia import Tensor
+from assetbuild.robot.model import Body, Inertial, Shapes, Tree
+from assetbuild.robot.pose import Vec3
+
+
+class Moments(Model):
+    """kg m2, about the centre of mass, in the axes of the link, as in a URDF."""
+
+    ixx: Positive
+    iyy: Positive
+    izz: Positive
+    ixy: Real = 0.0
+    ixz: Real = 0.0
+    iyz: Real = 0.0
+
+
+class SetInertia(Edit):
+    """What is not given stays; a link without an inertial needs `mass`."""
+
+    link: Pattern = Field(description="links, by whole name")
+    inertia: Moments = Field(description="ixx iyy izz ixy ixz iyz, kg m2, about the centre of mass")
+    mass: Positive | None = Field(None, description="kg; without it the mass stays")
+    com: tuple[Real, Real, Real] | None = Field(
+        None, description="centre of mass in the link, m; without it it stays"
+    )
+
+    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+        """See `Edit`."""
+        tree, findings = edit_inertials(tree, self.link, self._changed)
+        return Edited(tree, shapes, findings)
+
+    def _changed(self, body: Body) -> tuple[Inertial, Finding]:
+        old = body.inertial or Inertial(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
+        mass = old.mass_kg if self.mass is None else self.mass
+        if mass <= 0.0:
+            raise RecipeError(
+                f"set_inertia: link `{body.name}` has no mass", hint="give `mass`, in kg"
+            )
+        com: Vec3 = old.com_m if self.com is None else self.com
+        i = self.inertia
+        tensor: Tensor = (i.ixx, i.iyy, i.izz, i.ixy, i.ixz, i.iyz)
+        finding = Finding(
+            rule="edit.set_inertia",
+            severity="info",
+            subject=f"link {body.name}",
+            message=f"mass {old.mass_kg:.6g} -> {mass:.6g} kg; "
+            f"ixx iyy izz {_shown(old.inertia_com_kg_m2)} -> {_shown(tensor)} kg m2",
+            data={
+                "before_kg": old.mass_kg,
+                "after_kg": mass,
+                "before_m": old.com_m,
+                "after_m": com,
+                "before_kg_m2": old.inertia_com_kg_m2,
+                "after_kg_m2": tensor,
+            },
+        )
+        return Inertial(mass, com, tensor), finding
+
+
+def _shown(tensor: Tensor) -> str:
+    return " ".join(f"{value:.4g}" for value in tensor[:3])

@@ -1,0 +1,74 @@
+"""`set_limits: {joint, lower, upper, effort, velocity}`: limits that the source has wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from pydantic import Field, model_validator
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import RecipeError
+from assetbuild.findings import Finding, Scalar
+from assetbuild.kinds import Edit, Edited, edit_joints
+from assetbuild.recipe.models import Pattern, Positive, Real
+from assetbuild.robot.model import MOVING, Joint, Shapes, Tree
+
+FIELDS = ("lower", "upper", "effort", "velocity")
+
+
+class SetLimits(Edit):
+    """What is not given stays. A continuous joint with `lower` and `upper` becomes revolute."""
+
+    joint: Pattern = Field(description="joints, by whole name")
+    lower: Real | None = Field(None, description="rad or m")
+    upper: Real | None = Field(None, description="rad or m")
+    effort: Positive | None = Field(None, description="N m or N")
+    velocity: Positive | None = Field(None, description="rad/s or m/s")
+
+    @model_validator(mode="after")
+    def _some(self) -> SetLimits:
+        if all(getattr(self, name) is None for name in FIELDS):
+            raise ValueError("give at least one of `lower`, `upper`, `effort`, `velocity`")
+        return self
+
+    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+        """See `Edit`."""
+        tree, findings = edit_joints(tree, self.joint, self._changed)
+        return Edited(tree, shapes, findings)
+
+    def _changed(self, joint: Joint) -> tuple[Joint, Finding]:
+        if joint.kind not in MOVING:
+            raise RecipeError(f"set_limits: joint `{joint.name}` is {joint.kind} and has no limits")
+        given = {n: getattr(self, n) for n in FIELDS if getattr(self, n) is not None}
+        old, new = joint.limits, replace(joint.limits, **given)
+        if new.lower is not None and new.upper is not None and new.lower >= new.upper:
+            raise RecipeError(
+                f"set_limits: joint `{joint.name}` would go from {new.lower:g} to {new.upper:g}",
+                hint="lower must be below upper; what is not given stays",
+            )
+        kind = joint.kind
+        if kind == "continuous" and {"lower", "upper"} & given.keys():
+            if new.lower is None or new.upper is None:
+                raise RecipeError(
+                    f"set_limits: joint `{joint.name}` is continuous: give both `lower` and `upper`"
+                )
+            kind = "revolute"
+        changes = [f"{n} {_shown(getattr(old, n))} -> {value:.6g}" for n, value in given.items()]
+        if kind != joint.kind:
+            changes.append(f"{joint.kind} -> {kind}")
+        data: dict[str, Scalar | tuple[Scalar, ...]] = {
+            "before": tuple(getattr(old, name) for name in FIELDS),
+            "after": tuple(getattr(new, name) for name in FIELDS),
+        }
+        finding = Finding(
+            rule="edit.set_limits",
+            severity="info",
+            subject=f"joint {joint.name}",
+            message=", ".join(changes),
+            data=data,
+        )
+        return replace(joint, kind=kind, limits=new), finding
+
+
+def _shown(value: float | None) -> str:
+    return "-" if value is None else f"{value:.6g}"

@@ -1,0 +1,96 @@
+"""The recipe's edits, one step after another, between reading and merging."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from pydantic import ValidationError
+
+from assetbuild.engine.graph import Node, Planner, Ref
+from assetbuild.errors import did_you_mean
+from assetbuild.kinds import Edit, load_plugin, plugin_names
+from assetbuild.plan.geometry import Geometry
+from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Mesh, Shapes, Tree
+
+PACKAGE = "assetbuild.edits"
+Key = tuple[str | int, ...]
+
+
+def edits_of(loaded: LoadedRecipe) -> list[tuple[str, Edit, Key]]:
+    """(name, step, key in the recipe) of each; RecipeError at the line of what is wrong."""
+    found: list[tuple[str, Edit, Key]] = []
+    for index, entry in enumerate(loaded.recipe.edits):
+        ((name, fields),) = entry.items()
+        key: Key = ("edits", index, name)
+        if name not in plugin_names(PACKAGE):
+            hint = did_you_mean(name, plugin_names(PACKAGE))
+            raise loaded.error(("edits", index), f"no edit named `{name}`", hint)
+        found.append((name, _edit(loaded, name, fields, key), key))
+    return found
+
+
+def _edit(loaded: LoadedRecipe, name: str, fields: Mapping[str, object], key: Key) -> Edit:
+    kind = load_plugin(Edit, PACKAGE, name)
+    try:
+        return kind.model_validate(fields, strict=True)
+    except ValidationError as problem:
+        errors = problem.errors(include_url=False, include_input=False)
+    # A key that is spelt wrong is often also one that is missing: the first says more.
+    error = min(errors, key=lambda found: found["type"] != "extra_forbidden")
+    known = [field.alias or own for own, field in kind.model_fields.items()]
+    at = key + tuple(part for part in error["loc"] if part != "[key]")
+    if error["type"] == "extra_forbidden":
+        raise loaded.error(at, "unknown key", did_you_mean(str(at[-1]), known))
+    if error["type"] == "missing":
+        field = next(f for own, f in kind.model_fields.items() if at[-1] in (own, f.alias))
+        raise loaded.error(key, f"missing key `{at[-1]}`", field.description or "")
+    text = str(error.get("ctx", {}).get("error") or error["msg"])
+    raise loaded.error(at, text[:1].lower() + text[1:])
+
+
+def apply_edits(
+    loaded: LoadedRecipe, read: Node, geometry: Geometry | None, p: Planner
+) -> dict[str, Ref] | None:
+    """`links.json` and `shapes.json` after the last edit; None while one must wait for an answer.
+
+    geometry: None while the meshes are not known; only an edit that reads meshes waits for it.
+    """
+    robot = {port: read[port] for port in ("links.json", "shapes.json")}
+    for number, (name, edit, key) in enumerate(edits_of(loaded), start=1):
+        links, shapes = p.ask(robot["links.json"]), p.ask(robot["shapes.json"])
+        if links is None or shapes is None:
+            return None
+        _check_patterns(loaded, edit, key, decode(Tree, links))
+        inputs = dict(robot)
+        for shape in edit.meshes(decode(Shapes, shapes)):
+            if geometry is None:
+                return None
+            assert isinstance(shape.geometry, Mesh)  # noqa: S101 # that is what it asked for
+            node = geometry.converted(shape.geometry)
+            inputs[f"mesh/{shape.name}/parts/"] = node["parts/"]
+            inputs[f"mesh/{shape.name}/mesh.json"] = node["mesh.json"]
+        node = p.add(edit_label(number, name), edit, inputs)
+        robot = {port: node[port] for port in robot}
+    return robot
+
+
+def edit_label(number: int, name: str) -> str:
+    """Label of the node of the edit with this number, from 1."""
+    return f"edit {number} {name}"
+
+
+def edit_keys(loaded: LoadedRecipe) -> dict[str, Key]:
+    """Key in the recipe of each edit's node, by label."""
+    names = [next(iter(entry)) for entry in loaded.recipe.edits]
+    return {edit_label(i + 1, name): ("edits", i, name) for i, name in enumerate(names)}
+
+
+def _check_patterns(loaded: LoadedRecipe, edit: Edit, key: Key, tree: Tree) -> None:
+    known = {"link": list(tree.by_body), "joint": list(tree.by_joint)}
+    for below, kind, pattern in edit.patterns():
+        if not any(re.fullmatch(pattern, name) for name in known[kind]):
+            hint = did_you_mean(pattern, known[kind])
+            raise loaded.error((*key, *below), f"pattern `{pattern}` matches no {kind}", hint)

@@ -1,0 +1,63 @@
+"""Edits in a recipe: done in order, and wrong ones are told with their line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from assetbuild.errors import RecipeError
+from assetbuild.pipeline import check
+
+from .test_source import URDF
+
+HEAD = "schema: assetbuild/v1\nrobot: r\nsource: {path: ., urdf: r.urdf, license: MIT}\nedits:\n"
+
+
+@pytest.fixture(autouse=True)
+def own_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "store"))
+
+
+def findings(folder: Path, *edits: str):
+    (folder / "r.urdf").write_text(URDF)
+    path = folder / "r.yaml"
+    path.write_text(HEAD + "".join(f"  - {edit}\n" for edit in edits))
+    return check(path)
+
+
+def test_lints_see_the_source_before_and_the_bodies_after(tmp_path):
+    found = findings(tmp_path, "balance_inertia: {link: tip}")
+    triangle = [f.severity for f in found if f.rule == "inertia.triangle"]
+    assert triangle == ["warning"]  # of the raw link; the body has none any more
+    (edit,) = (f for f in found if f.rule == "edit.balance_inertia")
+    assert edit.data["after_smallest_kg_m2"] == pytest.approx(0.9)
+
+
+def test_an_edit_sees_the_names_that_the_one_before_gave(tmp_path):
+    found = findings(tmp_path, "rename: {links: {tip: hand}}", "set_mass: {link: hand, mass: 3}")
+    assert {f.subject for f in found if f.rule.startswith("edit")} == {"link hand"}
+    line = next(n for n, text in enumerate(URDF.splitlines(), 1) if '"tip"' in text)
+    assert {f.where for f in found if f.subject == "link hand"} == {f"r.urdf:{line}"}
+
+
+@pytest.mark.parametrize(
+    ("edit", "place", "said"),
+    [
+        ("set_mas: {link: tip}", "5:5", "no edit named `set_mas`"),
+        ("set_mass: {link: tip}", "5:5", "missing key `mass`"),
+        ("set_mass: {link: tip, mass: -1}", "5:27", "greater than 0"),
+        ("set_mass: {link: tip, mas: 1}", "5:27", "unknown key"),
+        ("set_mass: {link: tipp, mass: 1}", "5:16", "matches no link"),
+        ("rename: {joints: {nobody: a}}", "5:23", "matches no joint"),
+        ("rename: {links: {'.*': a}}", "5:5", "would both be called `a`"),
+        ("set_limits: {joint: j}", "5:5", "at least one of"),
+        ("inertia_from_geometry: {link: tip}", "5:5", "exactly one of `density`, `mass`"),
+        ("{set_mass: {link: tip, mass: 1}, rename: {}}", "5:5", "one name and its keys"),
+    ],
+)
+def test_a_wrong_edit_is_told_with_its_line(tmp_path, edit, place, said):
+    with pytest.raises(RecipeError) as caught:
+        findings(tmp_path, edit)
+    assert str(caught.value.where).endswith(f"r.yaml:{place}"), caught.value
+    assert said in caught.value.message
