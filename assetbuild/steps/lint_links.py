@@ -22,7 +22,7 @@ class LintLinks(Step):
     `lint_bodies` judges what will be simulated. Joint limits are final here.
     """
 
-    version = "2"
+    version = "3"
 
     bounds: Bounds = Field(default_factory=Bounds)
 

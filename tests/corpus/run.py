@@ -22,6 +22,7 @@ import zipfile
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Lock
 from xml.etree.ElementTree import ParseError
 
 from defusedxml.ElementTree import parse
@@ -45,14 +46,17 @@ def main() -> int:
         names = [name for name in names if any(part in name for part in options.only)]
     state = options.out.with_suffix(".json")
     rows = {} if options.again or not state.is_file() else json.loads(state.read_text())
+    writing = Lock()
     with tempfile.TemporaryDirectory(prefix="corpus-") as scratch:
         work = options.work or Path(scratch)
 
         def do(name: str) -> None:
-            rows[name] = one(root, name, work)
-            print(f"{name}: {rows[name]['result']} ({rows[name]['seconds']:.0f} s)", flush=True)
-            state.write_text(json.dumps(rows, indent=1, sort_keys=True))
-            options.out.write_text(table(rows))
+            row = one(root, name, work)
+            print(f"{name}: {row['result']} ({row['seconds']:.0f} s)", flush=True)
+            with writing:
+                rows[name] = row
+                state.write_text(json.dumps(rows, indent=1, sort_keys=True))
+                options.out.write_text(table(rows))
 
         left = [name for name in names if name not in rows or options.only]
         with ThreadPoolExecutor(options.jobs) as pool:

@@ -1,0 +1,36 @@
+"""Six small robots of the corpus, each for what it shows; the whole corpus is `run.py`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from corpus.run import mass_error, one
+
+ROBOTS = {
+    "asr_twodof_description/urdf/TwoDofs.urdf": "a root called world",
+    "double_pendulum_description/urdf/double_pendulum_continuous.urdf": "joints without a range",
+    "finger_edu_description/robots/finger_edu.urdf": "one finger, fixed",
+    "hextilt_description/urdf/hextilt_flying_arm_5.urdf": "inertia axes almost the link's",
+    "quadruped_description/urdf/quadruped.urdf": "locked knees, meshes beside the URDF",
+    "hector_description/robots/quadrotor_base.urdf": "nothing moves but its base",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ROBOTS)
+def test_init_and_build(name: str, go1_root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    if not (go1_root / "robots" / name).is_file():
+        pytest.skip(f"no {name} in {go1_root}: name the unpacked package in ASSETBUILD_TEST_DATA")
+    monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "cache"))
+    row = one(go1_root, name, tmp_path)
+    assert row["result"] == "built", row["note"]
+    error = mass_error(row)
+    assert error is not None
+    assert error < 1e-12
+    for kind in ("kinematics", "mass_matrix", "gravity"):
+        assert row["figures"][f"{kind}_error"] < 1e-9  # type: ignore[index] # data of a report
+    assert row["visual_out"] >= row["visual_in"]  # type: ignore[operator] # as above
+    # Without collision in the source, each visual gives some.
+    assert row["collision_out"] == (row["collision_in"] or row["visual_in"])
