@@ -30,6 +30,7 @@ class ArchiveSource:
             self._listing = {
                 "files": [path for path, _ in raw["files"]],
                 "licenses": raw["licenses"],
+                "links": raw["links"],
             }
 
     def _unpack(self, label: str, root: str, members: tuple[str, ...]) -> Node:
@@ -63,11 +64,12 @@ class ArchiveSource:
         """See `Source`."""
         if self._listing is None:
             return None
+        links = set(self._listing["links"])  # never followed, so never among what may be included
         prefixes = tuple("" if folder == "." else f"{folder}/" for folder in folders)
         paths = tuple(
             path
             for path in self._listing["files"]
-            if path.startswith(prefixes) and path.lower().endswith(suffixes)
+            if path.startswith(prefixes) and path.lower().endswith(suffixes) and path not in links
         )
         if not paths:
             return {}
@@ -79,7 +81,10 @@ class ArchiveSource:
         if self._listing is None:
             return {}
         of_wheel = tuple(self._listing["licenses"])
-        beside = tuple(path for path in self._listing["files"] if self._is_license(path))
+        links = set(self._listing["links"])
+        beside = tuple(
+            path for path in self._listing["files"] if path not in links and self._is_license(path)
+        )
         found = {}
         for label, root, paths in (
             ("unpack licences", ".", of_wheel),

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import urllib.error
-import urllib.request
 from collections.abc import Iterator
-from http.client import HTTPException
 from pathlib import Path
-from typing import IO, Any, ClassVar
+from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import MachineError, SourceError
@@ -38,11 +35,14 @@ class FetchUrl(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Download and compare."""
+        from http.client import HTTPException
+        from urllib.error import HTTPError
+
         target = files.outputs / "archive"
         try:
             with _open(self.url) as answer:
                 found = _save(answer, target, self.url)
-        except urllib.error.HTTPError as error:
+        except HTTPError as error:
             raise SourceError(f"{self.url}: the server says {error.code} {error.reason}") from None
         except (OSError, HTTPException, ValueError) as error:
             reason = getattr(error, "reason", None) or error
@@ -59,21 +59,18 @@ class FetchUrl(Step):
 
 
 def _open(url: str) -> Any:  # Any: an HTTPResponse, which urllib types as object
-    opener = urllib.request.build_opener(_WebOnly)
-    return opener.open(url, timeout=TIMEOUT_S)
+    """The answer; a server may send us on to another web address, and to nothing else."""
+    from urllib.request import HTTPRedirectHandler, Request, build_opener
 
+    class WebOnly(HTTPRedirectHandler):
+        def redirect_request(
+            self, req: Request, fp: Any, code: int, msg: str, headers: Any, newurl: str
+        ) -> Request | None:  # Any: as urllib's own
+            if not newurl.startswith(("https://", "http://")):
+                raise SourceError(f"{req.full_url}: the server sends us on to `{newurl[:200]}`")
+            return super().redirect_request(req, fp, code, msg, headers, newurl)
 
-class _WebOnly(urllib.request.HTTPRedirectHandler):
-    """A server may send us on to another web address, and to nothing else."""
-
-    def redirect_request(
-        self, req: urllib.request.Request, fp: IO[bytes], code: int, msg: str, headers: Any,
-        newurl: str,
-    ) -> urllib.request.Request | None:  # fmt: skip  # Any: as urllib's own
-        """See urllib."""
-        if not newurl.startswith(("https://", "http://")):
-            raise SourceError(f"{req.full_url}: the server sends us on to `{newurl[:200]}`")
-        return super().redirect_request(req, fp, code, msg, headers, newurl)
+    return build_opener(WebOnly).open(url, timeout=TIMEOUT_S)
 
 
 def _save(answer: Any, target: Path, url: str) -> str:  # Any: as above

@@ -20,10 +20,12 @@ _LICENSE = re.compile(
 class ListArchive(Step):
     """`listing.json`: the files below `root` with their sizes, and the licence texts.
 
-    {"files": [[path relative to root, bytes], ...], "licenses": [path in the archive, ...]}, both
-    sorted.
+    {"files": [[path relative to root, bytes], ...], "licenses": [path in the archive, ...],
+    "links": [path relative to root, ...]}, all sorted. links: those of `files` that are no regular
+    files; `unpack` refuses them by name.
     """
 
+    version = "2"
     outputs = ("listing.json",)
     isolated = True
     limits: ClassVar[Limits] = Limits(wall_s=120, memory_mb=2048)
@@ -37,6 +39,7 @@ class ListArchive(Step):
             listing = {
                 "files": [[path, size] for path, size in _files_below(archive, self.root)],
                 "licenses": _licenses(archive),
+                "links": _links_below(archive, self.root),
             }
         text = json.dumps(listing, separators=(",", ":"))
         (files.outputs / "listing.json").write_text(text + "\n", encoding="ascii")
@@ -56,6 +59,11 @@ def _files_below(archive: Archive, root: str) -> list[tuple[str, int]]:
     if not found:
         raise _no_root(archive, root)
     return sorted(found)
+
+
+def _links_below(archive: Archive, root: str) -> list[str]:
+    odd = (m.path for m in archive.members if m.kind not in ("file", "folder"))
+    return sorted({path for name in odd if (path := below(root, name)) is not None})
 
 
 def _licenses(archive: Archive) -> list[str]:

@@ -123,8 +123,15 @@ def test_an_archive_is_read_without_unpacking_it_by_hand(tmp_path, name):
 
 
 def test_a_xacro_in_an_archive_finds_its_includes(tmp_path):
-    packed(tmp_path / "r.tar.gz", {"arm/r.xacro": XACRO, "arm/parts/tip.xacro": TIP})
-    source = "path: r.tar.gz, xacro: arm/r.xacro, args: {mass: 1.5}, packages: {arm: arm}"
+    with tarfile.open(tmp_path / "r.tar", "w") as tar:
+        for name, text in {"arm/r.xacro": XACRO, "arm/parts/tip.xacro": TIP}.items():
+            info = tarfile.TarInfo(name)
+            info.size = len(text)
+            tar.addfile(info, io.BytesIO(text.encode()))
+        link = tarfile.TarInfo("arm/other.yaml")  # nobody asks for it, so nobody minds
+        link.type, link.linkname = tarfile.SYMTYPE, "/etc/hostname"
+        tar.addfile(link)
+    source = "path: r.tar, xacro: arm/r.xacro, args: {mass: 1.5}, packages: {arm: arm}"
     assert "inertia.triangle link tip" in rules(check(recipe(tmp_path, source)))
 
 

@@ -83,6 +83,7 @@ def test_the_listing_holds_files_below_the_root_with_sizes_and_the_licences(file
     assert listing(files, "share/robots") == {
         "files": [["go/meshes/材质.obj", 7], ["go/urdf/go.urdf", 8]],
         "licenses": ["tiny-1.dist-info/COPYING.txt", "tiny-1.dist-info/licenses/LICENSE"],
+        "links": [],
     }
 
 
