@@ -9,7 +9,9 @@ import sys
 def main() -> int:
     """Run the command line; returns the exit code."""
     argv = sys.argv[1:]
-    if argv[:1] == ["build"] and "--rehash" not in argv:
+    # GitHub wants its summary from every run, and a null build has none to give.
+    asks_more = "--rehash" in argv or os.environ.get("GITHUB_STEP_SUMMARY")
+    if argv[:1] == ["build"] and not asks_more:
         code = _null_build(argv)
         if code is not None:
             return code

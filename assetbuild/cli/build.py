@@ -8,7 +8,11 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from assetbuild.errors import AssetBuildError
+
 if TYPE_CHECKING:
+    from assetbuild.cli.outputs import EventLog
+    from assetbuild.engine.execute import Event
     from assetbuild.pipeline import Outcome, Request
 
 HELP = "build the bundle; only stale steps run"
@@ -34,6 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="cache shared with other machines; default: $ASSETBUILD_REMOTE",
     )
     parser.add_argument("--cache-write", action="store_true", help="also write to that cache")
+    parser.add_argument("--log-json", type=Path, metavar="FILE", help="write events, one per line")
+    parser.add_argument("--report-junit", type=Path, metavar="FILE", help="write JUnit XML")
     parser.add_argument(
         "--fail-on", choices=("error", "warning", "never"), default="error", help="default: error"
     )
@@ -73,25 +79,56 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError("`--cache-write` needs `--remote`: where to?")
     if arguments.dry_run:
         return max(_dry_run(request) for request in requests)
-    outcomes = _build(requests)
-    if not arguments.rebuild_check:
+    outcomes = _build(requests, arguments.log_json, arguments.report_junit)
+    if not (arguments.rebuild_check or arguments.log_json or arguments.report_junit):
         _remember(outcomes)
     return max(outcome.exit_code for outcome in outcomes)
 
 
-def _build(requests: list[Request]) -> list[Outcome]:
-    from assetbuild.cli.progress import progress
+def _build(
+    requests: list[Request], log_json: Path | None, report_junit: Path | None
+) -> list[Outcome]:
+    from assetbuild.cli.outputs import append_step_summary, event_log, write_junit
     from assetbuild.cli.summary import print_differences, print_summary
-    from assetbuild.pipeline import build_all
 
-    name = requests[0].recipe.name if len(requests) == 1 else "assetbuild"
-    with progress(name) as shown:
-        outcomes = build_all(requests, shown.on_event, shown.say)
+    outcomes: list[Outcome] = []
+    failure: AssetBuildError | None = None
+    with event_log(log_json) as log:
+        try:
+            outcomes = _build_shown(requests, log)
+        except AssetBuildError as error:
+            log.write("error", message=str(error), exit_code=error.exit_code)
+            failure = error
+        for outcome in outcomes:
+            log.on_outcome(outcome)
+    if report_junit is not None:
+        write_junit(report_junit, outcomes, failure)
+    append_step_summary(outcomes, failure)
+    if failure is not None:
+        raise failure
     for outcome in outcomes:
         print_summary(outcome)
         if requests[0].rebuild_check:
             print_differences(outcome)
     return outcomes
+
+
+def _build_shown(requests: list[Request], log: EventLog) -> list[Outcome]:
+    from assetbuild.cli.progress import progress
+    from assetbuild.pipeline import build_all
+
+    name = requests[0].recipe.name if len(requests) == 1 else "assetbuild"
+    with progress(name) as shown:
+
+        def on_event(event: Event) -> None:
+            shown.on_event(event)
+            log.on_event(event)
+
+        def say(text: str) -> None:
+            shown.say(text)
+            log.write("message", text=text)
+
+        return build_all(requests, on_event, say)
 
 
 def _remember(outcomes: list[Outcome]) -> None:

@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -73,6 +73,7 @@ class Maker:
         self.resolver = Resolver(graph.nodes, session)
         self.healed: dict[str, NodeResult] = {}
         self._healing = threading.RLock()
+        self._mine = threading.local()
         # Those of this execution: once they are closed by Ctrl-C, none is started any more.
         self._children = session.children
 
@@ -119,7 +120,12 @@ class Maker:
         )
 
     def _turn(self, node: Node, key: str) -> AbstractContextManager[None]:
-        """Each action runs once: in this build, and among all builds that share the store."""
+        """Each action runs once: in this build, and among all builds that share the store.
+
+        Who heals holds the turn of a later step already, and waits for nobody: no circles.
+        """
+        if self._mine.__dict__.get("heals"):
+            return nullcontext()
         patience_s = node.step.limits.wall_s * ATTEMPTS + 30.0
         return self.session.store.turns.turn(
             key, patience_s=patience_s, done=lambda: self._children.closed
@@ -172,7 +178,7 @@ class Maker:
                 key = self._key(maker)[0]
                 if self.resolver.made(maker) is not None:
                     continue
-                result = self.make(maker)
+                result = self._make_again(maker)
                 self.healed[maker] = result
                 if result.error is not None:
                     raise result.error
@@ -188,6 +194,14 @@ class Maker:
                     f"a step before `{label}` gave other bytes when it was run again",
                     hint="run the build again; a step must give the same bytes for the same inputs",
                 )
+
+    def _make_again(self, label: str) -> NodeResult:
+        before = self._mine.__dict__.get("heals", False)
+        self._mine.heals = True
+        try:
+            return self.make(label)
+        finally:
+            self._mine.heals = before
 
     # -- running
 

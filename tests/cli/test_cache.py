@@ -8,6 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+from assetbuild import pipeline
+from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 
 
@@ -52,3 +56,21 @@ def test_a_wrong_size_is_explained(tmp_path: Path):
     done = run(tmp_path, "gc", "--max-size", "huge")
     assert done.returncode == 2
     assert "`huge` is no size; write `500MB`" in done.stderr
+
+
+def test_a_build_without_a_store_warns_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "file" / "store"))
+    roots: list[Path] = []
+    monkeypatch.setattr(pipeline, "_jobs", lambda *_: [])
+
+    def build(_: object, session: Session, *__: object) -> list[object]:
+        roots.append(session.store.root)
+        return []
+
+    monkeypatch.setattr(pipeline, "_build", build)
+    said: list[str] = []
+    pipeline.build_all([pipeline.Request(tmp_path / "r.yaml")], lambda _: None, said.append)
+    assert len(said) == 1
+    assert "warning: cannot write to the store" in said[0]
+    assert not roots[0].exists()

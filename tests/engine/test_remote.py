@@ -42,7 +42,7 @@ class Machine:
         self.seconds = 0.0
         self.remote = None
         if server is not None:
-            options = {"budget": QUICK, "warn": self.warnings.append, **options}
+            options = {"warn": self.warnings.append, **options}
             self.remote = Remote(url or server.url, **options)
 
     def build(self, robot: Path) -> dict[str, NodeResult]:
@@ -114,7 +114,8 @@ def test_a_server_that_misbehaves_costs_a_bounded_time_and_one_warning(
     with serving() as elsewhere:
         elsewhere.files = server.files
         server.fault, server.elsewhere = fault, elsewhere.url
-        second = Machine(tmp_path / "b", server, url=server.url.replace("//", "//user:secret@"))
+        url = server.url.replace("//", "//user:secret@")
+        second = Machine(tmp_path / "b", server, url=url, budget=QUICK)
         results = second.build(robot)
         assert elsewhere.asked == []
     assert outputs(results) == gold
@@ -122,7 +123,7 @@ def test_a_server_that_misbehaves_costs_a_bounded_time_and_one_warning(
     assert len(second.warnings) == 1
     assert "shared cache http://127.0.0.1" in second.warnings[0]
     assert "secret" not in second.warnings[0]
-    assert second.seconds < 5
+    assert second.seconds < 15  # the slow ones would take a minute and more
     store = Store(tmp_path / "b")
     for path in store.root.glob("cas/*/*"):
         assert store.path(path.name)  # nothing corrupt came in

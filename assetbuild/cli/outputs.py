@@ -1,0 +1,187 @@
+"""What a build leaves for CI: events as JSON lines, JUnit, GitHub's job summary."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+from xml.sax.saxutils import escape, quoteattr
+
+from assetbuild.engine.execute import Event
+from assetbuild.errors import AssetBuildError, MachineError
+from assetbuild.findings import Finding, worst_first
+
+if TYPE_CHECKING:
+    from assetbuild.pipeline import Outcome
+
+SHOWN_FINDINGS = 50
+WITHHELD = "figures of this simulator are not published; see the bundle's own report"
+"""PhysX's licence: public summaries carry pass or fail only."""
+
+
+@contextmanager
+def event_log(path: Path | None) -> Iterator[EventLog]:
+    """The log at `path`, replaced; one that is thrown away without a path. MachineError."""
+    if path is None:
+        yield EventLog(None)
+        return
+    with _writable(path, "w") as file:
+        yield EventLog(file)
+
+
+class EventLog:
+    """One JSON object per line: `event`, `at` (seconds since 1970), and what it tells."""
+
+    def __init__(self, file: IO[str] | None) -> None:
+        self._file = file
+
+    def write(self, event: str, **told: object) -> None:
+        """Add a line; readers may follow the file while the build runs."""
+        if self._file is not None:
+            line = {"event": event, "at": round(time.time(), 3), **told}
+            self._file.write(json.dumps(line, sort_keys=True) + "\n")
+            self._file.flush()
+
+    def on_event(self, event: Event) -> None:
+        """A step began or ended."""
+        told: dict[str, object] = {"done": event.done, "total": event.total}
+        result = event.result
+        if event.label:
+            told["step"] = event.label
+        if result is not None:
+            told |= {"status": result.status, "seconds": result.seconds, "key": result.key}
+            told |= {"reason": result.reason, "outputs": dict(result.outputs or {})}
+            told["error"] = None if result.error is None else str(result.error)
+        self.write(event.kind, **told)
+
+    def on_outcome(self, outcome: Outcome) -> None:
+        """A recipe is done."""
+        report = outcome.report
+        findings = () if report is None else report.findings
+        self.write(
+            "outcome",
+            robot=outcome.loaded.recipe.robot,
+            exit_code=outcome.exit_code,
+            seconds=round(outcome.seconds, 3),
+            bundle=None if outcome.out is None else str(outcome.out),
+            ready=report is not None and report.verdict.ready,
+            errors=[str(error) for error in outcome.errors],
+            differences=[str(difference) for difference in outcome.differences],
+            findings=[finding.to_json() for finding in findings],
+        )
+
+
+def write_junit(
+    path: Path, outcomes: Sequence[Outcome], error: AssetBuildError | None = None
+) -> None:
+    """One suite per recipe; its cases are the checks, the errors found, and the failed steps.
+
+    error: what kept the build from beginning. MachineError.
+    """
+    suites = [_suite(outcome.loaded.recipe.robot, list(_cases(outcome))) for outcome in outcomes]
+    if error is not None:
+        suites.append(_suite("assetbuild", [_case("assetbuild", "build", "error", str(error))]))
+    text = "".join(['<?xml version="1.0" encoding="UTF-8"?>\n<testsuites>\n', *suites])
+    with _writable(path, "w") as file:
+        file.write(f"{text}</testsuites>\n")
+
+
+def _suite(name: str, cases: list[str]) -> str:
+    failures = sum("<failure" in case for case in cases)
+    errors = sum("<error" in case for case in cases)
+    skipped = sum("<skipped" in case for case in cases)
+    counts = f'tests="{len(cases)}" failures="{failures}" errors="{errors}" skipped="{skipped}"'
+    return f"<testsuite name={quoteattr(name)} {counts}>\n{''.join(cases)}</testsuite>\n"
+
+
+def _cases(outcome: Outcome) -> Iterator[str]:
+    robot = outcome.loaded.recipe.robot
+    for label, result in outcome.results.items():
+        if result.error is not None:
+            yield _case(robot, f"step {label}", "error", str(result.error))
+    for difference in outcome.differences:
+        yield _case(robot, f"reproducible {difference.label}", "failure", str(difference))
+    if outcome.report is None:
+        return
+    for name, check in sorted(outcome.report.checks.items()):
+        kind = {"fail": "failure", "skip": "skipped"}.get(check.status, "")
+        yield _case(robot, f"check {name}", kind, check.note or check.status)
+    for finding in outcome.report.findings:
+        if finding.severity == "error":
+            name = f"{finding.rule} {finding.subject}"
+            yield _case(robot, name, "failure", f"{finding.where} {public_message(finding)}")
+
+
+def _case(robot: str, name: str, kind: str, message: str) -> str:
+    inner = f"<{kind} message={quoteattr(_printable(message.strip()))}/>" if kind else ""
+    head = f"<testcase classname={quoteattr(robot)} name={quoteattr(_printable(name))}>"
+    return f"{head}{inner}</testcase>\n"
+
+
+def _printable(text: str) -> str:
+    """Without what XML 1.0 cannot hold."""
+    return "".join(c for c in text if c in "\t\n" or (c >= " " and not "\ud800" <= c <= "\udfff"))
+
+
+def append_step_summary(outcomes: Sequence[Outcome], error: AssetBuildError | None = None) -> None:
+    """Add a verdict in Markdown to the file that GitHub names, if it names one. MachineError."""
+    place = os.environ.get("GITHUB_STEP_SUMMARY")
+    if place:
+        parts = [markdown(outcome) for outcome in outcomes]
+        if error is not None:
+            parts.append(f"### assetbuild: not built\n\n{_code(str(error))}\n")
+        with _writable(Path(place), "a") as file:
+            file.write("\n".join(parts) + "\n")
+
+
+def markdown(outcome: Outcome) -> str:
+    """Verdict, checks and findings of one recipe."""
+    robot, report = outcome.loaded.recipe.robot, outcome.report
+    if report is None:
+        told = "\n".join(_code(str(error)) for error in outcome.errors)
+        return f"### {robot}: not built\n\n{told}\n"
+    ready = "ready for training" if report.verdict.ready else "not ready for training"
+    ran = sum(result.status == "ran" for result in outcome.results.values())
+    lines = [f"### {robot}: {ready}", ""]
+    lines.append(f"{ran} of {len(outcome.results)} steps ran, {outcome.seconds:.1f} s")
+    lines += ["", *(f"- {difference}" for difference in outcome.differences)]
+    lines += ["| check | result |", "| --- | --- |"]
+    lines += [f"| {_cell(name)} | {c.status} |" for name, c in sorted(report.checks.items())]
+    found = [f for f in worst_first(list(report.findings)) if f.severity != "info"]
+    if found:
+        lines += ["", "| | rule | subject | finding |", "| --- | --- | --- | --- |"]
+    for finding in found[:SHOWN_FINDINGS]:
+        cells = (finding.severity, finding.rule, finding.subject, public_message(finding))
+        lines.append(f"| {' | '.join(_cell(cell) for cell in cells)} |")
+    if len(found) > SHOWN_FINDINGS:
+        lines += ["", f"and {len(found) - SHOWN_FINDINGS} more in the report"]
+    return "\n".join(lines) + "\n"
+
+
+def public_message(finding: Finding) -> str:
+    """What a public page may say of a finding."""
+    origin = f"{finding.rule} {finding.subject} {list(finding.data.values())}".lower()
+    return WITHHELD if "physx" in origin else finding.message
+
+
+def _cell(text: str) -> str:
+    """Text in a table: no markup, no new row, no new column."""
+    plain = escape(" ".join(text.split()))
+    return "".join(f"\\{c}" if c in "\\`*_|[]" else c for c in plain)
+
+
+def _code(text: str) -> str:
+    return "\n".join(f"    {line}" for line in text.splitlines())
+
+
+@contextmanager
+def _writable(path: Path, mode: str) -> Iterator[IO[str]]:
+    try:
+        with path.open(mode, encoding="utf-8", errors="backslashreplace") as file:
+            yield file
+    except OSError as error:
+        raise MachineError(f"cannot write `{path}`: {error.strerror or error}") from error

@@ -1,0 +1,99 @@
+"""What a build leaves for CI: JSON lines, JUnit, GitHub's job summary."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+from typing import Any
+
+from defusedxml import ElementTree
+
+from assetbuild.cli.outputs import markdown, public_message, write_junit
+from assetbuild.engine.make import NodeResult
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding
+from assetbuild.report.document import CheckResult, make_report
+
+from .conftest import Workplace
+
+
+def outcome(*findings: Finding, checks: Any = (), results: Any = (), built: bool = True) -> Any:
+    report = make_report("tiny", list(findings), dict(checks), {}, lambda _: "tiny.urdf:7")
+    results = {result.label: result for result in results}
+    return SimpleNamespace(
+        loaded=SimpleNamespace(recipe=SimpleNamespace(robot="tiny")),
+        results=results,
+        errors=tuple(r.error for r in results.values() if r.error),
+        differences=(),
+        report=report if built else None,
+        exit_code=0,
+        seconds=1.5,
+        out=None,
+    )
+
+
+HEAVY = Finding("inertia.triangle", "error", "link a|b", "ixx + iyy < izz | <b>`x`</b>\nnext")
+SPEED = Finding("physx.speed", "warning", "robot", "12345 steps per second")
+NAMED = Finding("stand.falls", "warning", "robot", "fell after 1.25 s", data={"simulator": "physx"})
+CHECKS = {"stand": CheckResult("fail"), "sine": CheckResult("pass"), "x": CheckResult("skip")}
+
+
+def test_the_summary_is_one_table_row_per_finding_without_markup_of_its_own():
+    text = markdown(outcome(HEAVY, checks=CHECKS))
+    assert "### tiny: not ready for training" in text
+    (row,) = [line for line in text.splitlines() if "inertia.triangle" in line]
+    assert row.replace("\\|", "").count("|") == 5
+    assert "<b>" not in text
+    assert "| stand | fail |" in text
+
+
+def test_no_figure_of_physx_is_published():
+    for finding in (SPEED, NAMED):
+        assert "not published" in public_message(finding)
+    text = markdown(outcome(SPEED, NAMED, checks={"stand_physx": CheckResult("pass", {"f": 9.75})}))
+    assert not any(figure in text for figure in ("12345", "1.25", "9.75"))
+    assert "| stand\\_physx | pass |" in text
+    assert "ixx" in public_message(HEAVY)
+
+
+def test_junit_has_a_case_for_every_check_error_and_failed_step(tmp_path):
+    failed = NodeResult(label="calf", status="failed", error=StepError("a <bug> & \x00"))
+    path = tmp_path / "junit.xml"
+    built = outcome(HEAVY, SPEED, checks=CHECKS)
+    write_junit(path, [built, outcome(results=[failed], built=False)], StepError("first"))
+    suites = ElementTree.parse(path).getroot()
+    counts = [{k: s.get(k) for k in ("tests", "failures", "errors", "skipped")} for s in suites]
+    assert counts[0] == {"tests": "4", "failures": "2", "errors": "0", "skipped": "1"}
+    assert counts[1] == {"tests": "1", "failures": "0", "errors": "1", "skipped": "0"}
+    assert counts[2]["errors"] == "1"
+    assert "tiny.urdf:7" in str(ElementTree.tostring(suites))
+
+
+def test_a_build_of_the_real_robot_leaves_all_three(place: Workplace):
+    words = ("--log-json", "events.ndjson", "--report-junit", "junit.xml")
+    done = place.build(*words, GITHUB_STEP_SUMMARY="summary.md")
+    assert done.returncode == 0, done.stderr
+    lines = (place.folder / "events.ndjson").read_text().splitlines()
+    events = [json.loads(line) for line in lines]
+    assert events[0]["event"] == "planned"
+    assert events[-1]["event"] == "outcome"
+    assert events[-1]["ready"]
+    finished = [e for e in events if e["event"] == "finished"]
+    assert {e["status"] for e in finished} <= {"ran", "cached"}
+    suite = ElementTree.parse(place.folder / "junit.xml").getroot()[0]
+    assert suite.get("name") == "go1"
+    assert int(suite.get("tests", 0)) > 0
+    assert "### go1: ready for training" in (place.folder / "summary.md").read_text()
+    again = place.build(GITHUB_STEP_SUMMARY="summary.md")
+    assert "0 ran" in again.stdout
+    assert (place.folder / "summary.md").read_text().count("### go1") == 2
+
+
+def test_wrong_input_is_told_everywhere(tmp_path):
+    place = Workplace(tmp_path, tmp_path / "store")
+    words = ("--log-json", "events.ndjson", "--report-junit", "junit.xml")
+    done = place.run("build", "none.yaml", *words, GITHUB_STEP_SUMMARY="summary.md")
+    assert done.returncode == 2
+    assert json.loads((tmp_path / "events.ndjson").read_text())["event"] == "error"
+    assert ElementTree.parse(tmp_path / "junit.xml").getroot()[0].get("errors") == "1"
+    assert "not built" in (tmp_path / "summary.md").read_text()
