@@ -19,6 +19,8 @@ FULL_ERROR = {"rad": 0.3, "m": 0.02}
 SLOWEST_HZ = 3.0
 FASTEST_HZ = 25.0
 """Natural frequency of a drive with the links beyond it: no slower, no faster."""
+FASTEST_LEG_HZ = 10.0
+"""The same of a standing leg under its share of the robot: stiffer ones bounce."""
 DAMPING_RATIO = 0.7
 BRAKE_S = 0.05
 """kd is at least kp times this: ten steps of 5 ms, so that light links stay calm."""
@@ -51,20 +53,20 @@ def drive_rows(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> 
     for (unit, effort, velocity), joints in groups.items():
         names = tuple(joint.name for joint in joints)
         inertia = max(felt[name] for name in names)
-        most = max(inertia, *(carried.get(name, 0.0) for name in names))
-        kp, kd = _gains(effort, unit, inertia, most) if effort is not None else (None, None)
+        load = max(carried.get(name, 0.0) for name in names)
+        kp, kd = _gains(effort, unit, inertia, load) if effort is not None else (None, None)
         rows.append(Row(names, effort, velocity, unit, inertia, kp, kd))
     return tuple(rows)
 
 
-def _gains(effort: float, unit: str, inertia: float, most: float) -> tuple[float, float]:
+def _gains(effort: float, unit: str, inertia: float, load: float) -> tuple[float, float]:
     """(kp, kd): full effort at `FULL_ERROR`, within the two natural frequencies.
 
-    inertia: of the links beyond the joint; most: what it may have to move, a standing leg's load.
+    inertia: of the links beyond the joint; load: of what it carries as part of a standing leg.
     """
     slow = inertia * (2 * math.pi * SLOWEST_HZ) ** 2
-    fast = most * (2 * math.pi * FASTEST_HZ) ** 2
-    kp = min(max(effort / FULL_ERROR[unit], slow), fast) if most > 0.0 else effort
+    fast = max(inertia * FASTEST_HZ**2, load * FASTEST_LEG_HZ**2) * (2 * math.pi) ** 2
+    kp = min(max(effort / FULL_ERROR[unit], slow), fast) if fast > 0.0 else effort
     kd = max(BRAKE_S * kp, 2 * DAMPING_RATIO * math.sqrt(kp * inertia))
     return _rounded(kp), _rounded(kd)
 

@@ -13,6 +13,7 @@ from assetbuild.init.drives import (
     BRAKE_S,
     DAMPING_RATIO,
     FASTEST_HZ,
+    FASTEST_LEG_HZ,
     FULL_ERROR,
     SLOWEST_HZ,
     Row,
@@ -181,7 +182,7 @@ def _actuators(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[
         f"# kp gives all the effort at an error of {FULL_ERROR['rad']:g} rad "
         f"({1e3 * FULL_ERROR['m']:g} mm for slides), but keeps the natural",
         f"# frequency with the links that the joint moves at home between {SLOWEST_HZ:g} and "
-        f"{FASTEST_HZ:g} Hz; kd: damping",
+        f"{FASTEST_HZ:g} Hz (legs: {FASTEST_LEG_HZ:g}); kd: damping",
         f"# ratio {DAMPING_RATIO:g}, at least kp times {1e3 * BRAKE_S:g} ms. A first guess: put "
         "the motor's data here when you know it.",
         "actuators:",
