@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check each recipe; the worst exit code of all."""
-    from assetbuild.pipeline import check
+    from assetbuild.pipeline.checking import check
 
     codes = [0]
     for recipe in _recipes(arguments.recipes):

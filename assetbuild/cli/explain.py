@@ -22,7 +22,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Print the explanations; 0, or 2 for an unknown step."""
     from assetbuild.engine.explain import explain
     from assetbuild.errors import UsageError, did_you_mean
-    from assetbuild.pipeline import opened, planned
+    from assetbuild.pipeline.opening import opened, planned
 
     loaded, lock, session = opened(arguments.recipe, arguments.variant)
     with session:
@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
 def print_stale(recipe: Path, variant: str | None) -> int:
     """What a build would run, and why; nothing is run."""
     from assetbuild.engine.explain import explain
-    from assetbuild.pipeline import opened, planned
+    from assetbuild.pipeline.opening import opened, planned
 
     loaded, lock, session = opened(recipe, variant)
     with session:

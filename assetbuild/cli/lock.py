@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the locks; prints each lock file."""
     from assetbuild.lock import Pin, lock_path
-    from assetbuild.pipeline import write_pin
+    from assetbuild.pipeline.opening import write_pin
     from assetbuild.recipe.loader import load_recipe, shown_path
 
     for recipe in arguments.recipes:

@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the graph as far as it is known."""
-    from assetbuild.pipeline import opened, planned
+    from assetbuild.pipeline.opening import opened, planned
 
     loaded, lock, session = opened(arguments.recipe, arguments.variant)
     with session:

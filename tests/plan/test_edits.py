@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from assetbuild.errors import RecipeError
-from assetbuild.pipeline import check
+from assetbuild.pipeline.checking import check
 
 from .test_source import URDF
 

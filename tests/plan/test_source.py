@@ -18,7 +18,8 @@ from assetbuild.engine.execute import execute
 from assetbuild.engine.graph import Planner
 from assetbuild.errors import LockError, OutOfDateError, RecipeError, SourceError, Where
 from assetbuild.lock import lock_path, read_lock
-from assetbuild.pipeline import check, open_session, pin
+from assetbuild.pipeline.checking import check
+from assetbuild.pipeline.opening import open_session, pin
 from assetbuild.plan.source import argument_text, open_source
 from assetbuild.recipe.loader import load_recipe
 

@@ -1,0 +1,147 @@
+"""The files of a bundle, and the swap that puts them in place."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import platform
+from collections.abc import Mapping
+from pathlib import Path
+
+from assetbuild import __version__
+from assetbuild.engine.execute import NodeResult
+from assetbuild.engine.publish import discard, new_staging, publish
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import machine_error
+from assetbuild.lock import GitPin, Lock
+from assetbuild.plan import Outline
+from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.recipe.models import Recipe
+from assetbuild.report.bundle import BundleFile, json_text, manifest, notice, provenance
+from assetbuild.report.card import model_card
+from assetbuild.report.document import Report
+from assetbuild.report.html import html_page
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Control, Shapes, Tree
+
+
+def bundle_files(
+    loaded: LoadedRecipe,
+    lock: Lock | None,
+    outline: Outline,
+    report: Report,
+    session: Session,
+    results: Mapping[str, NodeResult],
+) -> list[BundleFile]:
+    """Everything that the bundle of one recipe holds, manifest and provenance last."""
+    recipe = loaded.recipe
+    pinned: dict[str, object] = {} if lock is None else dict(lock.source.model_dump())
+    files = _target_files(outline, results, session) + _licence_files(outline, results, session)
+    card = _card(loaded, pinned, outline, report, results, session)
+    files += [
+        BundleFile.of_text("report/report.json", "report", json_text(report.to_json())),
+        BundleFile.of_text("report/index.html", "report", html_page(report, card, {})),
+        BundleFile.of_text("model_card.md", "report", card),
+        notice(recipe, pinned),
+    ]
+    if outline.expanded is not None:
+        expanded = results[outline.expanded.node][outline.expanded.output]
+        size = len(session.read(expanded))
+        files.append(BundleFile("report/expanded.urdf", "report", expanded, size))
+    files.append(manifest(recipe.robot, files))
+    materials: list[dict[str, object]] = [{"name": "assetbuild", "version": __version__}]
+    materials += _materials(recipe, lock)
+    recipe_digest = session.source_digest(loaded.path)
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    run = {"finishedOn": now, "host": platform.node(), "python": platform.python_version()}
+    parameters = {"recipe": loaded.path.name, "variant": loaded.variant}
+    files.append(provenance(files, recipe_digest, parameters, materials, run))
+    return files
+
+
+def _materials(recipe: Recipe, lock: Lock | None) -> list[dict[str, object]]:
+    """What was downloaded, each with its digest."""
+    if recipe.source.url is not None:
+        return [{"uri": recipe.source.url, "digest": {"sha256": recipe.source.sha256}}]
+    if lock is None:
+        return []
+    pin = lock.source
+    if isinstance(pin, GitPin):
+        uri = f"git+{pin.git}@{pin.commit}"
+        return [{"uri": uri, "digest": {"gitCommit": pin.commit, "sha256": pin.sha256}}]
+    uri = f"pkg:pypi/{pin.name}@{pin.version}"
+    return [{"uri": uri, "digest": {"sha256": pin.sha256}}]
+
+
+def _target_files(
+    outline: Outline, results: Mapping[str, NodeResult], session: Session
+) -> list[BundleFile]:
+    files = []
+    for name, node in outline.targets.items():
+        tree = session.tree(results[node.label][f"{name}/"])
+        for path, (digest, size) in sorted(tree.items()):
+            files.append(BundleFile(f"{name}/{path}", name, digest, size))
+    return files
+
+
+def _licence_files(
+    outline: Outline, results: Mapping[str, NodeResult], session: Session
+) -> list[BundleFile]:
+    files = []
+    for path, ref in sorted(outline.licenses.items()):
+        if ref.node:
+            digest, size = session.tree(results[ref.node][ref.output])[ref.member]
+        else:
+            digest, size = session.source_digest(Path(ref.output)), Path(ref.output).stat().st_size
+        files.append(BundleFile(f"LICENSES/{path}", "licence", digest, size))
+    return files
+
+
+def _card(
+    loaded: LoadedRecipe,
+    pinned: Mapping[str, object],
+    outline: Outline,
+    report: Report,
+    results: Mapping[str, NodeResult],
+    session: Session,
+) -> str:
+    def built(port: str) -> bytes:
+        ref = outline.robot[port]
+        return session.read(results[ref.node][ref.output])
+
+    tree = decode(Tree, built("tree.json"))
+    shapes = decode(Shapes, built("shapes.json"))
+    control = decode(Control, built("control.json"))
+    return model_card(loaded.recipe, pinned, tree, shapes, control, report)
+
+
+def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tuple[str, ...]:
+    """Write the bundle beside its place, then swap; returns what the user had edited there."""
+    staging = new_staging(out)
+    try:
+        for file in files:
+            _place(file, staging / file.path, session)
+        published = publish(staging, out, _digests_of(out))
+    except OSError as error:
+        raise machine_error(error, out) from error
+    finally:
+        discard(staging)
+    return (*published.edited, *published.added)
+
+
+def _place(file: BundleFile, path: Path, session: Session) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if file.content is not None:
+        path.write_bytes(file.content)
+    else:
+        session.object(file.sha256)  # a source comes into the store first
+        session.store.restore(file.sha256, path)
+
+
+def _digests_of(bundle: Path) -> dict[str, str] | None:
+    """Path -> sha256 of the bundle that lies there now; None when it has no readable manifest."""
+    try:
+        raw = json.loads((bundle / "manifest.json").read_bytes())
+        return {str(row["path"]): str(row["sha256"]) for row in raw["files"]}
+    except (OSError, ValueError, KeyError, TypeError):
+        return None

@@ -1,0 +1,106 @@
+"""From findings and figures to the report, each finding with its place."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from assetbuild.engine.execute import NodeResult
+from assetbuild.engine.session import Session
+from assetbuild.errors import AssetBuildError, Where
+from assetbuild.findings import Finding
+from assetbuild.plan import Outline
+from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.report.document import CheckResult, Report, make_report
+
+
+def judged(
+    loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult], session: Session
+) -> Report:
+    """The report of one recipe whose steps all went well."""
+    findings = _licence_findings(loaded, outline)
+    for label, result in results.items():
+        subject = outline.subjects.get(label)
+        own = result.findings
+        findings += [replace(f, subject=subject) for f in own] if subject else own
+    checks: dict[str, CheckResult] = {
+        name: CheckResult("skip", note=note) for name, note in outline.skipped.items()
+    }
+    for name, node in outline.checks.items():
+        result = results[node.label]
+        bad = any(finding.severity == "error" for finding in result.findings)
+        figures = json.loads(session.read(result["figures.json"]))
+        checks[name] = CheckResult("fail" if bad else "pass", figures)
+    locate = locator(loaded, outline, results, session)
+    return make_report(loaded.recipe.robot, findings, checks, loaded.recipe.rules, locate)
+
+
+def _licence_findings(loaded: LoadedRecipe, outline: Outline) -> list[Finding]:
+    found = []
+    if loaded.recipe.source.license is None:
+        found.append(
+            Finding(
+                rule="license.unstated",
+                severity="warning",
+                subject="recipe source",
+                message="the recipe does not say under which licence the robot comes",
+                hint="add `license:` with an SPDX identifier below `source`",
+            )
+        )
+    if not outline.licenses:
+        found.append(
+            Finding(
+                rule="license.no_text",
+                severity="info",
+                subject="recipe source",
+                message="the source brings no licence text, so the bundle has none",
+            )
+        )
+    return found
+
+
+def locator(
+    loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult], session: Session
+) -> Callable[[str], str]:
+    """From a finding's subject to `file:line` of the source or of the recipe."""
+    lines: dict[str, int] = {}
+    file = loaded.recipe.source.description
+    if outline.source_map is not None:
+        digest = results[outline.source_map.node][outline.source_map.output]
+        source_map = json.loads(session.read(digest))
+        file, lines = source_map["file"], source_map["lines"]
+    for label in outline.edits:  # the source knows its own names only
+        for finding in results[label].findings if label in results else ():
+            if finding.rule == "edit.rename":
+                kind = finding.subject.partition(" ")[0]
+                lines[finding.subject] = lines.get(f"{kind} {finding.data['before']}", 0)
+    joints = {f"actuator {name[6:]}": line for name, line in lines.items() if name[:6] == "joint "}
+
+    def locate(subject: str) -> str:
+        if subject.startswith("recipe "):
+            keys = tuple(subject.removeprefix("recipe ").split("."))
+            return str(loaded.where(keys))
+        line = lines.get(subject) or joints.get(subject)
+        return f"{file}:{line}" if line else ""
+
+    return locate
+
+
+def where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | None:
+    """The place in the recipe of an edit."""
+    return loaded.where(outline.edits[label]) if label in outline.edits else None
+
+
+def located(error: AssetBuildError, subject: str, where: Where | None) -> AssetBuildError:
+    """The error of a step with the name of what it worked on, which the step did not know."""
+    if where is not None and error.where is None:
+        return type(error)(error.message, where=where, hint=error.hint)
+    kind, _, name = subject.partition(" ")
+    if not name:
+        return error
+    message = error.message.removeprefix(f"{kind}: ")
+    if kind != "mesh":
+        return type(error)(f"{subject}: {message}", where=error.where, hint=error.hint)
+    line, column = (error.where.line, error.where.column) if error.where else (0, 0)
+    return type(error)(message, where=Where(name, line, column), hint=error.hint)
