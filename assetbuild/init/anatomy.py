@@ -29,6 +29,7 @@ SENSORS: Mapping[str, str] = {
 _FOOT = re.compile(r"(?i).*(foot|feet|sole|toe|ankle_roll).*")
 _ARM = re.compile(r"(?i).*(arm|shoulder|elbow|wrist|hand|grip|finger|thumb|nub).*")
 _LEG = re.compile(r"(?i).*(leg|foot|hip|knee|ankle|thigh|calf|shank).*")
+_SHANK = re.compile(r"(?i).*(shank|shin|calf|thigh|leg|knee).*")
 _WHEEL = re.compile(r"(?i).*(wheel|caster).*")
 _FLYING = re.compile(
     r"(?i).*(propeller|(^|_)prop(_|$)|flying|drone|copter|quadrotor|hector|iris).*"
@@ -146,7 +147,13 @@ def _limb(robot: Looked, at_zero: Mapping[str, Pose], tip: str) -> Leg:
         if branches[joint.parent] > 1:
             break
     foot = _foot(robot, at_zero, tip)
-    return Leg(tuple(joints[::-1]), tip, foot, at_zero[foot], _soles(robot, tip, foot, len(joints)))
+    return Leg(
+        tuple(joints[::-1]),
+        tip,
+        foot,
+        at_zero[foot],
+        _soles(robot, tip, foot, len(joints)),
+    )
 
 
 def _soles(robot: Looked, tip: str, foot: str, joints: int) -> tuple[str, ...]:
@@ -157,7 +164,7 @@ def _soles(robot: Looked, tip: str, foot: str, joints: int) -> tuple[str, ...]:
     links = [b.name for b in robot.links.bodies if robot.tree.placement(b.name)[0] == tip]
     if joints < ANKLE:
         above = set(_holders(robot.links, foot, tip))
-        links = [link for link in links if link in above]
+        links = [link for link in links if link in above and not _SHANK.fullmatch(link)]
     return tuple(link for link in links if link in solid) or (foot,)
 
 

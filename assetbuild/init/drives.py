@@ -19,7 +19,7 @@ FULL_ERROR = {"rad": 0.3, "m": 0.02}
 SLOWEST_HZ = 3.0
 FASTEST_HZ = 25.0
 """Natural frequency of a drive with the links beyond it: no slower, no faster."""
-FASTEST_LEG_HZ = 10.0
+FASTEST_LEG_HZ = 6.0
 """The same of a standing leg under its share of the robot: stiffer ones bounce."""
 DAMPING_RATIO = 0.7
 BRAKE_S = 0.05
@@ -67,7 +67,10 @@ def _gains(effort: float, unit: str, inertia: float, load: float) -> tuple[float
     slow = inertia * (2 * math.pi * SLOWEST_HZ) ** 2
     fast = max(inertia * FASTEST_HZ**2, load * FASTEST_LEG_HZ**2) * (2 * math.pi) ** 2
     kp = min(max(effort / FULL_ERROR[unit], slow), fast) if fast > 0.0 else effort
-    kd = max(BRAKE_S * kp, 2 * DAMPING_RATIO * math.sqrt(kp * inertia))
+    brake = BRAKE_S * kp
+    if load > 0.0:  # a light robot on stiff dampers hops
+        brake = min(brake, 2 * DAMPING_RATIO * math.sqrt(kp * load))
+    kd = max(brake, 2 * DAMPING_RATIO * math.sqrt(kp * inertia))
     return _rounded(kp), _rounded(kd)
 
 
