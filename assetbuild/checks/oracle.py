@@ -35,7 +35,8 @@ class Oracle(Check):
 
     tools: ClassVar = ("mujoco", "pin")
     isolated: ClassVar = True
-    preload: ClassVar = ("mujoco", "pinocchio")
+    # With the other checks of MuJoCo in one process; pinocchio alone is not worth a second one.
+    preload: ClassVar = ("mujoco",)
     needs: ClassVar = ("mjcf", "source")
     reads: ClassVar = ("links.json", "tree.json")
     requires: ClassVar = {"pinocchio": "oracle"}

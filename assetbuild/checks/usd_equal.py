@@ -58,7 +58,12 @@ class UsdEqual(Check):
     )
     tools: ClassVar[tuple[str, ...]] = ("usd-core",)
     isolated: ClassVar[bool] = True
-    preload: ClassVar[tuple[str, ...]] = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics")
+    preload: ClassVar[tuple[str, ...]] = (
+        "pxr.Usd",
+        "pxr.UsdGeom",
+        "pxr.UsdPhysics",
+        "pxr.UsdShade",
+    )
 
     robot: str
     """Name of the robot: the stem of the main file."""

@@ -32,7 +32,12 @@ class UsdValid(Check):
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json")
     tools: ClassVar[tuple[str, ...]] = ("usd-core",)
     isolated: ClassVar[bool] = True
-    preload: ClassVar[tuple[str, ...]] = ("pxr.Usd", "pxr.UsdPhysics", "pxr.UsdShade")
+    preload: ClassVar[tuple[str, ...]] = (
+        "pxr.Usd",
+        "pxr.UsdGeom",
+        "pxr.UsdPhysics",
+        "pxr.UsdShade",
+    )
 
     robot: str
     """Name of the robot: the stem of the main file."""

@@ -53,7 +53,10 @@ class Step(BaseModel):
     isolated: ClassVar[bool] = False
     """Run in a child process: native or heavy code, or hostile input."""
     preload: ClassVar[tuple[str, ...]] = ()
-    """Modules that the child imports once for many steps (`trimesh`)."""
+    """Modules that the child imports once for many steps (`trimesh`).
+
+    Steps with the same tuple share one process that has them imported, so name them alike.
+    """
     limits: ClassVar[Limits] = Limits()
     network: ClassVar[bool] = False
     """Only the `fetch*` steps may say True."""

@@ -40,7 +40,6 @@ class Usd(Target):
     preload: ClassVar[tuple[str, ...]] = (
         "pxr.Usd",
         "pxr.UsdGeom",
-        "pxr.UsdLux",
         "pxr.UsdPhysics",
         "pxr.UsdShade",
     )
