@@ -16,7 +16,7 @@ from pydantic import Discriminator, Field, Tag
 from assetbuild.errors import LockError, MachineError, Where
 from assetbuild.recipe.loader import read_small_file, shown_path
 from assetbuild.recipe.models import PYPI_PATTERN, Model, Sha256, Source
-from assetbuild.recipe.validation import validated
+from assetbuild.recipe.validation import locate, validated
 from assetbuild.recipe.yaml_tree import described, parse
 
 _HEAD = "# Written by `assetbuild lock`; not meant to be edited\n"
@@ -112,6 +112,16 @@ def write_lock(path: Path, lock: Lock) -> bool:
         message = f"the lock cannot be written: {problem.strerror}"
         raise MachineError(message, where=where) from None
     return True
+
+
+def place_of_pin(path: Path) -> Where:
+    """The line of the digest in a lock file; the file alone when it cannot be read."""
+    file = shown_path(path)
+    try:
+        tree = parse(read_small_file(path, file, LockError), file, LockError)
+    except LockError:
+        return Where(file)
+    return locate(tree, ("source", "sha256"))
 
 
 def check_pin(source: Source, lock: Lock, path: Path) -> None:

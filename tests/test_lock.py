@@ -7,7 +7,16 @@ import hashlib
 import pytest
 
 from assetbuild.errors import LockError
-from assetbuild.lock import Lock, Pin, check_pin, lock_path, lock_text, read_lock, write_lock
+from assetbuild.lock import (
+    Lock,
+    Pin,
+    check_pin,
+    lock_path,
+    lock_text,
+    place_of_pin,
+    read_lock,
+    write_lock,
+)
 from assetbuild.recipe.models import Source
 
 DIGEST = hashlib.sha256(b"wheel").hexdigest()
@@ -114,3 +123,12 @@ def test_a_lock_for_another_source_is_refused(tmp_path, pypi):
 def test_a_lock_beside_a_folder_source_is_refused(tmp_path):
     with pytest.raises(LockError, match="is a folder"):
         check_pin(source(path="tiny"), pin(), tmp_path / "r.lock.yaml")
+
+
+def test_the_place_of_the_digest_is_its_line(tmp_path):
+    path = tmp_path / "r.lock.yaml"
+    write_lock(path, pin())
+    lines = path.read_text().splitlines()
+    assert "sha256" in lines[place_of_pin(path).line - 1]
+    path.write_text("[")
+    assert place_of_pin(path).line == 0

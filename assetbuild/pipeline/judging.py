@@ -10,6 +10,7 @@ from assetbuild.engine.execute import NodeResult
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, Where
 from assetbuild.findings import Finding
+from assetbuild.lock import lock_path, place_of_pin
 from assetbuild.plan import Outline
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.document import CheckResult, Report, make_report
@@ -88,8 +89,14 @@ def locator(
 
 
 def where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | None:
-    """The place in the recipe of an edit."""
-    return loaded.where(outline.edits[label]) if label in outline.edits else None
+    """Who asked for a step: the line of an edit, or the pin of what is fetched."""
+    if label in outline.edits:
+        return loaded.where(outline.edits[label])
+    if label == "fetch":
+        if loaded.recipe.source.moving is None:
+            return loaded.where(("source", "sha256"))
+        return place_of_pin(lock_path(loaded.path))
+    return None
 
 
 def located(error: AssetBuildError, subject: str, where: Where | None) -> AssetBuildError:
