@@ -47,11 +47,18 @@ class Terminated(KeyboardInterrupt):
 
 
 def _end_as_by_ctrl_c() -> None:
-    def leave(*_: object) -> None:
-        raise Terminated
+    """The first signal ends the build in order; a second one cannot disturb that (2 s at most)."""
+    if threading.current_thread() is not threading.main_thread():
+        return
 
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, leave)
+    def leave(number: int, _: object) -> None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, leave)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else `nohup` or a parent
+        signal.signal(signal.SIGINT, leave)
 
 
 def print_error(error: AssetBuildError) -> None:

@@ -188,6 +188,7 @@ def test_progress_is_told_in_order(session, source):
 
 def test_ctrl_c_kills_the_children_in_two_seconds(tmp_path):
     pid_file = tmp_path / "pid"
+    interrupted: list[float] = []
     with Session(Store(tmp_path / "store")) as session:
         planner = Planner(session)
         planner.add("slow", Slow(seconds=60, pid_file=str(pid_file)))
@@ -196,12 +197,12 @@ def test_ctrl_c_kills_the_children_in_two_seconds(tmp_path):
             if event.kind == "started":
                 while not pid_file.is_file() or not pid_file.read_text():
                     time.sleep(0.01)
+                interrupted.append(time.monotonic())
                 raise KeyboardInterrupt
 
-        began = time.monotonic()
         with pytest.raises(KeyboardInterrupt):
             execute(planner.graph(), session, on_event=interrupt)
-    assert time.monotonic() - began < 3
+    assert time.monotonic() - interrupted[0] < 3
     assert not is_alive(int(pid_file.read_text()))
 
 
