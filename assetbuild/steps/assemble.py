@@ -49,6 +49,7 @@ class CollisionUse(BaseModel):
 class Assemble(Step):
     """Source shapes + meshes + pieces -> the final shapes, mesh paths swapped for digests."""
 
+    version = "2"
     outputs = ("shapes.json", "meshes/")
 
     visuals: tuple[VisualUse, ...]
@@ -68,7 +69,23 @@ class Assemble(Step):
             shapes += _collision_shapes(collision, origin, files.inputs, library)
         final = Shapes(_named(shapes), palette.used(), library.assets())
         (files.outputs / "shapes.json").write_bytes(encode(final))
-        yield from ()
+        yield from _without_collision(source, self.collisions)
+
+
+def _without_collision(source: Shapes, uses: tuple[CollisionUse, ...]) -> Iterator[Finding]:
+    """One finding for all links that have geometry in the source and hit nothing here."""
+    covered = {use.link for use in uses}
+    bare = [link for link in dict.fromkeys(s.link for s in source.shapes) if link not in covered]
+    if bare:
+        shown = ", ".join(f"`{link}`" for link in bare[:6]) + (", ..." if len(bare) > 6 else "")
+        yield Finding(
+            rule="collision.none",
+            severity="info",
+            subject="recipe collision",
+            message=f"{len(bare)} links with geometry have no collision geometry: {shown}",
+            hint="their rule says `none`, or the geometry that it asks for is not in the source",
+            data={"links": len(bare)},
+        )
 
 
 def _visual_shapes(

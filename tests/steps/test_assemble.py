@@ -98,3 +98,14 @@ def test_a_primitive_of_the_source_is_kept_as_it_is(tmp_path: Path):
     assert shapes.shapes == (
         Shape("trunk_collision", "trunk", "collision", Box((1.0, 2.0, 3.0)), RAISED),
     )
+
+
+def test_links_that_hit_nothing_are_told(tmp_path: Path):
+    shapes = tuple(Shape(n, n, "collision", Sphere(0.1)) for n in ("foot", "rotor"))
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "shapes.json").write_bytes(encode(Shapes(shapes)))
+    step = Assemble(visuals=(), collisions=(CollisionUse(link="foot", shape="foot"),))
+    (finding,) = run_step(step, tmp_path / "in", tmp_path / "out")
+    assert finding.rule == "collision.none"
+    assert "`rotor`" in finding.message
+    assert "`foot`" not in finding.message
