@@ -83,6 +83,8 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     geometry.shapes = decode(Shapes, shapes)
     assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], p)
     outline.subjects = geometry.subjects
+    if assembled is None:
+        return outline
     control = _control(recipe, tree, assembled, p)
     outline.robot = {
         "links.json": edited["links.json"],

@@ -5,14 +5,18 @@ Patterns are regular expressions that must match a whole name of the *source*, b
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from assetbuild.findings import Severity
+from assetbuild.recipe.base import Model as Model  # the vocabulary is read from here, too
+from assetbuild.recipe.base import NonNegative as NonNegative
+from assetbuild.recipe.base import Positive as Positive
+from assetbuild.recipe.base import Real as Real
+from assetbuild.recipe.collision import CollisionRule, Preset
 
 
 def _pattern(text: str) -> str:
@@ -54,17 +58,8 @@ def _one_name(entry: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:  #
     return entry
 
 
-def _finite(value: float) -> float:
-    if not math.isfinite(value):
-        raise ValueError("must be finite")
-    return value
-
-
 Pattern = Annotated[str, AfterValidator(_pattern)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,63}$")]
-Real = Annotated[float, AfterValidator(_finite)]
-Positive = Annotated[float, Field(gt=0), AfterValidator(_finite)]
-NonNegative = Annotated[float, Field(ge=0), AfterValidator(_finite)]
 InsidePath = Annotated[str, AfterValidator(_inside)]
 Names = Annotated[tuple[str, ...], AfterValidator(_no_repeats)]
 OneEdit = Annotated[dict[str, dict[str, Any]], AfterValidator(_one_name)]  # Any: see plan/edits.py
@@ -73,12 +68,6 @@ Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 PYPI_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*==[A-Za-z0-9][A-Za-z0-9.+!_-]*$"
-
-
-class Model(BaseModel):
-    """Base of all recipe models: frozen, and an unknown key is an error."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Source(Model):
@@ -173,33 +162,26 @@ class Visual(Model):
     )
 
 
-class CollisionRule(Model):
-    """How the collision geometry of a link is made."""
-
-    method: str = Field("auto", description="auto, keep, none or a plug-in of assetbuild.collision")
-    shape: Literal["box", "sphere", "capsule", "cylinder"] | None = Field(
-        None, description="of `primitive`; without it the best fit of all"
-    )
-    from_: Literal["auto", "collision", "visual"] = Field(
-        "auto", alias="from", description="the link's geometry to use; auto: collision, else visual"
-    )
-    max_hulls: int | None = Field(None, ge=1, le=1024, description="most pieces, where it applies")
-    max_vertices: int | None = Field(None, ge=4, le=256, description="most vertices of a piece")
-    threshold: Positive | None = Field(
-        None, ge=0.01, le=1, description="of `coacd`, relative concavity 0.01..1"
-    )
-
-
 class Exclude(Model):
     """Pairs of bodies that never collide."""
 
     adjacent: bool = Field(True, description="bodies that a joint connects")
+    sampled: int = Field(
+        0,
+        ge=0,
+        le=1_000_000,
+        description="random poses within the limits; pairs that touch in all or in none of them "
+        "are excluded; 0 = do not sample, 10000 is a good number",
+    )
     pairs: tuple[LinkPair, ...] = Field((), description="pairs of source links")
 
 
 class Collision(Model):
     """Collision geometry, by source link."""
 
+    preset: Preset = Field(
+        "locomotion", description="tolerances of `auto`: coarse and fast, or close to the mesh"
+    )
     default: CollisionRule = Field(default_factory=lambda: CollisionRule.model_validate({}))
     links: dict[Pattern, CollisionRule] = Field(
         default_factory=dict, description="the first pattern that matches a link wins"
