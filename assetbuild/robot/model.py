@@ -389,10 +389,10 @@ class Control:
     keyframes: tuple[Keyframe, ...] = ()
     excludes: tuple[tuple[str, str], ...] = ()
     contact: Contact = Contact()
+    simulation: Simulation = Simulation()
     contacts: tuple[tuple[str, Contact], ...] = ()
     sensors: tuple[Sensor, ...] = ()
     cameras: tuple[Camera, ...] = ()
-    simulation: Simulation = Simulation()
     mjcf_only: tuple[MjcfOnly, ...] = ()
 
     @cached_property
