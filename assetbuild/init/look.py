@@ -36,7 +36,9 @@ def look(source: Found) -> Looked:
     tree, _ = merge_fixed_joints(links, True, ())
     given = {"links.json": read["links.json"], "shapes.json": read["shapes.json"]}
     _, of_links = _run(LintLinks(), given)
-    _, of_bodies = _run(LintBodies(), {"tree.json": encode(tree)})
+    _, of_bodies = _run(
+        LintBodies(), {"tree.json": encode(tree), "shapes.json": read["shapes.json"]}
+    )
     return Looked(links, tree, shapes, of_links, of_bodies)
 
 

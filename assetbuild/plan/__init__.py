@@ -127,7 +127,8 @@ def _merge(recipe: Recipe, edited: Mapping[str, Ref], p: Planner) -> Node:
     fixed = recipe.fixed_joints
     step = MergeFixedJoints(merge=fixed.merge, keep_bodies=fixed.keep_bodies)
     tree = p.add("merge_fixed_joints", step, {"links.json": edited["links.json"]})
-    p.add("lint_bodies", LintBodies(), {"tree.json": tree["tree.json"]})
+    linted = {"tree.json": tree["tree.json"], "shapes.json": edited["shapes.json"]}
+    p.add("lint_bodies", LintBodies(), linted)
     return tree
 
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 from pydantic import BaseModel, ConfigDict
 
 from assetbuild.findings import Finding, Scalar, Severity
+from assetbuild.robot.chains import Chain, find_chains
 from assetbuild.robot.inertia import (
     Tensor,
     equivalent_radius,
@@ -19,7 +20,7 @@ from assetbuild.robot.inertia import (
     principal_moments,
     triangle_violation,
 )
-from assetbuild.robot.model import Inertial, Tree
+from assetbuild.robot.model import Inertial, Shapes, Tree
 
 ROUNDING = 1e-9
 """Relative: smaller violations are the noise of turning a tensor into other axes."""
@@ -42,19 +43,26 @@ class Bounds(BaseModel):
     """A moving body below this makes simulators stiff."""
 
 
-def inertia_findings(tree: Tree, bounds: Bounds, worst: Severity) -> Iterator[Finding]:
+def inertia_findings(
+    tree: Tree, shapes: Shapes, bounds: Bounds, worst: Severity
+) -> Iterator[Finding]:
     """Findings on all bodies of a tree, none graver than `worst`.
 
     What a fixed joint carries may lack mass: before merging it is a frame in all but name and
     nothing is said, afterwards it was kept as a body and some engines would invent a mass.
+    A massless link between two joints is no mistake: see `robot.chains`.
     """
+    chains = find_chains(tree, {shape.link for shape in shapes.shapes})
+    between = {link: chain for chain in chains for link in chain.between}
     driven = {joint.child for joint in tree.joints if joint.kind != "fixed"}
     if tree.base == "floating":
         driven.add(tree.root)
     for body in tree.bodies:
         subject = f"link {body.name}"
         mass = body.inertial.mass_kg if body.inertial else 0.0
-        if body.name not in driven and mass <= 0.0:
+        if body.name in between:
+            yield _between(subject, between[body.name])
+        elif body.name not in driven and mass <= 0.0:
             if worst == "error" and body.name != tree.root:
                 yield _carried(subject)
         elif body.inertial is None:
@@ -78,6 +86,19 @@ def _carried(subject: str) -> Finding:
         subject,
         "it is kept as a body but has no mass; some engines invent one",
         "let it be merged, or give it a small mass and inertia",
+    )
+
+
+def _between(subject: str, chain: Chain) -> Finding:
+    joints = tuple(joint.name for joint in chain.joints)
+    return Finding(
+        "inertia.between",
+        "info",
+        subject,
+        f"a massless link between the joints of `{chain.body}` ({', '.join(joints)}): "
+        "exact in URDF and MJCF, but PhysX wants mass on every body",
+        "the edit `share_mass` moves some mass here that no motion can tell",
+        data={"joints": joints, "body": chain.body},
     )
 
 

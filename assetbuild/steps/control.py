@@ -25,6 +25,7 @@ from assetbuild.recipe.models import (
 )
 from assetbuild.robot import model
 from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, check_rows, resolve
+from assetbuild.robot.chains import find_chains
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
@@ -40,7 +41,7 @@ class ControlStep(Step):
     Reads `tree.json`, `shapes.json` and the collision files of `meshes/`.
     """
 
-    version = "2"
+    version = "3"
     outputs = ("control.json",)
 
     rows: tuple[ActuatorRow, ...] = ()
@@ -67,7 +68,7 @@ class ControlStep(Step):
         check_rows(tree, *_specs(self.rows, self.motors))
         for name, keyframe in self.keyframes.items():
             _joint_values(tree, name, keyframe)
-        _excludes(tree, self.exclude)
+        _excludes(tree, model.Shapes(), self.exclude)
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises RowError, with the key of the recipe, where a table does not fit the robot."""
@@ -89,7 +90,7 @@ class ControlStep(Step):
         control = model.Control(
             actuators=actuators,
             keyframes=tuple(keyframes),
-            excludes=_excludes(tree, self.exclude),
+            excludes=_excludes(tree, shapes, self.exclude),
             contact=model.Contact(self.contact.friction, self.contact.condim),
             simulation=model.Simulation(
                 self.simulation.timestep, self.simulation.decimation, self.simulation.gravity
@@ -287,11 +288,16 @@ def half_height(
 # --- excludes -------------------------------------------------------------------------------
 
 
-def _excludes(tree: model.Tree, exclude: Exclude) -> tuple[tuple[str, str], ...]:
+def _excludes(
+    tree: model.Tree, shapes: model.Shapes, exclude: Exclude
+) -> tuple[tuple[str, str], ...]:
     """Sorted pairs of bodies. Raises RowError for an unknown link."""
     pairs = {_bodies(tree, index, pair) for index, pair in enumerate(exclude.pairs)}
     if exclude.adjacent:
         pairs |= {_sorted(joint.parent, joint.child) for joint in tree.joints}
+        # A ball joint of three hinges is one joint to the two bodies that it connects.
+        chains = find_chains(tree, {shape.link for shape in shapes.shapes})
+        pairs |= {_sorted(chain.parent, chain.body) for chain in chains}
     return tuple(sorted(pair for pair in pairs if pair[0] != pair[1]))
 
 
