@@ -26,15 +26,20 @@ class Proposal:
     text: str
 
 
-def propose(urdf: Path, out: Path | None, packages: Mapping[str, Path]) -> Proposal:
+def propose(
+    file: Path,
+    out: Path | None,
+    packages: Mapping[str, Path],
+    args: Mapping[str, str] | None = None,
+) -> Proposal:
     """Look at the robot and word its recipe; writes nothing.
 
     out: default `<robot>.yaml` in the working folder; paths in the recipe are relative to its
     folder. packages: package:// name -> folder, as the user says; the others are looked for
-    upwards from the URDF. Raises SourceError with file and line for a description that no recipe
-    can save.
+    upwards from the file. args: of a xacro file. Raises SourceError with file and line for a
+    description that no recipe can save.
     """
-    source = find_source(urdf, packages)
+    source = find_source(file, packages, args or {})
     robot = look(source)
     anatomy = study(robot)
     robot = replace(robot, links=replace(robot.links, base=anatomy.base.kind))

@@ -30,7 +30,7 @@ class Looked:
 
 def look(source: Found) -> Looked:
     """Read and lint. Raises SourceError with file and line, as a build would."""
-    step = ReadUrdf(file=source.urdf, base="floating", packages=dict(source.packages))
+    step = ReadUrdf(file=source.shown, base="floating", packages=dict(source.packages))
     read, _ = _run(step, {"robot.urdf": source.data})
     links, shapes = decode(Tree, read["links.json"]), decode(Shapes, read["shapes.json"])
     tree, _ = merge_fixed_joints(links, True, ())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from collections.abc import Iterator
@@ -88,7 +89,8 @@ def _source(source: Found, path: Path) -> list[str]:
     lines = [
         "source:",
         f"  path: {quoted(relative)}   # relative to this file",
-        f"  urdf: {quoted(source.urdf)}",
+        f"  {source.key}: {quoted(source.file)}",
+        *_args(source),
     ]
     if source.packages:
         pairs = ", ".join(f"{quoted(k)}: {quoted(v)}" for k, v in source.packages.items())
@@ -96,6 +98,17 @@ def _source(source: Found, path: Path) -> list[str]:
             f"  packages: {{{pairs}}}   # package:// roots; nothing is searched in a build"
         )
     return [*lines, "  # license: MIT   # the SPDX name of the source's licence; please state it"]
+
+
+def _args(source: Found) -> Iterator[str]:
+    """What was given, and what else the file takes with its default."""
+    if source.args:
+        given = ", ".join(f"{quoted(k)}: {json.dumps(v)}" for k, v in source.args.items())
+        yield f"  args: {{{given}}}"
+    others = [(k, v) for k, v in source.defaults.items() if k not in source.args]
+    if others:
+        yield "  # its other arguments and their defaults, for `args`:"
+        yield from (f"  #   {plain(name)}: {plain(json.dumps(value))}" for name, value in others)
 
 
 def _fixed_joints(robot: Looked, anatomy: Anatomy) -> list[str]:

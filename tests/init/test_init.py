@@ -123,7 +123,7 @@ def test_packages_are_found_above_the_urdf_and_written_down(
     source = find_source(urdf, {})
     assert source.root == (tmp_path / root).resolve()
     assert source.packages == packages
-    assert (source.root / source.urdf).samefile(urdf)
+    assert (source.root / source.file).samefile(urdf)
 
 
 def test_a_package_that_is_nowhere_is_named_with_its_line(tmp_path: Path):
