@@ -17,7 +17,7 @@ MAIN = f"""<robot name='bot' {NAMESPACE}>
   <xacro:include filename='$(find parts)/arm.xacro'/>
   <link name='world'/>
   <link name='base'><visual><geometry>
-    <mesh filename='package://shapes/base.stl'/></geometry></visual></link>
+    <mesh filename='package://shapes/base.obj'/></geometry></visual></link>
   <joint name='bolt' type='fixed'><parent link='world'/><child link='base'/></joint>
   <xacro:arm size='$(arg size)'/>
 </robot>"""
@@ -33,10 +33,7 @@ ARM = f"""<robot {NAMESPACE}>
       <limit effort='$(arg effort)' velocity='3'/></joint>
   </xacro:macro>
 </robot>"""
-FACE = (
-    b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet"
-)
-STL = b"solid s\n" + FACE + b"\nendsolid s\n"
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
 @pytest.fixture
@@ -46,7 +43,7 @@ def packages(tmp_path: Path) -> Path:
         ("ws/bot/urdf/bot.urdf.xacro", MAIN),
         ("ws/bot/package.xml", "<package><name>bot</name></package>"),
         ("ws/parts/arm.xacro", ARM),
-        ("elsewhere/my_shapes/base.stl", STL.decode()),
+        ("elsewhere/my_shapes/base.obj", OBJ),
     ):
         file = tmp_path / path
         file.parent.mkdir(parents=True, exist_ok=True)
