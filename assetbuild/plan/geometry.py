@@ -10,11 +10,13 @@ from assetbuild.collision import CollisionMethod, PlacedSource
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.kinds import load_plugin, plugin_names
+from assetbuild.plan.companions import Companions
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import CollisionRule, Recipe
 from assetbuild.robot.model import Mesh, Shape, Shapes, Tree
-from assetbuild.steps.assemble import Assemble, CollisionUse, VisualUse
+from assetbuild.steps.assemble import Assemble, CollisionUse, TextureUse, VisualUse
 from assetbuild.steps.convert_mesh import ConvertMesh
+from assetbuild.steps.convert_texture import ConvertTexture
 from assetbuild.steps.decimate_mesh import DecimateMesh
 
 BUILT_IN = ("auto", "keep", "none")
@@ -25,12 +27,19 @@ class Geometry:
     """Conversions of the source's meshes, each file and scale once.
 
     subjects: label of a node -> the mesh it works on; the steps do not know its path, so that
-    equal files share their results.
+    equal files share their results. textures: of the description's own materials, by path.
     """
 
-    def __init__(self, shapes: Shapes, files: Mapping[str, Ref], p: Planner) -> None:
-        self.shapes = shapes
-        self._files, self._p = files, p
+    def __init__(
+        self,
+        shapes: Shapes,
+        files: Mapping[str, Ref],
+        companions: Companions,
+        textures: Mapping[str, Ref],
+        p: Planner,
+    ) -> None:
+        self.shapes, self.textures = shapes, textures
+        self._files, self._companions, self._p = files, companions, p
         self._converted: dict[tuple[str, tuple[float, float, float]], Node] = {}
         self._decimated: dict[str, Node] = {}
         self.subjects: dict[str, str] = {}
@@ -44,13 +53,28 @@ class Geometry:
         """The full mesh, as OBJ per material."""
         key = (mesh.mesh, mesh.scale)
         if key not in self._converted:
+            named = self._companions.get(mesh.mesh, {})
             step = ConvertMesh(
-                format=PurePosixPath(mesh.mesh).suffix.lower().lstrip("."), scale=mesh.scale
+                format=PurePosixPath(mesh.mesh).suffix.lower().lstrip("."),
+                scale=mesh.scale,
+                companions=tuple(named),
+                keep_uv=mesh.mesh in self._papered(),
             )
             label = f"convert_mesh {self._label(mesh)}"
             self.subjects[label] = f"mesh {mesh.mesh}"
-            self._converted[key] = self._p.add(label, step, {"mesh": self._files[mesh.mesh]})
+            inputs = {"mesh": self._files[mesh.mesh]}
+            inputs |= {f"companions/{i}": ref for i, ref in enumerate(named.values())}
+            self._converted[key] = self._p.add(label, step, inputs)
         return self._converted[key]
+
+    def _papered(self) -> set[str]:
+        """Meshes that the description itself puts a texture on."""
+        textured = {m.name for m in self.shapes.materials if m.texture}
+        return {
+            shape.geometry.mesh
+            for shape in self.shapes.of("visual")
+            if isinstance(shape.geometry, Mesh) and shape.material in textured
+        }
 
     def for_the_eye(self, mesh: Mesh, max_faces: int | None) -> Node:
         """The mesh within the recipe's budget of faces."""
@@ -91,8 +115,20 @@ def assemble(
     collisions: list[CollisionUse] = []
     for body in links.bodies:
         collisions += _collisions(loaded, body.name, geometry, inputs, p)
-    step = Assemble(visuals=tuple(visuals), collisions=tuple(collisions))
+    textures = _textures(geometry, inputs, p)
+    step = Assemble(visuals=tuple(visuals), collisions=tuple(collisions), textures=textures)
     return p.add("assemble", step, inputs)
+
+
+def _textures(geometry: Geometry, inputs: dict[str, Ref], p: Planner) -> tuple[TextureUse, ...]:
+    """Pictures of the description's own materials that the source has, as PNG."""
+    uses = []
+    for number, (path, ref) in enumerate(geometry.textures.items()):
+        step = ConvertTexture(name=PurePosixPath(path).name)
+        node = p.add(f"convert_texture {path}", step, {"picture": ref})
+        inputs[f"textures/{number}/"] = node["texture/"]
+        uses.append(TextureUse(texture=path, folder=f"textures/{number}"))
+    return tuple(uses)
 
 
 def _visuals(recipe: Recipe, geometry: Geometry, inputs: dict[str, Ref]) -> list[VisualUse]:
