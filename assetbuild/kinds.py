@@ -94,6 +94,7 @@ class ConvertedMesh:
     """`mesh.json` beside `parts/`: what `convert_mesh` and `decimate_mesh` write.
 
     Metres, scale applied, outward normals. lower, upper: bounds. volume_m3: None when open.
+    up_axis: what the file says when that is not Z; turned: was the mesh turned accordingly?
     """
 
     parts: tuple[MeshPart, ...]
@@ -103,6 +104,8 @@ class ConvertedMesh:
     upper: Vec3
     watertight: bool
     volume_m3: float | None = None
+    up_axis: str | None = None
+    turned: bool = False
 
 
 @dataclass(frozen=True)

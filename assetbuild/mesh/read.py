@@ -35,11 +35,13 @@ class SourceMesh:
     """What a mesh file holds: parts by material, order of first appearance; metres.
 
     pictures: those that lie inside the file, as PNG, by the name that materials use.
+    up_axis: what the file says when that is not Z.
     """
 
     parts: tuple[MaterialPart, ...]
     findings: tuple[Finding, ...] = ()
     pictures: Mapping[str, bytes] = field(default_factory=dict)
+    up_axis: str | None = None
 
 
 def read_mesh(
@@ -79,7 +81,8 @@ def read_mesh(
         parts, finding = _turned(parts, stated, up_axis, subject)
         findings.append(finding)
     _refuse_unusable(parts, subject)
-    return SourceMesh(parts, tuple(findings), pictures)
+    up = stated if stated in TO_Z_UP else None
+    return SourceMesh(parts, tuple(findings), pictures, up)
 
 
 def _turned(
@@ -91,7 +94,9 @@ def _turned(
         subject=subject,
         message=f"the file says {stated}: "
         + ("ignored, its numbers are taken as they are" if up_axis == "ignore" else "turned to Z"),
-        hint="if it lies on its side, set `up_axis: honour`" if up_axis == "ignore" else "",
+        hint="if it lies on its side, name it in `source.honour_up_axis`"
+        if up_axis == "ignore"
+        else "",
         data={"stated": stated, "honoured": up_axis == "honour"},
     )
     if up_axis == "ignore":

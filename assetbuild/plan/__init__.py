@@ -19,10 +19,10 @@ from pathlib import Path
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.kinds import Check, Target, load_plugin, plugin_names
 from assetbuild.lock import Lock
-from assetbuild.plan.agree import check_against_robot, check_names
+from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
 from assetbuild.plan.companions import companions
 from assetbuild.plan.edits import apply_edits, edit_keys
-from assetbuild.plan.geometry import Geometry, assemble
+from assetbuild.plan.geometry import Geometry, assemble, lint_meshes
 from assetbuild.plan.source import Description, Source, description_of, open_source
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
@@ -70,7 +70,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     read = _read(recipe, description, p)
     outline.source_map = read["source_map.json"]
     outline.expanded = description.ref if recipe.source.xacro else None
-    geometry = _geometry(source, description, read, p)
+    geometry = _geometry(loaded, source, description, read, p)
     outline.absent = source.absent
     edited = apply_edits(loaded, read, geometry, p)
     outline.edits = edit_keys(loaded)
@@ -86,6 +86,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     if geometry is None:
         return outline
     geometry.shapes = decode(Shapes, shapes)
+    lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], p)
     outline.subjects = geometry.subjects
     control = _control(recipe, tree, assembled, p)
@@ -119,7 +120,9 @@ def _read(recipe: Recipe, description: Description, p: Planner) -> Node:
     return read
 
 
-def _geometry(source: Source, description: Description, read: Node, p: Planner) -> Geometry | None:
+def _geometry(
+    loaded: LoadedRecipe, source: Source, description: Description, read: Node, p: Planner
+) -> Geometry | None:
     """The source's meshes; None while it is not known which there are."""
     meshes, shapes = p.ask(read["meshes.json"]), p.ask(read["shapes.json"])
     if meshes is None or shapes is None:
@@ -130,7 +133,9 @@ def _geometry(source: Source, description: Description, read: Node, p: Planner) 
     if files is None or textures is None:
         return None
     named = companions(files, source, p)
-    return None if named is None else Geometry(drawn, files, named, textures, p)
+    if named is None:
+        return None
+    return Geometry(drawn, files, named, textures, turned_meshes(loaded, files), p)
 
 
 def _merge(recipe: Recipe, edited: Mapping[str, Ref], p: Planner) -> Node:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import PurePosixPath
 
 from assetbuild.collision import CollisionMethod, PlacedSource
@@ -18,6 +18,7 @@ from assetbuild.steps.assemble import Assemble, CollisionUse, TextureUse, Visual
 from assetbuild.steps.convert_mesh import ConvertMesh
 from assetbuild.steps.convert_texture import ConvertTexture
 from assetbuild.steps.decimate_mesh import DecimateMesh
+from assetbuild.steps.lint_meshes import LintMeshes
 
 BUILT_IN = ("auto", "keep", "none")
 """Methods that need no step of their own: see `_kept`."""
@@ -28,6 +29,7 @@ class Geometry:
 
     subjects: label of a node -> the mesh it works on; the steps do not know its path, so that
     equal files share their results. textures: of the description's own materials, by path.
+    turned: paths of the meshes whose up axis is honoured.
     """
 
     def __init__(
@@ -36,10 +38,12 @@ class Geometry:
         files: Mapping[str, Ref],
         companions: Companions,
         textures: Mapping[str, Ref],
+        turned: Collection[str],
         p: Planner,
     ) -> None:
         self.shapes, self.textures = shapes, textures
         self._files, self._companions, self._p = files, companions, p
+        self._turned = turned
         self._converted: dict[tuple[str, tuple[float, float, float]], Node] = {}
         self._decimated: dict[str, Node] = {}
         self.subjects: dict[str, str] = {}
@@ -57,6 +61,7 @@ class Geometry:
             step = ConvertMesh(
                 format=PurePosixPath(mesh.mesh).suffix.lower().lstrip("."),
                 scale=mesh.scale,
+                up_axis="honour" if mesh.mesh in self._turned else "ignore",
                 companions=tuple(named),
                 keep_uv=mesh.mesh in self._papered(),
             )
@@ -104,6 +109,16 @@ def _short_names(paths: tuple[str, ...]) -> dict[str, str]:
         path: stem if stems.count(stem) == 1 else path
         for path, stem in zip(paths, stems, strict=True)
     }
+
+
+def lint_meshes(links: Ref, shapes: Ref, geometry: Geometry, p: Planner) -> Node:
+    """Do the meshes stand as the rest of the robot says they should?"""
+    inputs, uses = {"links.json": links, "shapes.json": shapes}, []
+    for shape in geometry.shapes.shapes:
+        if isinstance(shape.geometry, Mesh):
+            inputs[f"meshes/{len(uses)}.json"] = geometry.converted(shape.geometry)["mesh.json"]
+            uses.append(shape.name)
+    return p.add("lint_meshes", LintMeshes(shapes=tuple(uses)), inputs)
 
 
 def assemble(

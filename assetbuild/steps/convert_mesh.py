@@ -74,7 +74,8 @@ class ConvertMesh(Step):
         parts = [part for part in parts if len(part.mesh.faces)]
         if not parts:
             raise StepError(f"{self.subject}: no triangle has an area")
-        write_converted(files.outputs, parts)
+        turned = source.up_axis is not None and self.up_axis == "honour"
+        write_converted(files.outputs, parts, source.up_axis, turned=turned)
         yield from self._lost(painted.lost)
         yield from self._inside_out(parts)
 
@@ -186,12 +187,15 @@ class _Painted:
         return name
 
 
-def write_converted(folder: Path, parts: Sequence[MaterialPart]) -> None:
+def write_converted(
+    folder: Path, parts: Sequence[MaterialPart], up_axis: str | None = None, *, turned: bool = False
+) -> None:
     """Write `parts/<n>.obj` and `mesh.json` (a `ConvertedMesh`) into `folder`."""
     (folder / "parts").mkdir(exist_ok=True)
     for number, part in enumerate(parts):
         (folder / "parts" / f"{number}.obj").write_bytes(obj_bytes(part.mesh))
-    (folder / "mesh.json").write_bytes(encode(describe(parts)))
+    record = replace(describe(parts), up_axis=up_axis, turned=turned)
+    (folder / "mesh.json").write_bytes(encode(record))
 
 
 def describe(parts: Sequence[MaterialPart]) -> ConvertedMesh:

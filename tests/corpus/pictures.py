@@ -157,7 +157,7 @@ def visual_bounds(model, data) -> tuple[np.ndarray, np.ndarray]:
 
 
 def distance(lower: np.ndarray, upper: np.ndarray) -> float:
-    return float(0.5 * np.linalg.norm(upper - lower) / math.tan(math.radians(FOVY / 2)))
+    return float(0.56 * np.linalg.norm(upper - lower) / math.tan(math.radians(FOVY / 2)))
 
 
 def camera_pose(lower: np.ndarray, upper: np.ndarray, azimuth: float, elevation: float):
