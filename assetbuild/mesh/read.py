@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import posixpath
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -18,7 +18,7 @@ from assetbuild.mesh.gltf import read_gltf
 from assetbuild.mesh.material import MaterialPart, Rgba, SurfaceMaterial, group_by_material
 from assetbuild.mesh.obj import parse_obj
 from assetbuild.mesh.stl import read_stl
-from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.triangles import TriangleMesh, fan_triangles
 
 Format = Literal["dae", "stl", "obj", "ply", "glb", "gltf"]
 UpAxis = Literal["ignore", "honour"]
@@ -73,10 +73,10 @@ def read_mesh(
         stated = "Y_UP"  # by definition
         parts, pictures = read_gltf(data, format, companions or {}, subject)
         findings = []
+    elif format == "ply":
+        parts, findings = _read_ply(data, subject)
     else:
-        reader: Callable[[bytes, str], tuple[MaterialPart, ...]]
-        reader = {"stl": _read_stl, "ply": _read_ply}[format]
-        parts, findings = reader(data, subject), []
+        parts, findings = _read_stl(data, subject), []
     if stated is not None and stated in TO_Z_UP:
         parts, finding = _turned(parts, stated, up_axis, subject)
         findings.append(finding)
@@ -204,16 +204,33 @@ def _colour(
     return None if rgb is None else (*rgb, alpha)
 
 
-def _read_ply(data: bytes, subject: str) -> tuple[MaterialPart, ...]:
+def _read_ply(data: bytes, subject: str) -> tuple[tuple[MaterialPart, ...], list[Finding]]:
     import trimesh
 
     try:
-        read: dict[str, Any] = trimesh.exchange.ply.load_ply(io.BytesIO(data))
+        read: dict[str, Any] = trimesh.exchange.ply.load_ply(io.BytesIO(data))  # Any: untyped
+        # Triangles, or polygons of one size where the file has no others.
+        polygons = np.asarray(read.get("faces", ()), dtype=np.int64)
+        vertices = np.asarray(read.get("vertices", ()), dtype=np.float64).reshape(-1, 3)
     except Exception as error:  # trimesh's reader raises many kinds on broken files
         raise StepError(f"{subject}: not readable as PLY: {_one_line(error)}") from error
-    faces = np.asarray(read.get("faces", ()), dtype=np.int64).reshape(-1, 3)
-    vertices = np.asarray(read.get("vertices", ()), dtype=np.float64).reshape(-1, 3)
-    return (MaterialPart(SurfaceMaterial(), TriangleMesh(vertices, faces)),)
+    corners = polygons.shape[1] if polygons.ndim == 2 else 3
+    fans = fan_triangles(np.full(len(polygons), corners))
+    mesh = TriangleMesh(vertices, polygons.reshape(-1)[fans].reshape(-1, 3))
+    colours = read.get("vertex_colors") is not None or read.get("face_colors") is not None
+    return (MaterialPart(SurfaceMaterial(), mesh),), list(_colours_finding(colours, subject))
+
+
+def _colours_finding(has_colours: bool, subject: str) -> Iterator[Finding]:
+    if has_colours:
+        yield Finding(
+            rule="mesh.vertex_colours",
+            severity="info",
+            subject=subject,
+            message="colours of single vertices or faces are left out: no target has a place "
+            "for them",
+            hint="give the mesh a material, or a texture",
+        )
 
 
 def _one_line(error: object) -> str:

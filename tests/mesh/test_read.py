@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import re
 import struct
 
@@ -226,6 +227,38 @@ def test_a_ply_arrives(encoding):
     assert part.mesh.corners == pytest.approx(BOX.corners)
 
 
+PLY = """ply
+format ascii 1.0
+element vertex 8
+property float x
+property float y
+property float z
+property uchar red
+property uchar green
+property uchar blue
+element face {count}
+property list uchar int vertex_indices
+end_header
+{vertices}
+{faces}
+"""
+QUADS = ("0 1 3 2", "4 6 7 5", "0 4 5 1", "2 3 7 6", "0 2 6 4", "1 5 7 3")
+
+
+@pytest.mark.parametrize("split", [0, 1, 6], ids=["quads alone", "both", "triangles alone"])
+def test_a_ply_of_quads_has_the_right_shape(split):
+    rows = [QUADS[k].split() for k in range(6)]
+    faces = [f"4 {' '.join(r)}" for r in rows[split:]]
+    for a, b, c, d in rows[:split]:
+        faces += [f"3 {a} {b} {c}", f"3 {a} {c} {d}"]
+    corners = "\n".join(f"{x} {y} {z} 9 9 9" for x in (0, 1) for y in (0, 1) for z in (0, 1))
+    text = PLY.format(count=len(faces), vertices=corners, faces="\n".join(faces))
+    source = read_mesh(text.encode(), "ply")
+    assert abs(signed_volume(source.parts[0].mesh)) == pytest.approx(1.0)
+    assert area(source.parts[0].mesh) == pytest.approx(6.0)
+    assert rules(source) == {"mesh.vertex_colours": {}}
+
+
 def test_a_glb_arrives_with_nodes_materials_and_colours():
     scene = trimesh.Scene()
     for name, x, colour in (("a", 0.0, (255, 0, 0, 255)), ("b", 5.0, (0, 0, 255, 255))):
@@ -263,15 +296,19 @@ def test_a_glb_brings_its_own_pictures():
 
 def test_a_gltf_reads_its_companions_and_nothing_else():
     files = textured_box().export(file_type="gltf")
-    main = files.pop("model.gltf")
-    source = read_mesh(main, "gltf", companions=files)
+    main = json.loads(files.pop("model.gltf"))
+    main["images"] = [{"uri": "my%20skin.png"}]
+    text = json.dumps(main).encode()
+    out = io.BytesIO()
+    Image.new("RGB", (4, 2), (255, 0, 0)).save(out, format="PNG")
+    source = read_mesh(text, "gltf", companions={**files, "my skin.png": out.getvalue()})
     assert source.parts[0].material.texture in source.pictures
     assert len(source.parts[0].mesh.faces) == 12
-    buffers = {name: data for name, data in files.items() if name.endswith(".bin")}
-    source = read_mesh(main, "gltf", companions=buffers)
-    assert source.parts[0].material.texture not in {None, *source.pictures}  # told as lost
+    source = read_mesh(text, "gltf", companions=files)
+    assert source.parts[0].material.texture == "skin"
+    assert source.pictures == {}  # told as lost
     with pytest.raises(StepError, match=r"gltf_buffer_0.bin` is not in the source"):
-        read_mesh(main, "gltf")
+        read_mesh(text, "gltf")
 
 
 def test_a_glb_keeps_the_normals_that_it_states_and_makes_up_none():
