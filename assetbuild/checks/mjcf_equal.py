@@ -149,17 +149,24 @@ class _Comparison:
         for what, expected, found in (
             ("bodies", len(tree.bodies) - len(self.absent), model.nbody - 1),
             ("degrees of freedom", nv, model.nv),
-            ("actuators", len(driven), model.nu),
+            ("actuators", len(driven) + self.opaque("actuator"), model.nu),
             ("keyframes", len(control.keyframes), model.nkey),
             ("excluded pairs", len(pairs), model.nexclude),
-            ("equalities", held, model.neq),
-            ("shapes", len(self.shapes.shapes), model.ngeom),
+            ("equalities", held + self.opaque("equality"), model.neq),
+            ("shapes", len(self.shapes.shapes) + self.opaque("body", "<geom"), model.ngeom),
         ):
             if expected != found:
                 yield _differs("count", "robot", f"number of {what}", expected, found)
         masses = [body.inertial.mass_kg for body in tree.bodies if body.inertial]
         total, found_total = math.fsum(masses), math.fsum(model.body_mass)
         yield from self.compare("total_mass", "robot", "total mass (kg)", [total], [found_total])
+
+    def opaque(self, place: str, start: str = "<") -> int:
+        """How many elements of a section only MJCF has."""
+        return sum(
+            item.place == place and item.element.startswith(start)
+            for item in self.control.mjcf_only
+        )
 
     def bodies(self) -> Iterator[Finding]:
         for body in self.tree.bodies:
@@ -177,8 +184,9 @@ class _Comparison:
             found = mujoco.name_of(self.model, "body", int(self.model.body_parentid[index]))
             if found != parent:
                 yield _differs("parent", subject, "parent", parent, found)
-            # Where a floating base rests at qpos0 is free; keyframes place it.
-            if joint or self.tree.base == "fixed":
+            # Where a floating base rests at qpos0 is free; keyframes place it. A fixed one may be
+            # mounted somewhere by an MJCF, which `mjcf_source` compares.
+            if joint or (self.tree.base == "fixed" and not self.opaque("root")):
                 pose = _pose(self.model.body_pos[index], self.model.body_quat[index])
                 X_parent_body = joint.X_parent_joint if joint else IDENTITY
                 X_parent_body = chain.pose_in_parent if chain else X_parent_body
@@ -315,7 +323,7 @@ class _Comparison:
         if collides != (shape.role == "collision"):
             yield _differs("shape", subject, "collides", shape.role == "collision", collides)
         if shape.role == "collision":
-            contact = self.control.contact
+            contact = dict(self.control.contacts).get(shape.name, self.control.contact)
             yield from self.compare(
                 "contact", subject, "friction", contact.friction, model.geom_friction[index]
             )
@@ -345,7 +353,8 @@ class _Comparison:
             if joint is not None:
                 q = [qpos[int(model.jnt_qposadr[joint])]]
                 yield from self.compare("keyframe", subject, f"position of {name}", [value], q)
-                yield from self.target(subject, name, value, ctrl)
+                if not any(i.place == "keyframe" for i in self.control.mjcf_only):
+                    yield from self.target(subject, name, value, ctrl)
 
     def target(self, subject: str, name: str, value: float, ctrl: Array) -> Iterator[Finding]:
         row = self.control.by_joint.get(name)

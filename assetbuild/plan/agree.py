@@ -33,7 +33,8 @@ def check_names(loaded: LoadedRecipe) -> None:
             collision_method(loaded, rule, key)
     edits_of(loaded)
     stand = recipe.validate_.stand
-    if stand is not None and stand.keyframe not in recipe.keyframes:
+    from_mjcf = recipe.source.mjcf is not None  # which has keyframes of its own
+    if stand is not None and stand.keyframe not in recipe.keyframes and not from_mjcf:
         raise loaded.error(
             ("validate", "stand", "keyframe"),
             f"no keyframe `{stand.keyframe}`",

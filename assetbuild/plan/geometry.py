@@ -91,7 +91,11 @@ def assemble(
     collisions: list[CollisionUse] = []
     for body in links.bodies:
         collisions += _collisions(loaded, body.name, geometry, inputs, p)
-    step = Assemble(visuals=tuple(visuals), collisions=tuple(collisions))
+    step = Assemble(
+        visuals=tuple(visuals),
+        collisions=tuple(collisions),
+        keep_names=loaded.recipe.source.mjcf is not None,
+    )
     return p.add("assemble", step, inputs)
 
 

@@ -82,7 +82,7 @@ class Model(BaseModel):
 
 
 class Source(Model):
-    """Where the robot comes from: one of path, url, git, pypi; one of urdf, xacro."""
+    """Where the robot comes from: one of path, url, git, pypi; one of urdf, xacro, mjcf."""
 
     path: str | None = Field(
         None, description="a folder, or a zip or tar archive, relative to the recipe"
@@ -109,6 +109,7 @@ class Source(Model):
     )
     urdf: InsidePath | None = Field(None, description="the URDF file")
     xacro: InsidePath | None = Field(None, description="the xacro file, instead of `urdf`")
+    mjcf: InsidePath | None = Field(None, description="the MJCF file, instead of `urdf`")
     args: dict[str, str | bool | int | Real] = Field(
         default_factory=dict, description="arguments of the xacro file, by name"
     )
@@ -131,10 +132,14 @@ class Source(Model):
                 "@" in rest
             ):
                 raise ValueError("`git`: https or ssh, without a password; or a folder")
-        if (self.urdf is None) == (self.xacro is None):
-            raise ValueError("give exactly one of `urdf`, `xacro`: the description below `root`")
+        if [self.urdf, self.xacro, self.mjcf].count(None) != 2:
+            raise ValueError(
+                "give exactly one of `urdf`, `xacro`, `mjcf`: the description below `root`"
+            )
         if self.args and self.xacro is None:
             raise ValueError("`args` are for a `xacro` file")
+        if self.packages and self.mjcf is not None:
+            raise ValueError("`packages` are for URDF: the files of an MJCF lie below its folder")
         return self
 
     @property
@@ -150,13 +155,17 @@ class Source(Model):
     @property
     def description(self) -> str:
         """Path of the robot's description below the root."""
-        return str(self.urdf or self.xacro)
+        return str(self.urdf or self.xacro or self.mjcf)
 
 
 class FixedJoints(Model):
     """What happens to links that fixed joints hold together."""
 
-    merge: bool = Field(True, description="merge them exactly; the frames survive")
+    merge: bool = Field(
+        True,
+        description="merge them exactly; the frames survive. Without this key the bodies of an "
+        "MJCF stay as they are",
+    )
     keep_bodies: tuple[Pattern, ...] = Field(
         (), description="links that stay bodies of their own, for contact sensors"
     )
@@ -313,7 +322,9 @@ class Recipe(Model):
     robot: Name = Field(description="name of the robot and of its bundle")
     source: Source
     base: Literal["floating", "fixed"] = Field(
-        "fixed", description="whether the root moves freely or is bolted to the world"
+        "fixed",
+        description="whether the root moves freely or is bolted to the world; without this key an "
+        "MJCF says it",
     )
     fixed_joints: FixedJoints = Field(default_factory=lambda: FixedJoints.model_validate({}))
     edits: tuple[OneEdit, ...] = Field(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from assetbuild.robot.model import Control
 
@@ -17,6 +17,6 @@ class SourceControl:
     ctrl: (keyframe, command by actuator) where the source states any.
     """
 
-    control: Control = Control()
+    control: Control = field(default_factory=Control)
     bodies: tuple[str, ...] = ()
     ctrl: tuple[tuple[str, tuple[tuple[str, float], ...]], ...] = ()

@@ -29,7 +29,9 @@ from assetbuild.robot.chains import find_chains
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import forward_kinematics
+from assetbuild.steps._source_control import join, stated_keys
 
 LIMIT_TOLERANCE = 1e-9
 """rad or m; a value that was rounded from the limit itself is inside."""
@@ -38,7 +40,8 @@ LIMIT_TOLERANCE = 1e-9
 class ControlStep(Step):
     """`control.json`: the recipe's tables, resolved on this robot.
 
-    Reads `tree.json`, `shapes.json` and the collision files of `meshes/`.
+    Reads `tree.json`, `shapes.json` and the collision files of `meshes/`; of an MJCF also
+    `source_control.json`, whose words hold where the recipe has none.
     """
 
     version = "3"
@@ -50,17 +53,23 @@ class ControlStep(Step):
     contact: Contact = Contact.model_validate({})
     simulation: Simulation = Simulation.model_validate({})
     exclude: Exclude = Exclude.model_validate({})
+    stated: tuple[str, ...] = ()
+    """Keys that the recipe states itself, against an MJCF; empty for other sources."""
 
     @classmethod
     def configure(cls, recipe: Recipe) -> ControlStep:
         """The step with what the recipe says."""
+        exclude, from_mjcf = recipe.collision.exclude, recipe.source.mjcf is not None
+        if from_mjcf and "adjacent" not in exclude.model_fields_set:
+            exclude = exclude.model_copy(update={"adjacent": False})  # it has pairs of its own
         return cls(
             rows=recipe.actuators,
             motors=recipe.motors,
             keyframes=dict(recipe.keyframes),
             contact=recipe.contact,
             simulation=recipe.simulation,
-            exclude=recipe.collision.exclude,
+            exclude=exclude,
+            stated=stated_keys(recipe) if from_mjcf else (),
         )
 
     def check(self, tree: model.Tree) -> None:
@@ -75,8 +84,6 @@ class ControlStep(Step):
         tree = decode(model.Tree, (files.inputs / "tree.json").read_bytes())
         shapes = decode(model.Shapes, (files.inputs / "shapes.json").read_bytes())
         actuators = resolve(tree, *_specs(self.rows, self.motors))
-        yield from _actuator_findings(tree, actuators, has_table=bool(self.rows))
-
         ground = _Ground(tree, shapes, files.inputs / "meshes")
         keyframes = []
         for name, keyframe in self.keyframes.items():
@@ -96,6 +103,14 @@ class ControlStep(Step):
                 self.simulation.timestep, self.simulation.decimation, self.simulation.gravity
             ),
         )
+        said = files.inputs / "source_control.json"
+        if said.is_file():
+            source = decode(SourceControl, said.read_bytes())
+            rows, _ = _specs(self.rows, self.motors)
+            joined = join(control, source, tree, shapes, self.stated, rows)
+            control = joined.control
+            yield from joined.findings
+        yield from _actuator_findings(tree, control.actuators, has_table=bool(self.rows))
         (files.outputs / "control.json").write_bytes(encode(control))
 
 
@@ -123,7 +138,7 @@ def _fields(row: BaseModel) -> dict[str, Any]:  # Any: the dataclasses have the 
 def _actuator_findings(
     tree: model.Tree, actuators: tuple[model.Actuator, ...], *, has_table: bool
 ) -> Iterator[Finding]:
-    if actuators and not has_table:
+    if actuators and not has_table and all(a.model == "passive" for a in actuators):
         yield Finding(
             rule="actuator.none",
             severity="warning",

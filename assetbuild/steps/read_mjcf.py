@@ -69,7 +69,7 @@ class ReadMjcf(Step):
             ),
         )  # fmt: skip
         shapes = Shapes(tuple(geoms.shapes), tuple(geoms.materials.values()))
-        source = SourceControl(control, tuple(links.kept), tuple(sections.ctrl))
+        source = SourceControl(control, tuple(links.kept), _commands(sections, drives, links))
         name = root.get("model") or "robot"
         (files.outputs / "links.json").write_bytes(encode(_tree(name, links, drives)))
         (files.outputs / "shapes.json").write_bytes(encode(shapes))
@@ -106,6 +106,22 @@ def _tree(name: str, links: Links, drives: Drives) -> Tree:
 def _limited(joint: Joint, drives: Drives) -> Joint:
     limits = drives.limits.get(joint.name)
     return replace(joint, limits=limits) if limits else joint
+
+
+def _commands(
+    sections: Sections, drives: Drives, links: Links
+) -> tuple[tuple[str, tuple[tuple[str, float], ...]], ...]:
+    """Of each keyframe by actuator; those of position drives count from the joint's `ref`."""
+    by_joint = {actuator.joint: actuator for actuator in drives.actuators}
+    rest = {
+        name: links.rest.get(joint, 0.0)
+        for name, joint in drives.names
+        if joint and by_joint[joint].model == "pd"
+    }
+    return tuple(
+        (key, tuple((name, value - rest.get(name, 0.0)) for name, value in values))
+        for key, values in sections.ctrl
+    )
 
 
 def _common(geoms: Geoms) -> Contact:

@@ -11,18 +11,18 @@ from assetbuild.findings import Finding
 from assetbuild.robot.model import Camera, MjcfOnly
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.steps._mjcf.links import SLIDE, WORLD, Links, Model, _pose
-from assetbuild.steps._mjcf.opaque import attributes_of, body_element, leftover, words
+from assetbuild.steps._mjcf.opaque import attributes_of, body_element, keys, leftover, words
 from assetbuild.steps._mjcf.text import Classes, bodies, error_at, parts
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
 _POSE = "pos quat euler axisangle xyaxes zaxis"
-_JOINT = frozenset(f"type axis range limited armature ref springdamper {_POSE}".split())
-_SITE = frozenset(f"fromto size {_POSE}".split())
-_BODY = frozenset(f"childclass mocap {_POSE}".split())
-_CAMERA = frozenset(f"mode target fovy resolution {_POSE}".split())
-_LIGHT = frozenset(f"dir target texture {_POSE}".split())
+_JOINT = keys(f"type axis range limited armature ref springdamper {_POSE}")
+_SITE = keys(f"fromto size {_POSE}")
+_BODY = keys(f"childclass mocap {_POSE}")
+_CAMERA = keys(f"mode target fovy resolution {_POSE}")
+_LIGHT = keys(f"dir target texture {_POSE}")
 CAMERA_MODES = ("fixed", "track", "trackcom", "targetbody", "targetbodycom")
 _LENS = ("focal", "focalpixel", "sensorsize")
 

@@ -66,7 +66,7 @@ def read_links(world: _Element, model: Model, base: Base | None) -> Links:
 
     base: what the recipe says of the root; None = what the source says.
     """
-    tops = [body for body in parts(world, "body")]
+    tops = list(parts(world, "body"))
     robot = [top for top in tops if top.get("mocap") != "true"]
     if not robot:
         raise error_at(world, "a robot without bodies", "is this the file of the robot?")
@@ -76,7 +76,7 @@ def read_links(world: _Element, model: Model, base: Base | None) -> Links:
             links.findings.append(_dropped_mocap(top))
     own = {id(top) for top in tops if top not in robot}
     for body, parent in bodies(world):
-        if id(body) in own or parent not in links.shift and parent != WORLD:
+        if id(body) in own or (parent not in links.shift and parent != WORLD):
             continue  # a mocap body, or below one
         _add_body(links, body, parent, model)
     _add_sites(links, world, model)
@@ -226,7 +226,9 @@ def _keep_origin(links: Links, name: str) -> None:
 def _add_sites(links: Links, world: _Element, model: Model) -> None:
     taken = {body.name for body in links.bodies}
     for element, body in [
-        (site, str(body.get("name"))) for body, _ in bodies(world) for site in parts(body, "site")
+        (site, str(owner.get("name")))
+        for owner, _ in bodies(world)
+        for site in parts(owner, "site")
     ]:
         if body not in links.shift:
             continue

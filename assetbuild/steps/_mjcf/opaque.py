@@ -36,6 +36,11 @@ def element_text(
     return etree.tostring(element, encoding="unicode")
 
 
+def keys(words: str) -> frozenset[str]:
+    """A set of names of attributes."""
+    return frozenset(words.split())
+
+
 def leftover(said: Mapping[str, str], held: frozenset[str]) -> dict[str, str]:
     """What an element says beyond what the Robot holds."""
     return {key: value for key, value in said.items() if key not in held and key != "class"}

@@ -18,7 +18,7 @@ from assetbuild.robot.model import (
 )
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.steps._mjcf.links import WORLD, Links, Model
-from assetbuild.steps._mjcf.opaque import element_text, words
+from assetbuild.steps._mjcf.opaque import element_text, keys, words
 from assetbuild.steps._mjcf.text import AT, Classes, error_at, where_of
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class Sections:
     keyframes: list[Keyframe] = field(default_factory=list)
     ctrl: list[tuple[str, tuple[tuple[str, float], ...]]] = field(default_factory=list)
     excludes: list[tuple[str, str]] = field(default_factory=list)
-    simulation: Simulation = Simulation()
+    simulation: Simulation = field(default_factory=Simulation)
     mjcf_only: list[MjcfOnly] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
 
@@ -229,7 +229,7 @@ _PLACES: Mapping[str, _Kind] = {
     "site": "frame", "joint": "joint", "actuator": "actuator", "tendon": "tendon",
     "body": "body", "geom": "shape", "camera": "camera", "xbody": "frame",
 }  # fmt: skip
-_SAID = frozenset("name cutoff noise objtype objname reftype refname".split())
+_SAID = keys("name cutoff noise objtype objname reftype refname")
 
 
 def _sensor(element: _Element, names: Names, found: Sections) -> None:

@@ -22,7 +22,7 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import Pose, Vec3, normalised_quat, rotation_of, vec3
 from assetbuild.steps._mjcf.compiled import Compiled
 from assetbuild.steps._mjcf.links import WORLD, Links, Model, _pose
-from assetbuild.steps._mjcf.opaque import attributes_of, body_element, leftover
+from assetbuild.steps._mjcf.opaque import attributes_of, body_element, keys, leftover
 from assetbuild.steps._mjcf.text import Classes, bodies, error_at, parts, where_of
 
 if TYPE_CHECKING:
@@ -32,10 +32,10 @@ PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(8)
 DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)
 GROUPS = {"visual": "2", "collision": "3"}
 """What the MJCF target writes by itself."""
-SAID = frozenset(
+SAID = keys(
     "name class type size pos quat fromto euler axisangle xyaxes zaxis mesh fitscale contype "
     "conaffinity condim priority friction solref solimp margin gap mass density shellinertia "
-    "material rgba group".split()
+    "material rgba group"
 )
 """Attributes of a geom that the Robot holds, or that its inertia has taken in."""
 
@@ -232,9 +232,9 @@ def contact_of(model: Model, index: int) -> Contact:
     )
 
 
-_PLACING = frozenset("pos quat fromto euler axisangle xyaxes zaxis size".split())
-_MASS = frozenset("mass density shellinertia".split())
-_LOST_OF_MESH = frozenset("maxhullvert smoothnormal octree_maxdepth".split())
+_PLACING = keys("pos quat fromto euler axisangle xyaxes zaxis size")
+_MASS = keys("mass density shellinertia")
+_LOST_OF_MESH = keys("maxhullvert smoothnormal octree_maxdepth")
 
 
 def _primitive(kind: int, size: Vec3) -> Geometry:

@@ -21,6 +21,7 @@ from assetbuild.robot.model import Control, Material, Shapes, Tree
 from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjcf.chains import explain_chains
 from assetbuild.targets.mjcf.drives import explain_losses
+from assetbuild.targets.mjcf.opaque import with_opaque
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
 from assetbuild.targets.mjcf.xml import Element, document
@@ -57,7 +58,8 @@ class Mjcf(Target):
         shapes = _without_textures(shapes, without)
         folder = files.outputs / "mjcf"
         model = RobotXml(self.robot, self._solver(tree), tree, shapes, control)
-        _write(folder / f"{self.robot}.xml", model.element())
+        root = with_opaque(model.element(), control.mjcf_only, model.body_names)
+        _write(folder / f"{self.robot}.xml", root)
         _write(folder / "scene.xml", scene(self.robot, tree, control, model.free_name))
         _copy_assets(files.inputs / "meshes", folder / "assets", shapes)
         yield from _explain_names(tree)
