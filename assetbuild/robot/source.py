@@ -13,7 +13,7 @@ class SourceControl:
 
     control: in the names of the source's links and shapes, before merging and assembling;
         each moving joint has an actuator, passive where the source drives it otherwise.
-    bodies: links that are bodies of the source; the others only name places.
+    bodies: links that are bodies of the source with mass; the others only name places.
     ctrl: (keyframe, command by actuator) where the source states any.
     """
 

@@ -63,7 +63,9 @@ def read_details(root: _Element, links: Links, model: Model) -> Details:
 def _root(links: Links) -> Iterator[MjcfOnly]:
     """Where the root stands in the source's world, and the name of its free joint."""
     if links.mount != IDENTITY:
-        place = {"pos": words(links.mount.xyz), "quat": words(links.mount.quat)}
+        place = {"pos": words(links.mount.xyz)}
+        if links.mount.quat != IDENTITY.quat:
+            place["quat"] = words(links.mount.quat)
         yield MjcfOnly("root", attributes_of("body", place), links.root)
     if links.free_joint and links.base == "floating":
         yield MjcfOnly("freejoint", attributes_of("freejoint", {"name": links.free_joint}))

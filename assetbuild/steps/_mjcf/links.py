@@ -38,7 +38,7 @@ WORLD = "world"
 class Links:
     """What the bodies of an MJCF amount to.
 
-    kept: links that are bodies of the source; the others only name places.
+    kept: links that are bodies of the source with mass; the others only name places.
     shift: where the frame of a link stands in the frame of the body of that name, m.
     rest: `ref` of each joint, rad or m. sites: link by site.
     mount: pose of the root body in the world, in the source. free_joint: its name, or "".
@@ -126,7 +126,8 @@ def _add_body(links: Links, element: _Element, parent: str, model: Model) -> Non
         links.joints += made
         links.bodies += [Body(joint.child) for joint in made[:-1]]
     links.bodies.append(Body(name, _inertial(links, element, index, name, model)))
-    links.kept.append(name)
+    if links.bodies[-1].inertial is not None:
+        links.kept.append(name)
     if links.shift[name] != (0.0, 0.0, 0.0):
         _keep_origin(links, name)
 
