@@ -263,12 +263,24 @@ class _Comparison:
             ("friction", actuator.friction, model.dof_frictionloss[dof]),
         ):
             yield from self.compare(what, subject, what, [expected], [found])
-        mine = [i for i in range(model.nu) if int(model.actuator_trnid[i, 0]) == index]
+        mine = [i for i in range(model.nu) if self.drives(i, index)]
         if len(mine) != (actuator.model != "passive"):
             wanted = int(actuator.model != "passive")
             yield _differs("actuator", subject, "number of actuators", wanted, len(mine))
         elif mine:
             yield from self.actuator(actuator, mine[0])
+
+    def drives(self, actuator: int, joint: int) -> bool:
+        """Whether an actuator of the model is the Robot's own drive of a joint."""
+        name = mujoco.name_of(self.model, "actuator", actuator)
+        foreign = any(
+            item.place == "actuator" and f'name="{name}"' in item.element
+            for item in self.control.mjcf_only
+        )
+        on_joint = int(self.model.actuator_trntype[actuator]) == 0  # mjTRN_JOINT
+        return (
+            on_joint and not foreign and int(self.model.actuator_trnid[actuator, 0]) == joint
+        )
 
     def actuator(self, actuator: Actuator, index: int) -> Iterator[Finding]:
         model, subject = self.model, f"actuator {actuator.joint}"

@@ -293,7 +293,7 @@ class _Comparison:
         return np.array(model.mat_rgba[material]) if plain and material >= 0 else own
 
     def sites_and_cameras(self) -> Iterator[Finding]:
-        a, b = self.a.model, self.b.model
+        a = self.a.model
         wanted = self.on_robot("site", a.site_bodyid)
         yield from self.missing("site", wanted)
         for name, i, j in self.pairs("site", expected=wanted):
