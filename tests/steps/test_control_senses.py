@@ -1,4 +1,4 @@
-"""Feet, IMU, sensors, cameras and surfaces of the recipe find their links, or say who is missing."""
+"""Feet, IMU, sensors, cameras and surfaces find their links, or say who is missing."""
 
 from __future__ import annotations
 
