@@ -53,7 +53,7 @@ class MjcfSource(Check):
 
     robot: str
     stated: tuple[str, ...] = ()
-    """Of actuators, base, collision, contact, decimated, merge, timestep, gravity."""
+    """Of actuators, base, collision, contact, decimated, merge, and names of options."""
 
     @classmethod
     def configure(cls, recipe: Recipe) -> MjcfSource | None:
@@ -71,7 +71,9 @@ class MjcfSource(Check):
             "timestep": "timestep" in recipe.simulation.model_fields_set,
             "gravity": "gravity" in recipe.simulation.model_fields_set,
         }
-        return cls(robot=recipe.robot, stated=tuple(sorted(k for k, v in said.items() if v)))
+        options = recipe.mjcf.model_fields_set
+        stated = {key for key, value in said.items() if value} | options
+        return cls(robot=recipe.robot, stated=tuple(sorted(stated)))
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `source.xml`, `files/` and `mjcf/<robot>.xml`."""

@@ -80,8 +80,8 @@ def locator(
 
     def locate(subject: str) -> str:
         if subject.startswith("recipe "):
-            keys = tuple(subject.removeprefix("recipe ").split("."))
-            return str(loaded.where(keys))
+            keys = subject.removeprefix("recipe ").split(".")
+            return str(loaded.where(tuple(int(k) if k.isdigit() else k for k in keys)))
         line = lines.get(subject) or joints.get(subject)
         if isinstance(line, str):
             return line

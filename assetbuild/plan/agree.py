@@ -47,6 +47,10 @@ def check_against_robot(loaded: LoadedRecipe, links: Tree, tree: Tree) -> None:
     recipe, names = loaded.recipe, [body.name for body in links.bodies]
     for pattern in recipe.collision.links:
         _must_match(loaded, ("collision", "links", pattern), pattern, names)
+    for pattern in recipe.contact.links:
+        _must_match(loaded, ("contact", "links", pattern), pattern, names)
+    if recipe.feet is not None:
+        _must_match(loaded, ("feet", "links"), recipe.feet.links, names)
     for index, pattern in enumerate(recipe.fixed_joints.keep_bodies):
         _must_match(loaded, ("fixed_joints", "keep_bodies", index), pattern, names)
     try:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import TypeVar
 from xml.etree import ElementTree
 
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.surface import Surface
 from assetbuild.robot.actuators import RowSpec
 from assetbuild.robot.model import (
     Actuator,
+    Camera,
     Contact,
     Control,
     Keyframe,
@@ -23,16 +26,20 @@ from assetbuild.robot.model import (
     Tree,
 )
 from assetbuild.robot.source import SourceControl
+from assetbuild.steps._senses import changed
 
 BODY_NAMES = ("body", "body1", "body2", "target")
 """Attributes that name a body, in the elements that `MjcfOnly` holds."""
 
 
+T = TypeVar("T", Sensor, Camera)
+
+
 def stated_keys(recipe: Recipe) -> tuple[str, ...]:
     """What the recipe itself says of all that an MJCF may say too: `simulation.timestep`."""
-    found = ["actuators"] if recipe.actuators else []
-    for name, part in (("contact", recipe.contact), ("simulation", recipe.simulation)):
-        found += [f"{name}.{key}" for key in part.model_fields_set]
+    found: list[str] = ["actuators"] if recipe.actuators else []
+    for name in ("contact", "simulation", "mjcf"):
+        found += [f"{name}.{key}" for key in getattr(recipe, name).model_fields_set]
     return tuple(sorted(found))
 
 
@@ -44,24 +51,27 @@ class Joined:
     findings: list[Finding] = field(default_factory=list)
 
 
-def join(
-    control: Control,
-    source: SourceControl,
-    tree: Tree,
-    shapes: Shapes,
-    stated: Collection[str],
-    rows: tuple[RowSpec, ...],
-) -> Joined:
-    """The source's words where the recipe has none.
-
-    control: as the recipe alone makes it. stated: see `stated_keys`.
+@dataclass(frozen=True)
+class Stated:
+    """What the recipe says. keys: see `stated_keys`; rows: of the actuator table;
+    surfaces: by pattern of links.
     """
+
+    keys: Collection[str] = ()
+    rows: tuple[RowSpec, ...] = ()
+    surfaces: Mapping[str, Surface] = field(default_factory=dict)
+
+
+def join(
+    control: Control, source: SourceControl, tree: Tree, shapes: Shapes, stated: Stated
+) -> Joined:
+    """The source's words where the recipe has none. control: as the recipe alone makes it."""
     said, findings = source.control, list[Finding]()
     bodies = _Bodies(tree, findings)
     contact, contacts = _contacts(control.contact, said, shapes, stated, findings)
-    actuators = _actuators(control, said, tree, stated, rows)
-    mjcf_only = tuple(_kept(said.mjcf_only, bodies, shapes, stated, findings))
-    if "actuators" not in stated:
+    actuators = _actuators(control, said, tree, stated)
+    mjcf_only = tuple(_kept(said.mjcf_only, bodies, shapes, stated.keys, findings))
+    if "actuators" not in stated.keys:
         mjcf_only += tuple(_commands(source))
     joined = replace(
         control,
@@ -70,29 +80,30 @@ def join(
         excludes=tuple(sorted({*control.excludes, *bodies.pairs(said.excludes)})),
         contact=contact,
         contacts=contacts,
-        simulation=_simulation(control.simulation, said.simulation, stated),
-        sensors=tuple(s for s in said.sensors if bodies.has_all(s)),
-        cameras=said.cameras,
+        simulation=_simulation(control.simulation, said.simulation, stated.keys),
+        sensors=_by_name(control.sensors, [s for s in said.sensors if bodies.has_all(s)]),
+        cameras=_by_name(control.cameras, said.cameras),
         mjcf_only=mjcf_only,
     )
     return Joined(joined, [*findings, *explain_opaque(mjcf_only)])
 
 
+def _by_name(own: tuple[T, ...], said: Sequence[T]) -> tuple[T, ...]:
+    """The source's, then those of the recipe; one with the same name takes its place."""
+    anew = {thing.name: thing for thing in own}
+    kept = [anew.pop(thing.name, thing) for thing in said]
+    return (*kept, *anew.values())
+
+
 # --- drives and poses -----------------------------------------------------------------------
 
 
-def _actuators(
-    control: Control,
-    said: Control,
-    tree: Tree,
-    stated: Collection[str],
-    rows: tuple[RowSpec, ...],
-) -> tuple[Actuator, ...]:
+def _actuators(control: Control, said: Control, tree: Tree, stated: Stated) -> tuple[Actuator, ...]:
     """One for each moving joint in tree order; a row without armature leaves the source's."""
-    if "actuators" not in stated:
-        return tuple(
-            said.by_joint.get(j.name, Actuator(j.name, "passive")) for j in tree.moving_joints
-        )
+    if "actuators" not in stated.keys:
+        names = [joint.name for joint in tree.moving_joints]
+        return tuple(said.by_joint.get(name, Actuator(name, "passive")) for name in names)
+    rows = stated.rows
     silent = [row.joints for row in rows if row.armature is None and row.motor is None]
 
     def with_armature(actuator: Actuator) -> Actuator:
@@ -142,18 +153,15 @@ def _simulation(own: Simulation, said: Simulation, stated: Collection[str]) -> S
 
 
 def _contacts(
-    own: Contact,
-    said: Control,
-    shapes: Shapes,
-    stated: Collection[str],
-    findings: list[Finding],
+    own: Contact, said: Control, shapes: Shapes, stated: Stated, findings: list[Finding]
 ) -> tuple[Contact, tuple[tuple[str, Contact], ...]]:
     """The common surface and those that differ; what the recipe says holds for all of them."""
+    names = {f.name for f in fields(Contact)} & {
+        key.removeprefix("contact.") for key in stated.keys
+    }
 
     def with_recipe(contact: Contact) -> Contact:
-        if "contact.friction" in stated:
-            contact = replace(contact, friction=own.friction)
-        return replace(contact, condim=own.condim) if "contact.condim" in stated else contact
+        return replace(contact, **{name: getattr(own, name) for name in names})
 
     common, by_shape = with_recipe(said.contact), dict(said.contacts)
     contacts, anew = [], []
@@ -161,8 +169,9 @@ def _contacts(
         before = by_shape.get(shape.name) or by_shape.get(re.sub(r"_\d+$", "", shape.name))
         if before is None:
             anew.append(shape.name)
-        elif with_recipe(before) != common:
-            contacts.append((shape.name, with_recipe(before)))
+        now = changed(with_recipe(before or said.contact), stated.surfaces, shape.link)
+        if now != common:
+            contacts.append((shape.name, now))
     if anew and len(set(by_shape.values())) > 1:
         findings.append(_new_shapes(anew))
     return common, tuple(contacts)
@@ -198,14 +207,39 @@ def _kept(
     for item in items:
         if item.place in ("actuator", "drive") and "actuators" in stated:
             continue
+        if item.place == "sensor" and "actuator=" in item.element and "actuators" in stated:
+            findings.append(_sensor_of_drive(item))
+            continue
         if item.place == "shape" and item.owner not in shown:
             gone.append(item.owner)
         elif item.place == "material" and item.owner not in materials:
             continue
+        elif item.place == "option":
+            yield _unsaid(item, stated)
         elif bodies.keeps(item):
             yield item
     if gone:
         findings.append(_gone(gone))
+
+
+def _unsaid(item: MjcfOnly, stated: Collection[str]) -> MjcfOnly:
+    """Options of the source that the recipe does not state itself."""
+    element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+    for key in list(element.attrib):
+        if f"mjcf.{key}" in stated:
+            del element.attrib[key]
+    return replace(item, element=ElementTree.tostring(element, "unicode"))
+
+
+def _sensor_of_drive(item: MjcfOnly) -> Finding:
+    return Finding(
+        "mjcf.dropped",
+        "warning",
+        "recipe actuators",
+        f"a sensor of a drive that the recipe replaced was left out: {item.element}",
+        "name a sensor of the joint under `sensors:`",
+        data={"element": "sensor", "count": 1},
+    )
 
 
 def _gone(names: list[str]) -> Finding:

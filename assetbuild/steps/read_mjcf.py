@@ -51,9 +51,9 @@ class ReadMjcf(Step):
         assert world is not None  # noqa: S101 # `flatten_mjcf` has looked
         links = read_links(world, compiled.full, self.base)
         geoms = read_geoms(root, links, compiled)
-        sections = read_sections(root, links, compiled.full)
-        links.joints = sections.joints
         drives = read_drives(root, links, compiled.full)
+        sections = read_sections(root, links, drives, compiled.full)
+        links.joints = sections.joints
         details = read_details(root, links, compiled.full)
         control = Control(
             actuators=tuple(drives.actuators),

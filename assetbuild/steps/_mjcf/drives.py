@@ -51,7 +51,7 @@ def read_drives(root: _Element, links: Links, model: Model) -> Drives:
             found.names.append((name, ""))
             continue
         driven[joint] = replace(_at_rest(taken, links.rest.get(joint, 0.0)), joint=joint, name=name)
-        found.mjcf_only += _ranges(driven[joint], moving[joint], model, index)
+        found.mjcf_only += _unlimited(driven[joint], moving[joint])
         found.names.append((name, joint))
     for joint in moving.values():
         own = driven.get(joint.name, Actuator(joint.name, "passive"))
@@ -111,9 +111,8 @@ def _simple(
     dyn = [float(v) for v in model.actuator_dynprm[index]]
     kp, kd = gain[0], 0.0 - bias[2]
     if kinds[:2] == [0, 0] and not any(gain[1:]):
-        if kinds[2] == 0 and kp == 1.0 and _is_effort(effort, ctrl):
-            limit = effort if effort is not None else ctrl[1] if ctrl else None
-            return Actuator("", "motor", effort=limit, ctrl=ctrl)
+        if kinds[2] == 0 and kp == 1.0 and effort is None and (not ctrl or ctrl[0] == -ctrl[1]):
+            return Actuator("", "motor", effort=ctrl[1] if ctrl else None, ctrl=ctrl)
         if (
             kinds[2] == 1
             and bias[:2] == [0.0, -kp]
@@ -128,13 +127,6 @@ def _simple(
         DYN[kinds[0]], GAIN[kinds[1]], BIAS[kinds[2]], _trimmed(dyn), _trimmed(gain), _trimmed(bias)
     )
     return Actuator("", "general", effort=effort, ctrl=ctrl, general=general)
-
-
-def _is_effort(effort: float | None, ctrl: tuple[float, float] | None) -> bool:
-    """A torque motor whose one limit, if any, is the same both ways."""
-    if ctrl is not None and ctrl[0] != -ctrl[1]:
-        return False
-    return effort is None or ctrl is None or effort == ctrl[1]
 
 
 def _at_rest(actuator: Actuator, ref: float) -> Actuator:
@@ -161,19 +153,10 @@ def _moved(prm: tuple[float, ...], ref: float) -> tuple[float, ...]:
     return (prm[0] + prm[1] * ref, *prm[1:]) if len(prm) > 1 else prm
 
 
-def _ranges(actuator: Actuator, joint: Joint, model: Model, index: int) -> Iterator[MjcfOnly]:
-    """Limits of command and force, as stated: a target has rules of its own for what is not."""
-    said = {}
-    for kind in ("ctrl", "force"):
-        limited = bool(getattr(model, f"actuator_{kind}limited")[index])
-        values = tuple(float(v) for v in getattr(model, f"actuator_{kind}range")[index])
-        if kind == "ctrl" and actuator.ctrl is not None:
-            values = actuator.ctrl
-        said[f"{kind}limited"] = "true" if limited else "false"
-        said[f"{kind}range"] = words(values) if limited else ""
-    if actuator.model == "pd":
-        said["inheritrange"] = "0"
-    yield MjcfOnly("drive", element_text("general", said), joint.name)
+def _unlimited(actuator: Actuator, joint: Joint) -> Iterator[MjcfOnly]:
+    """A position drive that may be sent beyond the joint's range; a target would clip it."""
+    if actuator.model == "pd" and actuator.ctrl is None and joint.kind != "continuous":
+        yield MjcfOnly("drive", element_text("position", {"inheritrange": "0"}), joint.name)
 
 
 def _whole(element: _Element, links: Links, model: Model, index: int) -> MjcfOnly:

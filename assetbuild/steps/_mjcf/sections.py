@@ -17,6 +17,7 @@ from assetbuild.robot.model import (
     Simulation,
 )
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
+from assetbuild.steps._mjcf.drives import Drives
 from assetbuild.steps._mjcf.links import WORLD, Links, Model
 from assetbuild.steps._mjcf.opaque import element_text, keys, words
 from assetbuild.steps._mjcf.text import AT, Classes, error_at, where_of
@@ -42,9 +43,10 @@ class Sections:
     findings: list[Finding] = field(default_factory=list)
 
 
-def read_sections(root: _Element, links: Links, model: Model) -> Sections:
+def read_sections(root: _Element, links: Links, drives: Drives, model: Model) -> Sections:
     """In the order in which MJCF has them."""
-    found, names = Sections(list(links.joints)), Names(links, model)
+    driven = {name: joint for name, joint in drives.names if joint}
+    found, names = Sections(list(links.joints)), Names(links, driven)
     classes = Classes(root)
     found.simulation = Simulation(
         timestep=float(model.opt.timestep), gravity=vec3(model.opt.gravity)
@@ -65,10 +67,13 @@ def read_sections(root: _Element, links: Links, model: Model) -> Sections:
 
 
 class Names:
-    """Names of the source's things in the Robot, and which things are not in it."""
+    """Names of the source's things in the Robot, and which things are not in it.
 
-    def __init__(self, links: Links, model: Model) -> None:
-        self.links = links
+    driven: joint that an actuator drives in the Robot, by the actuator's name.
+    """
+
+    def __init__(self, links: Links, driven: Mapping[str, str]) -> None:
+        self.links, self.driven = links, driven
         self._joints = {joint.name for joint in links.joints}
 
     def there(self, kind: str, name: str) -> bool:
@@ -238,7 +243,7 @@ def _sensor(element: _Element, names: Names, found: Sections) -> None:
     if missing:
         found.findings.append(_dropped(element, missing))
         return
-    sensor = _as_sensor(element, said)
+    sensor = _as_sensor(element, said, names)
     if sensor is not None:
         found.sensors.append(sensor)
         if found.mjcf_only and found.mjcf_only[-1].place == "sensor":
@@ -247,13 +252,18 @@ def _sensor(element: _Element, names: Names, found: Sections) -> None:
     found.mjcf_only.append(MjcfOnly("sensor", _text(element, said)))
 
 
-def _as_sensor(element: _Element, said: Mapping[str, str]) -> Sensor | None:
+def _as_sensor(element: _Element, said: Mapping[str, str], names: Names) -> Sensor | None:
     """The sensor in the Robot's words; None when they do not say all of it."""
     targets = [key for key in said if key in _PLACES and key not in ("xbody",)]
     extra = set(said) - _SAID - set(targets)
     if extra or len(targets) + ("objname" in said) != 1 or element.tag in ("contact", "user"):
         return None
-    if targets:
+    if targets == ["actuator"]:
+        joint = names.driven.get(said["actuator"], "")
+        if not joint:
+            return None
+        at = Place("actuator", joint)
+    elif targets:
         at = Place(_PLACES[targets[0]], said[targets[0]])
     else:
         at = _place(said["objtype"], said["objname"])
