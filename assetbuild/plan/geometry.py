@@ -130,8 +130,12 @@ def assemble(
     collisions: list[CollisionUse] = []
     for body in links.bodies:
         collisions += _collisions(loaded, body.name, geometry, inputs, p)
-    textures = _textures(geometry, inputs, p)
-    step = Assemble(visuals=tuple(visuals), collisions=tuple(collisions), textures=textures)
+    step = Assemble(
+        visuals=tuple(visuals),
+        collisions=tuple(collisions),
+        textures=_textures(geometry, inputs, p),
+        keep_names=loaded.recipe.source.mjcf is not None,
+    )
     return p.add("assemble", step, inputs)
 
 

@@ -6,7 +6,7 @@ import pickle
 
 import pytest
 
-from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, check_rows, resolve
+from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, resolve
 from assetbuild.robot.model import Body, Joint, Limits, Mimic, Tree
 
 LIMITS = Limits(-1.0, 1.0, effort=23.7, velocity=30.1)
@@ -165,12 +165,6 @@ def test_without_a_table_every_moving_joint_is_passive():
         ("hip", "passive", 0.1),
         ("w", "passive", 0.1),
     ]
-
-
-def test_the_plan_s_check_agrees_with_the_step():
-    check_rows(TREE, (RowSpec(".*", kp=1.0),), {})
-    with pytest.raises(RowError):
-        check_rows(TREE, (RowSpec("hip", kp=1.0),), {})
 
 
 def test_an_error_survives_the_way_between_processes():
