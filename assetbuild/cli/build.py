@@ -38,6 +38,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="cache shared with other machines; default: $ASSETBUILD_REMOTE",
     )
     parser.add_argument("--cache-write", action="store_true", help="also write to that cache")
+    parser.add_argument(
+        "--sandbox",
+        choices=("off", "strict"),
+        default="off",
+        help="strict: each step that runs may read its inputs only; Linux; default: off",
+    )
     parser.add_argument("--log-json", type=Path, metavar="FILE", help="write events, one per line")
     parser.add_argument("--report-junit", type=Path, metavar="FILE", help="write JUnit XML")
     parser.add_argument(
@@ -71,6 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
             rebuild_check=arguments.rebuild_check,
             remote=arguments.remote,
             cache_write=arguments.cache_write,
+            sandbox=arguments.sandbox,
             fail_on=arguments.fail_on,
         )
         for recipe in arguments.recipes

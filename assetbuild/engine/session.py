@@ -71,6 +71,7 @@ class Session:
     build: names the build in the journal, so that `explain` finds its last run; the path of the
     recipe is a good one. builds: the same for graphs that are `joined`, by their names.
     remote: a cache shared with other machines, asked for what the store lacks.
+    sandbox: steps that run may read what they declare, and nothing else.
     Each source is read once: every step of the build sees the same bytes.
     """
 
@@ -82,8 +83,10 @@ class Session:
         builds: Mapping[str, str] | None = None,
         rehash: bool = False,
         remote: Remote | None = None,
+        sandbox: bool = False,
     ) -> None:
         self.store = store
+        self.sandbox = sandbox
         self.remote = remote
         self.build = build or "\n".join((builds or {}).values())
         self.stat_cache = StatCache(store.root / "stat.json", rehash=rehash)

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 from assetbuild.engine.execute import Event, NodeResult, execute
 from assetbuild.engine.graph import Graph, Planner, joined
@@ -15,7 +16,7 @@ from assetbuild.engine.rebuild import Difference, run_again
 from assetbuild.engine.remote import Remote
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import LostObjectError
-from assetbuild.errors import AssetBuildError, UsageError
+from assetbuild.errors import AssetBuildError, MachineError, UsageError
 from assetbuild.lock import Lock, lock_path
 from assetbuild.pipeline.bundling import bundle_files, publish_bundle
 from assetbuild.pipeline.judging import judged, located, where_of
@@ -40,6 +41,7 @@ class Request:
     rebuild_check: bool = False
     remote: str = ""
     cache_write: bool = False
+    sandbox: Literal["off", "strict"] = "off"
     fail_on: FailOn = "error"
 
 
@@ -107,6 +109,7 @@ def build_all(
     request = requests[0]
     with open_session(*(job.loaded for job in jobs), rehash=request.rehash) as session:
         session.remote = _remote(request, say)
+        session.sandbox = _sandbox(request)
         if session.store.notice:
             say(f"warning: {session.store.notice}")
         for attempt in (1, 2, 3):
@@ -241,6 +244,16 @@ def _remote(request: Request, say: Callable[[str], None]) -> Remote | None:
         return None
     key = os.environ.get("ASSETBUILD_CACHE_KEY", "")
     return Remote(request.remote, key=key, write=request.cache_write, warn=say)
+
+
+def _sandbox(request: Request) -> bool:
+    if request.sandbox == "off":
+        return False
+    from assetbuild.engine.sandbox import why_not
+
+    if reason := why_not():
+        raise MachineError(f"steps cannot be confined on this machine: {reason}")
+    return True
 
 
 def _write_run_log(outcome: Outcome, out: Path) -> None:
