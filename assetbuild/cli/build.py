@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from assetbuild.cli.cache import add_remote
 from assetbuild.errors import AssetBuildError
 
 if TYPE_CHECKING:
@@ -31,12 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rebuild-check", action="store_true", help="run every step twice and compare"
     )
-    parser.add_argument(
-        "--remote",
-        default=os.environ.get("ASSETBUILD_REMOTE", ""),
-        metavar="URL",
-        help="cache shared with other machines; default: $ASSETBUILD_REMOTE",
-    )
+    add_remote(parser)
     parser.add_argument("--cache-write", action="store_true", help="also write to that cache")
     parser.add_argument(
         "--sandbox",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,14 +12,13 @@ from assetbuild.engine.execute import Event, NodeResult, execute
 from assetbuild.engine.graph import Graph, Planner, joined
 from assetbuild.engine.publish import check_replaceable
 from assetbuild.engine.rebuild import Difference, run_again
-from assetbuild.engine.remote import Remote
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import LostObjectError
 from assetbuild.errors import AssetBuildError, MachineError, UsageError
 from assetbuild.lock import Lock, lock_path
 from assetbuild.pipeline.bundling import bundle_files, publish_bundle
 from assetbuild.pipeline.judging import judged, located, where_of
-from assetbuild.pipeline.opening import open_session, pin
+from assetbuild.pipeline.opening import open_session, pin, remote_cache
 from assetbuild.plan import Outline, plan
 from assetbuild.recipe.loader import LoadedRecipe, load_recipe
 from assetbuild.report.bundle import json_text
@@ -108,7 +106,7 @@ def build_all(
     jobs = _jobs(requests, say)
     request = requests[0]
     with open_session(*(job.loaded for job in jobs), rehash=request.rehash) as session:
-        session.remote = _remote(request, say)
+        session.remote = remote_cache(request.remote, say, write=request.cache_write)
         session.sandbox = _sandbox(request)
         if session.store.notice:
             say(f"warning: {session.store.notice}")
@@ -236,14 +234,6 @@ def default_out(loaded: LoadedRecipe) -> Path:
     """`build/go1`, or `build/go1-train` for a variant."""
     suffix = f"-{loaded.variant}" if loaded.variant else ""
     return Path("build") / f"{loaded.recipe.robot}{suffix}"
-
-
-def _remote(request: Request, say: Callable[[str], None]) -> Remote | None:
-    """The cache shared with other machines; no recipe can name one."""
-    if not request.remote:
-        return None
-    key = os.environ.get("ASSETBUILD_CACHE_KEY", "")
-    return Remote(request.remote, key=key, write=request.cache_write, warn=say)
 
 
 def _sandbox(request: Request) -> bool:
