@@ -32,6 +32,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rebuild-check", action="store_true", help="run every step twice and compare"
     )
     add_remote(parser)
+    parser.add_argument(
+        "--executor",
+        default="local",
+        metavar="WHERE",
+        help="local, or dask://HOST:PORT: run steps on the workers of that scheduler",
+    )
     parser.add_argument("--cache-write", action="store_true", help="also write to that cache")
     parser.add_argument(
         "--sandbox",
@@ -73,6 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
             remote=arguments.remote,
             cache_write=arguments.cache_write,
             sandbox=arguments.sandbox,
+            executor=arguments.executor,
             fail_on=arguments.fail_on,
         )
         for recipe in arguments.recipes

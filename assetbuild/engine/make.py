@@ -206,6 +206,11 @@ class Maker:
     # -- running
 
     def _run(self, node: Node, parts: Parts) -> Made:
+        cluster = self.session.cluster
+        if cluster is not None and node.step.isolated and not node.step.network:
+            made = cluster.run(node, parts, self.session)
+            self.session.check_sources(node)
+            return made
         folder = self.session.store.scratch()
         log = folder / "log"
         try:

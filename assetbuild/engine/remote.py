@@ -13,7 +13,7 @@ import json
 import shutil
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,12 +47,14 @@ class Budget:
     """What the shared cache may cost one build.
 
     request_s: for one request, on top of the time that its size allows. lost_s: for requests
-    that failed, all together; then the cache is left alone. object_bytes: of one action.
+    that failed, all together; errors: so many requests; then the cache is left alone.
+    object_bytes: of one action.
     """
 
     request_s: float = 10.0
     lost_s: float = 20.0
     object_bytes: int = 4 << 30
+    errors: int = TOLERATED_ERRORS
 
 
 class Exchange(Protocol):
@@ -131,6 +133,7 @@ class Remote:
         self._warn = warn
         self._lock = threading.Lock()
         self._asked: set[str] = set()
+        self._there: set[str] = set()
         self._errors = 0
         self._lost_s = 0.0
         self._warned = False
@@ -138,15 +141,23 @@ class Remote:
     @property
     def is_given_up(self) -> bool:
         """Did it fail so often or cost so much that this build leaves it alone?"""
-        return self._errors >= TOLERATED_ERRORS or self._lost_s >= self._budget.lost_s
+        return self._errors >= self._budget.errors or self._lost_s >= self._budget.lost_s
 
-    def get(self, key: str, store: Store) -> dict[str, Any] | None:  # Any: JSON
+    @property
+    def address(self) -> str:
+        """Without credentials."""
+        return self._place.name
+
+    def get(
+        self, key: str, store: Store, *, again: bool = False
+    ) -> dict[str, Any] | None:  # Any: JSON
         """What a step with this key made elsewhere, all its objects now in the store, or None.
 
-        Each key is asked for once in a build. MachineError when the store cannot take it.
+        Each key is asked for once in a build, unless `again`. MachineError when the store cannot
+        take it.
         """
         with self._lock:
-            if key in self._asked:
+            if key in self._asked and not again:
                 return None
             self._asked.add(key)
         with self._tolerant("read") as exchange:
@@ -171,9 +182,7 @@ class Remote:
             if exchange is None:
                 return False
             objects = _objects_of(result, store)
-            for digest in sorted(objects):
-                if not exchange.has(f"cas/{digest}"):
-                    exchange.put(f"cas/{digest}", store.path(digest))
+            self._upload(objects, store, exchange)
             entry = {
                 "format": ENTRY_FORMAT,
                 "key": key,
@@ -185,6 +194,28 @@ class Remote:
             exchange.put(f"ac/{key}", canonical_json(entry))
             return True
         return False
+
+    def send(self, objects: Iterable[str], store: Store) -> bool:
+        """Upload those objects that are not there yet. Are all of them there now?"""
+        with self._tolerant("write") as exchange:
+            if exchange is not None and self._write:
+                self._upload(objects, store, exchange)
+                return True
+        return False
+
+    def fetch(self, objects: Mapping[str, int], store: Store) -> bool:
+        """Download those objects (digest -> size in bytes) that the store lacks. Has it all?"""
+        with self._tolerant("read") as exchange:
+            if exchange is not None:
+                self._download(objects, store, exchange)
+                return True
+        return False
+
+    def _upload(self, objects: Iterable[str], store: Store, exchange: Exchange) -> None:
+        for digest in sorted(set(objects) - self._there):
+            if not exchange.has(f"cas/{digest}"):
+                exchange.put(f"cas/{digest}", store.path(digest))
+            self._there.add(digest)
 
     def _checked(self, key: str, entry: Any) -> tuple[dict[str, Any], dict[str, int]]:  # Any: JSON
         """Result and objects of an entry that is for this key, and signed if it must be."""

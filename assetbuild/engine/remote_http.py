@@ -28,7 +28,8 @@ class HttpPlace:
     """A server. parts: of its address, whose port may raise ValueError (urllib's SplitResult)."""
 
     def __init__(self, parts: Any, request_s: float) -> None:  # Any: urllib's SplitResult
-        self.name = f"{parts.scheme}://{parts.hostname}"  # without credentials
+        host = parts.netloc.rpartition("@")[2]
+        self.name = f"{parts.scheme}://{host}{parts.path.rstrip('/')}"  # without credentials
         self._parts = parts
         self._headers = _credentials(parts.username, parts.password)
         self._request_s = request_s

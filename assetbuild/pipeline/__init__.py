@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from assetbuild.engine.execute import Event, NodeResult, execute
 from assetbuild.engine.graph import Graph, Planner, joined
@@ -24,6 +24,10 @@ from assetbuild.recipe.loader import LoadedRecipe, load_recipe
 from assetbuild.report.bundle import json_text
 from assetbuild.report.document import FailOn, Report, fails
 
+if TYPE_CHECKING:
+    from assetbuild.engine.cluster import Cluster
+    from assetbuild.engine.remote import Remote
+
 
 @dataclass(frozen=True)
 class Request:
@@ -40,6 +44,7 @@ class Request:
     remote: str = ""
     cache_write: bool = False
     sandbox: Literal["off", "strict"] = "off"
+    executor: str = "local"
     fail_on: FailOn = "error"
 
 
@@ -108,6 +113,7 @@ def build_all(
     with open_session(*(job.loaded for job in jobs), rehash=request.rehash) as session:
         session.remote = remote_cache(request.remote, say, write=request.cache_write)
         session.sandbox = _sandbox(request)
+        session.cluster = _cluster(request, session.remote)
         if session.store.notice:
             say(f"warning: {session.store.notice}")
         for attempt in (1, 2, 3):
@@ -244,6 +250,20 @@ def _sandbox(request: Request) -> bool:
     if reason := why_not():
         raise MachineError(f"steps cannot be confined on this machine: {reason}")
     return True
+
+
+def _cluster(request: Request, remote: Remote | None) -> Cluster | None:
+    if request.executor == "local":
+        return None
+    from assetbuild.engine.cluster import Cluster, scheduler_address
+
+    scheduler_address(request.executor)
+    if remote is None or not request.cache_write:
+        raise UsageError(
+            "workers on other machines need `--remote URL` and `--cache-write`",
+            hint="their inputs and results go through the shared cache",
+        )
+    return Cluster(request.executor, remote)
 
 
 def _write_run_log(outcome: Outcome, out: Path) -> None:
