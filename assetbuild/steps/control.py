@@ -40,6 +40,7 @@ class ControlStep(Step):
     Reads `tree.json`, `shapes.json` and the collision files of `meshes/`.
     """
 
+    version = "2"
     outputs = ("control.json",)
 
     rows: tuple[ActuatorRow, ...] = ()
