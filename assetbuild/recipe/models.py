@@ -269,6 +269,50 @@ class Simulation(Model):
     gravity: tuple[Real, Real, Real] = Field((0.0, 0.0, -9.81), description="m/s2, world frame")
 
 
+class UsdRigidBody(Model):
+    """What PhysX adds to every body. Isaac Lab calls them RigidBodyPropertiesCfg."""
+
+    linear_damping: NonNegative = Field(0.0, description="1/s; MuJoCo has none")
+    angular_damping: NonNegative = Field(
+        0.0, description="1/s; unwritten, PhysX would take 0.05; MuJoCo has none"
+    )
+    max_linear_velocity: Positive = Field(1000.0, description="m/s; faster is cut off")
+    max_angular_velocity: Positive = Field(
+        1000.0, description="rad/s; faster is cut off; unwritten, PhysX would take 100"
+    )
+    max_depenetration_velocity: Positive = Field(
+        100.0, description="m/s, of bodies that start inside of one another"
+    )
+
+
+class UsdArticulation(Model):
+    """How PhysX solves the robot. Isaac Lab calls them ArticulationRootPropertiesCfg."""
+
+    self_collisions: bool = Field(
+        True, description="bodies of the robot collide but for the excluded pairs, as in MuJoCo"
+    )
+    solver_position_iterations: int = Field(8, ge=1, le=255, description="per step")
+    solver_velocity_iterations: int = Field(1, ge=0, le=255, description="per step")
+    sleep_threshold: NonNegative = Field(0.0, description="m2/s2; 0 = never asleep")
+    stabilization_threshold: NonNegative = Field(0.0, description="m2/s2; 0 = no extra damping")
+
+
+class Usd(Model):
+    """What only USD and PhysX know of."""
+
+    instanceable: bool = Field(True, description="meshes are shared between shapes, read-only")
+    drive_type: Literal["force", "acceleration"] = Field(
+        "force", description="acceleration: gains are per unit of inertia, as no other format has"
+    )
+    mimics: bool = Field(
+        True, description="couple mimic joints; false = they move freely, as Isaac Lab can choose"
+    )
+    rigid_body: UsdRigidBody = Field(default_factory=lambda: UsdRigidBody.model_validate({}))
+    articulation: UsdArticulation = Field(
+        default_factory=lambda: UsdArticulation.model_validate({})
+    )
+
+
 class FreeFall(Model):
     """Dropped without contact and drives."""
 
@@ -287,6 +331,16 @@ class Stand(Model):
     feet: Pattern | None = Field(None, description="source links that may touch the floor")
 
 
+class Sine(Model):
+    """Every joint follows a sine, base held, in MuJoCo and in PhysX."""
+
+    frequency: Positive = Field(1.0, description="Hz")
+    seconds: Positive = Field(3.0, description="s; the first third is left out")
+    tolerance: Positive = Field(
+        0.01, description="of the swing, RMS between the engines without friction, warning"
+    )
+
+
 class Validate(Model):
     """Which physical checks run, and their limits."""
 
@@ -294,8 +348,13 @@ class Validate(Model):
         default_factory=lambda: FreeFall.model_validate({}), description="null = do not run it"
     )
     stand: Stand | None = Field(None, description="stand still under the drives; {} = defaults")
+    sine: Sine | None = Field(
+        default_factory=lambda: Sine.model_validate({}),
+        description="part of the comparison of two simulators; null = do not run it",
+    )
     simulators: tuple[Literal["mujoco", "physx"], ...] = Field(
-        ("mujoco",), description="engines that run the physical checks"
+        ("mujoco",),
+        description="engines that run the physical checks; `physx` needs assetbuild[physx]",
     )
 
 
@@ -334,6 +393,7 @@ class Recipe(Model):
     )
     contact: Contact = Field(default_factory=lambda: Contact.model_validate({}))
     simulation: Simulation = Field(default_factory=lambda: Simulation.model_validate({}))
+    usd: Usd = Field(default_factory=lambda: Usd.model_validate({}))
     targets: Names = Field(("urdf", "mjcf", "usd"), description="formats to write")
     validate_: Validate = Field(
         default_factory=lambda: Validate.model_validate({}), alias="validate"

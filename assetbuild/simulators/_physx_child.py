@@ -156,7 +156,9 @@ def _simulate(sim: Sim, paths: Any, run: dict[str, Any]) -> dict[str, np.ndarray
     from ovphysx.types import SimObjectType
 
     dt, drive = float(run["dt"]), run["targets"]
-    _write_joints(sim, paths, "jointPosition", run["start"])
+    here = _joints(sim, paths, "jointPosition") | run["start"]
+    asked = _joints(sim, paths, "jointPositionTarget")
+    _write_joints(sim, paths, "jointPosition", here)
     sim.update_articulations_kinematic()
     times: list[float] = []
     tracks: dict[str, list[np.ndarray]] = {"root": [], "turn": [], "com": [], "joints": []}
@@ -164,8 +166,9 @@ def _simulate(sim: Sim, paths: Any, run: dict[str, Any]) -> dict[str, np.ndarray
     names: list[str] = []
     for step in range(int(run["steps"]) + 1):
         if step:
-            if drive["frequency"] or step == 1:
-                _write_joints(sim, paths, "jointPositionTarget", targets_at(drive, dt * step))
+            if drive["frequency"]:
+                asked |= targets_at(drive, dt * step)
+                _write_joints(sim, paths, "jointPositionTarget", asked)
             sim.step_sync(dt)
         if step % int(run["every"]) and step != int(run["steps"]):
             continue
@@ -186,6 +189,15 @@ def _simulate(sim: Sim, paths: Any, run: dict[str, Any]) -> dict[str, np.ndarray
     return out | {"time": np.array(times), "names": np.array(names, dtype=str)}
 
 
+def _joints(sim: Sim, paths: Any, attribute: str) -> dict[str, float]:
+    # Any: as above
+    """One number of every joint, by path."""
+    from ovphysx.types import SimObjectType
+
+    rows = _read(sim, paths, SimObjectType.ARTICULATION_JOINT, attribute)
+    return {path: float(values.ravel()[0]) for path, values in rows}
+
+
 def targets_at(drive: dict[str, Any], time: float) -> dict[str, float]:  # Any: JSON
     """Position target of each driven joint: middle + amplitude sin(2 pi f t)."""
     wave = math.sin(2.0 * math.pi * float(drive["frequency"]) * time)
@@ -194,19 +206,17 @@ def targets_at(drive: dict[str, Any], time: float) -> dict[str, float]:  # Any: 
 
 def _write_joints(sim: Sim, paths: Any, attribute: str, values: dict[str, float]) -> None:
     # Any: as above
-    """Every tensor of a group must be filled; order is that of this very group."""
+    """Write one value for each joint; `values` must name them all: there is no mask."""
     from ovphysx.types import SimObjectType
 
     if not values:
         return
-    kind = SimObjectType.ARTICULATION_JOINT
-    before = dict(_read(sim, paths, kind, attribute))
-    with sim.write_sync(kind, attribute) as writing:
+    with sim.write_sync(SimObjectType.ARTICULATION_JOINT, attribute) as writing:
         for group in writing.groups:
-            names = [str(name) for name in paths.get_path_strings(group.prim_list)]
+            # Each group has its own order, so the names are asked of this very group.
+            names = paths.get_path_strings(group.prim_list)
             for name, tensor in zip(names, group.tensors, strict=True):
-                value = values.get(name, float(before[name].ravel()[0]))
-                tensor.assign(np.full(tensor.shape, value, dtype=np.float32))
+                tensor.numpy()[...] = values[str(name)]
             writing.commit_sync(group)
 
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from assetbuild.robot.model import Joint, Tree
+from assetbuild.robot.mimic import with_mimics
+from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.robot.pose import Array
 
 SWING_RAD = 0.3
@@ -53,10 +54,13 @@ class Sine:
         return self.middle[joint] + self.swing[joint] * wave
 
 
-def sine_of(tree: Tree, home: Mapping[str, float], frequency_hz: float, seconds: float) -> Sine:
+def sine_of(
+    tree: Tree, control: Control, home: Mapping[str, float], frequency_hz: float, seconds: float
+) -> Sine:
     """A swing about `home` (0 without) that stays inside the limits of every joint.
 
-    A middle too near to a stop is moved off it: there two engines compare their stops.
+    A middle too near to a stop is moved off it: there two engines would compare their stops.
+    Joints without a drive have no swing; those that mimic follow their leader.
     """
     middle, swing = {}, {}
     for joint in tree.moving_joints:
@@ -65,8 +69,10 @@ def sine_of(tree: Tree, home: Mapping[str, float], frequency_hz: float, seconds:
         width = min(width, SHARE_OF_RANGE * (upper - lower))
         room = 1.25 * width
         middle[joint.name] = min(max(home.get(joint.name, 0.0), lower + room), upper - room)
-        swing[joint.name] = width
-    return Sine(middle, swing, frequency_hz, seconds)
+        actuator = control.by_joint.get(joint.name)
+        driven = actuator is not None and actuator.model != "passive" and joint.mimic is None
+        swing[joint.name] = width if driven else 0.0
+    return Sine(with_mimics(tree, middle), swing, frequency_hz, seconds)
 
 
 def bounds(joint: Joint) -> tuple[float, float]:

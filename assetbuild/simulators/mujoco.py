@@ -18,6 +18,7 @@ import numpy as np
 from assetbuild.errors import StepError
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, rotation_of
+from assetbuild.simulators.experiments import FreeFall
 
 Model = Any  # mujoco.MjModel: its extension module has no types
 Data = Any  # mujoco.MjData: as above
@@ -100,24 +101,6 @@ def mass_matrix(model: Model, data: Data) -> Array:
 
 
 # --- free fall ----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class FreeFall:
-    """Of the whole robot's centre of mass. drop along gravity, sideways across it; m."""
-
-    seconds: float
-    drop_m: float
-    expected_m: float
-    sideways_m: float
-    finite: bool
-
-    @property
-    def relative_error(self) -> float:
-        """Of the drop; infinite when nothing finite came out."""
-        if not self.finite:
-            return math.inf
-        return abs(self.drop_m - self.expected_m) / max(self.expected_m, 1e-12)
 
 
 def free_fall(model: Model, seconds: float) -> FreeFall:
