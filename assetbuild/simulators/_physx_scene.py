@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from assetbuild.robot.model import Actuator
-from assetbuild.robot.pose import Pose, Vec3
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -36,7 +36,7 @@ class Setting:
     timestep: float
     gravity: Vec3
     base: Literal["asset", "held"] = "asset"
-    at: Pose = Pose()
+    at: Pose = IDENTITY
     floor_friction: float | None = None
     contacts: bool = True
     rubbing: bool = True

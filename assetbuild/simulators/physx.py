@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -121,10 +122,13 @@ def perform(
     seconds: wall-clock limit of the whole.
     """
     with _workplace() as folder:
+        # A copy: inputs are links into the store, and a resolver that follows them gets lost.
+        shutil.copytree(main.parent, folder / "asset")
+        asset = folder / "asset" / main.name
         jobs = {}
         for experiment in experiments:
             stage = folder / f"{experiment.name}.usda"
-            names = write_world(stage, main.resolve(), experiment.setting)
+            names = write_world(stage, asset, experiment.setting)
             jobs[experiment.name] = (experiment, names, _job(experiment, names, stage))
         waiting = list(jobs)
         failures: dict[str, str] = {}
