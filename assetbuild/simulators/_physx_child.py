@@ -32,7 +32,15 @@ ROOT = (
     "rootOrientation",
     "centerOfMassWorld",
 )
-LINK = ("mass", "inertia", "centerOfMassPosition", "centerOfMassOrientation", "shapeCount")
+LINK = (
+    "mass",
+    "inertia",
+    "centerOfMassPosition",
+    "shapeCount",
+    "staticFriction",
+    "dynamicFriction",
+    "restitution",
+)
 JOINT = (
     "jointPosition",
     "jointPositionTarget",

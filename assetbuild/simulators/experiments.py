@@ -60,7 +60,7 @@ def sine_of(
     """A swing about `home` (0 without) that stays inside the limits of every joint.
 
     A middle too near to a stop is moved off it: there two engines would compare their stops.
-    Joints without a drive have no swing; those that mimic follow their leader.
+    Joints without a position gain have no swing; those that mimic follow their leader.
     """
     middle, swing = {}, {}
     for joint in tree.moving_joints:
@@ -70,7 +70,7 @@ def sine_of(
         room = 1.25 * width
         middle[joint.name] = min(max(home.get(joint.name, 0.0), lower + room), upper - room)
         actuator = control.by_joint.get(joint.name)
-        driven = actuator is not None and actuator.model != "passive" and joint.mimic is None
+        driven = actuator is not None and actuator.kp > 0.0 and joint.mimic is None
         swing[joint.name] = width if driven else 0.0
     return Sine(with_mimics(tree, middle), swing, frequency_hz, seconds)
 

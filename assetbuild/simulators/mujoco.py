@@ -260,14 +260,14 @@ def _floor(model: Model) -> int:
     return int(planes[0])
 
 
-def _collision_geoms(model: Model) -> list[int]:
+def collision_geoms(model: Model) -> list[int]:
     """Geoms of the robot that can touch something."""
     solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     return [int(i) for i in np.flatnonzero(solid & (model.geom_bodyid != 0))]
 
 
 def _gaps(model: Model, data: Data) -> dict[str, float]:
-    return {name_of(model, "geom", i): lowest_z(model, data, i) for i in _collision_geoms(model)}
+    return {name_of(model, "geom", i): lowest_z(model, data, i) for i in collision_geoms(model)}
 
 
 def lowest_z(model: Model, data: Data, geom: int) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -48,18 +49,53 @@ def held_sine(
 
 
 def keyframe_motion(
-    model: Model, keyframe: str, steps: int, *, raised_m: float = 0.0, every: int = 1
+    model: Model,
+    keyframe: str,
+    steps: int,
+    *,
+    raised_m: float = 0.0,
+    every: int = 1,
+    servos: Mapping[str, Actuator] | None = None,
 ) -> Motion:
-    """From a keyframe, lifted by `raised_m`, under its own controls."""
+    """From a keyframe, lifted by `raised_m`, under its own controls.
+
+    servos: see `drive_as`; the keyframe knows no controls for them, so they hold its positions.
+    """
     import mujoco
 
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key(keyframe).id)
     for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
         data.qpos[int(model.jnt_qposadr[joint]) + 2] += raised_m
+    for index in range(model.nu):
+        joint = int(model.actuator_trnid[index, 0])
+        if name_of(model, "joint", joint) in (servos or {}):
+            data.ctrl[index] = data.qpos[int(model.jnt_qposadr[joint])]
     with caught_warnings():
         mujoco.mj_forward(model, data)
         return _track(model, data, steps, every, None)
+
+
+def joint_numbers(model: Model, joint: str) -> dict[str, float]:
+    """kp, kd, damping, effort, armature, friction of a joint with one coordinate; inf = no limit."""
+    index = int(model.joint(joint).id)
+    dof = int(model.jnt_dofadr[index])
+    numbers = {
+        "kp": 0.0,
+        "kd": 0.0,
+        "damping": float(model.dof_damping[dof]),
+        "effort": math.inf,
+        "armature": float(model.dof_armature[dof]),
+        "friction": float(model.dof_frictionloss[dof]),
+    }
+    for actuator in np.flatnonzero(model.actuator_trnid[:, 0] == index):
+        numbers["kp"] += -float(model.actuator_biasprm[actuator, 1])
+        numbers["kd"] += -float(model.actuator_biasprm[actuator, 2])
+        if model.actuator_forcelimited[actuator]:
+            numbers["effort"] = float(model.actuator_forcerange[actuator, 1])
+        elif model.actuator_ctrllimited[actuator] and not model.actuator_biastype[actuator]:
+            numbers["effort"] = float(model.actuator_ctrlrange[actuator, 1])
+    return numbers
 
 
 def drive_as(model: Model, gains: Mapping[str, Actuator]) -> None:

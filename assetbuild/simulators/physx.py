@@ -41,13 +41,14 @@ class HeldLink:
     """One body as PhysX holds it. inertia: (3, 3) about the centre of mass, kg m2.
 
     com_m: (3,) in the body; shapes: number of collision shapes. The inertia's axes are those of
-    the body.
+    the body. surfaces: (static friction, dynamic friction, restitution) of each shape.
     """
 
     mass_kg: float
     com_m: Array
     inertia: Array
     shapes: int
+    surfaces: tuple[tuple[float, float, float], ...]
 
 
 @dataclass(frozen=True)
@@ -248,11 +249,14 @@ def _held(raw: dict[str, Any], names: Names) -> Held:  # Any: JSON of the child
 
 
 def _link(row: dict[str, list[float]]) -> HeldLink:
+    shapes = int(row["shapeCount"][0])
+    columns = [row.get(key, []) for key in ("staticFriction", "dynamicFriction", "restitution")]
     return HeldLink(
         mass_kg=row["mass"][0],
         com_m=np.array(row["centerOfMassPosition"]),
         inertia=np.array(row["inertia"]).reshape(3, 3),
-        shapes=int(row["shapeCount"][0]),
+        shapes=shapes,
+        surfaces=tuple(zip(*(column[:shapes] for column in columns), strict=True)),  # padded
     )
 
 
