@@ -152,8 +152,13 @@ def findings_of(rows: Sequence[Row]) -> Iterator[Finding]:
             f"{worst.rank}: MuJoCo {_text(worst.mujoco)}, PhysX {_text(worst.physx)}: "
             f"{worst.off:.3g} {worst.unit} apart, more than {limit:.3g}{more}",
             hint="the report's table of `alignment` has every row",
-            data={"rank": worst.rank, "off": worst.off, "rows": len(bad)},
+            data={"rank": worst.rank, "off": _finite(worst.off), "rows": len(bad)},
         )
+
+
+def _finite(value: float | None) -> float | None:
+    """JSON has no NaN and no infinity."""
+    return value if value is not None and math.isfinite(value) else None
 
 
 def _text(value: float | str) -> str:
@@ -234,7 +239,7 @@ class Pair:
     def _on_floor(self) -> list[physx.Experiment]:
         assert self.home is not None  # noqa: S101 - `stands` was asked
         gravity, dt = self.control.simulation.gravity, self.control.simulation.timestep
-        base, friction = self.home.base or Pose(), self.control.contact.friction[0]
+        base, friction = physx.clear_of_floor(self.home.base), self.control.contact.friction[0]
         raised = Pose((base.xyz[0], base.xyz[1], base.xyz[2] + DROP_M), base.quat)
         start = dict(self.home.joints)
         return [
@@ -368,6 +373,8 @@ class Pair:
                 ("friction", "HIGH", ours["friction"], theirs.dynamic_friction),
             )
             for name, rank, one, two in numbers:
+                if name == "effort" and not theirs.drive:
+                    continue  # where there is no drive there is no effort to limit
                 one = math.inf if one is None else one
                 two = math.inf if two is None else two
                 subject = f"joint {joint.name}"

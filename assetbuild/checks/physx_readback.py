@@ -21,7 +21,6 @@ from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Actuator, Control, Joint, Keyframe, Shapes, Tree
-from assetbuild.robot.pose import Pose
 from assetbuild.simulators import physx
 
 NUMBER, TENSOR = 4e-7, 2e-6
@@ -85,7 +84,7 @@ class PhysxReadback(Check):
                 "dof": held.dof,
                 "shapes": held.shapes,
                 "fixed_base": held.fixed_base,
-                "mass_kg": sum(link.mass_kg for link in held.links.values()),
+                "mass_kg": _finite(sum(link.mass_kg for link in held.links.values())),
                 "finite_alone": alone.finite,
                 "finite_on_floor": moved.finite,
                 "joints": {name: _shown(joint) for name, joint in held.joints.items()},
@@ -101,7 +100,7 @@ def _experiments(
 ) -> tuple[physx.Experiment, ...]:
     gravity, dt = control.simulation.gravity, control.simulation.timestep
     plain = physx.Setting(dt, gravity)
-    at = home.base if home and home.base else Pose()
+    at = physx.clear_of_floor(home.base if home else None)
     floor = physx.Setting(dt, gravity, at=at, floor_friction=control.contact.friction[0])
     steps = round(seconds / dt)
     on_floor = floor if tree.base == "floating" and home else plain
@@ -114,9 +113,15 @@ def _experiments(
     )
 
 
+def _finite(value: float) -> float | None:
+    """JSON has no NaN and no infinity."""
+    return value if math.isfinite(value) else None
+
+
 def _shown(joint: physx.HeldJoint) -> dict[str, float | None]:
     names = ("lower", "upper", "kp", "kd", "effort", "velocity", "armature", "static_friction")
-    return {name: getattr(joint, name) for name in names}
+    values = {name: getattr(joint, name) for name in names}
+    return {name: None if v is None else _finite(v) for name, v in values.items()}
 
 
 @dataclass
@@ -127,7 +132,8 @@ class Book:
 
     def differ(self, kind: str, subject: str, message: str, **data: float) -> None:
         """Note one error."""
-        self.findings.append(Finding(f"physx.{kind}", "error", subject, message, data=data))
+        finite = {key: value for key, value in data.items() if math.isfinite(value)}
+        self.findings.append(Finding(f"physx.{kind}", "error", subject, message, data=finite))
 
     def number(
         self, kind: str, subject: str, what: str, found: float | None, expected: float | None
@@ -138,7 +144,7 @@ class Book:
         shown = f"{what} is {_text(found)} in PhysX, {_text(expected)} in the robot"
         if found is None or expected is None:
             self.differ(kind, subject, shown)
-        elif abs(found - expected) > NUMBER * abs(expected) + 1e-12:
+        elif not abs(found - expected) <= NUMBER * abs(expected) + 1e-12:
             self.differ(kind, subject, shown, found=found, expected=expected)
 
 
@@ -187,7 +193,7 @@ def _compare_links(held: physx.Held, tree: Tree, book: Book) -> None:
             continue  # `usd.mass_missing` says what PhysX does then
         book.number("mass", subject, "mass", found.mass_kg, body.inertial.mass_kg)
         off = float(np.abs(found.com_m - np.array(body.inertial.com_m)).max())
-        if off > NUMBER * max(1.0, float(np.abs(body.inertial.com_m).max())):
+        if not off <= NUMBER * max(1.0, float(np.abs(body.inertial.com_m).max())):
             book.differ("com", subject, f"centre of mass is {off:.3g} m off in PhysX", off_m=off)
         expected = matrix_of(body.inertial.inertia_com_kg_m2)
         error = float(np.abs(found.inertia - expected).max())
@@ -226,6 +232,8 @@ def _compare_joint(
         ("damping", ("viscous_friction",)),
         ("drive", ("drive",)),
     ):
+        if kind == "effort" and not expected["drive"]:
+            continue  # where there is no drive there is no effort to limit
         for name in names:
             book.number(kind, subject, name.replace("_", " "), getattr(found, name), expected[name])
 

@@ -281,7 +281,9 @@ class UsdRigidBody(Model):
         1000.0, description="rad/s; faster is cut off; unwritten, PhysX would take 100"
     )
     max_depenetration_velocity: Positive = Field(
-        100.0, description="m/s, of bodies that start inside of one another"
+        1.0,
+        description="m/s; how fast bodies that start inside of one another are driven apart: "
+        "PhysX uses all of it in one step, however little they overlap",
     )
 
 

@@ -77,7 +77,7 @@ def keyframe_motion(
 
 
 def joint_numbers(model: Model, joint: str) -> dict[str, float]:
-    """kp, kd, damping, effort, armature, friction of a joint with one coordinate; inf = no limit."""
+    """kp, kd, damping, effort, armature, friction of a joint; an infinite effort = no limit."""
     index = int(model.joint(joint).id)
     dof = int(model.jnt_dofadr[index])
     numbers = {

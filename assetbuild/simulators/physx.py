@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from assetbuild.robot.pose import Array
+from assetbuild.robot.pose import IDENTITY, Array, Pose
 from assetbuild.simulators._physx_scene import Names, Setting, write_world
 from assetbuild.simulators.experiments import FreeFall, Motion, Sine
 
@@ -29,6 +29,9 @@ REQUIRES: Mapping[str, str] = {"ovphysx": "physx", "physx_usd_schemas": "physx"}
 """Modules of the extra, for `Check.requires`."""
 UNLIMITED = 3.0e38
 """PhysX writes the largest float32 where nothing limits."""
+CLEARANCE_M = 1e-3
+"""How far above the floor a standing pose starts: a sole that starts inside of it by the smallest
+amount is thrown out with all of `maxDepenetrationVelocity` in the first step."""
 _PROGRAM = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from assetbuild.simulators import _physx_child; _physx_child.main()"
@@ -113,6 +116,13 @@ class Outcome:
     def finite(self) -> bool:
         """It got to its end and nothing was NaN."""
         return not self.failure and (self.motion is None or self.motion.finite)
+
+
+def clear_of_floor(base: Pose | None) -> Pose:
+    """A standing pose, a hair higher."""
+    base = base or IDENTITY
+    x, y, z = base.xyz
+    return Pose((x, y, z + CLEARANCE_M), base.quat)
 
 
 def perform(

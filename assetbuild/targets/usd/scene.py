@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from assetbuild.robot.model import Control, Tree
-from assetbuild.robot.pose import IDENTITY
+from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.usd.joints import starting_positions
 from assetbuild.targets.usd.layers import apply_foreign, new_stage, save, set_place
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 SCENE = "scene.usda"
 FLOOR_M = 20.0
+CLEARANCE_M = 1e-3
+"""The soles start this far above the floor. PhysX throws out a sole that starts inside of it, by
+rounding alone, with all of `maxDepenetrationVelocity`."""
 
 
 def write_scene(folder: Path, main: str, names: Names, tree: Tree, control: Control) -> None:
@@ -46,6 +49,8 @@ def write_scene(folder: Path, main: str, names: Names, tree: Tree, control: Cont
     home = next((key for key in control.keyframes if key.name == "home"), None)
     joints = starting_positions(tree, control)  # where the asset's own joints start
     X_world_base = home.base if home and home.base is not None else IDENTITY
+    if home and home.base is not None:
+        X_world_base = Pose((0.0, 0.0, CLEARANCE_M)) @ X_world_base
     for body, X_root_body in forward_kinematics(tree, joints).items():
         prim = stage.OverridePrim(f"/World{names.body(body)}")
         set_place(prim, X_world_base @ X_root_body)
