@@ -247,12 +247,13 @@ class Pair:
                 name,
                 physx.Setting(dt, pull, at=at, floor_friction=friction, drives=self.servos),
                 steps=round(seconds / dt),
+                every=every,
                 start=start,
             )
-            for name, pull, at, seconds in (
-                ("stand", gravity, base, STAND_S),
-                ("drop", gravity, raised, DROP_S),
-                ("slope", self._tilted(), base, STAND_S),
+            for name, pull, at, seconds, every in (
+                ("stand", gravity, base, STAND_S, 20),
+                ("drop", gravity, raised, DROP_S, 1),
+                ("slope", self._tilted(), base, STAND_S, 20),
             )
         ]
 
@@ -290,6 +291,7 @@ class Pair:
 
         option = self._model("scene.xml").opt
         stage = Usd.Stage.Open(str(self.files.inputs / "usd/scene.usda"))
+        yield from self._self_collision(stage)
         scene = UsdPhysics.Scene(stage.GetPrimAtPath("/World/physics"))
         rate = scene.GetPrim().GetAttribute("physxScene:timeStepsPerSecond").Get()
         dt = 1.0 / float(rate)
@@ -319,6 +321,21 @@ class Pair:
             0.01,
             "m/s²",
         )
+
+    def _self_collision(self, stage: Any) -> Iterator[Row]:  # Any: Usd.Stage
+        """MuJoCo's geoms touch one another when their bits meet; PhysX has one switch."""
+        model = self._model(f"{self.robot}.xml")
+        geoms = mujoco.collision_geoms(model)
+        bits = [(int(model.geom_contype[g]), int(model.geom_conaffinity[g])) for g in geoms]
+        ours = "on" if any(a & b for a, _ in bits for _, b in bits) else "off"
+        found = [
+            prim.GetAttribute("physxArticulation:enabledSelfCollisions").Get()
+            for prim in stage.Traverse()
+            if prim.HasAttribute("physxArticulation:enabledSelfCollisions")
+        ]
+        theirs = "on" if found != [False] else "off"  # unwritten, PhysX switches them on
+        off = float(ours != theirs) if geoms else 0.0
+        yield Row("self_collision", "HIGH", "robot", ours, theirs, off, 0.0, 0.5, "yes/no")
 
     def _bodies(self, model: Any, held: physx.Held) -> Iterator[Row]:  # Any: as above
         import mujoco as engine

@@ -174,7 +174,7 @@ def _simulate(sim: Sim, paths: Any, run: dict[str, Any]) -> dict[str, np.ndarray
     names: list[str] = []
     for step in range(int(run["steps"]) + 1):
         if step:
-            if drive["frequency"]:
+            if drive["joints"] and (drive["frequency"] or step == 1):
                 asked |= targets_at(drive, dt * step)
                 _write_joints(sim, paths, "jointPositionTarget", asked)
             sim.step_sync(dt)

@@ -178,6 +178,9 @@ def _job(experiment: Experiment, names: Names, stage: Path) -> dict[str, object]
             if name in paths
         }
     start = {n: v for n, v in (experiment.start or {}).items() if n in paths}
+    if sine is None:  # servos that the asset does not know have no target there: hold the start
+        held = {n: v for n, v in start.items() if n in (experiment.setting.drives or {})}
+        drives = {paths[n]: (_shown(n, v, names), 0.0) for n, v in held.items()}
     return {
         "name": experiment.name,
         "stage": str(stage),
