@@ -24,6 +24,7 @@ from assetbuild.recipe.names import Pattern as Pattern
 from assetbuild.recipe.sensing import Cameras, Feet, Imu, Sensors
 from assetbuild.recipe.surface import Contact as Contact
 from assetbuild.recipe.surface import Simulation as Simulation
+from assetbuild.recipe.usd import Usd
 
 
 def _inside(text: str) -> str:
@@ -236,6 +237,16 @@ class Stand(Model):
     )
 
 
+class Sine(Model):
+    """Every joint follows a sine, base held, in MuJoCo and in PhysX."""
+
+    frequency: Positive = Field(1.0, description="Hz")
+    seconds: Positive = Field(3.0, description="s; the first third is left out")
+    tolerance: Positive = Field(
+        0.01, description="of the swing, RMS between the engines without friction, warning"
+    )
+
+
 class Validate(Model):
     """Which physical checks run, and their limits."""
 
@@ -243,8 +254,13 @@ class Validate(Model):
         default_factory=lambda: FreeFall.model_validate({}), description="null = do not run it"
     )
     stand: Stand | None = Field(None, description="stand still under the drives; {} = defaults")
+    sine: Sine | None = Field(
+        default_factory=lambda: Sine.model_validate({}),
+        description="part of the comparison of two simulators; null = do not run it",
+    )
     simulators: tuple[Literal["mujoco", "physx"], ...] = Field(
-        ("mujoco",), description="engines that run the physical checks"
+        ("mujoco",),
+        description="engines that run the physical checks; `physx` needs assetbuild[physx]",
     )
 
 
@@ -298,6 +314,7 @@ class Recipe(Model):
         default_factory=lambda: Mjx.model_validate({}), description="of the target `mjx`"
     )
     simulation: Simulation = Field(default_factory=lambda: Simulation.model_validate({}))
+    usd: Usd = Field(default_factory=lambda: Usd.model_validate({}))
     targets: Names = Field(("urdf", "mjcf", "usd"), description="formats to write")
     validate_: Validate = Field(
         default_factory=lambda: Validate.model_validate({}), alias="validate"

@@ -9,6 +9,8 @@ from html import escape
 from assetbuild.findings import Finding
 from assetbuild.report.document import CheckResult, Report
 
+_FIRST = ("rank", "row", "of", "mujoco", "physx", "off", "unit")
+"""Columns of a figure's table that come first, in this order."""
 _STYLE = """
 :root { color-scheme: light dark; --line: #8884; --bad: #c62828; --warn: #b26a00; --ok: #2e7d32; }
 @media (prefers-color-scheme: dark) { :root { --bad: #ef9a9a; --warn: #ffcc80; --ok: #a5d6a7; } }
@@ -103,16 +105,28 @@ def _finding_table(findings: list[Finding]) -> str:
 def _checks(checks: Mapping[str, CheckResult]) -> str:
     rows = []
     for name, check in sorted(checks.items()):
-        figures = "<br>".join(
-            f"{escape(key)}: {escape(_shown(value))}"
-            for key, value in sorted(check.figures.items())
-        )
+        figures = "<br>".join(_figure(key, v) for key, v in sorted(check.figures.items()))
         rows.append(
             f'<tr><td>{escape(name)}</td><td class="{check.status}">{check.status}</td>'
             f"<td>{escape(check.note)}{figures}</td></tr>"
         )
     head = "<tr><th>Check</th><th>Status</th><th>Figures</th></tr>"
     return f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>"
+
+
+def _figure(key: str, value: object) -> str:
+    """A number with its name; a list of rows as a table of its own."""
+    rows = [row for row in value if isinstance(row, dict)] if isinstance(value, list) else []
+    if not rows or len(rows) != len(list(value)):  # type: ignore[call-overload] # a list, see above
+        return f"{escape(key)}: {escape(_shown(value))}"
+    columns = sorted(rows[0], key=lambda c: (_FIRST.index(c) if c in _FIRST else len(_FIRST), c))
+    head = "".join(f"<th>{escape(column)}</th>" for column in columns)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(_shown(row.get(c)))}</td>" for c in columns) + "</tr>"
+        for row in rows
+    )
+    table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    return f"<details><summary>{escape(key)} ({len(rows)})</summary>{table}</details>"
 
 
 def _shown(value: object) -> str:
