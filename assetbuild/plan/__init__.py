@@ -1,7 +1,7 @@
 """Recipe to graph, top to bottom: the only wiring, and the map of the project.
 
     source -> read -> lint -> edits -> merge fixed joints -> lint -> meshes -> collision -> assemble
-           -> control -> targets -> checks
+           -> control -> targets -> pictures -> checks
 
 A plan may ask: where the graph depends on what a built file says (which meshes does this URDF
 name?), `Planner.ask` gives its bytes, or None while it is not built. Then the plan ends early,
@@ -21,6 +21,7 @@ from assetbuild.lock import Lock
 from assetbuild.plan.agree import check_against_robot, check_names
 from assetbuild.plan.edits import apply_edits, edit_keys
 from assetbuild.plan.geometry import Geometry, assemble
+from assetbuild.plan.looks import looks
 from assetbuild.plan.source import Description, Source, description_of, open_source
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
@@ -37,9 +38,9 @@ from assetbuild.steps.read_urdf import ReadUrdf
 class Outline:
     """What a plan leaves for the report and the bundle: references into the graph.
 
-    skipped: checks that this machine cannot run, and why. subjects: what a node works on, where
-    the node itself does not know. edits: label of an edit's node -> its key in the recipe.
-    expanded: the URDF behind a xacro, which its lines count.
+    skipped: checks that this machine cannot run, and why. looks: pictures and the 3D view.
+    subjects: what a node works on, where the node itself does not know. edits: label of an edit's
+    node -> its key in the recipe. expanded: the URDF behind a xacro, which its lines count.
     """
 
     source_map: Ref | None = None
@@ -49,6 +50,7 @@ class Outline:
     checks: dict[str, Node] = field(default_factory=dict)
     skipped: dict[str, str] = field(default_factory=dict)
     licenses: dict[str, Ref] = field(default_factory=dict)
+    looks: dict[str, Node] = field(default_factory=dict)
     subjects: dict[str, str] = field(default_factory=dict)
     edits: dict[str, tuple[str | int, ...]] = field(default_factory=dict)
 
@@ -92,6 +94,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
         "meshes/": assembled["meshes/"],
     }
     outline.targets = _targets(recipe, outline.robot, p)
+    outline.looks = looks(recipe, outline.robot, p)
     _checks(recipe, outline, _comparable(recipe, outline, read), p)
     return outline
 
