@@ -26,6 +26,8 @@ TURN = 0.3
 """rad (or share of the range of a sliding joint) by which a joint is turned to show its sign."""
 MOST_JOINTS = 80
 """More joints than this are not shown one by one."""
+BODY = (2, 3)
+"""What stands for the robot: visual geometry, and collision geometry of bodies without any."""
 GREY = (0.72, 0.74, 0.77, 1.0)
 MOVED = (0.95, 0.50, 0.10, 1.0)
 
@@ -47,6 +49,7 @@ class Render(Step):
     key, so a later driver makes them.
     """
 
+    version = "2"
     tools = ("mujoco", "pillow")
     outputs = ("images/", "pictures.json")
     isolated = True
@@ -106,6 +109,8 @@ class Stage:
     def __init__(self, studio: Studio, model: Model, data: Data) -> None:
         self.studio, self.model, self.data = studio, model, data
         self.center, self.size = extent(model, data)
+        visual = np.flatnonzero(np.asarray(model.geom_group) == 2)
+        self._with_visual = frozenset(int(model.geom_bodyid[geom]) for geom in visual)
         scale = model.vis.scale
         # MuJoCo draws decorations in units of the model's mean size, which a small head decides.
         unit = self.size / float(model.stat.meansize)
@@ -124,6 +129,7 @@ class Stage:
         """Six large pictures."""
         colours = self._by_piece(1.0)
         clear, faint = self._by_piece(0.45), self._faded(0.18)
+        ghost = self._faded(0.18, spare=False)
         shots: tuple[tuple[str, str, str, dict[str, Any]], ...] = (  # Any: the fields of View
             ("visual", "Visual", "the visual geometry at home", {}),
             ("collision", "Collision", "the collision geometry, a colour for each piece",
@@ -131,11 +137,11 @@ class Stage:
             ("overlay", "Both", "collision geometry laid over the visual geometry",
              {"groups": (2, 3), "paint": clear}),
             ("inertia", "Inertia", "equivalent inertia ellipsoids and centres of mass",
-             {"groups": (2,), "flags": ("mjVIS_INERTIA", "mjVIS_COM"), "paint": faint}),
+             {"groups": BODY, "flags": ("mjVIS_INERTIA", "mjVIS_COM"), "paint": faint}),
             ("joints", "Joint axes", "an arrow along the axis of each joint",
-             {"groups": (2,), "flags": ("mjVIS_JOINT",), "paint": faint}),
+             {"groups": BODY, "flags": ("mjVIS_JOINT",), "paint": faint}),
             ("contacts", "Contacts", f"where it touches at home: {self.data.ncon} points",
-             {"groups": (0, 3), "flags": ("mjVIS_CONTACTPOINT",), "paint": faint}),
+             {"groups": (0, 3), "flags": ("mjVIS_CONTACTPOINT",), "paint": ghost}),
         )  # fmt: skip
         for name, title, alt, more in shots:
             pixels = self.studio.frame(self.data, self.view(**more))
@@ -188,7 +194,7 @@ class Stage:
         data = at_home(self.model)
         data.qpos[int(self.model.jnt_qposadr[joint])] += value
         mj.mj_kinematics(self.model, data)
-        view = self.view(groups=(2,), width=TILE_WIDTH, height=TILE_HEIGHT, paint=paint)
+        view = self.view(groups=BODY, width=TILE_WIDTH, height=TILE_HEIGHT, paint=paint)
         return self.studio.frame(data, view)
 
     def _below(self, body: int) -> frozenset[int]:
@@ -205,6 +211,11 @@ class Stage:
         is_geom = geom.objtype == mj.mjtObj.mjOBJ_GEOM.value
         return bool(is_geom and self.model.geom_bodyid[geom.objid] != 0)
 
+    def _is_spare(self, geom: Any) -> bool:  # Any: mjvGeom
+        """Collision geometry of a body that has visual geometry to be seen by."""
+        is_collision = int(self.model.geom_group[geom.objid]) == 3
+        return is_collision and int(self.model.geom_bodyid[geom.objid]) in self._with_visual
+
     def _is_free_joint(self, geom: Any) -> bool:  # Any: mjvGeom
         import mujoco as mj
 
@@ -220,10 +231,10 @@ class Stage:
 
         return paint
 
-    def _faded(self, alpha: float) -> offscreen.Paint:
+    def _faded(self, alpha: float, *, spare: bool = True) -> offscreen.Paint:
         def paint(geom: Any) -> None:  # Any: mjvGeom
             if self._is_robot(geom):
-                plain(geom, (*GREY[:3], alpha))
+                plain(geom, (*GREY[:3], 0.0 if spare and self._is_spare(geom) else alpha))
             elif self._is_free_joint(geom):
                 geom.rgba[3] = 0.0  # a box in the middle of the robot says nothing
 
@@ -232,6 +243,9 @@ class Stage:
     def _highlighted(self, bodies: frozenset[int]) -> offscreen.Paint:
         def paint(geom: Any) -> None:  # Any: mjvGeom
             if self._is_robot(geom):
+                if self._is_spare(geom):
+                    plain(geom, (0.0, 0.0, 0.0, 0.0))
+                    return
                 moves = int(self.model.geom_bodyid[geom.objid]) in bodies
                 plain(geom, MOVED if moves else GREY)
 
