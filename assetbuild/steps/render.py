@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,14 +15,15 @@ import numpy as np
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
+from assetbuild.robot.pose import Vec3, vec3
 from assetbuild.simulators import mujoco, offscreen
 from assetbuild.simulators.mujoco import Data, Model
 from assetbuild.simulators.offscreen import Pixels, Studio, View
 
 WIDTH, HEIGHT = 640, 480
 TILE_WIDTH, TILE_HEIGHT = 200, 150
-DISTANCE = 1.12
-"""Of the camera, in sizes of the robot."""
+ELEVATION, FOV = -18.0, 45.0
+"""Of the camera, degrees; the field of view is MuJoCo's default."""
 TURN = 0.3
 """rad (or share of the range of a sliding joint) by which a joint is turned to show its sign."""
 MOST_JOINTS = 80
@@ -49,7 +51,7 @@ class Render(Step):
     key, so a later driver makes them.
     """
 
-    version = "2"
+    version = "3"
     tools = ("mujoco", "pillow")
     outputs = ("images/", "pictures.json")
     isolated = True
@@ -108,7 +110,7 @@ class Stage:
 
     def __init__(self, studio: Studio, model: Model, data: Data) -> None:
         self.studio, self.model, self.data = studio, model, data
-        self.center, self.size = extent(model, data)
+        self.center, self.size, self.distance = extent(model, data)
         visual = np.flatnonzero(np.asarray(model.geom_group) == 2)
         self._with_visual = frozenset(int(model.geom_bodyid[geom]) for geom in visual)
         scale = model.vis.scale
@@ -123,7 +125,7 @@ class Stage:
 
     def view(self, **more: Any) -> View:  # Any: the fields of View
         """The common camera."""
-        return View(self.center, DISTANCE * self.size, **more)
+        return View(self.center, self.distance, elevation=ELEVATION, **more)
 
     def views(self) -> Iterator[Picture]:
         """Six large pictures."""
@@ -144,6 +146,8 @@ class Stage:
              {"groups": (0, 3), "flags": ("mjVIS_CONTACTPOINT",), "paint": ghost}),
         )  # fmt: skip
         for name, title, alt, more in shots:
+            if name == "contacts" and not self.data.ncon:
+                continue
             pixels = self.studio.frame(self.data, self.view(**more))
             yield Picture(f"{name}.png", title, alt, pixels)
 
@@ -261,18 +265,23 @@ def plain(geom: Any, rgba: tuple[float, float, float, float]) -> None:  # Any: m
     geom.transparent = int(rgba[3] < 1.0)
 
 
-def extent(model: Model, data: Data) -> tuple[tuple[float, float, float], float]:
-    """Middle and diameter (m) of the robot's geometry, from its bounding spheres."""
+def extent(model: Model, data: Data) -> tuple[Vec3, float, float]:
+    """Middle of the robot's box, its size (m), and how far away the camera sees all of it (m)."""
     robot = np.flatnonzero(
         (np.asarray(model.geom_bodyid) != 0) & (np.asarray(model.geom_group) < 4)
     )
     if not len(robot):
-        x, y, z = (float(v) for v in data.subtree_com[0])
-        return (x, y, z), 1.0
-    centers, radii = np.array(data.geom_xpos)[robot], np.array(model.geom_rbound)[robot, None]
-    lower, upper = (centers - 0.6 * radii).min(axis=0), (centers + 0.6 * radii).max(axis=0)
-    x, y, z = (float(v) for v in (lower + upper) / 2)
-    return (x, y, z), max(float(np.linalg.norm(upper - lower)), 1e-3)
+        return vec3(data.subtree_com[0]), 1.0, 2.0
+    turned = np.array(data.geom_xmat).reshape(-1, 3, 3)[robot]
+    box = np.array(model.geom_aabb)[robot]
+    middles = np.array(data.geom_xpos)[robot] + np.einsum("nij,nj->ni", turned, box[:, :3])
+    halves = np.einsum("nij,nj->ni", np.abs(turned), box[:, 3:])
+    lower, upper = (middles - halves).min(axis=0), (middles + halves).max(axis=0)
+    across = math.hypot(*(upper - lower)[:2])
+    tall = float(upper[2] - lower[2]) + abs(math.sin(math.radians(ELEVATION))) * across
+    fits = max(tall, across * HEIGHT / WIDTH) / (2.0 * math.tan(math.radians(FOV / 2.0)))
+    size = max(float(np.linalg.norm(upper - lower)), 1e-3)
+    return vec3((lower + upper) / 2.0), size, max(1.1 * fits + across / 3.0, 1e-3)
 
 
 def hue(number: int) -> tuple[float, float, float]:

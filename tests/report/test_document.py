@@ -49,3 +49,9 @@ def test_fail_on_decides_what_fails():
 def test_a_skipped_check_is_part_of_the_next_step():
     checks = {"oracle": CheckResult("skip", note="needs pinocchio")}
     assert "oracle" in make_report("r", [], checks, {}, nowhere).verdict.next_step
+
+
+def test_what_is_said_of_a_link_and_of_its_body_is_said_once_at_its_worst():
+    quiet = Finding("inertia.radius", "info", "link calf", "0.6 m")
+    report = make_report("r", [quiet, RADIUS, RADIUS], {}, {}, nowhere)
+    assert [finding.severity for finding in report.findings] == ["warning"]
