@@ -1,7 +1,7 @@
 """Recipe to graph, top to bottom: the only wiring, and the map of the project.
 
     source -> read -> lint -> edits -> merge fixed joints -> lint -> meshes -> collision -> assemble
-           -> control -> targets -> checks
+           -> control -> targets -> pictures -> checks
 
 A plan may ask: where the graph depends on what a built file says (which meshes does this URDF
 name?), `Planner.ask` gives its bytes, or None while it is not built. Then the plan ends early,
@@ -23,6 +23,7 @@ from assetbuild.plan.agree import check_against_robot, check_names, turned_meshe
 from assetbuild.plan.companions import companions
 from assetbuild.plan.edits import apply_edits, edit_keys
 from assetbuild.plan.geometry import Geometry, assemble, lint_meshes
+from assetbuild.plan.looks import looks
 from assetbuild.plan.reading import Reading, read_description
 from assetbuild.plan.source import Description, Source, description_of, open_source
 from assetbuild.recipe.loader import LoadedRecipe
@@ -39,10 +40,10 @@ from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
 class Outline:
     """What a plan leaves for the report and the bundle: references into the graph.
 
-    skipped: checks that this machine cannot run, and why. subjects: what a node works on, where
-    the node itself does not know. edits: label of an edit's node -> its key in the recipe.
-    expanded: the URDF behind a xacro, which its lines count. absent: files that were looked for;
-    their appearance changes the build.
+    skipped: checks that this machine cannot run, and why. looks: pictures and the 3D view.
+    subjects: what a node works on, where the node itself does not know. edits: label of an edit's
+    node -> its key in the recipe. expanded: the URDF behind a xacro, which its lines count.
+    absent: files that were looked for; their appearance changes the build.
     """
 
     source_map: Ref | None = None
@@ -53,6 +54,7 @@ class Outline:
     checks: dict[str, Node] = field(default_factory=dict)
     skipped: dict[str, str] = field(default_factory=dict)
     licenses: dict[str, Ref] = field(default_factory=dict)
+    looks: dict[str, Node] = field(default_factory=dict)
     subjects: dict[str, str] = field(default_factory=dict)
     edits: dict[str, tuple[str | int, ...]] = field(default_factory=dict)
 
@@ -101,6 +103,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
         "meshes/": assembled["meshes/"],
     }
     outline.targets = _targets(recipe, outline.robot, p)
+    outline.looks = looks(recipe, outline.robot, p)
     _checks(recipe, outline, _sources(recipe, outline, read), p)
     return outline
 
