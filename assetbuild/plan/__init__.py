@@ -94,6 +94,8 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], p)
     outline.subjects = geometry.subjects
+    if assembled is None:
+        return outline
     control = _control(recipe, read, tree, assembled, p)
     outline.robot = {
         "links.json": edited["links.json"],

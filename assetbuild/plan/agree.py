@@ -7,8 +7,8 @@ from collections.abc import Collection
 
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.kinds import plugin_names
+from assetbuild.plan.collision import BUILT_IN, collision_method
 from assetbuild.plan.edits import edits_of
-from assetbuild.plan.geometry import BUILT_IN, collision_method
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.model import Tree

@@ -18,6 +18,7 @@ from assetbuild.recipe.base import Model as Model
 from assetbuild.recipe.base import NonNegative as NonNegative
 from assetbuild.recipe.base import Positive as Positive
 from assetbuild.recipe.base import Real as Real
+from assetbuild.recipe.collision import CollisionRule, Preset
 from assetbuild.recipe.mjcf import Mjcf, Mjx
 from assetbuild.recipe.names import Name as Name
 from assetbuild.recipe.names import Pattern as Pattern
@@ -172,33 +173,26 @@ class Visual(Model):
     )
 
 
-class CollisionRule(Model):
-    """How the collision geometry of a link is made."""
-
-    method: str = Field("auto", description="auto, keep, none or a plug-in of assetbuild.collision")
-    shape: Literal["box", "sphere", "capsule", "cylinder"] | None = Field(
-        None, description="of `primitive`; without it the best fit of all"
-    )
-    from_: Literal["auto", "collision", "visual"] = Field(
-        "auto", alias="from", description="the link's geometry to use; auto: collision, else visual"
-    )
-    max_hulls: int | None = Field(None, ge=1, le=1024, description="most pieces, where it applies")
-    max_vertices: int | None = Field(None, ge=4, le=256, description="most vertices of a piece")
-    threshold: Positive | None = Field(
-        None, ge=0.01, le=1, description="of `coacd`, relative concavity 0.01..1"
-    )
-
-
 class Exclude(Model):
     """Pairs of bodies that never collide."""
 
     adjacent: bool = Field(True, description="bodies that a joint connects")
+    sampled: int = Field(
+        0,
+        ge=0,
+        le=1_000_000,
+        description="random poses within the limits; pairs that touch in all or in none of them "
+        "are excluded; 0 = do not sample, 10000 is a good number",
+    )
     pairs: tuple[LinkPair, ...] = Field((), description="pairs of source links")
 
 
 class Collision(Model):
     """Collision geometry, by source link."""
 
+    preset: Preset = Field(
+        "locomotion", description="tolerances of `auto`: coarse and fast, or close to the mesh"
+    )
     default: CollisionRule = Field(default_factory=lambda: CollisionRule.model_validate({}))
     links: dict[Pattern, CollisionRule] = Field(
         default_factory=dict, description="the first pattern that matches a link wins"
