@@ -22,6 +22,7 @@ from assetbuild.recipe.collision import CollisionRule, Preset
 from assetbuild.recipe.mjcf import Mjcf, Mjx
 from assetbuild.recipe.names import Name as Name
 from assetbuild.recipe.names import Pattern as Pattern
+from assetbuild.recipe.randomize import Randomize
 from assetbuild.recipe.sensing import Cameras, Feet, Imu, Sensors
 from assetbuild.recipe.surface import Contact as Contact
 from assetbuild.recipe.surface import Simulation as Simulation
@@ -309,6 +310,9 @@ class Recipe(Model):
     )
     simulation: Simulation = Field(default_factory=lambda: Simulation.model_validate({}))
     usd: Usd = Field(default_factory=lambda: Usd.model_validate({}))
+    randomize: Randomize | None = Field(
+        None, description="ranges for `assetbuild sample`, dr.yaml and trainers"
+    )
     targets: Names = Field(("urdf", "mjcf", "usd"), description="formats to write")
     validate_: Validate = Field(
         default_factory=lambda: Validate.model_validate({}), alias="validate"
