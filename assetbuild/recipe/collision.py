@@ -137,6 +137,11 @@ class CollisionRule(Model):
     )
     vhacd: VHacdOptions | None = Field(None, description="parameters of V-HACD")
     coacd: CoAcdOptions | None = Field(None, description="parameters of CoACD")
+    margin: Share | None = Field(
+        None,
+        le=0.5,
+        description="of `spheres`: how far one may stick out, share of the mesh's size",
+    )
     pieces: tuple[ExplicitPiece, ...] | None = Field(
         None, min_length=1, max_length=1024, description="of `explicit`: the geometry itself"
     )
