@@ -321,4 +321,5 @@ def _missed(origins: Array, directions: Array, mesh: TriangleMesh) -> NDArray[np
         ((origins - middle) / size).astype(np.float32), directions.astype(np.float32)
     )
     del kept
-    return np.equal(np.asarray(struck), -1)
+    missed: NDArray[np.bool_] = np.asarray(struck, dtype=np.int64) == -1
+    return missed

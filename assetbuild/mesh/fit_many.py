@@ -98,7 +98,8 @@ def fit_parts(
 
 
 def _union(fits: Sequence[Fitted], points: Array) -> Array:
-    return np.min([_distance(fitted, points) for fitted in fits], axis=0)
+    nearest: Array = np.min([_distance(fitted, points) for fitted in fits], axis=0)
+    return nearest
 
 
 def _distance(fitted: Fitted, points: Array) -> Array:
