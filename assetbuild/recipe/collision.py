@@ -146,10 +146,10 @@ class CollisionRule(Model):
         None, min_length=1, max_length=1024, description="of `explicit`: the geometry itself"
     )
     cpu_limit: Positive | None = Field(
-        None, le=86_400, description="CPU seconds of one run of a native library"
+        None, le=1800, description="CPU seconds of one run of a native library"
     )
     memory_limit_mb: int | None = Field(
-        None, ge=64, le=1_048_576, description="memory of one run of a native library, MB"
+        None, ge=64, le=4096, description="memory of one run of a native library, MB"
     )
 
 
