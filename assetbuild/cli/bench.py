@@ -71,8 +71,9 @@ def _row(level: Level, *, is_best: bool) -> str:
     speed = level.speed
     iou = f"{level.iou:8.3f}" if level.iou is not None else "       -"
     outside = f"{level.outside_mm:5.1f} mm" if level.outside_mm is not None else "       -"
+    fell = f"   {level.fell} by another method" if level.fell else ""
     return (
         f"{mark} {level.name:11} {speed['steps_per_s']:8,.0f}  {speed['contacts']:8.1f}"
         f"  {speed['geoms']:5}   {speed['self_contacts']:14}  {speed['deepest_mm']:4.1f} mm"
-        f"   {iou}  {outside} {level.build_s:6.1f} s"
+        f"   {iou}  {outside} {level.build_s:6.1f} s{fell}"
     )

@@ -46,6 +46,7 @@ class Level:
     """One row. iou: mean over the fitted meshes; outside_mm: the worst; None = nothing fitted.
 
     build_s: CPU seconds of the steps that made the collision geometry, when they last ran.
+    fell: meshes whose library failed, so that another method made their pieces.
     error: why there are no figures.
     """
 
@@ -54,6 +55,7 @@ class Level:
     iou: float | None = None
     outside_mm: float | None = None
     build_s: float = 0.0
+    fell: int = 0
     error: str = ""
 
 
@@ -93,6 +95,7 @@ class _Built:
     outline: LevelOutline
     planner: Planner
     seconds: float
+    fell: int
 
 
 def _built(
@@ -116,7 +119,14 @@ def _built(
             spent[label] = max(spent.get(label, 0.0), took)
         if not planner.questions:
             seconds = sum(spent.get(node.label, 0.0) for node in outline.fits)
-            return _Built(outline, planner, seconds)
+            fell = sum(
+                any(
+                    finding.rule == "collision.library_failed"
+                    for finding in results[n.label].findings
+                )
+                for n in outline.fits
+            )
+            return _Built(outline, planner, seconds, fell)
 
 
 def _read(built: _Built, session: Session) -> bytes:
@@ -144,6 +154,7 @@ def _measured(name: str, built: _Built, session: Session, robot: str) -> Level:
         iou=sum(q["iou"] for q in figures) / len(figures) if figures else None,
         outside_mm=1e3 * max(q["max_outside_m"] for q in figures) if figures else None,
         build_s=built.seconds,
+        fell=built.fell,
     )
 
 
