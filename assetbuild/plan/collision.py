@@ -100,10 +100,9 @@ def collision_jobs(loaded: LoadedRecipe, links: Tree, meshes: Meshes) -> tuple[J
 def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: Shapes) -> list[Job]:
     rule, key = _rule_of(loaded.recipe, link)
     own = _source_of(rule, link, shapes)
-    if rule.method in BUILT_IN:
-        _refuse_foreign(loaded, rule, key, known=("from", "preset"))
+    method = check_rule(loaded, rule, key)
+    if method is None:
         return [Job(link, (shape,)) for shape in own] if rule.method == "keep" else []
-    method = collision_method(loaded, rule, key)
     if not own and method.step_name() != "explicit":
         return []
     fields = _fields(rule, loaded.recipe)
@@ -143,10 +142,16 @@ def _source_of(rule: CollisionRule, link: str, shapes: Shapes) -> tuple[Shape, .
     return of_link[rule.from_]
 
 
-def collision_method(
+def check_rule(
     loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...]
-) -> type[CollisionMethod]:
-    """The plug-in of a rule; RecipeError for an unknown one, or a key that it does not have."""
+) -> type[CollisionMethod] | None:
+    """The plug-in of a rule, None for `keep` and `none`.
+
+    RecipeError for an unknown one, and for a key that it does not have.
+    """
+    if rule.method in BUILT_IN:
+        _refuse_foreign(loaded, rule, key, known=("from", "preset"))
+        return None
     try:
         method = load_plugin(CollisionMethod, "assetbuild.collision", rule.method)
     except KeyError:
