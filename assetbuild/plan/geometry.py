@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import PurePosixPath
 
 from assetbuild.engine.graph import Node, Planner, Ref
@@ -35,13 +35,21 @@ class Geometry:
         turned: Collection[str],
         p: Planner,
     ) -> None:
-        self.shapes, self.textures = shapes, textures
-        self._files, self._companions, self._p = files, companions, p
-        self._turned = turned
+        self.shapes, self.textures = shapes, dict(textures)
+        self._files, self._companions, self._p = dict(files), dict(companions), p
+        self._turned = set(turned)
         self._converted: dict[tuple[str, tuple[float, float, float]], Node] = {}
         self._decimated: dict[str, Node] = {}
         self.subjects: dict[str, str] = {}
         self._stems = _short_names(tuple(files))
+
+    def mount(self, part: Geometry, path_of: Callable[[str], str]) -> None:
+        """Take in the files of a part; path_of: their paths in the whole."""
+        self._files |= {path_of(path): ref for path, ref in part._files.items()}
+        self._companions |= {path_of(path): named for path, named in part._companions.items()}
+        self.textures |= {path_of(path): ref for path, ref in part.textures.items()}
+        self._turned |= {path_of(path) for path in part._turned}
+        self._stems = _short_names(tuple(self._files)) | self._stems
 
     def stem(self, mesh: Mesh) -> str:
         """The short name of a mesh file: `calf`."""
