@@ -21,7 +21,7 @@ from assetbuild.kinds import Check, Target, load_plugin, plugin_names
 from assetbuild.lock import Lock, lock_path, read_lock
 from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
 from assetbuild.plan.companions import companions
-from assetbuild.plan.compose import Ready, compose
+from assetbuild.plan.compose import Ready, check_parts, compose
 from assetbuild.plan.edits import apply_edits, edit_keys
 from assetbuild.plan.geometry import Geometry, assemble, lint_meshes
 from assetbuild.plan.looks import looks
@@ -64,6 +64,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     """Add the graph of one recipe to the planner, as far as the answers reach."""
     recipe, outline = loaded.recipe, Outline()
     check_names(loaded)
+    check_parts(loaded)
     outline.edits = edit_keys(loaded)
     ready = _prepare(loaded, lock, outline, p)
     if ready is None:
@@ -134,12 +135,16 @@ def _prepare_part(whole: LoadedRecipe, index: int, outline: Outline, p: Planner)
     """A part of a composite; its licences come with it."""
     part, prefix = whole.parts[index], whole.recipe.compose[index].as_
     check_names(part)
-    lock = read_lock(lock_path(part.path)) if part.recipe.source.moving else None
     own = Outline()
-    ready = _prepare(part, lock, own, p.scoped(f"{prefix} "))
+    ready = _prepare(part, part_lock(part), own, p.scoped(f"{prefix} "))
     outline.licenses |= {f"{prefix}/{path}": ref for path, ref in own.licenses.items()}
     outline.absent = (*outline.absent, *own.absent)
     return ready
+
+
+def part_lock(part: LoadedRecipe) -> Lock | None:
+    """The pin of a part's source, which lies beside its own recipe."""
+    return read_lock(lock_path(part.path)) if part.recipe.source.moving else None
 
 
 def _geometry(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -39,7 +40,6 @@ def compose(
 ) -> tuple[LoadedRecipe, Ready] | None:
     """The whole as one robot, with a recipe that speaks of its names; None: not known yet."""
     rows = loaded.recipe.compose
-    _refuse(loaded, base, parts)
     made = [ready for _, ready in parts if ready is not None]
     links = p.ask(base.robot["links.json"])
     trees = [p.ask(ready.robot["links.json"]) for ready in made]
@@ -54,6 +54,7 @@ def compose(
         for row, ready in zip(rows, made, strict=True):
             if ready.geometry is not None:
                 base.geometry.mount(ready.geometry, partial(part_path, row.as_))
+    _check_home(loaded, [decode(Tree, tree) for tree in trees if tree is not None])
     mounted = [
         _mounted(row, part, decode(Tree, tree))
         for row, (part, _), tree in zip(rows, parts, trees, strict=True)
@@ -64,13 +65,12 @@ def compose(
     return whole, replace(base, robot=robot, source_map=node["source_map.json"])
 
 
-def _refuse(
-    loaded: LoadedRecipe, base: Ready, parts: Sequence[tuple[LoadedRecipe, Ready | None]]
-) -> None:
+def check_parts(loaded: LoadedRecipe) -> None:
+    """Prefixes that cannot be told apart, and descriptions that cannot be composed."""
     hint = "compose robots that come as URDF or xacro"
-    if base.read.control is not None:
+    if loaded.parts and loaded.recipe.source.mjcf is not None:
         raise loaded.error(("source", "mjcf"), "an MJCF cannot carry parts yet", hint)
-    for index, (part, _) in enumerate(parts):
+    for index, part in enumerate(loaded.parts):
         if part.recipe.source.mjcf is not None:
             message = "a part that comes as MJCF cannot be mounted yet"
             raise loaded.error(("compose", index, "recipe"), message, hint)
@@ -90,6 +90,16 @@ def _check_links(loaded: LoadedRecipe, base: Tree) -> None:
             if link not in base.by_body:
                 hint = did_you_mean(link, base.by_body)
                 raise loaded.error(("compose", index, *key), f"no link `{link}`", hint)
+
+
+def _check_home(loaded: LoadedRecipe, parts: Sequence[Tree]) -> None:
+    for index, (row, tree) in enumerate(zip(loaded.recipe.compose, parts, strict=True)):
+        names = [joint.name for joint in tree.moving_joints]
+        for pattern in row.home:
+            if not any(re.fullmatch(pattern, name) for name in names):
+                key = ("compose", index, "home", pattern)
+                message = f"pattern `{pattern}` matches no joint of the part"
+                raise loaded.error(key, message, did_you_mean(pattern, names))
 
 
 def _inputs(folder: str, ready: Ready) -> dict[str, Ref]:

@@ -72,6 +72,7 @@ class ComposeParts(Step):
                 if isinstance(line, str)
                 else f"{file}:{line}"
                 for subject, line in own["lines"].items()
+                if " " in subject  # the whole is not the part
             }
             yield _told(part, own_tree)
         _refuse_clashes(tree, shapes)
@@ -135,9 +136,7 @@ def part_path(prefix: str, path: str) -> str:
 
 def prefixed_subject(subject: str, prefix: str) -> str:
     """`joint calf` of a part as `joint arm_calf`; a mesh by its path."""
-    kind, space, name = subject.partition(" ")
-    if not space:
-        return subject
+    kind, _, name = subject.partition(" ")
     return f"{kind} {part_path(prefix, name) if kind == 'mesh' else prefix + name}"
 
 
