@@ -23,9 +23,11 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Lock
-from xml.etree.ElementTree import ParseError
+from xml.etree.ElementTree import Element, ParseError
 
 from defusedxml.ElementTree import parse
+
+from corpus.xacros import Given, given, xacros
 
 PACKAGE = "example-robot-data==6.0.0"
 ROOT_IN_WHEEL = "cmeel.prefix/share/example-robot-data"
@@ -41,7 +43,7 @@ def main() -> int:
     parser.add_argument("--work", type=Path, help="keep recipes and bundles here")
     options = parser.parse_args()
     root = data_root(options.data)
-    names = corpus(root)
+    names = corpus(root) + xacros()
     if options.only:
         names = [name for name in names if any(part in name for part in options.only)]
     state = options.out.with_suffix(".json")
@@ -94,13 +96,13 @@ def corpus(root: Path) -> list[str]:
 
 def one(root: Path, name: str, work: Path) -> dict[str, object]:
     """Init and build; everything that the table says about it."""
-    urdf = root / "robots" / name
     folder = work / re.sub(r"[^A-Za-z0-9_]", "_", name.removesuffix(".urdf"))
     folder.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
     row: dict[str, object] = {"result": "refused", "note": "", "seconds": 0.0}
-    row |= counts_in(urdf)
-    done = run("init", str(urdf), "-o", str(folder / "recipe.yaml"), "--force")
+    got = given(name, root, folder) if name in xacros() else Given(root / "robots" / name, {})
+    row |= counts_in(as_urdf(got, folder), root)
+    done = run("init", str(got.file), *got.words, "-o", str(folder / "recipe.yaml"), "--force")
     if done.returncode == 0:
         done = run("build", str(folder / "recipe.yaml"), "-o", str(folder / "bundle"))
         row |= judged(folder, done.returncode)
@@ -123,8 +125,19 @@ def error_of(text: str) -> str:
     return lines[0].removeprefix("error: ")[:200] if lines else ""
 
 
-def counts_in(urdf: Path) -> dict[str, object]:
-    """Shapes and mass that the source states, read by another library than ours."""
+def as_urdf(got: Given, folder: Path) -> Path:
+    """The description itself, of a xacro what it expands to."""
+    if got.file.suffix == ".urdf":
+        return got.file
+    from assetbuild.init.source import find_source
+
+    expanded = folder / "expanded.urdf"
+    expanded.write_bytes(find_source(got.file, {}, got.args).data)
+    return expanded
+
+
+def counts_in(urdf: Path, root: Path) -> dict[str, object]:
+    """Shapes, textures and mass that the source states, read by another library than ours."""
     try:
         robot = parse(urdf).getroot()
     except ParseError:
@@ -134,7 +147,38 @@ def counts_in(urdf: Path) -> dict[str, object]:
         "visual_in": len(robot.findall("link/visual")),
         "collision_in": len(robot.findall("link/collision")),
         "mass_source": sum(masses),
+        "textures_in": len(pictures_of(robot, urdf, root)),
     }
+
+
+def pictures_of(robot: Element, urdf: Path, root: Path) -> set[Path]:
+    """Pictures of what is seen: the files that the visual meshes name, as far as they exist."""
+    found: set[Path] = set()
+    for mesh in robot.iterfind("link/visual/geometry/mesh"):
+        uri = mesh.get("filename", "")
+        inside = re.sub(r"^package:/+[^/]+/", "", uri)
+        path = urdf.parent / uri if inside == uri else root / inside
+        if path.is_file():
+            found |= {picture.resolve() for picture in named_by(path) if picture.is_file()}
+    return found
+
+
+def named_by(mesh: Path) -> list[Path]:
+    """Pictures that a COLLADA file or an OBJ's material library names."""
+    if mesh.suffix.lower() == ".dae":
+        images = [e for e in parse(mesh).getroot().iter() if e.tag.endswith("}image")]
+        names = [e.text for image in images for e in image.iter() if e.tag.endswith("}init_from")]
+        return [mesh.parent / name.strip() for name in names if name]
+    if mesh.suffix.lower() == ".obj":
+        text = mesh.read_text(errors="replace")
+        libraries = [mesh.parent / n for n in re.findall(r"(?m)^mtllib (.+?)\s*$", text)]
+        return [
+            library.parent / name
+            for library in libraries
+            if library.is_file()
+            for name in re.findall(r"(?m)^\s*map_Kd (.+?)\s*$", library.read_text())
+        ]
+    return []
 
 
 def judged(folder: Path, code: int) -> dict[str, object]:
@@ -158,6 +202,10 @@ def judged(folder: Path, code: int) -> dict[str, object]:
         ]
         row["where"] = first["where"]
     row["figures"] = said["checks"].get("oracle", {}).get("figures", {})
+    equal = said["checks"].get("mjcf_equal", {}).get("figures", {})
+    row["inertia_error"] = equal.get("worst_relative_error", {}).get("inertia")
+    row["edits"] = dict(Counter(f["rule"][5:] for f in findings if f["rule"].startswith("edit.")))
+    row["lost"] = sorted({f["subject"] for f in findings if f["rule"].startswith("count.")})
     return row | counts_out(bundle)
 
 
@@ -174,6 +222,7 @@ def counts_out(bundle: Path) -> dict[str, object]:
     return {
         "visual_out": groups[2],
         "collision_out": groups[3],
+        "textures_out": sum(1 for kind in model.tex_type if kind == mujoco.mjtTexture.mjTEXTURE_2D),
         "mass_mjcf": float(model.body_mass.sum()),
     }
 
@@ -183,14 +232,16 @@ def counts_out(bundle: Path) -> dict[str, object]:
 
 def table(rows: dict[str, dict]) -> str:
     head = (
-        "| robot | result | mass kg | mass err | kinematics | mass matrix | gravity "
-        "| visual | collision | s | E/W/I | note |"
+        "| robot | result | edits | mass kg | mass err | inertia | kinematics | mass matrix "
+        "| gravity | visual | collision | textures | lost | s | E/W/I | note |"
     )
-    lines = [f"# Corpus: {PACKAGE}", "", summary(rows), "", head, "|" + " --- |" * 12]
+    lines = [f"# Corpus: {PACKAGE}", "", summary(rows), "", head, "|" + " --- |" * 16]
     lines += [line_of(name, rows[name]) for name in sorted(rows)]
     lines += [
         "",
-        "Errors are relative, against pinocchio on the source (50 poses); shapes: in → out.",
+        "Errors are relative. Kinematics, mass matrix, gravity: MJCF against pinocchio on the source,",
+        "of edited robots on the URDF that was written (50 poses). Inertia: MJCF against the robot,",
+        "worst link. Shapes: in → out. Edits are those that `init` wrote, counted by link.",
     ]
     return "\n".join(lines) + "\n"
 
@@ -200,14 +251,18 @@ def line_of(name: str, row: dict) -> str:
     cells = [
         name.removesuffix(".urdf"),
         row["result"],
+        ", ".join(f"{count} {name}" for name, count in row.get("edits", {}).items()),
         f"{row.get('mass_source', 0):.4g}",
         number(mass_error(row)),
+        number(row.get("inertia_error")),
         *(
             number(figures.get(f"{kind}_error"))
             for kind in ("kinematics", "mass_matrix", "gravity")
         ),
         f"{row.get('visual_in', '-')} → {row.get('visual_out', '-')}",
         f"{row.get('collision_in', '-')} → {row.get('collision_out', '-')}",
+        f"{row.get('textures_in', '-')} → {row.get('textures_out', '-')}",
+        ", ".join(row["lost"]) or "none" if "lost" in row else "-",
         f"{row['seconds']:.0f}",
         "/".join(str(findings.get(s, 0)) for s in ("error", "warning", "info")),
         str(row["note"]).replace("|", "\\|").replace("\n", " "),
@@ -233,14 +288,42 @@ def summary(rows: dict[str, dict]) -> str:
         )
         for kind in ("kinematics", "mass_matrix", "gravity")
     }
-    masses = [e for e in map(mass_error, rows.values()) if e is not None]
+    alike = [row for row in rows.values() if not row.get("edits")]
+    masses = [e for e in map(mass_error, alike) if e is not None]
+    inertias = [row["inertia_error"] for row in rows.values() if row.get("inertia_error")]
     told = ", ".join(f"{count} {result}" for result, count in sorted(results.items()))
     errors = ", ".join(f"{kind.replace('_', ' ')} {value:.1e}" for kind, value in worst.items())
     seconds = sum(row["seconds"] for row in rows.values())
     mass = f"{max(masses):.1e}" if masses else "-"
     return (
-        f"{len(rows)} robots: {told}. Worst errors: mass {mass}, {errors}. {seconds:.0f} s in all."
+        f"{len(rows)} robots: {told}. {len(rows) - len(alike)} edited. "
+        f"Worst errors: mass {mass} (not edited), "
+        f"inertia {max(inertias, default=0):.1e}, {errors}. "
+        f"{seconds:.0f} s in all. "
+        f"{shapes_summary(rows)}"
     )
+
+
+def shapes_summary(rows: dict[str, dict]) -> str:
+    """Sums over the robots that have an MJCF, and who lost a shape or a texture."""
+    there = {name: row for name, row in rows.items() if "visual_out" in row}
+    sums = {
+        key: sum(row.get(key, 0) for row in there.values())
+        for kind in ("visual", "collision", "textures")
+        for key in (f"{kind}_in", f"{kind}_out")
+    }
+    losers = [
+        name
+        for name, row in there.items()
+        if row.get("lost")
+        or row["visual_out"] < row["visual_in"]
+        or row.get("textures_out", 0) != row.get("textures_in", 0)
+    ]
+    counts = ", ".join(
+        f"{kind} {sums[f'{kind}_in']} → {sums[f'{kind}_out']}"
+        for kind in ("visual", "collision", "textures")
+    )
+    return f"Shapes: {counts}. Lost a shape or texture: {', '.join(losers) or 'none'}."
 
 
 if __name__ == "__main__":
