@@ -239,9 +239,9 @@ def table(rows: dict[str, dict]) -> str:
     lines += [line_of(name, rows[name]) for name in sorted(rows)]
     lines += [
         "",
-        "Errors are relative. Kinematics, mass matrix, gravity: MJCF against pinocchio on the source,",
-        "of edited robots on the URDF that was written (50 poses). Inertia: MJCF against the robot,",
-        "worst link. Shapes: in → out. Edits are those that `init` wrote, counted by link.",
+        "Errors are relative. Kinematics, mass matrix, gravity: MJCF against pinocchio on the",
+        "source, of edited robots on the URDF that was written (50 poses). Inertia: MJCF against",
+        "the robot, worst link. Shapes: in → out. Edits: what `init` wrote, counted by link.",
     ]
     return "\n".join(lines) + "\n"
 
