@@ -10,17 +10,20 @@ import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Self
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Target
+from assetbuild.recipe.mjcf import Mjcf as Options
+from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Material, Shapes, Tree
 from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjcf.chains import explain_chains
 from assetbuild.targets.mjcf.drives import explain_losses
+from assetbuild.targets.mjcf.opaque import with_opaque
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
 from assetbuild.targets.mjcf.xml import Element, document
@@ -35,12 +38,14 @@ class Mjcf(Target):
     outputs = ("mjcf/",)
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
 
-    integrator: Literal["Euler", "implicitfast", "implicit", "RK4"] = "implicitfast"
-    """implicitfast integrates gains and damping implicitly: stable at the recipe's timestep."""
-    cone: Literal["pyramidal", "elliptic"] | None = None
-    """None: elliptic for a floating base (feet slip less), else MuJoCo's default."""
-    impratio: float | None = None
-    """None: 100 with an elliptic cone, as Menagerie's legged robots have, else MuJoCo's 1."""
+    options: Options = Options.model_validate({})
+    """cone None: elliptic for a floating base (feet slip less), else MuJoCo's default;
+    impratio None: 100 with an elliptic cone, as Menagerie's legged robots have, else MuJoCo's 1."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self:
+        """With the solver options of the recipe."""
+        return cls(robot=recipe.robot, options=recipe.mjcf)
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError for joints and actuators that MJCF cannot say."""
@@ -57,7 +62,8 @@ class Mjcf(Target):
         shapes = _without_textures(shapes, without)
         folder = files.outputs / "mjcf"
         model = RobotXml(self.robot, self._solver(tree), tree, shapes, control)
-        _write(folder / f"{self.robot}.xml", model.element())
+        root = with_opaque(model.element(), control.mjcf_only, model.body_names)
+        _write(folder / f"{self.robot}.xml", root)
         _write(folder / "scene.xml", scene(self.robot, tree, control, model.free_name))
         _copy_assets(files.inputs / "meshes", folder / "assets", shapes)
         yield from _explain_names(tree)
@@ -67,9 +73,12 @@ class Mjcf(Target):
         yield from explain_losses(tree, control)
 
     def _solver(self, tree: Tree) -> Solver:
-        cone = self.cone or ("elliptic" if tree.base == "floating" else "pyramidal")
-        impratio = self.impratio or (100.0 if cone == "elliptic" else 1.0)
-        return Solver(self.integrator, cone, impratio)
+        said = self.options
+        cone = said.cone or ("elliptic" if tree.base == "floating" else "pyramidal")
+        impratio = said.impratio or (100.0 if cone == "elliptic" else 1.0)
+        return Solver(
+            said.integrator, cone, impratio, said.solver, said.iterations, said.ls_iterations
+        )
 
 
 def _explain_names(tree: Tree) -> Iterator[Finding]:

@@ -8,20 +8,11 @@ from dataclasses import dataclass
 from assetbuild.errors import StepError
 from assetbuild.robot.model import (
     Body,
-    Box,
-    Capsule,
-    Contact,
     Control,
-    Cylinder,
-    Geometry,
     Joint,
     Keyframe,
     Material,
-    Mesh,
-    Shape,
     Shapes,
-    Simulation,
-    Sphere,
     Tree,
 )
 from assetbuild.robot.pose import Pose, quat_between, rotation_of, vec3
@@ -29,10 +20,18 @@ from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjcf.chains import Seats
 from assetbuild.targets.mjcf.classes import Defaults, Names, Use, find_defaults, uses
 from assetbuild.targets.mjcf.drives import Row, actuator_names, locked_at, row_of
+from assetbuild.targets.mjcf.geoms import Geoms
 from assetbuild.targets.mjcf.inertia import principal_inertia
-from assetbuild.targets.mjcf.xml import Element, element, number, numbers
+from assetbuild.targets.mjcf.sensors import Names as SensorNames
+from assetbuild.targets.mjcf.sensors import (
+    cameras_by_body,
+    extra_sites,
+    sensor_section,
+    site_elements,
+)
+from assetbuild.targets.mjcf.xml import Element, element, number, numbers, pose_attributes
 
-VISUAL_GROUP, COLLISION_GROUP, SITE_GROUP = "2", "3", "4"
+SITE_GROUP = "4"
 DEFAULT_GRAVITY = (0.0, 0.0, -9.81)
 
 
@@ -43,6 +42,9 @@ class Solver:
     integrator: str
     cone: str
     impratio: float
+    solver: str = "Newton"
+    iterations: int | None = None
+    ls_iterations: int | None = None
 
 
 class RobotXml:
@@ -65,9 +67,11 @@ class RobotXml:
         )
         names = Names()
         self.robot_class = names.take(robot)
-        self.visual_class, self.collision_class = names.take("visual"), names.take("collision")
+        roles = {role: names.take(role) for role in ("visual", "collision")}
         self.defaults: Defaults = find_defaults(self.robot_class, self.rows, names)
         self.uses: dict[str, Use] = uses(self.defaults)
+        self.geoms = Geoms(shapes, control, roles, names)
+        self.cameras = cameras_by_body(tree, control)
 
     def element(self) -> Element:
         """The root element; empty sections are left out."""
@@ -80,6 +84,7 @@ class RobotXml:
             self.contact(),
             self.equality(),
             self.actuator(),
+            self.sensor(),
             self.keyframe(),
         ]
         kept = [section for section in sections if section.attributes or section.children]
@@ -114,37 +119,32 @@ class RobotXml:
 
     def option(self) -> Element:
         """What the recipe says of the simulation; values of MuJoCo's own are left out."""
-        simulation: Simulation = self.control.simulation
+        simulation, solver = self.control.simulation, self.solver
         gravity = simulation.gravity
         return element(
             "option",
             {
                 "timestep": number(simulation.timestep),
                 "gravity": numbers(gravity) if gravity != DEFAULT_GRAVITY else None,
-                "integrator": self.solver.integrator,
-                "cone": self.solver.cone if self.solver.cone != "pyramidal" else None,
-                "impratio": number(self.solver.impratio) if self.solver.impratio != 1.0 else None,
+                "integrator": solver.integrator,
+                "cone": solver.cone if solver.cone != "pyramidal" else None,
+                "solver": solver.solver if solver.solver != "Newton" else None,
+                "iterations": str(solver.iterations) if solver.iterations else None,
+                "ls_iterations": str(solver.ls_iterations) if solver.ls_iterations else None,
+                "impratio": number(solver.impratio) if solver.impratio != 1.0 else None,
             },
             gap=True,
         )
 
     def default(self) -> Element:
         """The tree of classes, see `classes`."""
-        visual = {"type": "mesh", "contype": "0", "conaffinity": "0", "group": VISUAL_GROUP}
-        collision = {"group": COLLISION_GROUP, **_contact_attributes(self.control.contact)}
         first: list[Element] = []
         if self.shapes.meshes:
             # Mass never comes from a mesh; `shell` lets flat and open ones compile.
             first.append(element("mesh", {"inertia": "shell"}))
-        if self.tree.frames:
+        if self.tree.frames or extra_sites(self.tree, self.control):
             first.append(element("site", {"group": SITE_GROUP}))
-        for role, name, attributes in (
-            ("visual", self.visual_class, visual),
-            ("collision", self.collision_class, collision),
-        ):
-            if any(shape.role == role for shape in self.shapes.shapes):
-                geom = element("geom", attributes)
-                first.append(element("default", {"class": name}, [geom]))
+        first += self.geoms.classes()
         return element("default", None, [self.defaults.element(tuple(first))], gap=True)
 
     def asset(self) -> Element:
@@ -190,6 +190,7 @@ class RobotXml:
             content = [
                 *self._inertial(self.tree.by_body[name]),
                 *self._joint_elements(name),
+                *self.cameras.get(name, []),
                 *shapes.get(name, []),
                 *sites.get(name, []),
                 *reversed(made.pop(name, [])),
@@ -198,7 +199,9 @@ class RobotXml:
             parent = self.seats.parent(name)
             if parent is not None:
                 made.setdefault(parent, []).append(root)
-        return element("worldbody", None, [root] if root else [], gap=True)
+        return element(
+            "worldbody", None, [*self.cameras.get(None, []), *([root] if root else [])], gap=True
+        )
 
     def _body_attributes(self, name: str) -> dict[str, str | None]:
         is_root = name == self.tree.root
@@ -207,7 +210,7 @@ class RobotXml:
         return {
             "name": self.body_names[name],
             "childclass": child_class,
-            **_pose_attributes(X_parent_body),
+            **pose_attributes(X_parent_body),
         }
 
     def resting_pose(self) -> Pose:
@@ -259,34 +262,14 @@ class RobotXml:
             for shape in self.shapes.shapes:
                 if shape.role == role:
                     body, X_body_link = self.tree.placement(shape.link)
-                    geom = self._geom(shape, X_body_link @ shape.X_link_shape)
+                    geom = self.geoms.geom(shape, X_body_link @ shape.X_link_shape)
                     found.setdefault(body, []).append(geom)
         return found
 
-    def _geom(self, shape: Shape, X_body_shape: Pose) -> Element:
-        visual = shape.role == "visual"
-        kind, size = _geometry(shape)
-        # The class `visual` says mesh; elsewhere the type is worth stating.
-        default_kind = "mesh" if visual else None
-        mesh = shape.geometry.mesh if isinstance(shape.geometry, Mesh) else None
-        return element(
-            "geom",
-            {
-                "name": shape.name,
-                "class": self.visual_class if visual else self.collision_class,
-                "type": kind if kind != default_kind else None,
-                "size": size,
-                "mesh": mesh,
-                **_pose_attributes(X_body_shape),
-                "material": shape.material if visual else None,
-            },
-        )
-
     def _sites_by_body(self) -> dict[str, list[Element]]:
         found: dict[str, list[Element]] = {}
-        for frame in self.tree.frames:
-            attributes = {"name": frame.name, **_pose_attributes(frame.X_body_frame)}
-            found.setdefault(frame.body, []).append(element("site", attributes))
+        for body, site in site_elements(self.tree, self.control, self.body_names):
+            found.setdefault(body, []).append(site)
         return found
 
     # --- tail -------------------------------------------------------------------------------
@@ -337,6 +320,12 @@ class RobotXml:
             }
             made.append(element(row.drive.tag, attributes))
         return element("actuator", None, made, gap=True)
+
+    def sensor(self) -> Element:
+        """The sensors of the recipe, on their sites, joints, drives and geoms."""
+        drives = actuator_names(tuple(row for row, _ in self.driven()))
+        names = SensorNames(self.body_names, drives)
+        return sensor_section(self.control, names)
 
     def keyframe(self) -> Element:
         """Every keyframe with its targets."""
@@ -391,31 +380,6 @@ def _position(pose: Pose) -> str | None:
     return numbers(pose.xyz) if pose.xyz != (0.0, 0.0, 0.0) else None
 
 
-def _pose_attributes(pose: Pose) -> dict[str, str | None]:
-    return {
-        "pos": _position(pose),
-        "quat": numbers(pose.quat) if pose.quat != (1.0, 0.0, 0.0, 0.0) else None,
-    }
-
-
-def _geometry(shape: Shape) -> tuple[str, str | None]:
-    """(type, size): MJCF counts half edges and half lengths."""
-    geometry: Geometry = shape.geometry
-    match geometry:
-        case Box(size):
-            return "box", numbers(edge / 2 for edge in size)
-        case Sphere(radius):
-            return "sphere", number(radius)
-        case Cylinder(radius, length):
-            return "cylinder", numbers((radius, length / 2))
-        case Capsule(radius, length):
-            return "capsule", numbers((radius, length / 2))
-        case Mesh(scale=scale):
-            if scale != (1.0, 1.0, 1.0):
-                raise StepError(f"shape {shape.name}: the scale of its mesh was not baked in")
-            return "mesh", None
-
-
 def _material(material: Material, textures: Mapping[str, str]) -> Element:
     return element(
         "material",
@@ -425,19 +389,6 @@ def _material(material: Material, textures: Mapping[str, str]) -> Element:
             "rgba": numbers(material.rgba),
         },
     )
-
-
-def _contact_attributes(contact: Contact) -> dict[str, str]:
-    """Only what differs from MuJoCo's own defaults.
-
-    No `solref` here: its meaning depends on the compiled inertia, so it is not a fact of the robot.
-    """
-    default, attributes = Contact(), {}
-    if contact.condim != default.condim:
-        attributes["condim"] = str(contact.condim)
-    if contact.friction != default.friction:
-        attributes["friction"] = numbers(contact.friction)
-    return attributes
 
 
 def _planar_elements(joint: Joint, X_body_joint: Pose) -> list[Element]:
