@@ -22,6 +22,7 @@ from assetbuild.lock import Lock
 from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
 from assetbuild.plan.companions import companions
 from assetbuild.plan.edits import apply_edits, edit_keys
+from assetbuild.plan.export import lint_density, lint_export
 from assetbuild.plan.geometry import Geometry, assemble, lint_meshes
 from assetbuild.plan.looks import looks
 from assetbuild.plan.reading import Reading, read_description
@@ -73,10 +74,13 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     if read is None:
         return outline
     p.add("lint_links", LintLinks(), dict(read.robot))
+    lint_export(recipe, source, description, read, p)
     outline.source_map = read.source_map
     outline.expanded = description.ref if recipe.source.xacro else None
     geometry = _geometry(loaded, source, description, read, p)
     outline.absent = source.absent
+    if geometry is not None:
+        lint_density(read, geometry, p)
     edited = apply_edits(loaded, read.robot, geometry, p)
     outline.edits = edit_keys(loaded)
     if edited is None:
