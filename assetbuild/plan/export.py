@@ -40,7 +40,8 @@ def lint_export(
 
 def lint_density(read: Reading, geometry: Geometry, p: Planner) -> None:
     """Add the lint of densities, over the source's own masses and meshes."""
-    inputs, names = dict(read.robot), []
+    inputs = dict(read.robot)
+    names: list[str] = []
     for shape in geometry.shapes.of("visual"):
         if isinstance(shape.geometry, Mesh):
             inputs[f"meshes/{len(names)}.json"] = geometry.converted(shape.geometry)["mesh.json"]
