@@ -77,6 +77,7 @@ def media_type(path: str) -> str:
 def notice(recipe: Recipe, pin: Mapping[str, object]) -> BundleFile:
     """Where the robot comes from and that it was converted."""
     source = recipe.source
+    edits = dict.fromkeys(name for edit in recipe.edits for name in edit)
     lines = [
         f"{recipe.robot}",
         "",
@@ -86,6 +87,7 @@ def notice(recipe: Recipe, pin: Mapping[str, object]) -> BundleFile:
         f"Licence of the source: {source.license or 'not stated in the recipe'}",
         "Changes: meshes converted and simplified, fixed joints merged, collision geometry,",
         "actuators and keyframes added as the recipe says; see model_card.md.",
+        *([f"Edited: {', '.join(edits)}."] if edits else []),
     ]
     return BundleFile.of_text("NOTICE", "licence", "\n".join(lines) + "\n")
 
