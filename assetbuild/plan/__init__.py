@@ -23,6 +23,7 @@ from assetbuild.plan.agree import check_against_robot, check_names, turned_meshe
 from assetbuild.plan.companions import companions
 from assetbuild.plan.compose import Ready, check_parts, compose
 from assetbuild.plan.edits import apply_edits, edit_keys
+from assetbuild.plan.export import lint_density, lint_export
 from assetbuild.plan.geometry import Geometry, assemble, lint_meshes
 from assetbuild.plan.looks import looks
 from assetbuild.plan.reading import Reading, read_description
@@ -123,10 +124,13 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
     if read is None:
         return None
     p.add("lint_links", LintLinks(), dict(read.robot))
+    lint_export(loaded.recipe, source, description, read, p)
     outline.source_map = read.source_map
     outline.expanded = description.ref if loaded.recipe.source.xacro else None
     geometry = _geometry(loaded, source, description, read, p)
     outline.absent = source.absent
+    if geometry is not None:
+        lint_density(read, geometry, p)
     edited = apply_edits(loaded, read.robot, geometry, p)
     return None if edited is None else Ready(read, edited, geometry, read.source_map)
 

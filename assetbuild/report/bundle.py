@@ -80,6 +80,7 @@ def notice(parts: Sequence[tuple[Recipe, Mapping[str, object]]]) -> BundleFile:
     parts: recipe and pin of the robot, then of each robot that is mounted on it.
     """
     lines = []
+    edits = dict.fromkeys(name for recipe, _ in parts for edit in recipe.edits for name in edit)
     for recipe, pin in parts:
         source = recipe.source
         lines += [
@@ -93,6 +94,7 @@ def notice(parts: Sequence[tuple[Recipe, Mapping[str, object]]]) -> BundleFile:
     lines += [
         "Changes: meshes converted and simplified, fixed joints merged, collision geometry,",
         "actuators and keyframes added as the recipe says; see model_card.md.",
+        *([f"Edited: {', '.join(edits)}."] if edits else []),
     ]
     return BundleFile.of_text("NOTICE", "licence", "\n".join(lines) + "\n")
 
