@@ -212,3 +212,15 @@ def test_each_mesh_of_go1_arrives_whole(tmp_path, go1_root, name):
     material = record.parts[0].material
     expected = {"depthCamera": "材质", "trunk": None, "hip": "Material.029"}
     assert material == expected.get(name, material)
+
+
+def test_more_faces_than_mujoco_reads_from_an_stl_arrive(tmp_path):
+    """Its reader of STL stops at 200,000, so what we write is an OBJ."""
+    side = 405
+    x, y = np.meshgrid(np.arange(side + 1), np.arange(side + 1), indexing="ij")
+    points = np.stack([x, y, np.zeros_like(x)], axis=-1).astype(float)
+    a, b, c, d = points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]
+    faces = np.concatenate([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)])
+    record, mesh, _, _ = convert(tmp_path, stl(faces.reshape(-1, 3, 3) * 0.001), format="stl")
+    assert record.faces == len(mesh.faces) == 2 * side * side == 328_050
+    assert record.area_m2 == pytest.approx((0.001 * side) ** 2)
