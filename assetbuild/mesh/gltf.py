@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 from urllib.parse import unquote
 
@@ -60,21 +60,25 @@ def _textured(data: bytes, format: Literal["glb", "gltf"]) -> frozenset[str]:
     )
 
 
-class _Files:
+class _Files(Mapping[str, bytes]):
     """What trimesh asks for other files of a glTF; it looks nowhere else."""
 
     def __init__(self, files: Mapping[str, bytes]) -> None:
         self._files = files
         self.missing: list[str] = []
 
-    def get(self, name: str) -> bytes:
+    def __getitem__(self, name: str) -> bytes:
         found = self._files.get(relative_name(unquote(name)) or "")
         if found is None:
             self.missing.append(name)
-            raise ValueError(f"no file `{name}`")
+            raise KeyError(name)
         return found
 
-    __getitem__ = get
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._files)
+
+    def __len__(self) -> int:
+        return len(self._files)
 
 
 class _Materials:

@@ -113,7 +113,8 @@ def _short_names(paths: tuple[str, ...]) -> dict[str, str]:
 
 def lint_meshes(links: Ref, shapes: Ref, geometry: Geometry, p: Planner) -> Node:
     """Do the meshes stand as the rest of the robot says they should?"""
-    inputs, uses = {"links.json": links, "shapes.json": shapes}, []
+    inputs = {"links.json": links, "shapes.json": shapes}
+    uses: list[str] = []
     for shape in geometry.shapes.shapes:
         if isinstance(shape.geometry, Mesh):
             inputs[f"meshes/{len(uses)}.json"] = geometry.converted(shape.geometry)["mesh.json"]
