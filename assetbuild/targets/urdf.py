@@ -214,13 +214,15 @@ def _add_joint(robot: ET.Element, joint: Joint, actuator: Actuator | None) -> No
 
 
 def _limits(joint: Joint, actuator: Actuator | None) -> dict[str, float]:
-    """The attributes of <limit> that somebody stated."""
-    stated = {
-        "lower": joint.limits.lower,
-        "upper": joint.limits.upper,
-        "effort": actuator.effort if actuator else joint.limits.effort,
-        "velocity": actuator.velocity if actuator else joint.limits.velocity,
-    }
+    """The attributes of <limit> that somebody stated.
+
+    Where the source says 0 and the actuator takes it as unlimited, the 0 stays: URDF has no other
+    word for it, and parsers refuse a <limit> without the attribute.
+    """
+    stated = {"lower": joint.limits.lower, "upper": joint.limits.upper}
+    for name in ("effort", "velocity"):
+        driven: float | None = getattr(actuator, name) if actuator else None
+        stated[name] = getattr(joint.limits, name) if driven is None else driven
     return {name: value for name, value in stated.items() if value is not None}
 
 
