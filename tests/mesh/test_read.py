@@ -144,6 +144,31 @@ def test_a_shape_survives_a_material_that_is_missing():
     assert "mesh.ignored" in {finding.rule for finding in source.findings}
 
 
+TEXTURED = """<newparam sid="w-surface"><surface type="2D"><init_from>w</init_from></surface>
+ </newparam><newparam sid="w-sampler"><sampler2D><source>{surface}</source></sampler2D></newparam>
+ <technique sid="c"><lambert><diffuse><texture texture="{texture}" texcoord="UVSET0"/></diffuse>
+ </lambert></technique>"""
+IMAGE = (
+    b"<library_images><image id='w'><init_from>my%20wood.png</init_from></image></library_images>"
+)
+
+
+@pytest.mark.parametrize(
+    ("texture", "surface"),
+    [("w-sampler", "w-surface"), ("w", "w-surface"), ("w", "lost-surface")],
+    ids=["as the standard says", "names the picture", "and the sampler leads nowhere"],
+)
+def test_a_dae_names_its_texture_in_three_ways(texture, surface):
+    colour = re.compile(
+        rb'<technique sid="c"><lambert><diffuse>\s*<color>0\.1.*?</technique>', re.S
+    )
+    text = TEXTURED.format(texture=texture, surface=surface).encode()
+    data = painted.sub(text, dae().replace(b"\n", b" "))
+    source = read_mesh(data.replace(b"<library_effects>", IMAGE + b"<library_effects>"), "dae")
+    assert source.parts[0].material == SurfaceMaterial("材质", None, "my wood.png")
+    assert ("mesh.ignored" in rules(source)) == (surface == "lost-surface")
+
+
 def test_decimal_numbers_of_a_dae_stay_decimal():
     source = read_mesh(dae(positions=CUBE.replace("1", "0.123456789012"), unit="1"), "dae")
     assert source.parts[0].mesh.vertices[:, 1].max() == 0.123456789012
