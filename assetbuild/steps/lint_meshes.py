@@ -92,11 +92,22 @@ class LintMeshes(Step):
             name: decode(ConvertedMesh, (files.inputs / "meshes" / f"{number}.json").read_bytes())
             for number, name in enumerate(self.shapes)
         }
-        fits = [fit for body in tree.bodies for fit in _fits(body, shapes, records)]
-        better = [fit for fit in fits if fit.other < fit.now - CLEARLY]
-        worse = [fit for fit in fits if fit.now < fit.other - CLEARLY]
-        if len(better) > len(worse):
-            yield _finding(better, worse, records)
+        finding = judge_up_axes(tree, shapes, records)
+        if finding is not None:
+            yield finding
+
+
+def judge_up_axes(
+    tree: Tree, shapes: Shapes, records: Mapping[str, ConvertedMesh]
+) -> Finding | None:
+    """One finding for all meshes of the robot, if most would stand better the other way.
+
+    records: of every shape that is a mesh, by the shape's name.
+    """
+    fits = [fit for body in tree.bodies for fit in _fits(body, shapes, records)]
+    better = [fit for fit in fits if fit.other < fit.now - CLEARLY]
+    worse = [fit for fit in fits if fit.now < fit.other - CLEARLY]
+    return _finding(better, worse, records) if len(better) > len(worse) else None
 
 
 def _finding(

@@ -159,9 +159,7 @@ IMAGE = (
     ids=["as the standard says", "names the picture", "and the sampler leads nowhere"],
 )
 def test_a_dae_names_its_texture_in_three_ways(texture, surface):
-    colour = re.compile(
-        rb'<technique sid="c"><lambert><diffuse>\s*<color>0\.1.*?</technique>', re.S
-    )
+    painted = re.compile(rb'<technique sid="c"><lambert><diffuse>\s*<color>0\.1.*?</technique>')
     text = TEXTURED.format(texture=texture, surface=surface).encode()
     data = painted.sub(text, dae().replace(b"\n", b" "))
     source = read_mesh(data.replace(b"<library_effects>", IMAGE + b"<library_effects>"), "dae")
