@@ -13,7 +13,12 @@ import numpy as np
 from assetbuild.errors import StepError, Where
 from assetbuild.findings import Finding
 from assetbuild.mesh.companions import relative_name
-from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, group_by_material
+from assetbuild.mesh.material import (
+    MaterialPart,
+    SurfaceMaterial,
+    colours_finding,
+    group_by_material,
+)
 from assetbuild.mesh.triangles import Indices, TriangleMesh
 from assetbuild.robot.pose import Array
 
@@ -45,12 +50,14 @@ def read_dae(data: bytes, subject: str) -> Dae:
     skipped: dict[str, int] = {}
     placed: list[tuple[SurfaceMaterial, TriangleMesh]] = []
     positions: dict[str, Array] = {}
+    coloured = False
     for geometry, materials, matrix in _instances(document, skipped):
         for primitive in geometry.primitives:
             kind = type(primitive).__name__
             if kind == "LineSet":
                 skipped["lines"] = skipped.get("lines", 0) + 1
                 continue
+            coloured = coloured or bool(primitive.sources.get("COLOR"))
             mesh = _triangles(primitive, positions, subject)
             if len(mesh.faces):
                 material = _material(materials.get(primitive.material))
@@ -68,6 +75,7 @@ def read_dae(data: bytes, subject: str) -> Dae:
         (
             *_skipped_finding(skipped, subject),
             *_unit_finding(unit, subject),
+            *colours_finding(coloured, subject),
             *_ignored_finding(document, subject),
         ),
     )

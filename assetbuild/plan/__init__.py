@@ -125,7 +125,8 @@ def _geometry(
     textures = source.present("own textures", {m.texture for m in drawn.materials if m.texture})
     if files is None or textures is None:
         return None
-    named = companions(files, source, p)
+    # MuJoCo takes no material from a mesh file, so an MJCF says all about its looks itself.
+    named = {} if read.urdf is None else companions(files, source, p)
     if named is None:
         return None
     return Geometry(drawn, files, named, textures, turned_meshes(loaded, files), p)

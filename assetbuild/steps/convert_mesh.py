@@ -32,7 +32,7 @@ NORMAL_DECIMALS = 6
 class ConvertMesh(Step):
     """Reads `mesh`, and the files that it names as `companions/<number>`."""
 
-    version = "3"
+    version = "4"
     tools = ("numpy", "pycollada", "trimesh", "pillow")
     outputs = ("parts/", "mesh.json")
     isolated = True

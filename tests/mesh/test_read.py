@@ -282,6 +282,18 @@ def test_a_ply_of_quads_has_the_right_shape(split):
     assert rules(source) == {"mesh.vertex_colours": {}}
 
 
+def test_colours_of_vertices_are_told_as_left_out():
+    text = b"v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nf 1 2 3\n"
+    assert "mesh.vertex_colours" in rules(read_mesh(text, "obj"))
+    mesh = trimesh.Trimesh(BOX.vertices, BOX.faces, process=False)
+    mesh.visual.vertex_colors = np.arange(4 * len(BOX.vertices)).reshape(-1, 4) % 255
+    assert "mesh.vertex_colours" in rules(read_mesh(mesh.export(file_type="glb"), "glb"))
+    blue = b'<input semantic="VERTEX" source="#v" offset="0"/><input semantic="COLOR" '
+    blue += b'source="#pos" offset="0"/>'
+    data = dae().replace(b'<input semantic="VERTEX" source="#v" offset="0"/>', blue)
+    assert "mesh.vertex_colours" in rules(read_mesh(data, "dae"))
+
+
 def test_a_glb_arrives_with_nodes_materials_and_colours():
     scene = trimesh.Scene()
     for name, x, colour in (("a", 0.0, (255, 0, 0, 255)), ("b", 5.0, (0, 0, 255, 255))):
