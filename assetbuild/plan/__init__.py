@@ -91,8 +91,8 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     if geometry is None:
         return outline
     geometry.shapes = decode(Shapes, shapes)
-    lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], p)
+    lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     outline.subjects = geometry.subjects
     if assembled is None:
         return outline

@@ -82,7 +82,7 @@ class LintMeshes(Step):
     """`links.json`, `shapes.json`, `meshes/<number>.json` -> findings only."""
 
     shapes: tuple[str, ...]
-    """Names of the shapes that `meshes/0.json`, `.../1.json`, ... belong to."""
+    """Names of the shapes that `meshes/0.json`, `.../1.json`, ... are of; others are left out."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """One finding for all meshes of the robot."""
@@ -102,7 +102,7 @@ def judge_up_axes(
 ) -> Finding | None:
     """One finding for all meshes of the robot, if most would stand better the other way.
 
-    records: of every shape that is a mesh, by the shape's name.
+    records: by the name of the shape; a mesh without one is no witness.
     """
     fits = [fit for body in tree.bodies for fit in _fits(body, shapes, records)]
     better = [fit for fit in fits if fit.other < fit.now - CLEARLY]
@@ -139,7 +139,12 @@ def _path(shape: Shape) -> str:
 
 
 def _fits(body: Body, shapes: Shapes, records: Mapping[str, ConvertedMesh]) -> Iterator[_Fit]:
-    own = [shape for shape in shapes.shapes if shape.link == body.name]
+    own = [
+        shape
+        for shape in shapes.shapes
+        if shape.link == body.name
+        and (not isinstance(shape.geometry, Mesh) or shape.name in records)
+    ]
     for role in ("visual", "collision"):
         doubted = [s for s in own if s.role == role and _says(s, records)]
         if not doubted:
