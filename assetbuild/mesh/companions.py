@@ -36,10 +36,19 @@ def companions_of(data: bytes, format: Naming) -> tuple[str, ...]:
 def relative_name(stated: str) -> str | None:
     """The name in one spelling, `./a\\b.png` -> `a/b.png`; None when it cannot be followed."""
     name = stated.strip().replace("\\", "/")
-    if not name or _ELSEWHERE.match(name) or "\0" in name:
+    if not name or _ELSEWHERE.match(name) or not _is_possible(name):
         return None
     normal = posixpath.normpath(name)
     return None if normal in (".", "..") or name.endswith("/") else normal
+
+
+def _is_possible(name: str) -> bool:
+    """Could a disk hold a file of this name? Others raise odd errors when they are looked for."""
+    try:
+        parts = [part.encode("utf-8") for part in name.split("/")]
+    except UnicodeEncodeError:
+        return False
+    return "\0" not in name and len(name) < 1000 and max(map(len, parts)) <= 255
 
 
 def picture_of_map(words: str) -> str:

@@ -75,6 +75,11 @@ CASES: dict[str, tuple[dict[str, bytes], int, str]] = {
         1,
         "the picture `w.png` is too large",
     ),
+    "a name that no disk holds": (
+        {"r.urdf": URDF.format(mesh="a" * 300 + ".stl").encode()},
+        2,
+        "no file `aaaa",
+    ),
     "a mesh from elsewhere": (
         {"r.urdf": URDF.format(mesh="../secret.stl").encode(), "../secret.stl": stl(CORNERS, 2)},
         2,

@@ -41,7 +41,11 @@ def test_names_are_found_in_one_spelling(format, data, names):
     assert companions_of(data, format) == names
 
 
-@pytest.mark.parametrize("stated", ["/etc/passwd", "C:\\a.png", "http://x/y.png", "", ".", "a/"])
+ELSEWHERE = ["/etc/passwd", "C:\\a.png", "http://x/y.png", "", ".", "a/"]
+IMPOSSIBLE = ["a" * 256, "a/" * 600 + "b", "a\0b", "\ud800"]
+
+
+@pytest.mark.parametrize("stated", [*ELSEWHERE, *IMPOSSIBLE])
 def test_what_leads_elsewhere_is_no_companion(stated):
     assert relative_name(stated) is None
 
