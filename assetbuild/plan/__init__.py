@@ -125,11 +125,12 @@ def _geometry(
     textures = source.present("own textures", {m.texture for m in drawn.materials if m.texture})
     if files is None or textures is None:
         return None
+    turned = turned_meshes(loaded, files)
     # MuJoCo takes no material from a mesh file, so an MJCF says all about its looks itself.
     named = {} if read.urdf is None else companions(files, source, p)
     if named is None:
         return None
-    return Geometry(drawn, files, named, textures, turned_meshes(loaded, files), p)
+    return Geometry(drawn, files, named, textures, turned, p)
 
 
 def _merge(recipe: Recipe, read: Reading, edited: Mapping[str, Ref], p: Planner) -> Node:

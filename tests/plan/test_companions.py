@@ -14,7 +14,9 @@ import trimesh
 from PIL import Image
 from pxr import Usd, UsdGeom, UsdShade
 
+from assetbuild.errors import RecipeError
 from assetbuild.pipeline import Outcome, Request, build
+from assetbuild.pipeline.checking import check
 
 URDF = """<robot name="r">
   <material name="paper"><color rgba="1 1 0 1"/><texture filename="pictures/check.bmp"/></material>
@@ -179,6 +181,14 @@ def test_a_picture_outside_of_the_source_is_not_followed(tmp_path: Path):
     _, out, told = built(laid_out(tmp_path, {**FILES, "meshes/looks/tile.mtl": outside}))
     assert "is not in the source" in told["mesh.texture"][0]
     assert not list(out.rglob("secret*"))
+
+
+def test_a_pattern_of_turned_meshes_that_matches_none_is_an_error_of_the_recipe(tmp_path: Path):
+    recipe = laid_out(tmp_path, FILES)
+    text = recipe.read_text().replace("license:", 'honour_up_axis: ["meshes/tyle.*"], license:')
+    recipe.write_text(text)
+    with pytest.raises(RecipeError, match=r"`meshes/tyle.\*` matches no mesh"):
+        check(recipe)
 
 
 def test_an_archive_gives_the_same_textures(tmp_path: Path, bundle: Path):
