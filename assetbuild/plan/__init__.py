@@ -91,8 +91,8 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     if geometry is None:
         return outline
     geometry.shapes = decode(Shapes, shapes)
-    lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], p)
+    lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     outline.subjects = geometry.subjects
     if assembled is None:
         return outline
@@ -163,10 +163,12 @@ def _geometry(
     textures = source.present("own textures", {m.texture for m in drawn.materials if m.texture})
     if files is None or textures is None:
         return None
-    named = companions(files, source, p)
+    turned = turned_meshes(loaded, files)
+    # MuJoCo takes no material from a mesh file, so an MJCF says all about its looks itself.
+    named = {} if read.urdf is None else companions(files, source, p)
     if named is None:
         return None
-    return Geometry(drawn, files, named, textures, turned_meshes(loaded, files), p)
+    return Geometry(drawn, files, named, textures, turned, p)
 
 
 def _merge(recipe: Recipe, read: Reading, edited: Mapping[str, Ref], p: Planner) -> Node:

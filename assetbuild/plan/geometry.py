@@ -55,6 +55,10 @@ class Geometry:
         """The short name of a mesh file: `calf`."""
         return PurePosixPath(mesh.mesh).stem
 
+    def is_converted(self, mesh: Mesh) -> bool:
+        """Has anything asked for this mesh so far?"""
+        return (mesh.mesh, mesh.scale) in self._converted
+
     def converted(self, mesh: Mesh) -> Node:
         """The full mesh, as OBJ per material."""
         key = (mesh.mesh, mesh.scale)
@@ -114,10 +118,14 @@ def _short_names(paths: tuple[str, ...]) -> dict[str, str]:
 
 
 def lint_meshes(links: Ref, shapes: Ref, geometry: Geometry, p: Planner) -> Node:
-    """Do the meshes stand as the rest of the robot says they should?"""
-    inputs, uses = {"links.json": links, "shapes.json": shapes}, []
+    """Do the meshes stand as the rest of the robot says they should?
+
+    Only those that the build converts: one that nothing uses may be broken.
+    """
+    inputs = {"links.json": links, "shapes.json": shapes}
+    uses: list[str] = []
     for shape in geometry.shapes.shapes:
-        if isinstance(shape.geometry, Mesh):
+        if isinstance(shape.geometry, Mesh) and geometry.is_converted(shape.geometry):
             inputs[f"meshes/{len(uses)}.json"] = geometry.converted(shape.geometry)["mesh.json"]
             uses.append(shape.name)
     return p.add("lint_meshes", LintMeshes(shapes=tuple(uses)), inputs)
