@@ -12,6 +12,7 @@ from assetbuild.errors import AssetBuildError, Where
 from assetbuild.findings import Finding
 from assetbuild.lock import lock_path, place_of_pin
 from assetbuild.plan import Outline
+from assetbuild.plan.looks import PICTURE_MODEL
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.document import CheckResult, Report, make_report
 
@@ -22,6 +23,8 @@ def judged(
     """The report of one recipe whose steps all went well."""
     findings = _licence_findings(loaded, outline)
     for label, result in results.items():
+        if label == PICTURE_MODEL:
+            continue  # the target `mjcf` has said it already
         subject = outline.subjects.get(label)
         own = result.findings
         findings += [replace(f, subject=subject) for f in own] if subject else own

@@ -1,7 +1,7 @@
 """Recipe to graph, top to bottom: the only wiring, and the map of the project.
 
     source -> read -> lint -> edits -> merge fixed joints -> lint -> meshes -> collision -> assemble
-           -> control -> targets -> checks
+           -> control -> targets -> pictures -> checks
 
 A plan may ask: where the graph depends on what a built file says (which meshes does this URDF
 name?), `Planner.ask` gives its bytes, or None while it is not built. Then the plan ends early,
@@ -14,13 +14,16 @@ import importlib.util
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.kinds import Check, Target, load_plugin, plugin_names
 from assetbuild.lock import Lock
-from assetbuild.plan.agree import check_against_robot, check_names
+from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
+from assetbuild.plan.companions import companions
 from assetbuild.plan.edits import apply_edits, edit_keys
-from assetbuild.plan.geometry import Geometry, assemble
+from assetbuild.plan.geometry import Geometry, assemble, lint_meshes
+from assetbuild.plan.looks import looks
 from assetbuild.plan.reading import Reading, read_description
 from assetbuild.plan.source import Description, Source, description_of, open_source
 from assetbuild.recipe.loader import LoadedRecipe
@@ -37,18 +40,21 @@ from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
 class Outline:
     """What a plan leaves for the report and the bundle: references into the graph.
 
-    skipped: checks that this machine cannot run, and why. subjects: what a node works on, where
-    the node itself does not know. edits: label of an edit's node -> its key in the recipe.
-    expanded: the URDF behind a xacro, which its lines count.
+    skipped: checks that this machine cannot run, and why. looks: pictures and the 3D view.
+    subjects: what a node works on, where the node itself does not know. edits: label of an edit's
+    node -> its key in the recipe. expanded: the URDF behind a xacro, which its lines count.
+    absent: files that were looked for; their appearance changes the build.
     """
 
     source_map: Ref | None = None
     expanded: Ref | None = None
+    absent: tuple[Path, ...] = ()
     robot: dict[str, Ref] = field(default_factory=dict)
     targets: dict[str, Node] = field(default_factory=dict)
     checks: dict[str, Node] = field(default_factory=dict)
     skipped: dict[str, str] = field(default_factory=dict)
     licenses: dict[str, Ref] = field(default_factory=dict)
+    looks: dict[str, Node] = field(default_factory=dict)
     subjects: dict[str, str] = field(default_factory=dict)
     edits: dict[str, tuple[str | int, ...]] = field(default_factory=dict)
 
@@ -69,7 +75,8 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     p.add("lint_links", LintLinks(), dict(read.robot))
     outline.source_map = read.source_map
     outline.expanded = description.ref if recipe.source.xacro else None
-    geometry = _geometry(source, description, read, p)
+    geometry = _geometry(loaded, source, description, read, p)
+    outline.absent = source.absent
     edited = apply_edits(loaded, read.robot, geometry, p)
     outline.edits = edit_keys(loaded)
     if edited is None:
@@ -84,8 +91,11 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     if geometry is None:
         return outline
     geometry.shapes = decode(Shapes, shapes)
+    lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], p)
     outline.subjects = geometry.subjects
+    if assembled is None:
+        return outline
     control = _control(recipe, read, tree, assembled, p)
     outline.robot = {
         "links.json": edited["links.json"],
@@ -95,6 +105,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
         "meshes/": assembled["meshes/"],
     }
     outline.targets = _targets(recipe, outline.robot, p)
+    outline.looks = looks(recipe, outline.robot, p)
     _checks(recipe, outline, _sources(recipe, outline, read), p)
     return outline
 
@@ -103,14 +114,21 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
 
 
 def _geometry(
-    source: Source, description: Description, read: Reading, p: Planner
+    loaded: LoadedRecipe, source: Source, description: Description, read: Reading, p: Planner
 ) -> Geometry | None:
     """The source's meshes; None while it is not known which there are."""
     meshes, shapes = p.ask(read.meshes), p.ask(read.robot["shapes.json"])
     if meshes is None or shapes is None:
         return None
+    drawn = decode(Shapes, shapes)
     files = source.meshes(json.loads(meshes), description.path)
-    return None if files is None else Geometry(decode(Shapes, shapes), files, p)
+    textures = source.present("own textures", {m.texture for m in drawn.materials if m.texture})
+    if files is None or textures is None:
+        return None
+    named = companions(files, source, p)
+    if named is None:
+        return None
+    return Geometry(drawn, files, named, textures, turned_meshes(loaded, files), p)
 
 
 def _merge(recipe: Recipe, read: Reading, edited: Mapping[str, Ref], p: Planner) -> Node:

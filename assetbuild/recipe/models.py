@@ -18,12 +18,15 @@ from assetbuild.recipe.base import Model as Model
 from assetbuild.recipe.base import NonNegative as NonNegative
 from assetbuild.recipe.base import Positive as Positive
 from assetbuild.recipe.base import Real as Real
+from assetbuild.recipe.collision import CollisionRule, Preset
 from assetbuild.recipe.mjcf import Mjcf, Mjx
 from assetbuild.recipe.names import Name as Name
 from assetbuild.recipe.names import Pattern as Pattern
+from assetbuild.recipe.randomize import Randomize
 from assetbuild.recipe.sensing import Cameras, Feet, Imu, Sensors
 from assetbuild.recipe.surface import Contact as Contact
 from assetbuild.recipe.surface import Simulation as Simulation
+from assetbuild.recipe.usd import Usd
 
 
 def _inside(text: str) -> str:
@@ -100,6 +103,11 @@ class Source(Model):
     packages: dict[str, InsidePath] = Field(
         default_factory=dict, description="package:// name -> folder; explicit, nothing is searched"
     )
+    honour_up_axis: tuple[Pattern, ...] = Field(
+        (),
+        description="paths of meshes (regular expressions) that are turned to Z as their up axis "
+        "says; all others are taken as they are, which is what URDF viewers do",
+    )
     license: str | None = Field(None, description="SPDX identifier of the source's licence")
 
     @model_validator(mode="after")
@@ -166,33 +174,26 @@ class Visual(Model):
     )
 
 
-class CollisionRule(Model):
-    """How the collision geometry of a link is made."""
-
-    method: str = Field("auto", description="auto, keep, none or a plug-in of assetbuild.collision")
-    shape: Literal["box", "sphere", "capsule", "cylinder"] | None = Field(
-        None, description="of `primitive`; without it the best fit of all"
-    )
-    from_: Literal["auto", "collision", "visual"] = Field(
-        "auto", alias="from", description="the link's geometry to use; auto: collision, else visual"
-    )
-    max_hulls: int | None = Field(None, ge=1, le=1024, description="most pieces, where it applies")
-    max_vertices: int | None = Field(None, ge=4, le=256, description="most vertices of a piece")
-    threshold: Positive | None = Field(
-        None, ge=0.01, le=1, description="of `coacd`, relative concavity 0.01..1"
-    )
-
-
 class Exclude(Model):
     """Pairs of bodies that never collide."""
 
     adjacent: bool = Field(True, description="bodies that a joint connects")
+    sampled: int = Field(
+        0,
+        ge=0,
+        le=1_000_000,
+        description="random poses within the limits; pairs that touch in all or in none of them "
+        "are excluded; 0 = do not sample, 10000 is a good number",
+    )
     pairs: tuple[LinkPair, ...] = Field((), description="pairs of source links")
 
 
 class Collision(Model):
     """Collision geometry, by source link."""
 
+    preset: Preset = Field(
+        "locomotion", description="tolerances of `auto`: coarse and fast, or close to the mesh"
+    )
     default: CollisionRule = Field(default_factory=lambda: CollisionRule.model_validate({}))
     links: dict[Pattern, CollisionRule] = Field(
         default_factory=dict, description="the first pattern that matches a link wins"
@@ -231,6 +232,16 @@ class Stand(Model):
     )
 
 
+class Sine(Model):
+    """Every joint follows a sine, base held, in MuJoCo and in PhysX."""
+
+    frequency: Positive = Field(1.0, description="Hz")
+    seconds: Positive = Field(3.0, description="s; the first third is left out")
+    tolerance: Positive = Field(
+        0.01, description="of the swing, RMS between the engines without friction, warning"
+    )
+
+
 class Validate(Model):
     """Which physical checks run, and their limits."""
 
@@ -238,8 +249,13 @@ class Validate(Model):
         default_factory=lambda: FreeFall.model_validate({}), description="null = do not run it"
     )
     stand: Stand | None = Field(None, description="stand still under the drives; {} = defaults")
+    sine: Sine | None = Field(
+        default_factory=lambda: Sine.model_validate({}),
+        description="part of the comparison of two simulators; null = do not run it",
+    )
     simulators: tuple[Literal["mujoco", "physx"], ...] = Field(
-        ("mujoco",), description="engines that run the physical checks"
+        ("mujoco",),
+        description="engines that run the physical checks; `physx` needs assetbuild[physx]",
     )
 
 
@@ -293,6 +309,10 @@ class Recipe(Model):
         default_factory=lambda: Mjx.model_validate({}), description="of the target `mjx`"
     )
     simulation: Simulation = Field(default_factory=lambda: Simulation.model_validate({}))
+    usd: Usd = Field(default_factory=lambda: Usd.model_validate({}))
+    randomize: Randomize | None = Field(
+        None, description="ranges for `assetbuild sample`, dr.yaml and trainers"
+    )
     targets: Names = Field(("urdf", "mjcf", "usd"), description="formats to write")
     validate_: Validate = Field(
         default_factory=lambda: Validate.model_validate({}), alias="validate"

@@ -16,7 +16,7 @@ from assetbuild.steps._inertia_rules import Bounds, inertia_findings
 class LintBodies(Step):
     """`tree.json`, `shapes.json` -> findings only, by the same rules as `lint_links`."""
 
-    version = "3"
+    version = "4"
 
     bounds: Bounds = Field(default_factory=Bounds)
 

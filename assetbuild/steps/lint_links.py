@@ -22,7 +22,7 @@ class LintLinks(Step):
     `lint_bodies` judges what will be simulated. Joint limits are final here.
     """
 
-    version = "4"
+    version = "5"
 
     bounds: Bounds = Field(default_factory=Bounds)
 
