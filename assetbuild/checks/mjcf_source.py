@@ -587,7 +587,8 @@ class _Comparison:
 def _tensor(side: _Side, body: int) -> Array:
     """(3, 3) about the centre of mass, in world axes."""
     R = np.array(side.data.xmat[body]).reshape(3, 3)
-    return R @ mujoco.inertia_of(side.model, body) @ R.T
+    tensor: Array = R @ mujoco.inertia_of(side.model, body) @ R.T
+    return tensor
 
 
 def _bounds(side: _Side, geom: int) -> tuple[Array, Array]:

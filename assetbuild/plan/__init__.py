@@ -121,11 +121,14 @@ def _geometry(
     if meshes is None or shapes is None:
         return None
     drawn = decode(Shapes, shapes)
-    files = source.meshes(json.loads(meshes), description.path)
+    files = read.files
+    if files is None:
+        files = source.meshes(json.loads(meshes), description.path)
     textures = source.present("own textures", {m.texture for m in drawn.materials if m.texture})
     if files is None or textures is None:
         return None
-    named = companions(files, source, p)
+    # MuJoCo takes looks from its materials alone: the libraries of an OBJ say nothing there.
+    named = companions(files, source, p) if read.urdf is not None else {}
     if named is None:
         return None
     return Geometry(drawn, files, named, textures, turned_meshes(loaded, files), p)

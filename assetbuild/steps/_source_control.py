@@ -90,9 +90,9 @@ def join(
 
 def _by_name(own: tuple[T, ...], said: Sequence[T]) -> tuple[T, ...]:
     """The source's, then those of the recipe; one with the same name takes its place."""
-    anew = {thing.name: thing for thing in own}
-    kept = [anew.pop(thing.name, thing) for thing in said]
-    return (*kept, *anew.values())
+    anew: dict[str, T] = {thing.name: thing for thing in own}
+    kept: list[T] = [anew.pop(thing.name, thing) for thing in said]
+    return tuple(kept + list(anew.values()))
 
 
 # --- drives and poses -----------------------------------------------------------------------
