@@ -19,6 +19,8 @@ ROUNDING = 1e-11
 """Absolute, SI units."""
 FREE, SLIDE, HINGE = 0, 2, 3
 MESH = 7
+BODY = 1
+"""MuJoCo's numbers of kinds of joints, geoms and objects."""
 
 
 @dataclass

@@ -6,7 +6,16 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from assetbuild.checks.mjcf_source.compare import FREE, HINGE, MESH, SLIDE, Comparison, differs
+from assetbuild.checks.mjcf_source.compare import (
+    BODY,
+    FREE,
+    HINGE,
+    MESH,
+    SLIDE,
+    Comparison,
+    Side,
+    differs,
+)
 from assetbuild.findings import Finding
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
@@ -128,8 +137,11 @@ class Constants(Comparison):
         """Equalities, tendons and pairs that may not touch."""
         yield from self.missing("equality", self.a.ids["equality"])
         for name, i, j in self.pairs("equality"):
-            fields = ["type", "data", "solref", "solimp", "active0", "objtype"]
-            yield from self.fields("equality", f"equality {name}", "eq", fields, i, j)
+            subject = f"equality {name}"
+            fields = ["type", "solref", "solimp", "active0", "objtype"]
+            yield from self.fields("equality", subject, "eq", fields, i, j)
+            data = _equality_data(self.a, i), _equality_data(self.b, j)
+            yield from self.same("equality", subject, "data", *data)
         yield from self.missing("tendon", self.a.ids["tendon"])
         for name, i, j in self.pairs("tendon"):
             fields = ["limited", "range", "stiffness", "damping", "frictionloss", "lengthspring"]
@@ -157,6 +169,24 @@ class Constants(Comparison):
             plain = not name.startswith("_") and isinstance(value, int | float | np.ndarray)
             if plain and name not in self.stated:
                 yield from self.same("option", "robot", name, value, getattr(b, name))
+
+
+def _equality_data(side: Side, equality: int) -> Array:
+    """Its numbers; the two anchors of `connect` in the world at rest: bodies' frames may differ."""
+    import mujoco as mj
+
+    model, data = side.model, np.array(side.model.eq_data[equality])
+    if model.eq_type[equality] != mj.mjtEq.mjEQ_CONNECT or model.eq_objtype[equality] != BODY:
+        return data
+    mj.mj_resetData(model, side.data)
+    mj.mj_kinematics(model, side.data)
+    bodies = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+    anchors = [
+        side.data.xpos[body] + side.data.xmat[body].reshape(3, 3) @ data[3 * n : 3 * n + 3]
+        for n, body in enumerate(bodies)
+    ]
+    # A floating base rests elsewhere here: what counts is where the anchors are to one another.
+    return np.asarray(anchors[0] - anchors[1])
 
 
 def _excluded(model: mujoco.Model, names: Mapping[str, str] | None = None) -> set[tuple[str, str]]:

@@ -153,7 +153,10 @@ def _equality(
         return
     if element.tag == "joint" and _mimic(element, said, model, found):
         return
-    if element.tag in ("connect", "weld"):
+    if element.tag == "connect" and "anchor" in said:
+        x, y, z = (float(word) for word in said["anchor"].split())
+        said["anchor"] = words(names.links.in_link(said["body1"], Pose((x, y, z))).xyz)
+    if element.tag == "weld":
         _refuse_moved(element, said, names)
     found.mjcf_only.append(MjcfOnly("equality", _text(element, said)))
 
