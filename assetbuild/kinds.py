@@ -75,7 +75,9 @@ def read_robot(files: Files) -> Robot:
 class MeshPart:
     """One OBJ file of a converted mesh: all its triangles have one material.
 
-    material: the source's name for it; rgba, texture: None = the source states none.
+    material: the source's name for it; rgba: None = the source states none. texture: a PNG
+    beside it in `parts/`, named by its content; its colours are multiplied by rgba (None: white).
+    uv: does the OBJ have texture coordinates?
     """
 
     file: str
@@ -84,6 +86,7 @@ class MeshPart:
     material: str | None = None
     rgba: tuple[float, float, float, float] | None = None
     texture: str | None = None
+    uv: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,6 +94,7 @@ class ConvertedMesh:
     """`mesh.json` beside `parts/`: what `convert_mesh` and `decimate_mesh` write.
 
     Metres, scale applied, outward normals. lower, upper: bounds. volume_m3: None when open.
+    up_axis: what the file says when that is not Z; turned: was the mesh turned accordingly?
     """
 
     parts: tuple[MeshPart, ...]
@@ -100,6 +104,8 @@ class ConvertedMesh:
     upper: Vec3
     watertight: bool
     volume_m3: float | None = None
+    up_axis: str | None = None
+    turned: bool = False
 
 
 @dataclass(frozen=True)

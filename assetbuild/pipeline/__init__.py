@@ -220,7 +220,7 @@ def _finish(job: _Job, done: _Executed, session: Session, request: Request) -> O
     outcome.report = report
     sources = [Path(ref.output) for ref in done.graph.sources if not ref.is_tree]
     outcome.read = {str(path): session.source_digest(path) for path in _read(loaded, sources)}
-    outcome.absent = (lock_path(loaded.path),) if lock is None else ()
+    outcome.absent = (*outline.absent, *((lock_path(loaded.path),) if lock is None else ()))
     return outcome
 
 

@@ -14,13 +14,15 @@ import importlib.util
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.kinds import Check, Target, load_plugin, plugin_names
 from assetbuild.lock import Lock
-from assetbuild.plan.agree import check_against_robot, check_names
+from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
+from assetbuild.plan.companions import companions
 from assetbuild.plan.edits import apply_edits, edit_keys
-from assetbuild.plan.geometry import Geometry, assemble
+from assetbuild.plan.geometry import Geometry, assemble, lint_meshes
 from assetbuild.plan.source import Description, Source, description_of, open_source
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
@@ -39,11 +41,13 @@ class Outline:
 
     skipped: checks that this machine cannot run, and why. subjects: what a node works on, where
     the node itself does not know. edits: label of an edit's node -> its key in the recipe.
-    expanded: the URDF behind a xacro, which its lines count.
+    expanded: the URDF behind a xacro, which its lines count. absent: files that were looked for;
+    their appearance changes the build.
     """
 
     source_map: Ref | None = None
     expanded: Ref | None = None
+    absent: tuple[Path, ...] = ()
     robot: dict[str, Ref] = field(default_factory=dict)
     targets: dict[str, Node] = field(default_factory=dict)
     checks: dict[str, Node] = field(default_factory=dict)
@@ -66,7 +70,8 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     read = _read(recipe, description, p)
     outline.source_map = read["source_map.json"]
     outline.expanded = description.ref if recipe.source.xacro else None
-    geometry = _geometry(source, description, read, p)
+    geometry = _geometry(loaded, source, description, read, p)
+    outline.absent = source.absent
     edited = apply_edits(loaded, read, geometry, p)
     outline.edits = edit_keys(loaded)
     if edited is None:
@@ -81,6 +86,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     if geometry is None:
         return outline
     geometry.shapes = decode(Shapes, shapes)
+    lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], p)
     outline.subjects = geometry.subjects
     control = _control(recipe, tree, assembled, p)
@@ -114,20 +120,30 @@ def _read(recipe: Recipe, description: Description, p: Planner) -> Node:
     return read
 
 
-def _geometry(source: Source, description: Description, read: Node, p: Planner) -> Geometry | None:
+def _geometry(
+    loaded: LoadedRecipe, source: Source, description: Description, read: Node, p: Planner
+) -> Geometry | None:
     """The source's meshes; None while it is not known which there are."""
     meshes, shapes = p.ask(read["meshes.json"]), p.ask(read["shapes.json"])
     if meshes is None or shapes is None:
         return None
+    drawn = decode(Shapes, shapes)
     files = source.meshes(json.loads(meshes), description.path)
-    return None if files is None else Geometry(decode(Shapes, shapes), files, p)
+    textures = source.present("own textures", {m.texture for m in drawn.materials if m.texture})
+    if files is None or textures is None:
+        return None
+    named = companions(files, source, p)
+    if named is None:
+        return None
+    return Geometry(drawn, files, named, textures, turned_meshes(loaded, files), p)
 
 
 def _merge(recipe: Recipe, edited: Mapping[str, Ref], p: Planner) -> Node:
     fixed = recipe.fixed_joints
     step = MergeFixedJoints(merge=fixed.merge, keep_bodies=fixed.keep_bodies)
     tree = p.add("merge_fixed_joints", step, {"links.json": edited["links.json"]})
-    p.add("lint_bodies", LintBodies(), {"tree.json": tree["tree.json"]})
+    linted = {"tree.json": tree["tree.json"], "shapes.json": edited["shapes.json"]}
+    p.add("lint_bodies", LintBodies(), linted)
     return tree
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.kinds import plugin_names
@@ -59,9 +60,22 @@ def check_against_robot(loaded: LoadedRecipe, links: Tree, tree: Tree) -> None:
         raise RecipeError(error.message, where=where, hint=error.hint) from None
 
 
+def turned_meshes(loaded: LoadedRecipe, paths: Collection[str]) -> frozenset[str]:
+    """The meshes whose up axis is honoured; a pattern that matches none is an error."""
+    found: set[str] = set()
+    for index, pattern in enumerate(loaded.recipe.source.honour_up_axis):
+        _must_match(loaded, ("source", "honour_up_axis", index), pattern, sorted(paths), "mesh")
+        found |= {path for path in paths if re.fullmatch(pattern, path)}
+    return frozenset(found)
+
+
 def _must_match(
-    loaded: LoadedRecipe, key: tuple[str | int, ...], pattern: str, names: list[str]
+    loaded: LoadedRecipe,
+    key: tuple[str | int, ...],
+    pattern: str,
+    names: list[str],
+    kind: str = "link",
 ) -> None:
     if not any(re.fullmatch(pattern, name) for name in names):
         hint = did_you_mean(pattern, names)
-        raise loaded.error(key, f"pattern `{pattern}` matches no link of the source", hint)
+        raise loaded.error(key, f"pattern `{pattern}` matches no {kind} of the source", hint)

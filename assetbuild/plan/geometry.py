@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import PurePosixPath
 
 from assetbuild.collision import CollisionMethod, PlacedSource
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.kinds import load_plugin, plugin_names
+from assetbuild.plan.companions import Companions
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import CollisionRule, Recipe
 from assetbuild.robot.model import Mesh, Shape, Shapes, Tree
-from assetbuild.steps.assemble import Assemble, CollisionUse, VisualUse
+from assetbuild.steps.assemble import Assemble, CollisionUse, TextureUse, VisualUse
 from assetbuild.steps.convert_mesh import ConvertMesh
+from assetbuild.steps.convert_texture import ConvertTexture
 from assetbuild.steps.decimate_mesh import DecimateMesh
+from assetbuild.steps.lint_meshes import LintMeshes
 
 BUILT_IN = ("auto", "keep", "none")
 """Methods that need no step of their own: see `_kept`."""
@@ -25,12 +28,22 @@ class Geometry:
     """Conversions of the source's meshes, each file and scale once.
 
     subjects: label of a node -> the mesh it works on; the steps do not know its path, so that
-    equal files share their results.
+    equal files share their results. textures: of the description's own materials, by path.
+    turned: paths of the meshes whose up axis is honoured.
     """
 
-    def __init__(self, shapes: Shapes, files: Mapping[str, Ref], p: Planner) -> None:
-        self.shapes = shapes
-        self._files, self._p = files, p
+    def __init__(
+        self,
+        shapes: Shapes,
+        files: Mapping[str, Ref],
+        companions: Companions,
+        textures: Mapping[str, Ref],
+        turned: Collection[str],
+        p: Planner,
+    ) -> None:
+        self.shapes, self.textures = shapes, textures
+        self._files, self._companions, self._p = files, companions, p
+        self._turned = turned
         self._converted: dict[tuple[str, tuple[float, float, float]], Node] = {}
         self._decimated: dict[str, Node] = {}
         self.subjects: dict[str, str] = {}
@@ -44,13 +57,29 @@ class Geometry:
         """The full mesh, as OBJ per material."""
         key = (mesh.mesh, mesh.scale)
         if key not in self._converted:
+            named = self._companions.get(mesh.mesh, {})
             step = ConvertMesh(
-                format=PurePosixPath(mesh.mesh).suffix.lower().lstrip("."), scale=mesh.scale
+                format=PurePosixPath(mesh.mesh).suffix.lower().lstrip("."),
+                scale=mesh.scale,
+                up_axis="honour" if mesh.mesh in self._turned else "ignore",
+                companions=tuple(named),
+                keep_uv=mesh.mesh in self._papered(),
             )
             label = f"convert_mesh {self._label(mesh)}"
             self.subjects[label] = f"mesh {mesh.mesh}"
-            self._converted[key] = self._p.add(label, step, {"mesh": self._files[mesh.mesh]})
+            inputs = {"mesh": self._files[mesh.mesh]}
+            inputs |= {f"companions/{i}": ref for i, ref in enumerate(named.values())}
+            self._converted[key] = self._p.add(label, step, inputs)
         return self._converted[key]
+
+    def _papered(self) -> set[str]:
+        """Meshes that the description itself puts a texture on."""
+        textured = {m.name for m in self.shapes.materials if m.texture}
+        return {
+            shape.geometry.mesh
+            for shape in self.shapes.of("visual")
+            if isinstance(shape.geometry, Mesh) and shape.material in textured
+        }
 
     def for_the_eye(self, mesh: Mesh, max_faces: int | None) -> Node:
         """The mesh within the recipe's budget of faces."""
@@ -82,6 +111,16 @@ def _short_names(paths: tuple[str, ...]) -> dict[str, str]:
     }
 
 
+def lint_meshes(links: Ref, shapes: Ref, geometry: Geometry, p: Planner) -> Node:
+    """Do the meshes stand as the rest of the robot says they should?"""
+    inputs, uses = {"links.json": links, "shapes.json": shapes}, []
+    for shape in geometry.shapes.shapes:
+        if isinstance(shape.geometry, Mesh):
+            inputs[f"meshes/{len(uses)}.json"] = geometry.converted(shape.geometry)["mesh.json"]
+            uses.append(shape.name)
+    return p.add("lint_meshes", LintMeshes(shapes=tuple(uses)), inputs)
+
+
 def assemble(
     loaded: LoadedRecipe, links: Tree, geometry: Geometry, shapes: Ref, p: Planner
 ) -> Node:
@@ -91,8 +130,20 @@ def assemble(
     collisions: list[CollisionUse] = []
     for body in links.bodies:
         collisions += _collisions(loaded, body.name, geometry, inputs, p)
-    step = Assemble(visuals=tuple(visuals), collisions=tuple(collisions))
+    textures = _textures(geometry, inputs, p)
+    step = Assemble(visuals=tuple(visuals), collisions=tuple(collisions), textures=textures)
     return p.add("assemble", step, inputs)
+
+
+def _textures(geometry: Geometry, inputs: dict[str, Ref], p: Planner) -> tuple[TextureUse, ...]:
+    """Pictures of the description's own materials that the source has, as PNG."""
+    uses = []
+    for number, (path, ref) in enumerate(geometry.textures.items()):
+        step = ConvertTexture(name=PurePosixPath(path).name)
+        node = p.add(f"convert_texture {path}", step, {"picture": ref})
+        inputs[f"textures/{number}/"] = node["texture/"]
+        uses.append(TextureUse(texture=path, folder=f"textures/{number}"))
+    return tuple(uses)
 
 
 def _visuals(recipe: Recipe, geometry: Geometry, inputs: dict[str, Ref]) -> list[VisualUse]:

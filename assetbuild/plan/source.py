@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import posixpath
 import re
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -48,8 +49,20 @@ class Source(Protocol):
         """All files below the folders with one of the suffixes, by path; None: not known yet."""
         ...
 
+    def present(self, what: str, paths: Collection[str]) -> dict[str, Ref] | None:
+        """Those of the paths that are files of the source; None: not known yet.
+
+        what: they are, in two words; each question has its own.
+        """
+        ...
+
     def licenses(self) -> dict[str, Ref]:
         """Licence texts that come with the robot, by path."""
+        ...
+
+    @property
+    def absent(self) -> tuple[Path, ...]:
+        """Files that were looked for in a folder, and whose appearance changes the build."""
         ...
 
 

@@ -99,6 +99,11 @@ class Source(Model):
     packages: dict[str, InsidePath] = Field(
         default_factory=dict, description="package:// name -> folder; explicit, nothing is searched"
     )
+    honour_up_axis: tuple[Pattern, ...] = Field(
+        (),
+        description="paths of meshes (regular expressions) that are turned to Z as their up axis "
+        "says; all others are taken as they are, which is what URDF viewers do",
+    )
     license: str | None = Field(None, description="SPDX identifier of the source's licence")
 
     @model_validator(mode="after")

@@ -26,6 +26,7 @@ from assetbuild.recipe.models import (
 from assetbuild.recipe.sensing import Camera, Feet, Imu, Sensor
 from assetbuild.robot import model
 from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, resolve
+from assetbuild.robot.chains import find_chains
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
@@ -83,7 +84,7 @@ class ControlStep(Step):
         self._resolved(tree)
         for name, keyframe in self.keyframes.items():
             _joint_values(tree, name, keyframe)
-        _excludes(tree, self.exclude)
+        _excludes(tree, model.Shapes(), self.exclude)
         check_sensors(tree, self.imu, self.sensors, self.cameras)
 
     def _resolved(self, tree: model.Tree) -> tuple[model.Actuator, ...]:
@@ -113,7 +114,7 @@ class ControlStep(Step):
         control = model.Control(
             actuators=actuators,
             keyframes=tuple(keyframes),
-            excludes=_excludes(tree, self.exclude),
+            excludes=_excludes(tree, shapes, self.exclude),
             contact=surface(self.contact),
             contacts=contacts(shapes, self.contact),
             sensors=placed_sensors(tree, shapes, self.imu, self.feet, self.sensors),
@@ -333,11 +334,16 @@ def half_height(
 # --- excludes -------------------------------------------------------------------------------
 
 
-def _excludes(tree: model.Tree, exclude: Exclude) -> tuple[tuple[str, str], ...]:
+def _excludes(
+    tree: model.Tree, shapes: model.Shapes, exclude: Exclude
+) -> tuple[tuple[str, str], ...]:
     """Sorted pairs of bodies. Raises RowError for an unknown link."""
     pairs = {_bodies(tree, index, pair) for index, pair in enumerate(exclude.pairs)}
     if exclude.adjacent:
         pairs |= {_sorted(joint.parent, joint.child) for joint in tree.joints}
+        # A ball joint of three hinges is one joint to the two bodies that it connects.
+        chains = find_chains(tree, {shape.link for shape in shapes.shapes})
+        pairs |= {_sorted(chain.parent, chain.body) for chain in chains}
     return tuple(sorted(pair for pair in pairs if pair[0] != pair[1]))
 
 

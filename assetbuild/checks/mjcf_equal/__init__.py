@@ -14,6 +14,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
+from assetbuild.robot.chains import axis_in_body, find_chains
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import (
     MOVING,
@@ -93,6 +94,15 @@ class _Comparison:
     def __init__(self, model: mujoco.Model, tree: Tree, shapes: Shapes, control: Control) -> None:
         self.model, self.tree, self.shapes, self.control = model, tree, shapes, control
         self.names = mujoco.body_names(tree)
+        chains = find_chains(tree, {shape.link for shape in shapes.shapes})
+        self.chains = {chain.body: chain for chain in chains}
+        # Massless links between joints are no bodies here: their joints stand on the last body.
+        self.absent = {link for chain in chains for link in chain.between}
+        self.seats = {
+            joint.name: (chain.body, X_body_joint)
+            for chain in chains
+            for joint, X_body_joint in zip(chain.joints, chain.joint_poses, strict=True)
+        }
         self.worst = _Worst({})
         self.contacts = dict(control.contacts)
         self.index = {
@@ -138,13 +148,14 @@ class _Comparison:
         nv = sum(dofs.get(joint.kind, 1) for joint in tree.joints)
         nv += 6 if tree.base == "floating" else 0
         driven = [a for a in control.actuators if a.model != "passive"]
+        pairs = [pair for pair in control.excludes if not self.absent & {*pair}]
         held = sum(joint.mimic is not None or _is_locked(joint) for joint in tree.joints)
         for what, expected, found in (
-            ("bodies", len(tree.bodies), model.nbody - 1),
+            ("bodies", len(tree.bodies) - len(self.absent), model.nbody - 1),
             ("degrees of freedom", nv, model.nv),
             ("actuators", len(driven), model.nu),
             ("keyframes", len(control.keyframes), model.nkey),
-            ("excluded pairs", len(control.excludes), model.nexclude),
+            ("excluded pairs", len(pairs), model.nexclude),
             ("equalities", held, model.neq),
             ("shapes", len(self.shapes.shapes), model.ngeom),
         ):
@@ -156,14 +167,17 @@ class _Comparison:
 
     def bodies(self) -> Iterator[Finding]:
         for body in self.tree.bodies:
+            if body.name in self.absent:
+                continue
             subject = f"link {body.name}"
             index = self.index["body"].get(self.names[body.name])
             if index is None:
                 yield _differs("body", subject, "the body", "there", "missing")
                 continue
             yield from self.inertial(subject, body.inertial, index)
-            joint = self.tree.joint_above.get(body.name)
-            parent = self.names[joint.parent] if joint else "world"
+            joint, chain = self.tree.joint_above.get(body.name), self.chains.get(body.name)
+            above = chain.parent if chain else joint.parent if joint else ""
+            parent = self.names[above] if above else "world"
             found = mujoco.name_of(self.model, "body", int(self.model.body_parentid[index]))
             if found != parent:
                 yield _differs("parent", subject, "parent", parent, found)
@@ -171,6 +185,7 @@ class _Comparison:
             if joint or self.tree.base == "fixed":
                 pose = _pose(self.model.body_pos[index], self.model.body_quat[index])
                 X_parent_body = joint.X_parent_joint if joint else IDENTITY
+                X_parent_body = chain.pose_in_parent if chain else X_parent_body
                 yield from self.compare_pose(subject, X_parent_body, pose)
 
     def inertial(self, subject: str, inertial: Inertial | None, index: int) -> Iterator[Finding]:
@@ -196,11 +211,13 @@ class _Comparison:
         if int(model.jnt_type[index]) != kind:
             yield _differs("joint", subject, "type", kind, int(model.jnt_type[index]))
         body = mujoco.name_of(model, "body", int(model.jnt_bodyid[index]))
-        if body != self.names[joint.child]:
-            yield _differs("joint", subject, "body", joint.child, body)
-        yield from self.compare("axis", subject, "axis", joint.axis, model.jnt_axis[index])
+        carrier, X_body_joint = self.seats.get(joint.name, (joint.child, IDENTITY))
+        if body != self.names[carrier]:
+            yield _differs("joint", subject, "body", carrier, body)
+        axis = axis_in_body(joint, X_body_joint)
+        yield from self.compare("axis", subject, "axis", axis, model.jnt_axis[index])
         yield from self.compare(
-            "anchor", subject, "anchor (m)", (0.0, 0.0, 0.0), model.jnt_pos[index]
+            "anchor", subject, "anchor (m)", X_body_joint.xyz, model.jnt_pos[index]
         )
         yield from self.limits(joint, index)
         yield from self.drive(joint, index)

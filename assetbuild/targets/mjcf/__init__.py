@@ -21,6 +21,7 @@ from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Material, Shapes, Tree
 from assetbuild.simulators.mujoco import body_names
+from assetbuild.targets.mjcf.chains import explain_chains
 from assetbuild.targets.mjcf.drives import explain_losses
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
@@ -65,6 +66,7 @@ class Mjcf(Target):
         _copy_assets(files.inputs / "meshes", folder / "assets", shapes)
         yield from _explain_names(tree)
         yield from _explain_planar(tree)
+        yield from explain_chains(tree, shapes)
         yield from _explain_textures(without)
         yield from explain_losses(tree, control)
 

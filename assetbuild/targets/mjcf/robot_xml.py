@@ -17,6 +17,7 @@ from assetbuild.robot.model import (
 )
 from assetbuild.robot.pose import Pose, quat_between, rotation_of, vec3
 from assetbuild.simulators.mujoco import body_names
+from assetbuild.targets.mjcf.chains import Seats
 from assetbuild.targets.mjcf.classes import Defaults, Names, Use, find_defaults, uses
 from assetbuild.targets.mjcf.drives import Row, actuator_names, locked_at, row_of
 from assetbuild.targets.mjcf.geoms import Geoms
@@ -25,6 +26,7 @@ from assetbuild.targets.mjcf.sensors import Names as SensorNames
 from assetbuild.targets.mjcf.sensors import (
     cameras_by_body,
     extra_sites,
+    refuse_hidden,
     sensor_section,
     site_elements,
 )
@@ -58,8 +60,9 @@ class RobotXml:
         self.body_names = body_names(tree)
         above = tree.joint_above
         self.joints = tuple(above[body] for body in self.order if body in above)
+        self.seats = Seats(tree, shapes)
         self.rows = tuple(
-            row_of(joint, control.by_joint.get(joint.name))
+            row_of(self.seats.seated(joint), control.by_joint.get(joint.name))
             for joint in self.joints
             if joint in tree.moving_joints
         )
@@ -70,6 +73,7 @@ class RobotXml:
         self.uses: dict[str, Use] = uses(self.defaults)
         self.geoms = Geoms(shapes, control, roles, names)
         self.cameras = cameras_by_body(tree, control)
+        refuse_hidden(control, self.seats.hidden)
 
     def element(self) -> Element:
         """The root element; empty sections are left out."""
@@ -101,7 +105,8 @@ class RobotXml:
     def compiler(self) -> Element:
         """Units, folders, and where mass may not come from."""
         textured = any(material.texture for material in self.shapes.materials)
-        massless = any(body.inertial is None for body in self.tree.bodies)
+        written = [body for body in self.tree.bodies if body.name not in self.seats.hidden]
+        massless = any(body.inertial is None for body in written)
         return element(
             "compiler",
             {
@@ -180,9 +185,10 @@ class RobotXml:
         """Children are made before their parents: no recursion, however long the chain."""
         made: dict[str, list[Element]] = {}
         shapes, sites = self._shapes_by_body(), self._sites_by_body()
-        parent_of = {joint.child: joint.parent for joint in self.joints}
         root: Element | None = None
         for name in reversed(self.order):
+            if name in self.seats.hidden:
+                continue
             content = [
                 *self._inertial(self.tree.by_body[name]),
                 *self._joint_elements(name),
@@ -192,16 +198,17 @@ class RobotXml:
                 *reversed(made.pop(name, [])),
             ]
             root = element("body", self._body_attributes(name), content)
-            if name in parent_of:
-                made.setdefault(parent_of[name], []).append(root)
+            parent = self.seats.parent(name)
+            if parent is not None:
+                made.setdefault(parent, []).append(root)
         return element(
             "worldbody", None, [*self.cameras.get(None, []), *([root] if root else [])], gap=True
         )
 
     def _body_attributes(self, name: str) -> dict[str, str | None]:
-        joint = self.tree.joint_above.get(name)
-        X_parent_body = joint.X_parent_joint if joint else self.resting_pose()
-        child_class = self.robot_class if joint is None else None
+        is_root = name == self.tree.root
+        X_parent_body = self.resting_pose() if is_root else self.seats.pose_in_parent(name)
+        child_class = self.robot_class if is_root else None
         return {
             "name": self.body_names[name],
             "childclass": child_class,
@@ -230,14 +237,17 @@ class RobotXml:
         return [element("inertial", attributes)]
 
     def _joint_elements(self, body: str) -> list[Element]:
-        joint = self.tree.joint_above.get(body)
-        if joint is None:
+        if body == self.tree.root:
             floating = self.tree.base == "floating"
             return [element("freejoint", {"name": "floating_base_joint"})] if floating else []
+        return [made for joint in self.seats.joints(body) for made in self._elements_of(joint)]
+
+    def _elements_of(self, joint: Joint) -> list[Element]:
+        X_body_joint = self.seats.joint_pose(joint)
         if joint.kind == "fixed":
             return []
         if joint.kind == "planar":
-            return _planar_elements(joint)
+            return _planar_elements(joint, X_body_joint)
         if joint.kind == "floating":
             raise StepError(
                 f"joint {joint.name}: MJCF allows a floating joint on the root body only",
@@ -245,7 +255,8 @@ class RobotXml:
             )
         use = self.uses[joint.name]
         class_name = use.class_name if use.class_name != self.robot_class else None
-        return [element("joint", {"name": joint.name, "class": class_name, **use.joint})]
+        head = {"name": joint.name, "class": class_name, "pos": _position(X_body_joint)}
+        return [element("joint", {**head, **use.joint})]
 
     def _shapes_by_body(self) -> dict[str, list[Element]]:
         found: dict[str, list[Element]] = {}
@@ -271,6 +282,7 @@ class RobotXml:
         pairs = [
             element("exclude", {"body1": self.body_names[a], "body2": self.body_names[b]})
             for a, b in self.control.excludes
+            if not {a, b} & self.seats.hidden  # without shapes, they touch nothing
         ]
         return element("contact", None, pairs, gap=True)
 
@@ -366,6 +378,10 @@ def depth_first(tree: Tree) -> tuple[str, ...]:
     return tuple(order)
 
 
+def _position(pose: Pose) -> str | None:
+    return numbers(pose.xyz) if pose.xyz != (0.0, 0.0, 0.0) else None
+
+
 def _material(material: Material, textures: Mapping[str, str]) -> Element:
     return element(
         "material",
@@ -377,9 +393,9 @@ def _material(material: Material, textures: Mapping[str, str]) -> Element:
     )
 
 
-def _planar_elements(joint: Joint) -> list[Element]:
+def _planar_elements(joint: Joint, X_body_joint: Pose) -> list[Element]:
     """Two slides across the normal and a hinge about it; class `main`: no motor's armature."""
-    turn = rotation_of(quat_between((0.0, 0.0, 1.0), joint.axis))
+    turn = X_body_joint.rotation @ rotation_of(quat_between((0.0, 0.0, 1.0), joint.axis))
     return [
         element(
             "joint",
@@ -387,6 +403,7 @@ def _planar_elements(joint: Joint) -> list[Element]:
                 "name": f"{joint.name}_{suffix}",
                 "class": "main",
                 "type": "slide" if suffix != "yaw" else None,
+                "pos": _position(X_body_joint),
                 "axis": numbers(vec3(turn[:, column])),
             },
         )
