@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from assetbuild.errors import StepError
@@ -140,11 +140,11 @@ def to_mjcf_degrees(angle: float) -> float:
 
 
 def site_elements(
-    tree: Tree, control: Control, bodies: Mapping[str, str]
+    tree: Tree, body_sites: Sequence[str], names: Mapping[str, str]
 ) -> Iterator[tuple[str, Element]]:
-    """(body, site): one per kept frame, and one where a sensor sits on a body."""
+    """(body, site): one per kept frame, and one in the origin of each body of `body_sites`."""
     for frame in tree.frames:
         attributes = {"name": frame.name, **pose_attributes(frame.X_body_frame)}
         yield frame.body, element("site", attributes)
-    for body in extra_sites(tree, control):
-        yield body, element("site", {"name": bodies[body]})
+    for body in body_sites:
+        yield body, element("site", {"name": names[body]})
