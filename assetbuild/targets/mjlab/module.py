@@ -43,7 +43,7 @@ def module_text(facts: ModuleFacts) -> str:
     parts = [_head(facts), _facts(facts), _robot(facts)]
     if facts.walks:
         parts.append(_velocity(facts))
-    return "\n\n".join(part.strip("\n") for part in parts) + "\n"
+    return "\n\n\n".join(part.strip("\n") for part in parts) + "\n"
 
 
 def _head(facts: ModuleFacts) -> str:
