@@ -138,8 +138,9 @@ def _mirror(model: mujoco.Model) -> Iterator[Finding]:
         if other is None or other <= index:
             continue
         a, b = _side(model, data, index), _side(model, data, other)
-        if np.linalg.norm(FLIP @ a.place - b.place) > PLACE_TOLERANCE_M:
-            continue  # not mirrored at the root's plane: an arm beside another, say
+        apart = float(np.linalg.norm(FLIP @ a.place - b.place))
+        if apart > PLACE_TOLERANCE_M or abs(a.place[1]) < PLACE_TOLERANCE_M:
+            continue  # not mirrored at the root's plane: an arm beside another, fingers of a hand
         there = mujoco.name_of(model, "body", other)
         yield from _bodies_alike(name, there, a, b)
         yield from _joints_alike(model, data, a, b)
