@@ -9,7 +9,8 @@ Every target and check finds the robot under the same input names:
     meshes/        the assets, `<name>.obj`
 
 A check finds each target that it `needs` as a folder of that name (`mjcf/`, `usd/`), and the
-untouched description (but for comments) as `source.urdf` when `needs` says "source".
+untouched description (but for comments) as `source.urdf` when `needs` says "source"; an MJCF as
+`source.xml` with its meshes below `files/` when it says "source_mjcf".
 """
 
 from __future__ import annotations
@@ -223,7 +224,7 @@ class Check(Step):
 
     outputs = ("figures.json",)
     needs: ClassVar[tuple[str, ...]] = ()
-    """Names of targets, and "source" for the untouched description."""
+    """Names of targets; "source" for the untouched URDF, "source_mjcf" for an MJCF."""
     reads: ClassVar[tuple[str, ...]] = ROBOT_PORTS
     """The robot ports that this check really reads."""
     requires: ClassVar[Mapping[str, str]] = {}

@@ -9,11 +9,13 @@ body, so v_pin = X v_mj, M_mj = Xᵀ M_pin X, g_mj = Xᵀ g_pin.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.chains import find_chains
@@ -21,7 +23,7 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, Pose, normalised_quat, vec3
 from assetbuild.robot.tree import sample_positions
-from assetbuild.simulators.mujoco import body_names
+from assetbuild.simulators.mujoco import body_names, load
 
 
 class Oracle(Check):
@@ -34,7 +36,7 @@ class Oracle(Check):
     Joint friction, damping, drives and contacts take no part; armature is subtracted.
     """
 
-    version = "2"
+    version: ClassVar = "3"
     tools: ClassVar = ("mujoco", "pin")
     isolated: ClassVar = True
     # With the other checks of MuJoCo in one process; pinocchio alone is not worth a second one.
@@ -71,9 +73,9 @@ class Oracle(Check):
             yield _unreadable(str(error))
             return
         try:
-            mj = _MujocoSide(str(files.inputs / "mjcf" / f"{self.robot}.xml"), tree)
-        except ValueError as error:
-            yield _wrong("structure", "robot", f"MuJoCo cannot load the MJCF: {error}")
+            mj = _MujocoSide(files.inputs / "mjcf" / f"{self.robot}.xml", tree)
+        except StepError as error:
+            yield _wrong("structure", "robot", f"MuJoCo cannot load the MJCF: {error.message}")
             return
         unlike = mj.unlike(pin)
         if unlike:
@@ -230,11 +232,11 @@ class _PinocchioSide:
 class _MujocoSide:
     """Our MJCF in MuJoCo. dof: velocity index by joint name."""
 
-    def __init__(self, path: str, tree: Tree) -> None:
+    def __init__(self, path: Path, tree: Tree) -> None:
         import mujoco
 
         self._mj: Any = mujoco  # Any: mujoco's bindings have no complete types
-        self._model = mujoco.MjModel.from_xml_path(path)
+        self._model = load(path, visuals=False).model
         self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         self._data = mujoco.MjData(self._model)
         self.nv = int(self._model.nv)

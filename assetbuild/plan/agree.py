@@ -7,8 +7,8 @@ from collections.abc import Collection
 
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.kinds import plugin_names
+from assetbuild.plan.collision import BUILT_IN, collision_method
 from assetbuild.plan.edits import edits_of
-from assetbuild.plan.geometry import BUILT_IN, collision_method
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.model import Tree
@@ -34,7 +34,8 @@ def check_names(loaded: LoadedRecipe) -> None:
             collision_method(loaded, rule, key)
     edits_of(loaded)
     stand = recipe.validate_.stand
-    if stand is not None and stand.keyframe not in recipe.keyframes:
+    from_mjcf = recipe.source.mjcf is not None  # which has keyframes of its own
+    if stand is not None and stand.keyframe not in recipe.keyframes and not from_mjcf:
         raise loaded.error(
             ("validate", "stand", "keyframe"),
             f"no keyframe `{stand.keyframe}`",

@@ -18,12 +18,15 @@ from assetbuild.recipe.base import Model as Model
 from assetbuild.recipe.base import NonNegative as NonNegative
 from assetbuild.recipe.base import Positive as Positive
 from assetbuild.recipe.base import Real as Real
+from assetbuild.recipe.collision import CollisionRule, Preset
 from assetbuild.recipe.mjcf import Mjcf, Mjx
 from assetbuild.recipe.names import Name as Name
 from assetbuild.recipe.names import Pattern as Pattern
+from assetbuild.recipe.randomize import Randomize
 from assetbuild.recipe.sensing import Cameras, Feet, Imu, Sensors
 from assetbuild.recipe.surface import Contact as Contact
 from assetbuild.recipe.surface import Simulation as Simulation
+from assetbuild.recipe.usd import Usd
 
 
 def _inside(text: str) -> str:
@@ -66,7 +69,7 @@ PYPI_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*==[A-Za-z0-9][A-Za-z0-9.+!_-]*$"
 
 
 class Source(Model):
-    """Where the robot comes from: one of path, url, git, pypi; one of urdf, xacro."""
+    """Where the robot comes from: one of path, url, git, pypi; one of urdf, xacro, mjcf."""
 
     path: str | None = Field(
         None, description="a folder, or a zip or tar archive, relative to the recipe"
@@ -93,6 +96,7 @@ class Source(Model):
     )
     urdf: InsidePath | None = Field(None, description="the URDF file")
     xacro: InsidePath | None = Field(None, description="the xacro file, instead of `urdf`")
+    mjcf: InsidePath | None = Field(None, description="the MJCF file, instead of `urdf`")
     args: dict[str, str | bool | int | Real] = Field(
         default_factory=dict, description="arguments of the xacro file, by name"
     )
@@ -120,10 +124,14 @@ class Source(Model):
                 "@" in rest
             ):
                 raise ValueError("`git`: https or ssh, without a password; or a folder")
-        if (self.urdf is None) == (self.xacro is None):
-            raise ValueError("give exactly one of `urdf`, `xacro`: the description below `root`")
+        if [self.urdf, self.xacro, self.mjcf].count(None) != 2:
+            raise ValueError(
+                "give exactly one of `urdf`, `xacro`, `mjcf`: the description below `root`"
+            )
         if self.args and self.xacro is None:
             raise ValueError("`args` are for a `xacro` file")
+        if self.packages and self.mjcf is not None:
+            raise ValueError("`packages` are for URDF: the files of an MJCF lie below its folder")
         return self
 
     @property
@@ -139,13 +147,17 @@ class Source(Model):
     @property
     def description(self) -> str:
         """Path of the robot's description below the root."""
-        return str(self.urdf or self.xacro)
+        return str(self.urdf or self.xacro or self.mjcf)
 
 
 class FixedJoints(Model):
     """What happens to links that fixed joints hold together."""
 
-    merge: bool = Field(True, description="merge them exactly; the frames survive")
+    merge: bool = Field(
+        True,
+        description="merge them exactly; the frames survive. Without this key the bodies of an "
+        "MJCF stay as they are",
+    )
     keep_bodies: tuple[Pattern, ...] = Field(
         (), description="links that stay bodies of their own, for contact sensors"
     )
@@ -162,33 +174,26 @@ class Visual(Model):
     )
 
 
-class CollisionRule(Model):
-    """How the collision geometry of a link is made."""
-
-    method: str = Field("auto", description="auto, keep, none or a plug-in of assetbuild.collision")
-    shape: Literal["box", "sphere", "capsule", "cylinder"] | None = Field(
-        None, description="of `primitive`; without it the best fit of all"
-    )
-    from_: Literal["auto", "collision", "visual"] = Field(
-        "auto", alias="from", description="the link's geometry to use; auto: collision, else visual"
-    )
-    max_hulls: int | None = Field(None, ge=1, le=1024, description="most pieces, where it applies")
-    max_vertices: int | None = Field(None, ge=4, le=256, description="most vertices of a piece")
-    threshold: Positive | None = Field(
-        None, ge=0.01, le=1, description="of `coacd`, relative concavity 0.01..1"
-    )
-
-
 class Exclude(Model):
     """Pairs of bodies that never collide."""
 
     adjacent: bool = Field(True, description="bodies that a joint connects")
+    sampled: int = Field(
+        0,
+        ge=0,
+        le=1_000_000,
+        description="random poses within the limits; pairs that touch in all or in none of them "
+        "are excluded; 0 = do not sample, 10000 is a good number",
+    )
     pairs: tuple[LinkPair, ...] = Field((), description="pairs of source links")
 
 
 class Collision(Model):
     """Collision geometry, by source link."""
 
+    preset: Preset = Field(
+        "locomotion", description="tolerances of `auto`: coarse and fast, or close to the mesh"
+    )
     default: CollisionRule = Field(default_factory=lambda: CollisionRule.model_validate({}))
     links: dict[Pattern, CollisionRule] = Field(
         default_factory=dict, description="the first pattern that matches a link wins"
@@ -227,6 +232,16 @@ class Stand(Model):
     )
 
 
+class Sine(Model):
+    """Every joint follows a sine, base held, in MuJoCo and in PhysX."""
+
+    frequency: Positive = Field(1.0, description="Hz")
+    seconds: Positive = Field(3.0, description="s; the first third is left out")
+    tolerance: Positive = Field(
+        0.01, description="of the swing, RMS between the engines without friction, warning"
+    )
+
+
 class Validate(Model):
     """Which physical checks run, and their limits."""
 
@@ -234,8 +249,13 @@ class Validate(Model):
         default_factory=lambda: FreeFall.model_validate({}), description="null = do not run it"
     )
     stand: Stand | None = Field(None, description="stand still under the drives; {} = defaults")
+    sine: Sine | None = Field(
+        default_factory=lambda: Sine.model_validate({}),
+        description="part of the comparison of two simulators; null = do not run it",
+    )
     simulators: tuple[Literal["mujoco", "physx"], ...] = Field(
-        ("mujoco",), description="engines that run the physical checks"
+        ("mujoco",),
+        description="engines that run the physical checks; `physx` needs assetbuild[physx]",
     )
 
 
@@ -253,7 +273,9 @@ class Recipe(Model):
     robot: Name = Field(description="name of the robot and of its bundle")
     source: Source
     base: Literal["floating", "fixed"] = Field(
-        "fixed", description="whether the root moves freely or is bolted to the world"
+        "fixed",
+        description="whether the root moves freely or is bolted to the world; without this key an "
+        "MJCF says it",
     )
     fixed_joints: FixedJoints = Field(default_factory=lambda: FixedJoints.model_validate({}))
     edits: tuple[OneEdit, ...] = Field(
@@ -287,6 +309,10 @@ class Recipe(Model):
         default_factory=lambda: Mjx.model_validate({}), description="of the target `mjx`"
     )
     simulation: Simulation = Field(default_factory=lambda: Simulation.model_validate({}))
+    usd: Usd = Field(default_factory=lambda: Usd.model_validate({}))
+    randomize: Randomize | None = Field(
+        None, description="ranges for `assetbuild sample`, dr.yaml and trainers"
+    )
     targets: Names = Field(("urdf", "mjcf", "usd"), description="formats to write")
     validate_: Validate = Field(
         default_factory=lambda: Validate.model_validate({}), alias="validate"

@@ -56,13 +56,14 @@ def contacts(shapes: model.Shapes, contact: Contact) -> tuple[tuple[str, model.C
             )
     found = []
     for shape in shapes.of("collision"):
-        own = _changed(common, contact.links, shape.link)
+        own = changed(common, contact.links, shape.link)
         if own != common:
             found.append((shape.name, own))
     return tuple(found)
 
 
-def _changed(common: model.Contact, rules: Mapping[str, Surface], link: str) -> model.Contact:
+def changed(common: model.Contact, rules: Mapping[str, Surface], link: str) -> model.Contact:
+    """The surface of a link by the first rule that matches it."""
     for pattern, rule in rules.items():
         if re.fullmatch(pattern, link):
             said = {k: getattr(rule, k) for k in type(rule).model_fields}

@@ -69,6 +69,8 @@ class Assemble(Step):
     visuals: tuple[VisualUse, ...]
     collisions: tuple[CollisionUse, ...]
     textures: tuple[TextureUse, ...] = ()
+    keep_names: bool = False
+    """A shape made of one shape of the source keeps its name; else after the link and role."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `shapes.json` of the source and the folders that the fields name."""
@@ -79,14 +81,25 @@ class Assemble(Step):
         palette = _Palette(source.materials, pictures, library)
         shapes: list[Shape] = []
         for visual in self.visuals:
-            shapes += _visual_shapes(visual, by_name[visual.shape], files.inputs, library, palette)
+            made = _visual_shapes(visual, by_name[visual.shape], files.inputs, library, palette)
+            shapes += self._called(made, visual.shape)
         for collision in self.collisions:
             origin = by_name[collision.shape] if collision.shape else None
-            shapes += _collision_shapes(collision, origin, files.inputs, library)
+            made = _collision_shapes(collision, origin, files.inputs, library)
+            shapes += self._called(made, collision.shape)
         final = Shapes(_named(shapes), palette.used(), library.assets())
         (files.outputs / "shapes.json").write_bytes(encode(final))
         yield from palette.findings
         yield from _without_collision(source, self.collisions)
+
+    def _called(self, made: list[Shape], source: str | None) -> list[Shape]:
+        """With the source's name where that is wanted, numbered from the second piece on."""
+        if not self.keep_names or source is None:
+            return made
+        return [
+            replace(shape, name=f"{source}_{number + 1}" if number else source)
+            for number, shape in enumerate(made)
+        ]
 
 
 def _without_collision(source: Shapes, uses: tuple[CollisionUse, ...]) -> Iterator[Finding]:
@@ -147,7 +160,11 @@ def _collision_shapes(
 
 
 def _named(shapes: list[Shape]) -> tuple[Shape, ...]:
-    """`FR_foot_collision` when the link has one, `trunk_collision1`, `...2` when it has more."""
+    """`FR_foot_collision` when the link has one, `trunk_collision1`, `...2` when it has more.
+
+    A name that a shape already has stays; a second shape cannot take it.
+    """
+    taken = {shape.name for shape in shapes if shape.name}
     totals: dict[tuple[str, str], int] = {}
     for shape in shapes:
         key = (shape.link, shape.role)
@@ -158,7 +175,9 @@ def _named(shapes: list[Shape]) -> tuple[Shape, ...]:
         key = (shape.link, shape.role)
         seen[key] = seen.get(key, 0) + 1
         number = str(seen[key]) if totals[key] > 1 else ""
-        name = f"{shape.link}_{shape.role}{number}"
+        name = shape.name or f"{shape.link}_{shape.role}{number}"
+        while not shape.name and name in taken:
+            name += "_"
         named.append(replace(shape, name=name))
     return tuple(named)
 

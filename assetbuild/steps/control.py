@@ -30,6 +30,7 @@ from assetbuild.robot.chains import find_chains
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.steps._senses import (
     check_sensors,
@@ -38,6 +39,7 @@ from assetbuild.steps._senses import (
     placed_sensors,
     surface,
 )
+from assetbuild.steps._source_control import Stated, join, stated_keys
 
 LIMIT_TOLERANCE = 1e-9
 """rad or m; a value that was rounded from the limit itself is inside."""
@@ -46,7 +48,8 @@ LIMIT_TOLERANCE = 1e-9
 class ControlStep(Step):
     """`control.json`: the recipe's tables, resolved on this robot.
 
-    Reads `tree.json`, `shapes.json` and the collision files of `meshes/`.
+    Reads `tree.json`, `shapes.json` and the collision files of `meshes/`; of an MJCF also
+    `source_control.json`, whose words hold where the recipe has none.
     """
 
     version = "3"
@@ -62,21 +65,27 @@ class ControlStep(Step):
     imu: Imu | None = None
     sensors: dict[str, Sensor] = Field(default_factory=dict)
     cameras: dict[str, Camera] = Field(default_factory=dict)
+    stated: tuple[str, ...] = ()
+    """Keys that the recipe states itself, against an MJCF; empty for other sources."""
 
     @classmethod
     def configure(cls, recipe: Recipe) -> ControlStep:
         """The step with what the recipe says."""
+        exclude, from_mjcf = recipe.collision.exclude, recipe.source.mjcf is not None
+        if from_mjcf and "adjacent" not in exclude.model_fields_set:
+            exclude = exclude.model_copy(update={"adjacent": False})  # it has pairs of its own
         return cls(
             rows=recipe.actuators,
             motors=recipe.motors,
             keyframes=dict(recipe.keyframes),
             contact=recipe.contact,
             simulation=recipe.simulation,
-            exclude=recipe.collision.exclude,
+            exclude=exclude,
             feet=recipe.feet,
             imu=recipe.imu,
             sensors=dict(recipe.sensors),
             cameras=dict(recipe.cameras),
+            stated=stated_keys(recipe) if from_mjcf else (),
         )
 
     def check(self, tree: model.Tree) -> None:
@@ -98,7 +107,6 @@ class ControlStep(Step):
         tree = decode(model.Tree, (files.inputs / "tree.json").read_bytes())
         shapes = decode(model.Shapes, (files.inputs / "shapes.json").read_bytes())
         actuators = self._resolved(tree)
-        yield from _actuator_findings(tree, actuators, has_table=bool(self.rows))
         yield from _tuned_findings(self.rows, actuators)
 
         ground = _Ground(tree, shapes, files.inputs / "meshes")
@@ -123,6 +131,15 @@ class ControlStep(Step):
                 self.simulation.timestep, self.simulation.decimation, self.simulation.gravity
             ),
         )
+        said = files.inputs / "source_control.json"
+        if said.is_file():
+            source = decode(SourceControl, said.read_bytes())
+            rows, _ = _specs(self.rows, self.motors)
+            stated = Stated(self.stated, rows, self.contact.links)
+            joined = join(control, source, tree, shapes, stated)
+            control = joined.control
+            yield from joined.findings
+        yield from _actuator_findings(tree, control.actuators, has_table=bool(self.rows))
         (files.outputs / "control.json").write_bytes(encode(control))
 
 
@@ -169,7 +186,7 @@ def _tuned_findings(
 def _actuator_findings(
     tree: model.Tree, actuators: tuple[model.Actuator, ...], *, has_table: bool
 ) -> Iterator[Finding]:
-    if actuators and not has_table:
+    if actuators and not has_table and all(a.model == "passive" for a in actuators):
         yield Finding(
             rule="actuator.none",
             severity="warning",

@@ -28,6 +28,7 @@ from assetbuild.targets.mjcf.files import (
     without_textures,
     write_xml,
 )
+from assetbuild.targets.mjcf.opaque import with_opaque
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
 
@@ -61,7 +62,14 @@ class Mjx(Target):
         limits = dict.fromkeys(capped, self.options.max_vertices)
         model = RobotXml(self.robot, self._solver(), tree, shapes, control, hull_limits=limits)
         folder = files.outputs / "mjx"
-        write_xml(folder / f"{stem}.xml", model.element())
+        there = {shape.name for shape in shapes.shapes}
+        opaque = tuple(
+            o
+            for o in control.mjcf_only
+            if o.place != "option" and (o.place != "shape" or o.owner in there)
+        )
+        root = with_opaque(model.element(), opaque, model.body_names)
+        write_xml(folder / f"{stem}.xml", root)
         write_xml(folder / "scene_mjx.xml", scene(self.robot, stem, tree, control, model.free_name))
         copy_assets(files.inputs / "meshes", folder / "assets", shapes)
         yield from self._explain(left_out, capped)

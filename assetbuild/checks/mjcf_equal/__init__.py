@@ -153,17 +153,24 @@ class _Comparison:
         for what, expected, found in (
             ("bodies", len(tree.bodies) - len(self.absent), model.nbody - 1),
             ("degrees of freedom", nv, model.nv),
-            ("actuators", len(driven), model.nu),
+            ("actuators", len(driven) + self.opaque("actuator"), model.nu),
             ("keyframes", len(control.keyframes), model.nkey),
             ("excluded pairs", len(pairs), model.nexclude),
-            ("equalities", held, model.neq),
-            ("shapes", len(self.shapes.shapes), model.ngeom),
+            ("equalities", held + self.opaque("equality"), model.neq),
+            ("shapes", len(self.shapes.shapes) + self.opaque("body", "<geom"), model.ngeom),
         ):
             if expected != found:
                 yield _differs("count", "robot", f"number of {what}", expected, found)
         masses = [body.inertial.mass_kg for body in tree.bodies if body.inertial]
         total, found_total = math.fsum(masses), math.fsum(model.body_mass)
         yield from self.compare("total_mass", "robot", "total mass (kg)", [total], [found_total])
+
+    def opaque(self, place: str, start: str = "<") -> int:
+        """How many elements of a section only MJCF has."""
+        return sum(
+            item.place == place and item.element.startswith(start)
+            for item in self.control.mjcf_only
+        )
 
     def bodies(self) -> Iterator[Finding]:
         for body in self.tree.bodies:
@@ -181,8 +188,9 @@ class _Comparison:
             found = mujoco.name_of(self.model, "body", int(self.model.body_parentid[index]))
             if found != parent:
                 yield _differs("parent", subject, "parent", parent, found)
-            # Where a floating base rests at qpos0 is free; keyframes place it.
-            if joint or self.tree.base == "fixed":
+            # Where a floating base rests at qpos0 is free; keyframes place it. A fixed one may be
+            # mounted somewhere by an MJCF, which `mjcf_source` compares.
+            if joint or (self.tree.base == "fixed" and not self.opaque("root")):
                 pose = _pose(self.model.body_pos[index], self.model.body_quat[index])
                 X_parent_body = joint.X_parent_joint if joint else IDENTITY
                 X_parent_body = chain.pose_in_parent if chain else X_parent_body
@@ -259,12 +267,22 @@ class _Comparison:
             ("friction", actuator.friction, model.dof_frictionloss[dof]),
         ):
             yield from self.compare(what, subject, what, [expected], [found])
-        mine = [i for i in range(model.nu) if int(model.actuator_trnid[i, 0]) == index]
+        mine = [i for i in range(model.nu) if self.drives(i, index)]
         if len(mine) != (actuator.model != "passive"):
             wanted = int(actuator.model != "passive")
             yield _differs("actuator", subject, "number of actuators", wanted, len(mine))
         elif mine:
             yield from self.actuator(actuator, mine[0])
+
+    def drives(self, actuator: int, joint: int) -> bool:
+        """Whether an actuator of the model is the Robot's own drive of a joint."""
+        name = mujoco.name_of(self.model, "actuator", actuator)
+        foreign = any(
+            item.place == "actuator" and f'name="{name}"' in item.element
+            for item in self.control.mjcf_only
+        )
+        on_joint = int(self.model.actuator_trntype[actuator]) == 0  # mjTRN_JOINT
+        return on_joint and not foreign and int(self.model.actuator_trnid[actuator, 0]) == joint
 
     def actuator(self, actuator: Actuator, index: int) -> Iterator[Finding]:
         model, subject = self.model, f"actuator {actuator.joint}"
@@ -351,7 +369,8 @@ class _Comparison:
             if joint is not None:
                 q = [qpos[int(model.jnt_qposadr[joint])]]
                 yield from self.compare("keyframe", subject, f"position of {name}", [value], q)
-                yield from self.target(subject, name, value, ctrl)
+                if not any(i.place == "keyframe" for i in self.control.mjcf_only):
+                    yield from self.target(subject, name, value, ctrl)
 
     def target(self, subject: str, name: str, value: float, ctrl: Array) -> Iterator[Finding]:
         row = self.control.by_joint.get(name)

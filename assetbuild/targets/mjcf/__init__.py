@@ -27,6 +27,7 @@ from assetbuild.targets.mjcf.files import (
     without_textures,
     write_xml,
 )
+from assetbuild.targets.mjcf.opaque import with_opaque
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
 
@@ -58,7 +59,8 @@ class Mjcf(Target):
         shapes = without_textures(shapes, without)
         folder = files.outputs / "mjcf"
         model = RobotXml(self.robot, self._solver(tree), tree, shapes, control)
-        write_xml(folder / f"{self.robot}.xml", model.element())
+        root = with_opaque(model.element(), control.mjcf_only, model.body_names)
+        write_xml(folder / f"{self.robot}.xml", root)
         write_xml(
             folder / "scene.xml", scene(self.robot, self.robot, tree, control, model.free_name)
         )

@@ -25,11 +25,14 @@ from assetbuild.targets.mjcf.files import (
     without_textures,
     write_xml,
 )
+from assetbuild.targets.mjcf.opaque import with_opaque
 from assetbuild.targets.mjcf.robot_xml import RobotXml
 from assetbuild.targets.mjlab.module import ModuleFacts, module_text
 
 TASK_SENSORS = {"gyro": "imu_ang_vel", "velocimeter": "imu_lin_vel", "accelerometer": "imu_lin_acc"}
 """Sensors that mjlab's tasks look for, at the IMU."""
+NOT_BARE = ("actuator", "option", "keyframe")
+"""Sections of the source's own MJCF that mjlab's configs bring."""
 NOT_IN_MJLAB = frozenset({"general"})
 
 
@@ -71,7 +74,9 @@ class Mjlab(Target):
             self.robot, None, tree, shapes, self._bare(tree, control, facts), sites=sites
         )
         folder = files.outputs / "mjlab"
-        write_xml(folder / "mjcf" / f"{self.robot}_bare.xml", model.element(bare=True))
+        opaque = tuple(o for o in control.mjcf_only if o.place not in NOT_BARE)
+        root = with_opaque(model.element(bare=True), opaque, model.body_names)
+        write_xml(folder / "mjcf" / f"{self.robot}_bare.xml", root)
         copy_assets(files.inputs / "meshes", folder / "mjcf" / "assets", shapes)
         module = folder / "python" / f"{self.robot.replace('-', '_').replace('.', '_')}_mjlab.py"
         module.parent.mkdir(parents=True)
