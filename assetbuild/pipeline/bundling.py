@@ -13,6 +13,7 @@ from assetbuild.engine.execute import NodeResult
 from assetbuild.engine.publish import discard, new_staging, publish
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import machine_error
+from assetbuild.errors import StepError
 from assetbuild.lock import GitPin, Lock
 from assetbuild.plan import Outline, part_lock
 from assetbuild.recipe.loader import LoadedRecipe
@@ -82,12 +83,17 @@ def _materials(recipe: Recipe, lock: Lock | None) -> list[dict[str, object]]:
 def _target_files(
     outline: Outline, results: Mapping[str, NodeResult], session: Session
 ) -> list[BundleFile]:
-    files = []
+    """Files of all targets, each path once; StepError when two targets disagree about one."""
+    files: dict[str, BundleFile] = {}
     for name, node in outline.targets.items():
         tree = session.tree(results[node.label][f"{name}/"])
+        folder = getattr(type(node.step), "folder", None)
+        prefix = f"{name}/" if folder is None else f"{folder}/" if folder else ""
         for path, (digest, size) in sorted(tree.items()):
-            files.append(BundleFile(f"{name}/{path}", name, digest, size))
-    return files
+            file = BundleFile(f"{prefix}{path}", name, digest, size)
+            if files.setdefault(file.path, file).sha256 != digest:
+                raise StepError(f"targets {files[file.path].role} and {name} both write {path}")
+    return list(files.values())
 
 
 def _licence_files(

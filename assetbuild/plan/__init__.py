@@ -159,7 +159,9 @@ def _geometry(
     if meshes is None or shapes is None:
         return None
     drawn = decode(Shapes, shapes)
-    files = source.meshes(json.loads(meshes), description.path)
+    files = read.files
+    if files is None:
+        files = source.meshes(json.loads(meshes), description.path)
     textures = source.present("own textures", {m.texture for m in drawn.materials if m.texture})
     if files is None or textures is None:
         return None
