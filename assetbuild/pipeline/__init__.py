@@ -216,6 +216,9 @@ def _finish(job: _Job, done: _Executed, session: Session, request: Request) -> O
         for label, result in results.items()
         if result.error is not None
     )
+    sources = [Path(ref.output) for ref in done.graph.sources if not ref.is_tree]
+    outcome.read = {str(path): session.source_digest(path) for path in _read(loaded, sources)}
+    outcome.absent = (lock_path(loaded.path),) if lock is None else ()
     if any(result.outputs is None for result in results.values()):
         outcome.exit_code = max((error.exit_code for error in outcome.errors), default=1)
         return outcome
@@ -225,9 +228,6 @@ def _finish(job: _Job, done: _Executed, session: Session, request: Request) -> O
     files = bundle_files(loaded, lock, outline, report, session, results)
     outcome.edited = publish_bundle(files, outcome.out, session)
     outcome.report = report
-    sources = [Path(ref.output) for ref in done.graph.sources if not ref.is_tree]
-    outcome.read = {str(path): session.source_digest(path) for path in _read(loaded, sources)}
-    outcome.absent = (lock_path(loaded.path),) if lock is None else ()
     return outcome
 
 
