@@ -4,20 +4,30 @@ from __future__ import annotations
 
 import datetime
 import json
+import os
 import platform
 from collections.abc import Mapping
 from pathlib import Path
 
 from assetbuild import __version__
 from assetbuild.engine.execute import NodeResult
+from assetbuild.engine.graph import Graph
+from assetbuild.engine.keys import tool_version
 from assetbuild.engine.publish import discard, new_staging, publish
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import machine_error
-from assetbuild.lock import GitPin, Lock
+from assetbuild.lock import GitPin, Lock, lock_path
 from assetbuild.plan import Outline
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
-from assetbuild.report.bundle import BundleFile, json_text, manifest, notice, provenance
+from assetbuild.report.bundle import (
+    BundleFile,
+    json_text,
+    manifest,
+    notice,
+    package_url,
+    provenance,
+)
 from assetbuild.report.card import model_card
 from assetbuild.report.document import Report
 from assetbuild.report.html import html_page
@@ -32,6 +42,7 @@ def bundle_files(
     report: Report,
     session: Session,
     results: Mapping[str, NodeResult],
+    graph: Graph,
 ) -> list[BundleFile]:
     """Everything that the bundle of one recipe holds, manifest and provenance last."""
     recipe = loaded.recipe
@@ -49,14 +60,43 @@ def bundle_files(
         size = len(session.read(expanded))
         files.append(BundleFile("report/expanded.urdf", "report", expanded, size))
     files.append(manifest(recipe.robot, files))
-    materials: list[dict[str, object]] = [{"name": "assetbuild", "version": __version__}]
-    materials += _materials(recipe, lock)
+    materials = _tools(graph) + _materials(recipe, lock)
+    materials += _named(loaded, files_read(loaded, graph, session))
     recipe_digest = session.source_digest(loaded.path)
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-    run = {"finishedOn": now, "host": platform.node(), "python": platform.python_version()}
+    run = {
+        "finishedOn": now,
+        "assetbuild_host": platform.node(),
+        "assetbuild_python": platform.python_version(),
+    }
     parameters = {"recipe": loaded.path.name, "variant": loaded.variant}
     files.append(provenance(files, recipe_digest, parameters, materials, run))
     return files
+
+
+def files_read(loaded: LoadedRecipe, graph: Graph, session: Session) -> dict[str, str]:
+    """Path -> SHA-256 of every file outside the store that decided the result."""
+    paths = [*loaded.files, *(Path(ref.output) for ref in graph.sources if not ref.is_tree)]
+    if loaded.recipe.source.moving:
+        paths.append(lock_path(loaded.path))
+    return {str(path): session.source_digest(path) for path in paths}
+
+
+def _tools(graph: Graph) -> list[dict[str, object]]:
+    """assetbuild, and the libraries whose versions are part of the steps' keys."""
+    names = {name for node in graph.nodes.values() for name in node.step.tools}
+    versions = {name: tool_version(name) for name in names}
+    versions["assetbuild"] = __version__
+    return [{"uri": package_url(*pair)} for pair in sorted(versions.items())]
+
+
+def _named(loaded: LoadedRecipe, read: Mapping[str, str]) -> list[dict[str, object]]:
+    """Files with their digests, named as seen from the recipe's folder."""
+    here = loaded.path.absolute().parent
+    return [
+        {"name": os.path.relpath(path, here), "digest": {"sha256": digest}}
+        for path, digest in sorted(read.items())
+    ]
 
 
 def _materials(recipe: Recipe, lock: Lock | None) -> list[dict[str, object]]:

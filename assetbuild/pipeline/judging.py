@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 
 from assetbuild.engine.execute import NodeResult
 from assetbuild.engine.session import Session
@@ -81,7 +82,9 @@ def locator(
     def locate(subject: str) -> str:
         if subject.startswith("recipe "):
             keys = tuple(subject.removeprefix("recipe ").split("."))
-            return str(loaded.where(keys))
+            where = loaded.where(keys)
+            # Not as seen from the working folder: the report must not depend on that.
+            return str(replace(where, file=Path(where.file).name))
         line = lines.get(subject) or joints.get(subject)
         return f"{file}:{line}" if line else ""
 
