@@ -12,7 +12,7 @@ from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
-from assetbuild.simulators import mujoco
+from assetbuild.simulators import experiments, mujoco
 
 BROKEN = 0.05
 """Relative error above which something is wrong with the model, not with the integrator."""
@@ -71,7 +71,7 @@ class FreeFall(Check):
         )
         yield from self._judge(fall)
 
-    def _judge(self, fall: mujoco.FreeFall) -> Iterator[Finding]:
+    def _judge(self, fall: experiments.FreeFall) -> Iterator[Finding]:
         if not fall.finite:
             yield Finding(
                 "free_fall.drop",

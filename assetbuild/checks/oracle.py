@@ -18,6 +18,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
+from assetbuild.robot.chains import find_chains
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, Pose, normalised_quat, vec3
@@ -35,7 +36,7 @@ class Oracle(Check):
     Joint friction, damping, drives and contacts take no part; armature is subtracted.
     """
 
-    version: ClassVar = "2"
+    version: ClassVar = "3"
     tools: ClassVar = ("mujoco", "pin")
     isolated: ClassVar = True
     # With the other checks of MuJoCo in one process; pinocchio alone is not worth a second one.
@@ -249,6 +250,8 @@ class _MujocoSide:
                 self.dof[joint.name] = int(self._model.jnt_dofadr[at])
                 self._qpos[joint.name] = int(self._model.jnt_qposadr[at])
         self._written = body_names(tree)
+        # Massless links between joints need not be there; `equal.mjcf` knows which must.
+        self._between = {link for chain in find_chains(tree) for link in chain.between}
         self._links = {body.name: (body.name, Pose()) for body in tree.bodies}
         self._links |= {f.name: (f.body, f.X_body_frame) for f in tree.frames}
 
@@ -262,7 +265,7 @@ class _MujocoSide:
             if joint.name not in self.dof:
                 return f"the MJCF has no joint `{joint.name}`"
         for body in self.tree.bodies:
-            if self._id("BODY", self._written[body.name]) < 0:
+            if body.name not in self._between and self._id("BODY", self._written[body.name]) < 0:
                 return f"the MJCF has no body `{self._written[body.name]}`"
         free = self._mj.mjtJoint.mjJNT_FREE
         if self.tree.base == "floating" and not (
@@ -287,6 +290,8 @@ class _MujocoSide:
         """X_world_link (4, 4) through the robot's frames, and by the site of that name."""
         body, X_body_link = self._links[name]
         at = self._id("BODY", self._written[body])
+        if at < 0:
+            return
         X_world_body = _matrix(self._data.xpos[at], self._data.xmat[at])
         yield X_world_body @ X_body_link.matrix()
         site = self._id("SITE", name) if name != body else -1

@@ -53,7 +53,8 @@ class Stand(Check):
         wish = recipe.validate_.stand
         if wish is None or "mujoco" not in recipe.validate_.simulators:
             return None
-        return cls(**wish.model_dump())
+        feet = recipe.feet.links if recipe.feet and wish.feet is None else wish.feet
+        return cls(**wish.model_dump() | {"feet": feet})
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/scene.xml`."""

@@ -217,7 +217,7 @@ def _finish(job: _Job, done: _Executed, session: Session, request: Request) -> O
         if result.error is not None
     )
     outcome.read = files_read(loaded, done.graph, session)
-    outcome.absent = (lock_path(loaded.path),) if lock is None else ()
+    outcome.absent = (*outline.absent, *((lock_path(loaded.path),) if lock is None else ()))
     if any(result.outputs is None for result in results.values()):
         outcome.exit_code = max((error.exit_code for error in outcome.errors), default=1)
         return outcome

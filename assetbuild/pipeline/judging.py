@@ -13,6 +13,7 @@ from assetbuild.errors import AssetBuildError, Where
 from assetbuild.findings import Finding
 from assetbuild.lock import lock_path, place_of_pin
 from assetbuild.plan import Outline
+from assetbuild.plan.looks import PICTURE_MODEL
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.document import CheckResult, Report, make_report
 
@@ -23,6 +24,8 @@ def judged(
     """The report of one recipe whose steps all went well."""
     findings = _licence_findings(loaded, outline)
     for label, result in results.items():
+        if label == PICTURE_MODEL:
+            continue  # the target `mjcf` has said it already
         subject = outline.subjects.get(label)
         own = result.findings
         findings += [replace(f, subject=subject) for f in own] if subject else own
@@ -66,7 +69,7 @@ def locator(
     loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult], session: Session
 ) -> Callable[[str], str]:
     """From a finding's subject to `file:line` of the source or of the recipe."""
-    lines: dict[str, int] = {}
+    lines: dict[str, int | str] = {}  # text where an included file says it: `file:line`
     file = loaded.recipe.source.description
     if outline.source_map is not None:
         digest = results[outline.source_map.node][outline.source_map.output]
@@ -81,11 +84,13 @@ def locator(
 
     def locate(subject: str) -> str:
         if subject.startswith("recipe "):
-            keys = tuple(subject.removeprefix("recipe ").split("."))
-            where = loaded.where(keys)
+            keys = subject.removeprefix("recipe ").split(".")
+            where = loaded.where(tuple(int(k) if k.isdigit() else k for k in keys))
             # Not as seen from the working folder: the report must not depend on that.
             return str(replace(where, file=Path(where.file).name))
         line = lines.get(subject) or joints.get(subject)
+        if isinstance(line, str):
+            return line
         return f"{file}:{line}" if line else ""
 
     return locate

@@ -242,13 +242,28 @@ class Shapes:
 
 
 @dataclass(frozen=True)
+class General:
+    """The parameters of MuJoCo's general actuator, in its own names and order."""
+
+    dyntype: str = "none"
+    gaintype: str = "fixed"
+    biastype: str = "none"
+    dynprm: tuple[float, ...] = ()
+    gainprm: tuple[float, ...] = ()
+    biasprm: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
 class Actuator:
     """What drives, brakes and limits one moving joint. Each moving joint has exactly one.
 
     kp: N m/rad (N/m); kd: of the drive, N m s/rad; damping: passive, of the joint; they add up.
     effort: N m or N; velocity: rad/s or m/s; armature: reflected rotor inertia, kg m2 or kg;
     friction: dry, N m or N. None = unlimited.
+    ctrl: range of the command in the unit of the model; None = the target's rule.
+    general: of the model `general` alone.
     motor: name in the recipe's motor table; source: where its numbers come from.
+    name: of the drive where it is not the joint's own.
     """
 
     joint: str
@@ -260,8 +275,11 @@ class Actuator:
     armature: float = 0.0
     effort: float | None = None
     velocity: float | None = None
+    ctrl: tuple[float, float] | None = None
+    general: General | None = None
     motor: str = ""
     source: str = ""
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -278,10 +296,77 @@ class Keyframe:
 
 @dataclass(frozen=True)
 class Contact:
-    """Surface of all collision shapes. friction: sliding (1), torsional (m), rolling (m)."""
+    """A surface. friction: sliding (1), torsional (m), rolling (m).
+
+    priority: the surface with the higher one decides alone. solref, solimp: MuJoCo's softness in
+    its own units, None = its default. margin, gap: m. mask, partners: bits of MuJoCo's contype
+    and conaffinity: two shapes may touch when one's mask meets the other's partners.
+    """
 
     friction: Vec3 = (1.0, 0.005, 0.0001)
     condim: int = 3
+    priority: int = 0
+    solref: tuple[float, float] | None = None
+    solimp: tuple[float, float, float, float, float] | None = None
+    margin: float = 0.0
+    gap: float = 0.0
+    mask: int = 1
+    partners: int = 1
+
+
+@dataclass(frozen=True)
+class Place:
+    """Something with a name that a sensor looks at. kind "frame": a `Frame` or a body's frame."""
+
+    kind: Literal["frame", "body", "joint", "actuator", "shape", "camera", "tendon", "world"]
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """kind: MJCF's word, such as gyro, accelerometer, velocimeter, framequat, touch, jointpos.
+
+    at: what it measures; relative_to: in whose frame, None = the world's.
+    cutoff, noise: in the sensor's own unit; 0 = none.
+    """
+
+    name: str
+    kind: str
+    at: Place
+    relative_to: Place | None = None
+    cutoff: float = 0.0
+    noise: float = 0.0
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera on a link (None = in the world): looks along -z of its frame, +y is up.
+
+    fovy: vertical field of view, rad; resolution: (width, height) in pixels.
+    tracking: "fixed" to its link, or MuJoCo's trackcom (follows the robot's centre of mass).
+    """
+
+    name: str
+    link: str | None
+    X_link_camera: Pose
+    fovy: float = 0.7853981633974483
+    resolution: tuple[int, int] = (640, 480)
+    tracking: str = "fixed"
+
+
+@dataclass(frozen=True)
+class MjcfOnly:
+    """What only MJCF can say: kept as it was for the MJCF, reported for all other formats.
+
+    place: the section it stands in (equality, tendon, actuator, sensor, asset, option), or
+    "body", "joint", "shape", "frame", "camera" with the `owner`'s name in the Robot.
+    element: with a section or a body, one XML element whose references are names in the Robot;
+    with the others, an empty element whose attributes belong on the owner's element.
+    """
+
+    place: str
+    element: str
+    owner: str = ""
 
 
 @dataclass(frozen=True)
@@ -295,13 +380,20 @@ class Simulation:
 
 @dataclass(frozen=True)
 class Control:
-    """Everything a recipe adds to the geometry. excludes: pairs of body names, each sorted."""
+    """Everything a recipe adds to the geometry. excludes: pairs of body names, each sorted.
+
+    contact: of all collision shapes; contacts: of those that differ, by the shape's name.
+    """
 
     actuators: tuple[Actuator, ...] = ()
     keyframes: tuple[Keyframe, ...] = ()
     excludes: tuple[tuple[str, str], ...] = ()
     contact: Contact = Contact()
     simulation: Simulation = Simulation()
+    contacts: tuple[tuple[str, Contact], ...] = ()
+    sensors: tuple[Sensor, ...] = ()
+    cameras: tuple[Camera, ...] = ()
+    mjcf_only: tuple[MjcfOnly, ...] = ()
 
     @cached_property
     def by_joint(self) -> dict[str, Actuator]:

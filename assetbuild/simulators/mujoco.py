@@ -18,6 +18,7 @@ import numpy as np
 from assetbuild.errors import StepError
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, rotation_of
+from assetbuild.simulators.experiments import FreeFall
 
 Model = Any  # mujoco.MjModel: its extension module has no types
 Data = Any  # mujoco.MjData: as above
@@ -116,24 +117,6 @@ def mass_matrix(model: Model, data: Data) -> Array:
 
 
 # --- free fall ----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class FreeFall:
-    """Of the whole robot's centre of mass. drop along gravity, sideways across it; m."""
-
-    seconds: float
-    drop_m: float
-    expected_m: float
-    sideways_m: float
-    finite: bool
-
-    @property
-    def relative_error(self) -> float:
-        """Of the drop; infinite when nothing finite came out."""
-        if not self.finite:
-            return math.inf
-        return abs(self.drop_m - self.expected_m) / max(self.expected_m, 1e-12)
 
 
 def free_fall(model: Model, seconds: float) -> FreeFall:
@@ -293,14 +276,14 @@ def _floor(model: Model) -> int:
     return int(planes[0])
 
 
-def _collision_geoms(model: Model) -> list[int]:
+def collision_geoms(model: Model) -> list[int]:
     """Geoms of the robot that can touch something."""
     solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     return [int(i) for i in np.flatnonzero(solid & (model.geom_bodyid != 0))]
 
 
 def _gaps(model: Model, data: Data) -> dict[str, float]:
-    return {name_of(model, "geom", i): lowest_z(model, data, i) for i in _collision_geoms(model)}
+    return {name_of(model, "geom", i): lowest_z(model, data, i) for i in collision_geoms(model)}
 
 
 def lowest_z(model: Model, data: Data, geom: int) -> float:

@@ -181,9 +181,12 @@ def _reason(wanted: str, lines: list[str]) -> AssetBuildError:
 
 
 def _connection_trouble(text: str) -> str:
-    """The innermost reason in a line of pip such as `NewConnectionError('<...>: REASON')`."""
-    found = re.search(r">: ([^'\"]+)['\"]", text)
-    return f": {_short(found[1].strip())}" if found else ""
+    """The innermost reason in a line of pip such as `NewConnectionError('<...>: REASON')`.
+
+    Newer ones write `NewConnectionError("HTTPConnection(...): REASON")`.
+    """
+    found = re.findall(r"[>)]: ([^'\"]+)['\"]", text)
+    return f": {_short(found[-1].strip())}" if found else ""
 
 
 def _other_versions(wanted: str, text: str) -> str:
