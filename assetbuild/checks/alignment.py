@@ -39,6 +39,12 @@ LANDING_S = math.sqrt(2.0 * DROP_M / 9.81)
 NUMBER = (1e-5, 0.01)
 """Limits of a number that both only hold: float32 and what reads it, then 1 %."""
 
+HINTS: Mapping[str, str] = {
+    "sine_as_is": "where kd dt is large beside the joint's inertia, PhysX's joint friction sticks: "
+    "give the joint its motor's armature, or raise `usd.articulation.solver_position_iterations`",
+    "stand_height": "do the soles start inside of the floor, or does a body touch another?",
+}
+
 
 @dataclass(frozen=True)
 class Row:
@@ -151,7 +157,7 @@ def findings_of(rows: Sequence[Row]) -> Iterator[Finding]:
             worst.subject,
             f"{worst.rank}: MuJoCo {_text(worst.mujoco)}, PhysX {_text(worst.physx)}: "
             f"{worst.off:.3g} {worst.unit} apart, more than {limit:.3g}{more}",
-            hint="the report's table of `alignment` has every row",
+            hint=HINTS.get(name, "the report's table of `alignment` has every row"),
             data={"rank": worst.rank, "off": _finite(worst.off), "rows": len(bad)},
         )
 
