@@ -66,7 +66,7 @@ class Row:
     @property
     def verdict(self) -> Literal["ok", "warning", "error", "told"]:
         """By the two limits; what is not a number is over both."""
-        if self.off is None:
+        if self.off is None or (self.warn == math.inf and not math.isnan(self.off)):
             return "told"
         if not self.off <= self.error:
             return "error"
@@ -515,6 +515,8 @@ def _response_row(
     name: str, sine: Sine, joint: str, ours: Motion, theirs: Motion, warn: float
 ) -> Row:
     response = compare_response(sine, joint, ours, theirs)
+    # After a touch two motions have nothing more to do with one another: told, not judged.
+    limits = (math.inf, math.inf) if ours.touched else (warn, 0.20)
     return Row(
         name,
         "HIGH",
@@ -522,9 +524,8 @@ def _response_row(
         f"swing {_swing(sine, joint, ours):.5g}",
         f"swing x {response.gain:.5f}, {response.lag_rad:+.4f} rad later",
         response.rms,
-        warn,
-        0.20,
-        "of the swing, RMS",
+        *limits,
+        "of the swing, RMS" + ("; the robot touches itself" if ours.touched else ""),
     )
 
 
