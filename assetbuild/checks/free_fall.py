@@ -21,6 +21,7 @@ BROKEN = 0.05
 class FreeFall(Check):
     """Compares the drop of the centre of mass in MuJoCo with g/2 t (t + dt)."""
 
+    version = "2"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -50,7 +51,7 @@ class FreeFall(Check):
             )
             return
         try:
-            model = mujoco.load(files.inputs / "mjcf" / f"{self.robot}.xml").model
+            model = mujoco.load(files.inputs / "mjcf" / f"{self.robot}.xml", visuals=False).model
         except StepError as error:
             write_figures(files, {"skipped": "the MJCF does not load"})
             yield Finding("free_fall.load", "error", "robot", f"nothing to drop: {error.message}")

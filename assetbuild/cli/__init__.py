@@ -13,7 +13,8 @@ from assetbuild import __version__
 from assetbuild.errors import AssetBuildError
 
 VERBS = (
-    "build", "cache", "check", "explain", "init", "lock", "plan", "report", "schema", "verify",
+    "build", "cache", "check", "explain", "init", "lock", "plan", "report",
+    "sample", "schema", "verify",
 )  # fmt: skip
 """Each is a module of this package with `HELP`, `add_arguments(parser)` and `run(arguments)`."""
 

@@ -9,18 +9,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
-from xml.sax.saxutils import escape, quoteattr
+from xml.sax.saxutils import quoteattr
 
 from assetbuild.engine.execute import Event
 from assetbuild.errors import AssetBuildError, MachineError
-from assetbuild.findings import Finding, worst_first
+from assetbuild.report.summary import public_message, summary
 
 if TYPE_CHECKING:
     from assetbuild.pipeline import Outcome
-
-SHOWN_FINDINGS = 50
-WITHHELD = "figures of this simulator are not published; see the bundle's own report"
-"""PhysX's licence: public summaries carry pass or fail only."""
 
 
 @contextmanager
@@ -140,38 +136,13 @@ def append_step_summary(outcomes: Sequence[Outcome], error: AssetBuildError | No
 
 def markdown(outcome: Outcome) -> str:
     """Verdict, checks and findings of one recipe."""
-    robot, report = outcome.loaded.recipe.robot, outcome.report
+    report = outcome.report
     if report is None:
         told = "\n".join(_code(str(error)) for error in outcome.errors)
-        return f"### {robot}: not built\n\n{told}\n"
-    ready = "ready for training" if report.verdict.ready else "not ready for training"
+        return f"### {outcome.loaded.recipe.robot}: not built\n\n{told}\n"
     ran = sum(result.status == "ran" for result in outcome.results.values())
-    lines = [f"### {robot}: {ready}", ""]
-    lines.append(f"{ran} of {len(outcome.results)} steps ran, {outcome.seconds:.1f} s")
-    lines += ["", *(f"- {difference}" for difference in outcome.differences)]
-    lines += ["| check | result |", "| --- | --- |"]
-    lines += [f"| {_cell(name)} | {c.status} |" for name, c in sorted(report.checks.items())]
-    found = [f for f in worst_first(list(report.findings)) if f.severity != "info"]
-    if found:
-        lines += ["", "| | rule | subject | finding |", "| --- | --- | --- | --- |"]
-    for finding in found[:SHOWN_FINDINGS]:
-        cells = (finding.severity, finding.rule, finding.subject, public_message(finding))
-        lines.append(f"| {' | '.join(_cell(cell) for cell in cells)} |")
-    if len(found) > SHOWN_FINDINGS:
-        lines += ["", f"and {len(found) - SHOWN_FINDINGS} more in the report"]
-    return "\n".join(lines) + "\n"
-
-
-def public_message(finding: Finding) -> str:
-    """What a public page may say of a finding."""
-    origin = f"{finding.rule} {finding.subject} {list(finding.data.values())}".lower()
-    return WITHHELD if "physx" in origin else finding.message
-
-
-def _cell(text: str) -> str:
-    """Text in a table: no markup, no new row, no new column."""
-    plain = escape(" ".join(text.split()))
-    return "".join(f"\\{c}" if c in "\\`*_|[]" else c for c in plain)
+    lines = [f"{ran} of {len(outcome.results)} steps ran, {outcome.seconds:.1f} s"]
+    return summary(report, *lines, "", *(f"- {difference}" for difference in outcome.differences))
 
 
 def _code(text: str) -> str:

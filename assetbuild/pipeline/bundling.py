@@ -20,7 +20,9 @@ from assetbuild.recipe.models import Recipe
 from assetbuild.report.bundle import BundleFile, json_text, manifest, notice, provenance
 from assetbuild.report.card import model_card
 from assetbuild.report.document import Report
-from assetbuild.report.html import html_page
+from assetbuild.report.facts import Subject
+from assetbuild.report.html import Picture, View, html_page
+from assetbuild.report.summary import summary
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Shapes, Tree
 
@@ -37,13 +39,9 @@ def bundle_files(
     recipe = loaded.recipe
     pinned: dict[str, object] = {} if lock is None else dict(lock.source.model_dump())
     files = _target_files(outline, results, session) + _licence_files(outline, results, session)
-    card = _card(loaded, pinned, outline, report, results, session)
-    files += [
-        BundleFile.of_text("report/report.json", "report", json_text(report.to_json())),
-        BundleFile.of_text("report/index.html", "report", html_page(report, card, {})),
-        BundleFile.of_text("model_card.md", "report", card),
-        notice(recipe, pinned),
-    ]
+    subject = _subject(loaded, pinned, outline, session, results)
+    files += _report_files(subject, outline, report, session, results)
+    files.append(notice(recipe, pinned))
     if outline.expanded is not None:
         expanded = results[outline.expanded.node][outline.expanded.output]
         size = len(session.read(expanded))
@@ -97,14 +95,58 @@ def _licence_files(
     return files
 
 
-def _card(
+def _report_files(
+    subject: Subject,
+    outline: Outline,
+    report: Report,
+    session: Session,
+    results: Mapping[str, NodeResult],
+) -> list[BundleFile]:
+    """The report for machines, for people, for a job's page; its pictures."""
+    pictures, files = _pictures(outline, session, results)
+    page = html_page(report, subject, pictures, _view(outline, session, results))
+    return [
+        BundleFile.of_text("report/report.json", "report", json_text(report.to_json())),
+        BundleFile.of_text("report/index.html", "report", page),
+        BundleFile.of_text("report/report.md", "report", summary(report)),
+        BundleFile.of_text("model_card.md", "report", model_card(subject, report)),
+        *files,
+    ]
+
+
+def _pictures(
+    outline: Outline, session: Session, results: Mapping[str, NodeResult]
+) -> tuple[list[Picture], list[BundleFile]]:
+    node = outline.looks.get("pictures")
+    if node is None:
+        return [], []
+    made = results[node.label]
+    images = session.tree(made["images/"])
+    shown, files = [], []
+    for row in json.loads(session.read(made["pictures.json"]))["pictures"]:
+        digest, size = images[row["file"]]
+        shown.append(Picture(row["title"], row["alt"], session.read(digest)))
+        files.append(BundleFile(f"report/images/{row['file']}", "report", digest, size))
+    return shown, files
+
+
+def _view(outline: Outline, session: Session, results: Mapping[str, NodeResult]) -> View | None:
+    node = outline.looks.get("viewer")
+    if node is None:
+        return None
+    made = results[node.label]
+    return View(
+        session.read(made["viewer.json"]).decode("ascii"), session.read(made["three.js"]).decode()
+    )
+
+
+def _subject(
     loaded: LoadedRecipe,
     pinned: Mapping[str, object],
     outline: Outline,
-    report: Report,
-    results: Mapping[str, NodeResult],
     session: Session,
-) -> str:
+    results: Mapping[str, NodeResult],
+) -> Subject:
     def built(port: str) -> bytes:
         ref = outline.robot[port]
         return session.read(results[ref.node][ref.output])
@@ -112,7 +154,7 @@ def _card(
     tree = decode(Tree, built("tree.json"))
     shapes = decode(Shapes, built("shapes.json"))
     control = decode(Control, built("control.json"))
-    return model_card(loaded.recipe, pinned, tree, shapes, control, report)
+    return Subject(loaded.recipe, pinned, tree, shapes, control)
 
 
 def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tuple[str, ...]:

@@ -1,118 +1,241 @@
-"""`model_card.md`: what the robot is, in tables that a reviewer can check."""
+"""The model card: what the robot is, in tables that a reviewer can check."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterator
 
-from assetbuild.recipe.models import Recipe
 from assetbuild.report.document import Report
-from assetbuild.robot.model import Control, Joint, Shapes, Tree
+from assetbuild.report.facts import Subject, center_of_mass, principal, total_mass
+from assetbuild.report.grade import grade
+from assetbuild.report.tables import Table, markdown_table, table
+from assetbuild.robot.model import Joint, Mesh, Shape
+
+CHANGES = ("edit.", "merge.", "urdf.dropped", "visual.decimated", "mesh.")
+"""Families of rules that tell what is not as the source has it."""
+LIMITS = ("usd.", "mjcf.", "urdf.", "collision.none", "joint.", "license.")
+"""Families of rules that tell what the files cannot say, or do not know."""
 
 
-def model_card(
-    recipe: Recipe,
-    pin: Mapping[str, object],
-    tree: Tree,
-    shapes: Shapes,
-    control: Control,
-    report: Report,
-) -> str:
-    """The card as Markdown. pin: what the lock says of the source."""
+def model_card(subject: Subject, report: Report) -> str:
+    """`model_card.md`."""
+    parts = [f"# {subject.recipe.robot}", _verdict(report)]
+    tables = card_tables(subject, report)
+    parts += [f"## {shown.title}\n\n{markdown_table(shown)}" for shown in tables]
+    return "\n\n".join(parts) + "\n"
+
+
+def _verdict(report: Report) -> str:
+    ready = "yes" if report.verdict.ready else "no"
+    blocked = ", ".join(f"`{rule}`" for rule in report.verdict.blocked_by)
+    return f"Ready for training: {ready}." + (f" Blocked by {blocked}." if blocked else "")
+
+
+def card_tables(subject: Subject, report: Report) -> tuple[Table, ...]:
+    """All tables of the card, in order."""
     return (
-        "\n\n".join(
-            (
-                f"# {recipe.robot}",
-                _identity(recipe, pin, tree, shapes, control),
-                "## Bodies\n\n" + _bodies(tree),
-                "## Joints and actuators\n\n" + _joints(tree, control),
-                "## Keyframes\n\n" + _keyframes(control),
-                "## Checks\n\n" + _checks(report),
-                "## Changed against the source\n\n" + _changes(report),
-            )
-        )
-        + "\n"
+        _identity(subject),
+        _counts(subject),
+        _quality(subject, report),
+        _bodies(subject),
+        _joints(subject),
+        _drives(subject),
+        _collision(subject),
+        _keyframes(subject),
+        _sensors(subject),
+        _changes(report),
+        _checks(report),
+        _known_limits(report),
     )
 
 
-def _table(head: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
-    head = list(head)
-    lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
-    lines += ["| " + " | ".join(_cell(cell) for cell in row) + " |" for row in rows]
-    return "\n".join(lines)
-
-
-def _cell(value: object) -> str:
-    if value is None:
-        return "-"
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, tuple):
-        return ", ".join(_cell(item) for item in value)
-    return str(value).replace("|", "\\|")
-
-
-def _identity(
-    recipe: Recipe, pin: Mapping[str, object], tree: Tree, shapes: Shapes, control: Control
-) -> str:
-    mass = sum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
+def _identity(subject: Subject) -> Table:
+    recipe = subject.recipe
     rows: list[tuple[str, object]] = [
+        ("robot", recipe.robot),
         ("source", recipe.source.origin),
         ("description", recipe.source.description),
-        *sorted(pin.items()),
-        ("licence", recipe.source.license or "not stated"),
-        ("base", tree.base),
+        *sorted(subject.pin.items()),
+        ("licence", recipe.source.license or "not stated in the recipe"),
+        ("base", subject.tree.base),
+        ("targets", ", ".join(recipe.targets)),
+    ]
+    return table("Identity", ("", ""), rows)
+
+
+def _counts(subject: Subject) -> Table:
+    tree, shapes, control = subject.tree, subject.shapes, subject.control
+    home = control.keyframes[0] if control.keyframes else None
+    com = center_of_mass(tree, home)
+    rows: list[tuple[str, object]] = [
         ("bodies", len(tree.bodies)),
+        ("frames of merged links", len(tree.frames)),
         ("moving joints", len(tree.moving_joints)),
         ("actuators", sum(a.model != "passive" for a in control.actuators)),
-        ("total mass, kg", mass),
+        ("total mass, kg", total_mass(tree)),
+        (f"centre of mass at {home.name if home else 'zero'}, m", com),
         ("visual shapes", len(shapes.of("visual"))),
         ("collision shapes", len(shapes.of("collision"))),
+        ("triangles of all meshes", sum(asset.faces for asset in shapes.meshes)),
+        ("excluded pairs", len(control.excludes)),
         ("timestep, s", control.simulation.timestep),
+        ("decimation", control.simulation.decimation),
+        ("friction: sliding, torsional m, rolling m", control.contact.friction),
     ]
-    return _table(("", ""), rows)
+    return table("Counts", ("", ""), rows)
 
 
-def _bodies(tree: Tree) -> str:
-    rows = [
-        (b.name, b.inertial.mass_kg, b.inertial.com_m, b.inertial.inertia_com_kg_m2)
-        if b.inertial
-        else (b.name, None, None, None)
-        for b in tree.bodies
-    ]
-    head = ("body", "mass, kg", "centre of mass, m", "inertia xx, yy, zz, xy, xz, yz, kg m2")
-    return _table(head, rows)
+def _quality(subject: Subject, report: Report) -> Table:
+    level, criteria = grade(subject.control, report)
+    rows = [(c.needed, c.what, c.met, c.evidence) for c in criteria]
+    note = f"MuJoCo Menagerie's quality grade, from the evidence of this build: {level}"
+    return table("Quality grade", ("needed for", "criterion", "met", "evidence"), rows, note)
 
 
-def _joints(tree: Tree, control: Control) -> str:
+def _bodies(subject: Subject) -> Table:
+    rows: list[tuple[object, ...]] = []
+    for body in subject.tree.bodies:
+        if body.inertial is None:
+            rows.append((body.name, None, None, None, None, None))
+            continue
+        moments, axes = principal(body.inertial)
+        mass, com = body.inertial.mass_kg, body.inertial.com_m
+        rows.append((body.name, mass, com, moments, axes, body.inertial.inertia_com_kg_m2))
+    head = (
+        "body",
+        "mass, kg",
+        "centre of mass, m",
+        "principal moments, kg m2",
+        "their axes, wxyz",
+        "inertia xx, yy, zz, xy, xz, yz, kg m2",
+    )
+    return table("Bodies", head, rows, "inertia about the centre of mass, in the body's axes")
+
+
+def _joints(subject: Subject) -> Table:
     def row(joint: Joint) -> tuple[object, ...]:
-        actuator = control.by_joint.get(joint.name)
+        mimic = f"{joint.mimic.joint} x {joint.mimic.multiplier:g}" if joint.mimic else None
         limits = (joint.limits.lower, joint.limits.upper)
-        if actuator is None:
-            return (joint.name, joint.kind, *limits, *[None] * 7)
-        a = actuator
-        gains = (a.kp, a.kd, a.damping, a.friction, a.armature)
-        return (joint.name, f"{joint.kind}, {a.model}", *limits, a.effort, a.velocity, *gains)
+        spread = math.degrees(limits[1] - limits[0]) if None not in limits else None
+        if joint.kind == "prismatic":
+            spread = None
+        stated = (joint.limits.effort, joint.limits.velocity)
+        return (joint.name, joint.kind, joint.parent, joint.axis, *limits, spread, *stated, mimic)
 
-    limits = ("lower", "upper", "effort", "velocity")
-    head = ("joint", "kind", *limits, "kp", "kd", "damping", "friction", "armature")
-    return _table(head, (row(joint) for joint in tree.moving_joints))
+    head = (
+        "joint",
+        "kind",
+        "parent",
+        "axis",
+        "lower, rad or m",
+        "upper",
+        "range, deg",
+        "effort in the source, N m or N",
+        "velocity in the source, rad/s or m/s",
+        "mimics",
+    )
+    return table("Joints", head, (row(joint) for joint in subject.tree.moving_joints))
 
 
-def _keyframes(control: Control) -> str:
-    if not control.keyframes:
-        return "None."
+def _drives(subject: Subject) -> Table:
+    rows = [
+        (
+            a.joint,
+            a.model,
+            a.kp,
+            a.kd,
+            a.damping,
+            a.friction,
+            a.armature,
+            a.effort,
+            a.velocity,
+            a.motor,
+            a.source,
+        )
+        for a in subject.control.actuators
+    ]
+    head = (
+        "joint",
+        "model",
+        "kp",
+        "kd",
+        "damping",
+        "friction",
+        "armature, kg m2",
+        "effort",
+        "velocity",
+        "motor",
+        "source",
+    )
+    note = "SI units per rad or per m; kd is of the drive, damping of the joint: they add up"
+    return table("Actuators", head, rows, note)
+
+
+def _collision(subject: Subject) -> Table:
+    assets = {asset.name: asset for asset in subject.shapes.meshes}
+
+    def size(shape: Shape) -> object:
+        geometry = shape.geometry
+        if isinstance(geometry, Mesh):
+            asset = assets[geometry.mesh]
+            return f"{asset.vertices} vertices" + ("" if asset.convex else ", not convex")
+        fields = vars(geometry)
+        return ", ".join(f"{name} {_short(value)}" for name, value in fields.items())
+
+    rows = [
+        (shape.name, shape.link, type(shape.geometry).__name__.lower(), size(shape))
+        for shape in subject.shapes.of("collision")
+    ]
+    return table("Collision geometry", ("shape", "link", "kind", "size, m"), rows)
+
+
+def _short(value: object) -> str:
+    values = value if isinstance(value, tuple) else (value,)
+    return " x ".join(f"{v:.4g}" for v in values if isinstance(v, float))
+
+
+def _keyframes(subject: Subject) -> Table:
     rows = [
         (k.name, k.base.xyz if k.base else None, ", ".join(f"{n} {v:.6g}" for n, v in k.joints))
-        for k in control.keyframes
+        for k in subject.control.keyframes
     ]
-    return _table(("keyframe", "base, m", "joints"), rows)
+    return table("Keyframes", ("keyframe", "base, m", "joints, rad or m"), rows)
 
 
-def _checks(report: Report) -> str:
+def _sensors(subject: Subject) -> Table:
+    control = subject.control
+    rows: list[tuple[object, ...]] = [
+        (s.name, s.kind, f"{s.at.kind} {s.at.name}".strip(), s.noise) for s in control.sensors
+    ]
+    rows += [(c.name, "camera", f"link {c.link or 'world'}", None) for c in control.cameras]
+    return table("Sensors and cameras", ("name", "kind", "at", "noise"), rows)
+
+
+def _changes(report: Report) -> Table:
+    rows = [(f.rule, f.subject, f.message) for f in report.findings if f.rule.startswith(CHANGES)]
+    title = "Changed against the source"
+    return table(title, ("rule", "of", "what"), rows, empty="Nothing.")
+
+
+def _checks(report: Report) -> Table:
     rows = [(name, check.status, check.note) for name, check in sorted(report.checks.items())]
-    return _table(("check", "status", "note"), rows)
+    return table("Checks", ("check", "result", "note"), rows)
 
 
-def _changes(report: Report) -> str:
-    changes = [f for f in report.findings if f.rule.startswith(("edit.", "merge.", "urdf.dropped"))]
-    return "\n".join(f"- `{f.rule}` {f.subject}: {f.message}" for f in changes) or "Nothing."
+def _known_limits(report: Report) -> Table:
+    """Warnings, waived findings, what a format cannot hold, and what was not checked."""
+    return table("Known limits", ("rule", "of", "what"), _limit_rows(report))
+
+
+def _limit_rows(report: Report) -> Iterator[tuple[str, str, str]]:
+    for finding in report.findings:
+        because = finding.data.get("because")
+        if because:
+            yield finding.rule, finding.subject, f"{finding.message}; waived: {because}"
+        elif finding.severity != "info" or (
+            finding.rule.startswith(LIMITS) and not finding.rule.startswith(CHANGES)
+        ):
+            yield finding.rule, finding.subject, finding.message
+    for name, check in sorted(report.checks.items()):
+        if check.status == "skip":
+            yield "not checked", name, check.note

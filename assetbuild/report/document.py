@@ -71,9 +71,17 @@ def make_report(
 
     locate: from a finding's subject to `file:line`, or "" when the source has no such line.
     """
-    placed = [f if f.where else f.at(locate(f.subject)) for f in findings]
+    placed = [f if f.where else f.at(locate(f.subject)) for f in _once(findings)]
     final = worst_first([_waived(f, waivers) for f in placed] + _unused(placed, waivers))
     return Report(robot, _judge(final, checks), tuple(final), checks)
+
+
+def _once(findings: Sequence[Finding]) -> list[Finding]:
+    """A statement that links and bodies both make is one, with the worse severity."""
+    kept: dict[tuple[str, str, str], Finding] = {}
+    for finding in worst_first(list(findings)):
+        kept.setdefault((finding.rule, finding.subject, finding.message), finding)
+    return list(kept.values())
 
 
 def fails(report: Report, fail_on: FailOn) -> bool:

@@ -43,16 +43,32 @@ class Loaded:
     warnings: tuple[str, ...]
 
 
-def load(path: Path) -> Loaded:
-    """Compiles an MJCF file; StepError with MuJoCo's own words when it refuses."""
-    import mujoco
+def load(path: Path, *, visuals: bool = True) -> Loaded:
+    """Compiles an MJCF file; StepError with MuJoCo's own words when it refuses.
 
+    visuals: False leaves out, as MuJoCo's `discardvisual` does, what has no effect on the
+    physics: compiling is quick then, because most meshes are never read.
+    """
     with caught_warnings() as said:
         try:
-            model = mujoco.MjModel.from_xml_path(str(path))
+            model = _compiled(path) if visuals else _compiled_for_physics(path)
         except ValueError as error:
             raise StepError(_without_folder(str(error), path)) from None
     return Loaded(model, tuple(_without_folder(text, path) for text in said))
+
+
+def _compiled(path: Path) -> Model:
+    import mujoco
+
+    return mujoco.MjModel.from_xml_path(str(path))
+
+
+def _compiled_for_physics(path: Path) -> Model:
+    import mujoco
+
+    spec = mujoco.MjSpec.from_file(str(path))
+    spec.compiler.discardvisual = True  # keeps what a visual shape gives a body without inertia
+    return spec.compile()
 
 
 def _without_folder(text: str, path: Path) -> str:

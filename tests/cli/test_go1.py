@@ -10,7 +10,7 @@ from pathlib import Path
 
 from .conftest import Workplace, new_workplace
 
-CONTROL_READERS = {"control", "mjcf", "usd", "urdf"}
+CONTROL_READERS = {"control", "mjcf", "usd", "urdf", "pose"}
 
 
 def test_the_bundle_is_whole_and_matches_its_manifest(place: Workplace):
@@ -19,6 +19,7 @@ def test_the_bundle_is_whole_and_matches_its_manifest(place: Workplace):
     for path in (
         "manifest.json", "provenance.json", "NOTICE", "model_card.md", "urdf/go1.urdf",
         "mjcf/go1.xml", "mjcf/scene.xml", "usd/go1.usda", "report/index.html", "report/report.json",
+        "report/report.md",
     ):  # fmt: skip
         assert (place.bundle / path).is_file(), path
     manifest = json.loads((place.bundle / "manifest.json").read_text())

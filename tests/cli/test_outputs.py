@@ -8,11 +8,12 @@ from typing import Any
 
 from defusedxml import ElementTree
 
-from assetbuild.cli.outputs import markdown, public_message, write_junit
+from assetbuild.cli.outputs import markdown, write_junit
 from assetbuild.engine.make import NodeResult
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.report.document import CheckResult, make_report
+from assetbuild.report.summary import public_message
 
 from .conftest import Workplace
 

@@ -96,7 +96,9 @@ def _no_mass(body: Body, *, is_held: bool) -> Finding:
         severity="info" if is_held else "error",
         subject=f"link {body.name}",
         message="has no mass in USD; PhysX will take 1000 kg/m³ times its collision volume",
-        hint="harmless, the fixed base never moves" if is_held else "give the link an <inertial>",
+        hint="harmless, the fixed base never moves"
+        if is_held
+        else "give the link an <inertial>; between the hinges of a ball joint: edit `share_mass`",
     )
 
 

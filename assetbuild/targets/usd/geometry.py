@@ -197,6 +197,10 @@ def _define_material(stage: Usd.Stage, path: str, material: Material) -> None:
     file = f"./textures/{material.texture}"
     image.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(file))
     image.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
+    for wrap in ("wrapS", "wrapT"):  # coordinates beyond 1 repeat the picture, as in MuJoCo
+        image.CreateInput(wrap, Sdf.ValueTypeNames.Token).Set("repeat")
+    # The connection below replaces the colour, which tints the picture: hence here.
+    image.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*material.rgba[:3], 1.0))
     coordinates = reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
     image.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(coordinates)
     color.ConnectToSource(image.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))

@@ -1,0 +1,108 @@
+"""The figures of any check as HTML: numbers by name, and a table where there are rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+
+from assetbuild.report.document import CheckResult
+from assetbuild.report.tables import Table, html_table, table, text_of
+
+FIRST = (
+    *("", "rank", "row", "of", "name", "robot", "link", "body", "joint", "pair", "a", "b"),
+    *("mujoco", "physx", "off", "unit"),
+)
+"""Columns that stand first in a table, in this order."""
+FOLDED = 12
+"""Tables with more rows than this are closed at first."""
+
+
+def check_section(name: str, check: CheckResult) -> str:
+    """One check: its result in the summary line, all of its figures below."""
+    scalars = {k: v for k, v in check.figures.items() if not isinstance(v, Mapping | Sequence)}
+    scalars |= {k: v for k, v in check.figures.items() if isinstance(v, str)}
+    nested = {k: v for k, v in check.figures.items() if k not in scalars and v not in ([], {})}
+    key = ", ".join(f"{words(k)} {text_of(v)}" for k, v in sorted(scalars.items())[:3])
+    hint = f' <span class="soft">{escape(check.note or key)}</span>' if check.note or key else ""
+    parts = [
+        f'<details class="check"{" open" if check.status == "fail" else ""}>',
+        f'<summary><code>{escape(name)}</code> <span class="{check.status}">{check.status}</span>'
+        f"{hint}</summary>",
+    ]
+    if scalars:
+        rows = [(words(k), v) for k, v in sorted(scalars.items())]
+        parts.append(html_table(table(f"figures of {name}", ("figure", "value"), rows)))
+    for key, value in sorted(nested.items()):
+        parts += [_folded(shown) for shown in tables_of(key, value)]
+    parts.append("</details>")
+    return "".join(parts)
+
+
+def _folded(shown: Table) -> str:
+    body = html_table(shown)
+    if len(shown.rows) <= FOLDED:
+        return f"<h3>{escape(shown.title)}</h3>{body}"
+    head = f"{escape(shown.title)} ({len(shown.rows)})"
+    return f"<details><summary>{head}</summary>{body}</details>"
+
+
+def tables_of(name: str, value: object) -> Iterator[Table]:
+    """Rows of mappings, a mapping of mappings, a mapping of numbers, a plain list: as tables."""
+    title = words(name)
+    if isinstance(value, Mapping) and value:
+        if all(isinstance(v, Mapping) for v in value.values()):
+            yield _of_rows(title, [{"": key, **row} for key, row in value.items()])
+        elif any(isinstance(v, Mapping) or _is_rows(v) for v in value.values()):
+            for key, inner in value.items():
+                yield from tables_of(f"{name}: {key}", inner)
+        else:
+            yield table(title, ("name", "value"), [(k, _flat(v)) for k, v in value.items()])
+    elif _is_rows(value) and isinstance(value, Sequence):
+        yield _of_rows(title, value)
+    elif isinstance(value, Sequence) and not isinstance(value, str):
+        lists = [v if isinstance(v, Sequence) and not isinstance(v, str) else [v] for v in value]
+        width = max(map(len, lists))
+        rows = [tuple(map(_flat, row)) + ("",) * (width - len(row)) for row in lists]
+        yield table(title, tuple("" for _ in range(width)), rows)
+    else:
+        yield table(title, ("value",), [(_flat(value),)])
+
+
+def _is_rows(value: object) -> bool:
+    return (
+        isinstance(value, Sequence)
+        and not isinstance(value, str)
+        and bool(value)
+        and all(isinstance(row, Mapping) for row in value)
+    )
+
+
+def _of_rows(title: str, rows: Sequence[Mapping[str, object]]) -> Table:
+    head = tuple(dict.fromkeys(key for row in rows for key in row))
+    # What names a row stands first, whatever the sorting of the JSON.
+    first = [key for key in FIRST if key in head]
+    head = (*first, *(key for key in head if key not in first))
+    body = [tuple(_flat(row.get(key)) for key in head) for row in rows]
+    return table(title, tuple(words(key) for key in head), body)
+
+
+def _flat(value: object) -> object:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{words(k)} {text_of(_flat(v))}" for k, v in value.items())
+    if isinstance(value, list | tuple):
+        return tuple(_flat(v) for v in value)
+    return value
+
+
+UNITS = {
+    "m": "m", "rad": "rad", "kg": "kg", "s": "s", "hz": "Hz", "mm": "mm", "deg": "deg",
+    "nm": "N m", "n": "N", "j": "J", "m3": "m3",
+}  # fmt: skip
+
+
+def words(key: str) -> str:
+    """`max_outside_m` as `max outside, m`."""
+    head, _, last = key.rpartition("_")
+    if head and last in UNITS:
+        return f"{head.replace('_', ' ')}, {UNITS[last]}"
+    return key.replace("_", " ")

@@ -1,0 +1,76 @@
+"""A table as data, written as Markdown or as HTML."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of plain values. note: a sentence above the table; empty: what to say without rows."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[object, ...], ...]
+    note: str = ""
+    empty: str = "None."
+
+
+def table(
+    title: str, head: Sequence[str], rows: Iterable[Sequence[object]], note: str = "", **more: str
+) -> Table:
+    """A table from any sequences."""
+    return Table(title, tuple(head), tuple(tuple(row) for row in rows), note, **more)
+
+
+def text_of(value: object) -> str:
+    """A number with six digits, a list with commas, nothing as a dash."""
+    if value is None or value == "":
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.6g}" if math.isfinite(value) else str(value)
+    if isinstance(value, tuple | list):
+        return ", ".join(text_of(item) for item in value) or "-"
+    return str(value)
+
+
+def markdown_table(shown: Table) -> str:
+    """GitHub's tables."""
+    if not shown.rows:
+        return shown.empty
+    lines = ["| " + " | ".join(shown.head) + " |", "|" + " --- |" * len(shown.head)]
+    lines += ["| " + " | ".join(_cell(cell) for cell in row) + " |" for row in shown.rows]
+    return "\n".join([*([shown.note, ""] if shown.note else []), *lines])
+
+
+def _cell(value: object) -> str:
+    return " ".join(text_of(value).replace("|", "\\|").split())
+
+
+def html_table(shown: Table) -> str:
+    """With a caption for screen readers; numbers to the right; wide ones scroll by themselves."""
+    if not shown.rows:
+        return f"<p>{escape(shown.empty)}</p>"
+    head = "".join(f'<th scope="col">{escape(text)}</th>' for text in shown.head)
+    rows = "".join(f"<tr>{''.join(_html_cells(row))}</tr>" for row in shown.rows)
+    note = f"<caption>{escape(shown.note)}</caption>" if shown.note else ""
+    # A part that scrolls must be reachable by the keyboard.
+    return (
+        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(shown.title)}">'
+        f"<table>{note}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
+    )
+
+
+def _html_cells(row: Sequence[object]) -> Iterable[str]:
+    for value in row:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        style = ' class="number"' if number else ""
+        text = text_of(value)
+        if text in ("pass", "fail", "skip", "error", "warning"):
+            style = f' class="{text}"'
+        yield f"<td{style}>{escape(text)}</td>"

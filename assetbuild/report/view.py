@@ -1,0 +1,109 @@
+"""What the report's 3D view knows of the robot beside its geometry: joints, poses, numbers."""
+
+from __future__ import annotations
+
+import json
+import math
+
+from assetbuild.report.facts import Subject, ellipsoid, principal
+from assetbuild.report.tables import text_of
+from assetbuild.robot.model import Body, Joint, Keyframe, Tree
+from assetbuild.robot.pose import IDENTITY, Pose
+from assetbuild.robot.tree import forward_kinematics
+
+
+def view_data(subject: Subject) -> str:
+    """JSON for `viewer.js`. m, rad, quaternions wxyz; poses of joints are in the parent body."""
+    tree = subject.tree
+    poses = [_pose(k) for k in subject.control.keyframes]
+    poses.append({"name": "all joints 0", "joints": {}, **_placed(_first_base(subject))})
+    content = {
+        "robot": subject.recipe.robot,
+        "floating": tree.base == "floating",
+        "root": tree.root,
+        "size": _size(tree),
+        "bodies": [_body(body, subject) for body in tree.bodies],
+        "joints": [_joint(joint) for joint in tree.joints],
+        "poses": poses,
+    }
+    return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def _first_base(subject: Subject) -> Pose:
+    keyframes = subject.control.keyframes
+    return (keyframes[0].base if keyframes else None) or IDENTITY
+
+
+def _pose(keyframe: Keyframe) -> dict[str, object]:
+    placed = _placed(keyframe.base or IDENTITY)
+    return {"name": keyframe.name, "joints": dict(keyframe.joints), **placed}
+
+
+def _placed(pose: Pose) -> dict[str, object]:
+    return {"xyz": list(pose.xyz), "quat": list(pose.quat)}
+
+
+def _size(tree: Tree) -> float:
+    """Largest distance between two body frames at zero, m: the scale of arrows and dots."""
+    points = [pose.xyz for pose in forward_kinematics(tree, {}).values()]
+    return max([0.1, *(math.dist(points[0], point) for point in points)])
+
+
+def _joint(joint: Joint) -> dict[str, object]:
+    lower, upper = joint.limits.lower, joint.limits.upper
+    if joint.kind == "continuous" or lower is None or upper is None or not lower < upper:
+        upper = 1.0 if joint.kind == "prismatic" else math.pi
+        lower = -upper
+    has_axis = joint.kind in ("revolute", "continuous", "prismatic")
+    mimic = joint.mimic
+    return {
+        "name": joint.name,
+        "kind": joint.kind,
+        "parent": joint.parent,
+        "child": joint.child,
+        "axis": list(joint.axis) if has_axis else None,
+        "lower": lower,
+        "upper": upper,
+        "unit": "m" if joint.kind == "prismatic" else "rad",
+        "mimic": None
+        if mimic is None
+        else {"joint": mimic.joint, "multiplier": mimic.multiplier, "offset": mimic.offset},
+        **_placed(joint.X_parent_joint),
+    }
+
+
+def _body(body: Body, subject: Subject) -> dict[str, object]:
+    row: dict[str, object] = {"name": body.name, "facts": _facts(body, subject)}
+    if body.inertial is None:
+        return row
+    row["com"] = list(body.inertial.com_m)
+    axes = ellipsoid(body.inertial)
+    if axes is not None:
+        row["ellipsoid"] = {"axes": list(axes), "quat": list(principal(body.inertial)[1])}
+    return row
+
+
+def _facts(body: Body, subject: Subject) -> list[tuple[str, str]]:
+    tree, rows = subject.tree, []
+    rows.append(("link", body.name))
+    if body.inertial is not None:
+        rows.append(("mass", f"{body.inertial.mass_kg:.6g} kg"))
+        rows.append(("centre of mass", f"{text_of(body.inertial.com_m)} m"))
+        rows.append(("principal moments", f"{text_of(principal(body.inertial)[0])} kg m²"))
+    merged = [frame.name for frame in tree.frames if frame.body == body.name]
+    if merged:
+        rows.append(("holds", ", ".join(merged)))
+    joint = tree.joint_above.get(body.name)
+    if joint is not None:
+        rows.append(("joint", f"{joint.name}, {joint.kind}, axis {text_of(joint.axis)}"))
+        rows.append(("limits", f"{text_of(joint.limits.lower)} to {text_of(joint.limits.upper)}"))
+        drive = subject.control.by_joint.get(joint.name)
+        if drive is not None:
+            rows.append(("drive", f"{drive.model}, kp {drive.kp:g}, kd {drive.kd:g}"))
+            rows.append(("effort", text_of(drive.effort)))
+            rows.append(("armature", f"{drive.armature:.4g} kg m²"))
+    links = {body.name, *merged}
+    pieces = [s for s in subject.shapes.of("collision") if s.link in links]
+    kinds = sorted({type(shape.geometry).__name__.lower() for shape in pieces})
+    rows.append(("collision", f"{len(pieces)} pieces" + (f": {', '.join(kinds)}" if kinds else "")))
+    return rows

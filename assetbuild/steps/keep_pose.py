@@ -1,0 +1,36 @@
+"""What of the control data decides how a robot looks: its keyframes and what may touch what."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from assetbuild.engine.step import Files, Step
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.model import Contact, Control
+
+
+class KeepPose(Step):
+    """`control.json` -> `control.json` without gains, friction, sensors and time.
+
+    Its bytes stay the same when only those change, so that no picture is made anew.
+    """
+
+    outputs = ("control.json",)
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        """Keyframes, excludes and the contact masks are kept."""
+        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        kept = Control(
+            keyframes=control.keyframes,
+            excludes=control.excludes,
+            contact=_masks(control.contact),
+            contacts=tuple((name, _masks(contact)) for name, contact in control.contacts),
+        )
+        (files.outputs / "control.json").write_bytes(encode(kept))
+        return ()
+
+
+def _masks(contact: Contact) -> Contact:
+    return replace(Contact(), mask=contact.mask, partners=contact.partners)

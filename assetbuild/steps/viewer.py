@@ -1,0 +1,190 @@
+"""The geometry of the report's 3D view, and the library that draws it."""
+
+from __future__ import annotations
+
+import base64
+import importlib.util
+import io
+import json
+import re
+import zipfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assetbuild.engine.step import Files, Step
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding
+from assetbuild.mesh.hull import convex_hull, hull_planes
+from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.primitives import signed_distance
+from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Box, Geometry, Mesh, Shape, Shapes, Sphere, Tree
+from assetbuild.robot.pose import Array, Pose
+
+SPAN_M = 0.03
+"""Distances between visual and collision geometry are told up to this; beyond it, all is one."""
+CHUNK = 2_000_000
+"""Numbers per block of the distance computation: 16 MB."""
+LIBRARY = re.compile(r'/\*\*\s*\* @license.*?"__esModule",\{value:!0\}\)\}\)\);', re.DOTALL)
+"""three.js with its licence line, as trimesh ships it inside its notebook viewer (MIT)."""
+
+
+class Viewer(Step):
+    """`tree.json`, light `shapes.json` and `meshes/` -> `viewer.json` and `three.js`.
+
+    viewer.json: {"span_m", "meshes": {name: {"lower", "size", "points", "faces", "wide"}},
+    "shapes": [{"name", "link", "body", "role", "kind", ..., "distance"}]}. Poses are in the body's
+    frame. points: base64 of uint16 (n, 3), in `size / 65535` from `lower`; faces: uint16, or
+    uint32 where wide; distance: uint8 per point, 128 = on the collision surface, 255 = SPAN_M
+    outside it. m, quaternions wxyz.
+    """
+
+    tools = ("numpy", "scipy", "trimesh")
+    outputs = ("viewer.json", "three.js")
+    isolated = True
+    preload = ("numpy", "scipy.spatial", "fast_simplification")
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Without the library the page has no 3D view, and a finding says so."""
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        meshes = {
+            asset.name: read_triangles((files.inputs / "meshes" / asset.file).read_bytes())
+            for asset in shapes.meshes
+        }
+        library = three_js()
+        if library is None:
+            yield Finding(
+                "viewer.none",
+                "info",
+                "robot",
+                "the report has no 3D view: the installed trimesh brings no three.js",
+                hint="install another version of trimesh",
+            )
+        content = {
+            "span_m": SPAN_M,
+            "meshes": {name: packed_mesh(mesh) for name, mesh in sorted(meshes.items())},
+            "shapes": _shapes(tree, shapes, meshes),
+        }
+        text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+        (files.outputs / "viewer.json").write_text(text, encoding="ascii")
+        (files.outputs / "three.js").write_text(library or "", encoding="utf-8")
+
+
+def three_js() -> str | None:
+    """The library's text from the installed trimesh; None where it is not found."""
+    found = importlib.util.find_spec("trimesh")
+    if found is None or not found.origin:
+        return None
+    path = Path(found.origin).parent / "resources" / "templates" / "viewer.zip"
+    try:
+        with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
+            texts = [archive.read(name).decode("utf-8") for name in sorted(archive.namelist())]
+    except (OSError, zipfile.BadZipFile, UnicodeDecodeError):
+        return None
+    for text in texts:
+        match = LIBRARY.search(text)
+        if match and "</script" not in match.group(0):
+            return match.group(0)
+    return None
+
+
+def packed_mesh(mesh: TriangleMesh) -> dict[str, object]:
+    """A mesh in 16 bits per coordinate: a hundredth of a millimetre on a robot of 60 cm."""
+    lower, upper = mesh.bounds
+    size = np.maximum(upper - lower, 1e-9)
+    points = np.round((mesh.vertices - lower) / size * 65535).astype("<u2")
+    wide = len(mesh.vertices) > 65535
+    return {
+        "lower": [round(float(v), 6) for v in lower],
+        "size": [round(float(v), 6) for v in size],
+        "points": _base64(points),
+        "faces": _base64(mesh.faces.astype("<u4" if wide else "<u2")),
+        "wide": wide,
+    }
+
+
+def _base64(values: NDArray[np.generic]) -> str:
+    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode("ascii")
+
+
+def _shapes(
+    tree: Tree, shapes: Shapes, meshes: Mapping[str, TriangleMesh]
+) -> list[dict[str, object]]:
+    colours = {material.name: material.rgba for material in shapes.materials}
+    solids: dict[str, list[Callable[[Array], Array]]] = {}
+    for shape in shapes.of("collision"):
+        body, X_body_shape = _placed(tree, shape)
+        solids.setdefault(body, []).append(_solid(shape.geometry, X_body_shape, meshes))
+    rows = []
+    for shape in shapes.shapes:
+        body, X_body_shape = _placed(tree, shape)
+        row: dict[str, object] = {
+            "name": shape.name,
+            "link": shape.link,
+            "body": body,
+            "role": shape.role,
+            "xyz": [round(float(v), 7) for v in X_body_shape.xyz],
+            "quat": [round(float(v), 7) for v in X_body_shape.quat],
+            "rgba": list(colours.get(shape.material or "", (0.62, 0.64, 0.67, 1.0))),
+            **_described(shape.geometry),
+        }
+        if shape.role == "visual" and isinstance(shape.geometry, Mesh) and body in solids:
+            points = X_body_shape.apply(meshes[shape.geometry.mesh].vertices)
+            nearest = np.min([distance(points) for distance in solids[body]], axis=0)
+            row["distance"] = _base64(in_bytes(nearest))
+        rows.append(row)
+    return rows
+
+
+def in_bytes(distance_m: Array) -> NDArray[np.uint8]:
+    """-SPAN_M..SPAN_M as 1..255; 128 = 0."""
+    steps = np.round(np.clip(distance_m / SPAN_M, -1.0, 1.0) * 127.0)
+    return np.asarray(steps + 128.0, dtype=np.uint8)
+
+
+def _placed(tree: Tree, shape: Shape) -> tuple[str, Pose]:
+    body, X_body_link = tree.placement(shape.link)
+    return body, X_body_link @ shape.X_link_shape
+
+
+def _described(geometry: Geometry) -> dict[str, object]:
+    if isinstance(geometry, Mesh):
+        return {"kind": "mesh", "mesh": geometry.mesh}
+    if isinstance(geometry, Box):
+        return {"kind": "box", "dims": list(geometry.size)}
+    if isinstance(geometry, Sphere):
+        return {"kind": "sphere", "dims": [geometry.radius]}
+    return {"kind": type(geometry).__name__.lower(), "dims": [geometry.radius, geometry.length]}
+
+
+def _solid(
+    geometry: Geometry, X_body_shape: Pose, meshes: Mapping[str, TriangleMesh]
+) -> Callable[[Array], Array]:
+    """Signed distance of points (n, 3) of the body from one collision shape, m.
+
+    A mesh counts as its hull, as it does in the simulators; outside an edge of the hull the
+    nearest plane is told, which is less than the distance.
+    """
+    X_shape_body = X_body_shape.inverse()
+    if not isinstance(geometry, Mesh):
+        return lambda points: signed_distance(geometry, X_shape_body.apply(points))
+    try:
+        planes = hull_planes(convex_hull(meshes[geometry.mesh].vertices))
+    except StepError:  # flat: no inside
+        return lambda points: np.full(len(points), np.inf)
+    return lambda points: beyond(planes, X_shape_body.apply(points))
+
+
+def beyond(planes: Array, points: Array) -> Array:
+    """(n,) largest distance of each point over the planes (k, 4), in blocks."""
+    rows = max(1, CHUNK // max(len(planes), 1))
+    blocks: Sequence[Array] = [
+        (points[start : start + rows] @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+        for start in range(0, len(points), rows)
+    ]
+    return np.concatenate(blocks) if blocks else np.zeros(0)

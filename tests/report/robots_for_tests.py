@@ -1,0 +1,20 @@
+"""A tiny robot as the report reads it."""
+
+from __future__ import annotations
+
+from tiny import TinyRobot, tiny_quadruped
+
+from assetbuild.recipe.models import Recipe
+from assetbuild.report.facts import Subject
+
+
+def recipe(**more: object) -> Recipe:
+    source = {"path": ".", "urdf": "r.urdf"}
+    return Recipe.model_validate(
+        {"schema": "assetbuild/v1", "robot": "tiny", "source": source, **more}
+    )
+
+
+def subject(robot: TinyRobot | None = None) -> Subject:
+    robot = robot or tiny_quadruped()
+    return Subject(recipe(), {}, robot.tree, robot.shapes, robot.control)

@@ -1,0 +1,108 @@
+"""The page: well formed, self-contained, verdict first, worst first, waivers visible."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+
+from tiny import tiny_quadruped
+
+from assetbuild.findings import Finding
+from assetbuild.recipe.models import Waiver
+from assetbuild.report.document import CheckResult, make_report
+from assetbuild.report.figures import check_section, tables_of
+from assetbuild.report.html import Picture, View, html_page
+
+from .robots_for_tests import subject
+
+NASTY = Finding("urdf.dropped", "warning", "link <script>alert(1)</script>", "a & b", "mend it")
+VIEW = View('{"meshes":{},"shapes":[],"span_m":0.03}', "/* three */")
+PICTURE = Picture("Visual", "the robot at home", b"\x89PNG")
+
+
+def page(findings=(NASTY,), checks=None, waivers=None, view=VIEW, pictures=(PICTURE,)):
+    report = make_report("<b>r</b>", list(findings), checks or {}, waivers or {}, lambda _: "a:1")
+    return html_page(report, subject(), pictures, view)
+
+
+def test_the_page_is_well_formed_and_escapes_names():
+    seen = Tags()
+    seen.feed(page(checks={"c": CheckResult("pass", {"x": 1.5})}))
+    assert not seen.open_now
+    assert "<script>alert" not in page()
+    assert "<b>r</b>" not in page()
+
+
+def test_nothing_is_fetched_from_anywhere():
+    links = re.findall(r'(?:src|href)="([^"]+)"', page())
+    assert links
+    assert all(link.startswith(("#", "data:")) for link in links)
+    assert "@import" not in page() and "url(" not in page()
+
+
+def test_the_verdict_comes_before_the_findings_and_they_before_the_card():
+    text = page()
+    order = [text.index(f) for f in ("Ready for training", 'id="findings"', 'id="card"')]
+    assert order == sorted(order)
+
+
+def test_a_finding_shows_rule_place_numbers_fix_and_how_to_waive_it():
+    finding = Finding("inertia.radius", "warning", "link a", "0.6 m", "check", data={"r_m": 0.6})
+    text = page([finding])
+    for told in ("inertia.radius", "a:1", "r_m", "Fix: check", "rules: {inertia.radius:"):
+        assert told in text
+
+
+def test_a_waived_finding_stays_in_the_open_with_its_reason():
+    waiver = Waiver(severity="info", because="carbon tube")
+    text = page([NASTY], waivers={"urdf.dropped": waiver})
+    assert "Waived by the recipe (1)" in text
+    assert "Waived, was warning: carbon tube" in text
+
+
+def test_rows_of_numbers_become_a_table_with_the_name_first():
+    rows = [{"gap_m": 0.1, "link": "a"}, {"gap_m": 0.2, "link": "b", "more": 1}]
+    (shown,) = tables_of("per_link", rows)
+    assert shown.head == ("link", "gap, m", "more")
+    assert shown.rows == (("a", 0.1, None), ("b", 0.2, 1))
+
+
+def test_maps_of_maps_and_lists_of_lists_are_tables_too():
+    (by_name,) = tables_of("load", {"hip": {"nm": 1.0}, "knee": {"nm": 2.0}})
+    assert by_name.rows == (("hip", 1.0), ("knee", 2.0))
+    (pairs,) = tables_of("overlaps", [["a", "b", 0.1], ["c", "d", 0.2]])
+    assert pairs.rows[1] == ("c", "d", 0.2)
+
+
+def test_a_failed_check_is_open_and_a_passed_one_closed():
+    assert '<details class="check" open>' in check_section("x", CheckResult("fail", {"a": 1}))
+    assert '<details class="check">' in check_section("x", CheckResult("pass", {"a": 1}))
+
+
+def test_without_the_library_there_is_no_view_and_no_script():
+    assert "<script" not in page(view=View("{}", ""))
+    assert "<script" not in page(view=None)
+
+
+def test_the_view_knows_every_joint_and_keyframe():
+    text = page()
+    robot = tiny_quadruped()
+    for joint in robot.tree.moving_joints:
+        assert f'"name":"{joint.name}"' in text
+    for keyframe in robot.control.keyframes:
+        assert f'"name":"{keyframe.name}"' in text
+
+
+class Tags(HTMLParser):
+    """Collects tags and checks that they close in order."""
+
+    def __init__(self):
+        super().__init__()
+        self.open_now: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in ("meta", "br", "img", "link", "input"):
+            self.open_now.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open_now.pop() == tag
