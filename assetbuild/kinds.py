@@ -209,6 +209,8 @@ class Target(Step):
     """Name of the robot: the stem of the main file."""
     reads: ClassVar[tuple[str, ...]] = ROBOT_PORTS
     """The robot ports that this target really reads; the rest is not linked to it."""
+    folder: ClassVar[str] = ""
+    """Where its files stand in the bundle; "" = in a folder of the target's name."""
 
     @classmethod
     def configure(cls, recipe: Recipe) -> Self:

@@ -13,6 +13,7 @@ from assetbuild.engine.execute import NodeResult
 from assetbuild.engine.publish import discard, new_staging, publish
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import machine_error
+from assetbuild.kinds import Target
 from assetbuild.lock import GitPin, Lock
 from assetbuild.plan import Outline
 from assetbuild.recipe.loader import LoadedRecipe
@@ -77,8 +78,9 @@ def _target_files(
     files = []
     for name, node in outline.targets.items():
         tree = session.tree(results[node.label][f"{name}/"])
+        folder = (node.step.folder if isinstance(node.step, Target) else "") or name
         for path, (digest, size) in sorted(tree.items()):
-            files.append(BundleFile(f"{name}/{path}", name, digest, size))
+            files.append(BundleFile(f"{folder}/{path}", name, digest, size))
     return files
 
 

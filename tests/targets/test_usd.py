@@ -54,10 +54,10 @@ from assetbuild.robot.model import (
     Tree,
 )
 from assetbuild.robot.pose import Pose, Vec3, quat_of_rpy, rotation_of
+from assetbuild.simulators.usd_names import usd_identifier, usd_identifiers
 from assetbuild.targets.usd import Usd
 from assetbuild.targets.usd.bodies import principal_axes
 from assetbuild.targets.usd.joints import joint_axis
-from assetbuild.targets.usd.names import usd_identifier, usd_identifiers
 
 
 def build(robot: TinyRobot, folder: Path, name: str = "robot") -> tuple[Path, list[Finding]]:

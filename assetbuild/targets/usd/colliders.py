@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Contact, Control, Mesh, Shape, Shapes, Tree
+from assetbuild.simulators.usd_names import PHYSICS_MATERIALS
 from assetbuild.targets.usd.geometry import asset_path, define_primitive
 from assetbuild.targets.usd.layers import GEOMETRIES, apply_foreign, label, place
-from assetbuild.targets.usd.names import COLLISIONS, PHYSICS_MATERIALS, Names
+from assetbuild.targets.usd.names import COLLISIONS, Names
 
 if TYPE_CHECKING:
     from pxr import Usd
