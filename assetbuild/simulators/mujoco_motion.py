@@ -68,9 +68,9 @@ def keyframe_motion(
     for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
         data.qpos[int(model.jnt_qposadr[joint]) + 2] += raised_m
     for index in range(model.nu):
-        joint = int(model.actuator_trnid[index, 0])
-        if name_of(model, "joint", joint) in (servos or {}):
-            data.ctrl[index] = data.qpos[int(model.jnt_qposadr[joint])]
+        driven = int(model.actuator_trnid[index, 0])
+        if name_of(model, "joint", driven) in (servos or {}):
+            data.ctrl[index] = data.qpos[int(model.jnt_qposadr[driven])]
     with caught_warnings():
         mujoco.mj_forward(model, data)
         return _track(model, data, steps, every, None)
