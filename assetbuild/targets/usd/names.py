@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Shape, Shapes, Tree
+from assetbuild.robot.pose import Vec3
 from assetbuild.simulators.usd_names import (
     JOINTS,
     LOOKS,
@@ -83,10 +84,12 @@ class Names:
         """Prim path of a material for the eye."""
         return f"/{self.root}/{LOOKS}/{self.materials[name]}"
 
-    @property
-    def contact_material(self) -> str:
-        """Prim path of the physics material of all colliders."""
-        return f"/{self.root}/{PHYSICS_MATERIALS}/contact"
+    def surface(self, friction: Vec3, common: Vec3) -> str:
+        """Prim path of the physics material with this friction; `common` is most colliders'."""
+        name = "contact"
+        if friction != common:
+            name += "_" + "_".join(usd_identifier(repr(float(value)))[1:] for value in friction)
+        return f"/{self.root}/{PHYSICS_MATERIALS}/{name}"
 
     @property
     def root_joint(self) -> str:
