@@ -84,6 +84,14 @@ def test_torque_motors_follow_the_sine_too(tmp_path: Path) -> None:
     assert any(row["row"] == "sine" for row in rows_of(tmp_path))
 
 
+def test_mjcf_that_does_not_load_is_an_error(tmp_path: Path) -> None:
+    inputs = write_robot_ports(tmp_path / "inputs", tiny_quadruped())
+    (inputs / "mjcf").mkdir()
+    (inputs / "mjcf/scene.xml").write_text("<mujoco>")
+    found = run_step(Alignment(robot="robot"), inputs, tmp_path / "out")
+    assert [(f.rule, f.severity) for f in found] == [("alignment.physx.load", "error")]
+
+
 def test_rows_are_judged_by_two_limits() -> None:
     row = Row("kp", "CRITICAL", "joint a", 1.0, 1.0, 0.0, 0.1, 0.2)
     verdicts = [replace(row, off=off).verdict for off in (0.0, 0.15, 0.3, math.nan, None)]

@@ -12,13 +12,14 @@ from typing import ClassVar, Self
 from assetbuild.checks.alignment.pair import Pair
 from assetbuild.checks.alignment.row import findings_of
 from assetbuild.engine.step import Files, Limits
+from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.models import Sine as Wish
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Tree
-from assetbuild.simulators import physx
+from assetbuild.simulators import mujoco, physx
 
 
 class Alignment(Check):
@@ -64,6 +65,14 @@ class Alignment(Check):
         """Figures: all rows, worst first within their rank."""
         tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
         control = decode(Control, (files.inputs / "control.json").read_bytes())
+        try:
+            mujoco.load(files.inputs / "mjcf" / "scene.xml")
+        except StepError as error:
+            write_figures(files, {"skipped": "the MJCF does not load"})
+            yield Finding(
+                "alignment.physx.load", "error", "robot", f"nothing to compare: {error.message}"
+            )
+            return
         pair = Pair(files, self.robot, tree, control, self.sine, self.iterations)
         outcomes = physx.perform(files.inputs / f"usd/{self.robot}.usda", pair.experiments())
         broken = {name: done for name, done in outcomes.items() if not done.finite}
