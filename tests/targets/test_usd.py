@@ -469,6 +469,7 @@ def test_what_usd_cannot_hold_is_told(tmp_path: Path) -> None:
         ("usd.contact", "robot"),
         ("usd.friction_unit", "robot"),
         ("usd.keyframes", "robot"),
+        ("usd.parallel_axis", "robot"),
     }
 
 

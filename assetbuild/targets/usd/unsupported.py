@@ -23,6 +23,7 @@ def unsupported(tree: Tree, control: Control, options: Options) -> Iterator[Find
     yield from _contact(control)
     yield from _keyframes(control)
     yield from _starts(tree, control)
+    yield from _parallel_axes(tree)
     if len(tree.bodies) > MAX_LINKS:
         yield Finding(
             rule="usd.links",
@@ -179,3 +180,16 @@ def _starts(tree: Tree, control: Control) -> Iterator[Finding]:
                 hint="add a keyframe `home`",
                 data={"position": position},
             )
+
+
+def _parallel_axes(tree: Tree) -> Iterator[Finding]:
+    plain = [j.name for j in tree.moving_joints if max(map(abs, j.axis)) >= 1.0 - 1e-12]
+    if plain:
+        yield Finding(
+            rule="usd.parallel_axis",
+            severity="info",
+            subject="robot",
+            message=f"the axes of {len(plain)} joints are exactly axes of their bodies",
+            hint="harmless; should a runtime stumble over it, `edits: perturb_axis` turns them",
+            data={"joints": tuple(plain)},
+        )
