@@ -20,6 +20,7 @@ from assetbuild.recipe.base import Positive as Positive
 from assetbuild.recipe.base import Real as Real
 from assetbuild.recipe.collision import CollisionRule, Preset
 from assetbuild.recipe.compose import Part
+from assetbuild.recipe.isaaclab import IsaacLab
 from assetbuild.recipe.mjcf import Mjcf, Mjx
 from assetbuild.recipe.names import Name as Name
 from assetbuild.recipe.names import Pattern as Pattern
@@ -314,6 +315,7 @@ class Recipe(Model):
     )
     simulation: Simulation = Field(default_factory=lambda: Simulation.model_validate({}))
     usd: Usd = Field(default_factory=lambda: Usd.model_validate({}))
+    isaaclab: IsaacLab = Field(default_factory=lambda: IsaacLab.model_validate({}))
     randomize: Randomize | None = Field(
         None, description="ranges for `assetbuild sample`, dr.yaml and trainers"
     )
