@@ -59,8 +59,20 @@ def confine(readable: Iterable[str]) -> frozenset[str]:
     return frozenset(held)
 
 
+def landlock_version() -> int:
+    """Version of Landlock's interface in this kernel; 0 where there is none."""
+    if sys.platform != "linux":
+        return 0
+    return _version(ctypes.CDLL(None, use_errno=True))
+
+
+def _version(libc: ctypes.CDLL) -> int:
+    found: int = libc.syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), _GET_VERSION)
+    return max(0, found)
+
+
 def _landlock(libc: ctypes.CDLL, readable: Iterable[str]) -> set[str]:
-    version = libc.syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), _GET_VERSION)
+    version = _version(libc)
     if version < 1:
         return set()
     rights = (1 << _FILE_RIGHTS_OF_ABI.get(version, 16)) - 1
