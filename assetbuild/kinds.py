@@ -9,7 +9,8 @@ Every target and check finds the robot under the same input names:
     meshes/        the assets, `<name>.obj`
 
 A check finds each target that it `needs` as a folder of that name (`mjcf/`, `usd/`), and the
-untouched description (but for comments) as `source.urdf` when `needs` says "source".
+untouched description (but for comments) as `source.urdf` when `needs` says "source"; an MJCF as
+`source.xml` with its meshes below `files/` when it says "source_mjcf".
 """
 
 from __future__ import annotations
@@ -75,7 +76,9 @@ def read_robot(files: Files) -> Robot:
 class MeshPart:
     """One OBJ file of a converted mesh: all its triangles have one material.
 
-    material: the source's name for it; rgba, texture: None = the source states none.
+    material: the source's name for it; rgba: None = the source states none. texture: a PNG
+    beside it in `parts/`, named by its content; its colours are multiplied by rgba (None: white).
+    uv: does the OBJ have texture coordinates?
     """
 
     file: str
@@ -84,6 +87,7 @@ class MeshPart:
     material: str | None = None
     rgba: tuple[float, float, float, float] | None = None
     texture: str | None = None
+    uv: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,6 +95,7 @@ class ConvertedMesh:
     """`mesh.json` beside `parts/`: what `convert_mesh` and `decimate_mesh` write.
 
     Metres, scale applied, outward normals. lower, upper: bounds. volume_m3: None when open.
+    up_axis: what the file says when that is not Z; turned: was the mesh turned accordingly?
     """
 
     parts: tuple[MeshPart, ...]
@@ -100,6 +105,8 @@ class ConvertedMesh:
     upper: Vec3
     watertight: bool
     volume_m3: float | None = None
+    up_axis: str | None = None
+    turned: bool = False
 
 
 @dataclass(frozen=True)
@@ -214,7 +221,7 @@ class Check(Step):
 
     outputs = ("figures.json",)
     needs: ClassVar[tuple[str, ...]] = ()
-    """Names of targets, and "source" for the untouched description."""
+    """Names of targets; "source" for the untouched URDF, "source_mjcf" for an MJCF."""
     reads: ClassVar[tuple[str, ...]] = ROBOT_PORTS
     """The robot ports that this check really reads."""
     requires: ClassVar[Mapping[str, str]] = {}

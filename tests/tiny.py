@@ -262,7 +262,7 @@ def _quadruped_control(joints: tuple[Joint, ...]) -> Control:
         (_stance("home", joints, 0.8), _stance("crouch", joints, 1.2)),
         pairs,
         Contact((0.8, 0.02, 0.01), 3),
-        Simulation(0.005, 4),
+        simulation=Simulation(0.005, 4),
     )
 
 

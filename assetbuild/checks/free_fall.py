@@ -12,7 +12,7 @@ from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
-from assetbuild.simulators import mujoco
+from assetbuild.simulators import experiments, mujoco
 
 BROKEN = 0.05
 """Relative error above which something is wrong with the model, not with the integrator."""
@@ -21,6 +21,7 @@ BROKEN = 0.05
 class FreeFall(Check):
     """Compares the drop of the centre of mass in MuJoCo with g/2 t (t + dt)."""
 
+    version = "2"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -50,7 +51,7 @@ class FreeFall(Check):
             )
             return
         try:
-            model = mujoco.load(files.inputs / "mjcf" / f"{self.robot}.xml").model
+            model = mujoco.load(files.inputs / "mjcf" / f"{self.robot}.xml", visuals=False).model
         except StepError as error:
             write_figures(files, {"skipped": "the MJCF does not load"})
             yield Finding("free_fall.load", "error", "robot", f"nothing to drop: {error.message}")
@@ -70,7 +71,7 @@ class FreeFall(Check):
         )
         yield from self._judge(fall)
 
-    def _judge(self, fall: mujoco.FreeFall) -> Iterator[Finding]:
+    def _judge(self, fall: experiments.FreeFall) -> Iterator[Finding]:
         if not fall.finite:
             yield Finding(
                 "free_fall.drop",

@@ -9,18 +9,21 @@ body, so v_pin = X v_mj, M_mj = Xᵀ M_pin X, g_mj = Xᵀ g_pin.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
+from assetbuild.robot.chains import find_chains
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, Pose, normalised_quat, vec3
 from assetbuild.robot.tree import sample_positions
-from assetbuild.simulators.mujoco import body_names
+from assetbuild.simulators.mujoco import body_names, load
 
 
 class Oracle(Check):
@@ -33,6 +36,7 @@ class Oracle(Check):
     Joint friction, damping, drives and contacts take no part; armature is subtracted.
     """
 
+    version: ClassVar = "3"
     tools: ClassVar = ("mujoco", "pin")
     isolated: ClassVar = True
     # With the other checks of MuJoCo in one process; pinocchio alone is not worth a second one.
@@ -69,9 +73,9 @@ class Oracle(Check):
             yield _unreadable(str(error))
             return
         try:
-            mj = _MujocoSide(str(files.inputs / "mjcf" / f"{self.robot}.xml"), tree)
-        except ValueError as error:
-            yield _wrong("structure", "robot", f"MuJoCo cannot load the MJCF: {error}")
+            mj = _MujocoSide(files.inputs / "mjcf" / f"{self.robot}.xml", tree)
+        except StepError as error:
+            yield _wrong("structure", "robot", f"MuJoCo cannot load the MJCF: {error.message}")
             return
         unlike = mj.unlike(pin)
         if unlike:
@@ -228,11 +232,11 @@ class _PinocchioSide:
 class _MujocoSide:
     """Our MJCF in MuJoCo. dof: velocity index by joint name."""
 
-    def __init__(self, path: str, tree: Tree) -> None:
+    def __init__(self, path: Path, tree: Tree) -> None:
         import mujoco
 
         self._mj: Any = mujoco  # Any: mujoco's bindings have no complete types
-        self._model = mujoco.MjModel.from_xml_path(path)
+        self._model = load(path, visuals=False).model
         self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         self._data = mujoco.MjData(self._model)
         self.nv = int(self._model.nv)
@@ -246,6 +250,8 @@ class _MujocoSide:
                 self.dof[joint.name] = int(self._model.jnt_dofadr[at])
                 self._qpos[joint.name] = int(self._model.jnt_qposadr[at])
         self._written = body_names(tree)
+        # Massless links between joints need not be there; `equal.mjcf` knows which must.
+        self._between = {link for chain in find_chains(tree) for link in chain.between}
         self._links = {body.name: (body.name, Pose()) for body in tree.bodies}
         self._links |= {f.name: (f.body, f.X_body_frame) for f in tree.frames}
 
@@ -259,7 +265,7 @@ class _MujocoSide:
             if joint.name not in self.dof:
                 return f"the MJCF has no joint `{joint.name}`"
         for body in self.tree.bodies:
-            if self._id("BODY", self._written[body.name]) < 0:
+            if body.name not in self._between and self._id("BODY", self._written[body.name]) < 0:
                 return f"the MJCF has no body `{self._written[body.name]}`"
         free = self._mj.mjtJoint.mjJNT_FREE
         if self.tree.base == "floating" and not (
@@ -284,6 +290,8 @@ class _MujocoSide:
         """X_world_link (4, 4) through the robot's frames, and by the site of that name."""
         body, X_body_link = self._links[name]
         at = self._id("BODY", self._written[body])
+        if at < 0:
+            return
         X_world_body = _matrix(self._data.xpos[at], self._data.xmat[at])
         yield X_world_body @ X_body_link.matrix()
         site = self._id("SITE", name) if name != body else -1

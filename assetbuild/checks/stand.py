@@ -29,6 +29,7 @@ EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor"})
 class Stand(Check):
     """Simulates `mjcf/scene.xml` in MuJoCo; a fixed base only has its joints judged."""
 
+    version = "2"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -52,7 +53,8 @@ class Stand(Check):
         wish = recipe.validate_.stand
         if wish is None or "mujoco" not in recipe.validate_.simulators:
             return None
-        return cls(**wish.model_dump())
+        feet = recipe.feet.links if recipe.feet and wish.feet is None else wish.feet
+        return cls(**wish.model_dump() | {"feet": feet})
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/scene.xml`."""
@@ -60,7 +62,7 @@ class Stand(Check):
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
         control = decode(Control, (files.inputs / "control.json").read_bytes())
         try:
-            model = mujoco.load(files.inputs / "mjcf" / "scene.xml").model
+            model = mujoco.load(files.inputs / "mjcf" / "scene.xml", visuals=False).model
             stood = mujoco.stand(model, self.keyframe, self.seconds, _external(control))
         except StepError as error:
             write_figures(files, {"skipped": error.message})

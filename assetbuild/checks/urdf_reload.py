@@ -146,7 +146,9 @@ def _limits(links: Tree, control: Control, model: Any) -> Iterator[Finding]:  # 
     theirs = {joint.name: joint for joint in model.joints}
     for joint in links.moving_joints:
         row = control.by_joint.get(joint.name) or joint.limits
-        wanted = (joint.limits.lower, joint.limits.upper, row.effort, row.velocity)
+        effort = joint.limits.effort if row.effort is None else row.effort
+        velocity = joint.limits.velocity if row.velocity is None else row.velocity
+        wanted = (joint.limits.lower, joint.limits.upper, effort, velocity)
         limit = theirs[joint.name].limit
         found = (limit.lower, limit.upper, limit.effort, limit.velocity) if limit else (None,) * 4
         if found != wanted:

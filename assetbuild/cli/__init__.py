@@ -14,7 +14,7 @@ from assetbuild.errors import AssetBuildError
 
 VERBS = (
     "build", "cache", "check", "completion", "diff", "doctor", "explain", "init", "lock", "plan",
-    "report", "schema", "verify",
+    "report", "sample", "schema", "verify",
 )  # fmt: skip
 """Each is a module of this package with `HELP`, `add_arguments(parser)` and `run(arguments)`."""
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from assetbuild.cli.cache import add_remote
 from assetbuild.errors import AssetBuildError
 
 if TYPE_CHECKING:
@@ -31,13 +31,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rebuild-check", action="store_true", help="run every step twice and compare"
     )
+    add_remote(parser)
     parser.add_argument(
-        "--remote",
-        default=os.environ.get("ASSETBUILD_REMOTE", ""),
-        metavar="URL",
-        help="cache shared with other machines; default: $ASSETBUILD_REMOTE",
+        "--executor",
+        default="local",
+        metavar="WHERE",
+        help="local, or dask://HOST:PORT: run steps on the workers of that scheduler",
     )
     parser.add_argument("--cache-write", action="store_true", help="also write to that cache")
+    parser.add_argument(
+        "--sandbox",
+        choices=("off", "strict"),
+        default="off",
+        help="strict: each step that runs may read its inputs only; Linux; default: off",
+    )
     parser.add_argument("--log-json", type=Path, metavar="FILE", help="write events, one per line")
     parser.add_argument("--report-junit", type=Path, metavar="FILE", help="write JUnit XML")
     parser.add_argument(
@@ -71,6 +78,8 @@ def run(arguments: argparse.Namespace) -> int:
             rebuild_check=arguments.rebuild_check,
             remote=arguments.remote,
             cache_write=arguments.cache_write,
+            sandbox=arguments.sandbox,
+            executor=arguments.executor,
             fail_on=arguments.fail_on,
         )
         for recipe in arguments.recipes

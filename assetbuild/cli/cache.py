@@ -1,9 +1,10 @@
-"""`assetbuild cache`: what the store holds; verify it; hold it below a size."""
+"""`assetbuild cache`: what the store holds; verify it; hold it below a size; share it."""
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from assetbuild.engine.store import Store
 
-HELP = "look after the store: stats, check, gc"
+HELP = "look after the store: stats, check, gc, push, pull"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,6 +23,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     verbs.add_parser("check", help="verify every object; corrupt ones are set aside")
     gc = verbs.add_parser("gc", help="remove what was used least lately")
     gc.add_argument("--max-size", required=True, type=_size, metavar="SIZE", help="as 5GB or 500MB")
+    for name, text in (
+        ("push", "send what is built of recipes to a cache that machines share"),
+        ("pull", "fetch what other machines built of recipes"),
+    ):
+        verb = verbs.add_parser(name, help=text)
+        verb.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE")
+        verb.add_argument("--variant", metavar="NAME", help="a variant of the recipes")
+        add_remote(verb)
+
+
+def add_remote(parser: argparse.ArgumentParser) -> None:
+    """Declare `--remote`."""
+    parser.add_argument(
+        "--remote",
+        default=os.environ.get("ASSETBUILD_REMOTE", ""),
+        metavar="URL",
+        help="cache shared with other machines, http(s)://... or s3://bucket/prefix; "
+        "default: $ASSETBUILD_REMOTE",
+    )
 
 
 def _size(text: str) -> int:
@@ -34,10 +54,12 @@ def _size(text: str) -> int:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0; 1 when `check` found something wrong."""
+    """0; 1 when `check` found something wrong, or a cache failed."""
     from assetbuild.engine.folders import cache_root
     from assetbuild.engine.store import LAYOUT, Store
 
+    if arguments.what in ("push", "pull"):
+        return _share(arguments)
     root = Path(cache_root())
     if arguments.what == "stats":
         return _stats(root, as_json=arguments.json)
@@ -70,6 +92,26 @@ def _stats(root: Path, *, as_json: bool) -> int:
     if found.live_builds:
         print(f"  builds that run now: {found.live_builds}")
     return 0
+
+
+def _share(arguments: argparse.Namespace) -> int:
+    """1 when the cache fails on the way: here it was asked for."""
+    from assetbuild.errors import UsageError
+    from assetbuild.pipeline.opening import remote_cache
+    from assetbuild.pipeline.sharing import pull, push
+
+    faults: list[str] = []
+    remote = remote_cache(arguments.remote, faults.append, write=True)
+    if remote is None:
+        raise UsageError("no cache is named", hint="say `--remote URL`, or set ASSETBUILD_REMOTE")
+    verb, said = (push, "sent") if arguments.what == "push" else (pull, "in the store")
+    for recipe in arguments.recipes:
+        done = verb(recipe, arguments.variant, remote)
+        more = "" if done.whole else ", and more that is known once these are built"
+        print(f"{recipe}: {done.done} of {done.steps} results {said}{more}")
+    for fault in faults:
+        print(fault, file=sys.stderr)
+    return 1 if faults else 0
 
 
 def _check(store: Store) -> int:

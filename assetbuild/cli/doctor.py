@@ -120,11 +120,11 @@ def _cache() -> Row:
 
 def _confinement() -> Row:
     """Landlock holds xacro files; without it a private folder and an empty environment do."""
-    from assetbuild.engine.confine import landlock_version
+    from assetbuild.engine.landlock import version
 
-    kernel, version = platform.release(), landlock_version()
-    if version:
-        return Row("Landlock", "ok", f"version {version}, kernel {kernel}: xacro is confined")
+    kernel, found = platform.release(), version()
+    if found:
+        return Row("Landlock", "ok", f"version {found}, kernel {kernel}: xacro is confined")
     fix = "Linux 5.13 or newer with Landlock; until then expand only xacro files that you trust"
     return Row("Landlock", "missing", f"not on this kernel ({kernel})", fix)
 

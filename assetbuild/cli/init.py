@@ -11,7 +11,7 @@ HELP = "look at a robot and write a commented recipe that builds"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("robot", type=Path, metavar="ROBOT.urdf")
+    parser.add_argument("robot", type=Path, metavar="ROBOT.urdf|.xacro")
     parser.add_argument(
         "-o", "--out", type=Path, metavar="RECIPE", help="default: <robot>.yaml, - prints it"
     )
@@ -23,6 +23,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=PATH",
         help="the folder that package://NAME stands for; others are looked for above the URDF",
     )
+    parser.add_argument(
+        "--arg",
+        action="append",
+        default=[],
+        type=_argument,
+        metavar="NAME=VALUE",
+        help="an argument of a xacro file",
+    )
     parser.add_argument("--force", action="store_true", help="replace a recipe that exists")
 
 
@@ -33,6 +41,13 @@ def _package(text: str) -> tuple[str, Path]:
     return name, Path(folder)
 
 
+def _argument(text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not name or not equals:
+        raise argparse.ArgumentTypeError("must be NAME=VALUE")
+    return name.removesuffix(":"), value
+
+
 def run(arguments: argparse.Namespace) -> int:
     """Write the recipe; says what to do next."""
     from assetbuild.init import propose, write
@@ -40,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     printed = str(arguments.out) == "-"
     out = None if printed else arguments.out
-    proposal = propose(arguments.robot, out, dict(arguments.package))
+    proposal = propose(arguments.robot, out, dict(arguments.package), dict(arguments.arg))
     if printed:
         print(proposal.text, end="")
         return 0

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import ClassVar, Literal
+from typing import Literal
 
-from assetbuild.collision import CollisionMethod
-from assetbuild.engine.step import Limits
+from assetbuild.collision import CollisionMethod, Fitted
+from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.fit import KINDS, best_primitive
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
 
 SHAPES = {"box": Box, "sphere": Sphere, "capsule": Capsule, "cylinder": Cylinder}
@@ -20,8 +18,6 @@ class FitPrimitive(CollisionMethod):
 
     scope = "link"
     tools = CollisionMethod.hull_tools
-    preload = ("numpy", "scipy.spatial", "scipy.optimize", "scipy.stats", "embreex.rtcore_scene")
-    limits: ClassVar[Limits] = Limits(wall_s=120.0, memory_mb=4096)
 
     shape: Literal["box", "sphere", "capsule", "cylinder"] | None = None
     """Which; None = the one with the best score, the simpler one when two are as good."""
@@ -33,8 +29,8 @@ class FitPrimitive(CollisionMethod):
             return known
         return known if isinstance(known[0].primitive, SHAPES[self.shape]) else None
 
-    def fit(self, mesh: TriangleMesh) -> Iterable[ConvexPiece]:
+    def fit(self, reference: Reference) -> Fitted:
         """Enclosing and least-squares fits of each candidate kind; the best of all."""
         kinds = KINDS if self.shape is None else (SHAPES[self.shape],)
-        primitive, pose = best_primitive(mesh, kinds)
-        yield ConvexPiece(None, primitive, pose)
+        primitive, pose = best_primitive(reference.mesh, kinds)
+        return Fitted((ConvexPiece(None, primitive, pose),), how="primitive")

@@ -7,35 +7,13 @@ a layer cannot do, the caller's own private folder and empty environment still d
 from __future__ import annotations
 
 import ctypes
-import os
-import stat
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
 
-# Landlock's calls and structures: Documentation/userspace-api/landlock.rst of the Linux kernel.
-# Newer system calls have the same number on every architecture.
-_CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
-_GET_VERSION = 1
-_RULE_PATH_BENEATH = 1
-_PR_SET_NO_NEW_PRIVS = 38
-_READ_FILE, _READ_DIR = 1 << 2, 1 << 3
-_FILE_RIGHTS_OF_ABI = {1: 13, 2: 14, 3: 15, 4: 15, 5: 16}
-"""Number of file rights that a version of Landlock knows; later ones know 16."""
+from assetbuild.engine import landlock
+
 _CLONE_NEWUSER, _CLONE_NEWNET = 0x10000000, 0x40000000
-
-
-class _Ruleset(ctypes.Structure):
-    _fields_ = (
-        ("files", ctypes.c_uint64),
-        ("network", ctypes.c_uint64),
-        ("scoped", ctypes.c_uint64),
-    )
-
-
-class _PathBeneath(ctypes.Structure):
-    _pack_ = 1
-    _fields_ = (("allowed", ctypes.c_uint64), ("parent", ctypes.c_int32))
 
 
 def confine(readable: Iterable[str]) -> frozenset[str]:
@@ -44,12 +22,12 @@ def confine(readable: Iterable[str]) -> frozenset[str]:
     No file is written, run or made; where the kernel knows how, nothing is sent either. Returns
     what holds: `files`, `network`, `processes`. It cannot be undone, and children inherit it.
     """
-    held = set()
+    held: set[str] = set()
     if sys.platform == "linux":
         libc = ctypes.CDLL(None, use_errno=True)
         if libc.unshare(_CLONE_NEWUSER | _CLONE_NEWNET) == 0:
             held.add("network")
-        held |= _landlock(libc, readable)
+        held |= landlock.restrict(readable)
     with suppress(ImportError, ValueError, OSError):
         import resource
 
@@ -57,49 +35,3 @@ def confine(readable: Iterable[str]) -> frozenset[str]:
         resource.setrlimit(resource.RLIMIT_NPROC, (0, 0))
         held.add("processes")
     return frozenset(held)
-
-
-def landlock_version() -> int:
-    """Version of Landlock's interface in this kernel; 0 where there is none."""
-    if sys.platform != "linux":
-        return 0
-    return _version(ctypes.CDLL(None, use_errno=True))
-
-
-def _version(libc: ctypes.CDLL) -> int:
-    found: int = libc.syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), _GET_VERSION)
-    return max(0, found)
-
-
-def _landlock(libc: ctypes.CDLL, readable: Iterable[str]) -> set[str]:
-    version = _version(libc)
-    if version < 1:
-        return set()
-    rights = (1 << _FILE_RIGHTS_OF_ABI.get(version, 16)) - 1
-    rules = _Ruleset(rights, 3 if version >= 4 else 0, 3 if version >= 6 else 0)
-    size = ctypes.c_size_t(24 if version >= 6 else 16 if version >= 4 else 8)
-    ruleset = libc.syscall(_CREATE_RULESET, ctypes.byref(rules), size, 0)
-    if ruleset < 0:
-        return set()
-    try:
-        for path in readable:
-            _allow(libc, ruleset, path)
-        if libc.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0:
-            return set()
-        if libc.syscall(_RESTRICT_SELF, ruleset, 0) != 0:
-            return set()
-    finally:
-        os.close(ruleset)
-    return {"files", "network"} if version >= 4 else {"files"}
-
-
-def _allow(libc: ctypes.CDLL, ruleset: int, path: str) -> None:
-    """OSError when the rule is refused: then the process would be missing a declared input."""
-    place = os.open(path, getattr(os, "O_PATH", 0) | os.O_CLOEXEC)
-    try:
-        folder = stat.S_ISDIR(os.fstat(place).st_mode)
-        rule = _PathBeneath(_READ_FILE | _READ_DIR if folder else _READ_FILE, place)
-        if libc.syscall(_ADD_RULE, ruleset, _RULE_PATH_BENEATH, ctypes.byref(rule), 0) != 0:
-            raise OSError(ctypes.get_errno(), "Landlock refused a rule", path)
-    finally:
-        os.close(place)

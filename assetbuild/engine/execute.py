@@ -50,14 +50,17 @@ def execute(
     """Make every node; a result for each, in the order of the graph.
 
     jobs: how many steps run at once; a step that declares more `cpus` takes as many places.
-    None = the cores of this process. keep_going: after a failure, still make everything that
-    does not need the failed node; else only what runs already is finished.
+    None = the cores of this process, or the places of its cluster. keep_going: after a failure,
+    still make everything that does not need the failed node; else only what runs is finished.
     memory_mb: the memory that child processes may declare together; one always runs.
     None = what this machine has left.
     Errors of steps are in the results. KeyboardInterrupt passes, with all children killed.
     """
-    places = jobs if jobs and jobs > 0 else usable_cores()
+    cluster = session.cluster
+    places = jobs if jobs and jobs > 0 else cluster.places if cluster else usable_cores()
     memory = usable_memory_mb() if memory_mb is None else memory_mb
+    if cluster is not None:
+        memory = 1 << 40  # the workers' matter, not this machine's
     tell = on_event or (lambda _: None)
     return _Schedule(graph, session, places, memory, keep_going, tell).run()
 

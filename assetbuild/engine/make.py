@@ -24,7 +24,7 @@ from assetbuild.engine.session import Made, Resolver, Session
 from assetbuild.engine.staging import check_present, check_untouched, collect, stage
 from assetbuild.engine.step import Files
 from assetbuild.engine.store import LostObjectError, machine_error
-from assetbuild.engine.wire import error_from_json, perform, step_to_json
+from assetbuild.engine.wire import REFUSED, error_from_json, perform, step_to_json
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.findings import Finding, finding_from_json
 
@@ -206,13 +206,18 @@ class Maker:
     # -- running
 
     def _run(self, node: Node, parts: Parts) -> Made:
+        cluster = self.session.cluster
+        if cluster is not None and node.step.isolated and not node.step.network:
+            made = cluster.run(node, parts, self.session)
+            self.session.check_sources(node)
+            return made
         folder = self.session.store.scratch()
         log = folder / "log"
         try:
             staged = stage(self.session, dict_of(parts["inputs"]), folder / "inputs")
             (folder / "outputs").mkdir()
             began = time.monotonic()
-            if node.step.isolated:
+            if node.step.isolated or self._is_confined(node):
                 result, used = self._in_child(node, folder, log)
             else:
                 result, trace = perform(node.step, _files(folder), node.label)
@@ -251,11 +256,13 @@ class Maker:
             "home": str(home),
             "environ": step_environment(node.step, home),
             "limits": asdict(node.step.limits),
+            "sandbox": str(folder) if self._is_confined(node) else "",
         }
         path = folder / "job.json"
         path.write_text(json.dumps(job), encoding="utf-8")
         for attempt in range(1, ATTEMPTS + 1):
             ended = self._children.run(node.step, path)
+            self._check_refused(node, folder)
             if ended.status == 0 and not ended.over:
                 with suppress(OSError, ValueError):
                     result = json.loads((folder / "result.json").read_bytes())
@@ -266,6 +273,20 @@ class Maker:
                 shutil.rmtree(folder / private)
                 (folder / private).mkdir()
         raise StepError(how_it_ended(node, ended, log))
+
+    def _is_confined(self, node: Node) -> bool:
+        """A step that may use the network runs programs and reads settings of the user's."""
+        return self.session.sandbox and not node.step.network
+
+    def _check_refused(self, node: Node, folder: Path) -> None:
+        """Whatever became of a step that reads what it does not declare: that is its error."""
+        with suppress(FileNotFoundError):
+            refused = json.loads((folder / REFUSED).read_bytes())
+            more = f", and {len(refused) - 1} more files" if len(refused) > 1 else ""
+            raise StepError(
+                f"step `{node.label}` reads `{refused[0]}`, which is not among its inputs{more}",
+                hint="a step reads its inputs only: this is a fault of the step",
+            )
 
     def _with_log(self, error: AssetBuildError, label: str) -> AssetBuildError:
         log = self.log_path(label)

@@ -41,7 +41,7 @@ class _SecondSession(Session):
     """Steps read what the first session made, and write into a store of their own."""
 
     def __init__(self, first: Session) -> None:
-        super().__init__(Store(first.store.scratch()), build="second run")
+        super().__init__(Store(first.store.scratch()), build="second run", sandbox=first.sandbox)
         self._first = first
 
     def digest_of_source(self, name: str) -> str:

@@ -1,36 +1,32 @@
-"""A cache that machines share: GET, HEAD and PUT of /ac/<key> and /cas/<sha256> over HTTP.
+"""A cache that machines share: what a step made, by its key, at `ac/<key>` and `cas/<sha256>`.
 
-The protocol of bazel-remote and of Bazel's own HTTP cache, so servers exist. Whatever goes wrong
-is a miss: a build never fails, and never waits long, because of the cache. Objects are verified by
-their digest. Action entries cannot be, so with a key they are signed, and others are refused.
-Redirects are not followed: what is sent goes to the host that the user named, and to no other.
+Whatever goes wrong is a miss: a build never fails, and never waits long, because of the cache.
+Objects are verified by their digest. Action entries cannot be, so with a key they are signed, and
+others are refused. How names are read and written is a matter of the place: HTTP or S3.
 """
 
 from __future__ import annotations
 
-import base64
 import hmac
 import http.client
 import json
 import shutil
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-from urllib.parse import unquote, urlsplit
+from typing import Any, Protocol
+from urllib.parse import urlsplit
 
-from assetbuild.engine.digest import CHUNK, canonical_json
+from assetbuild.engine.digest import canonical_json
 from assetbuild.engine.store import LostObjectError, Store
 from assetbuild.errors import UsageError
 
 ENTRY_FORMAT = 1
 ENTRY_BYTES = 16 << 20
 """No action entry is larger."""
-SLOWEST = 128 << 10
-"""Bytes per second below which a transfer is given up."""
 TOLERATED_ERRORS = 3
 
 FAULTS = (
@@ -51,18 +47,72 @@ class Budget:
     """What the shared cache may cost one build.
 
     request_s: for one request, on top of the time that its size allows. lost_s: for requests
-    that failed, all together; then the cache is left alone. object_bytes: of one action.
+    that failed, all together; errors: so many requests; then the cache is left alone.
+    object_bytes: of one action.
     """
 
     request_s: float = 10.0
     lost_s: float = 20.0
     object_bytes: int = 4 << 30
+    errors: int = TOLERATED_ERRORS
+
+
+class Exchange(Protocol):
+    """A few requests to one place; each within its time, each body within its size."""
+
+    def get(self, name: str, limit: int) -> bytes | None:
+        """A small body; None when there is none of this name."""
+        ...
+
+    def save(self, name: str, size: int, dest: Path) -> None:
+        """Write a body of exactly `size` bytes to a file."""
+        ...
+
+    def has(self, name: str) -> bool:
+        """Is it there already?"""
+        ...
+
+    def put(self, name: str, body: bytes | Path) -> None:
+        """Upload bytes or a file."""
+        ...
+
+    def close(self) -> None:
+        """No more requests."""
+        ...
+
+
+class Place(Protocol):
+    """Where the cache is. name: for messages, without credentials."""
+
+    name: str
+
+    def exchange(self) -> Exchange:
+        """For one thread."""
+        ...
+
+
+def place_of(url: str, request_s: float) -> Place:
+    """The place that an address names. UsageError; MachineError when a library is missing."""
+    parts = urlsplit(url)
+    if parts.scheme in ("http", "https") and parts.hostname:
+        from assetbuild.engine.remote_http import HttpPlace
+
+        return HttpPlace(parts, request_s)
+    if parts.scheme == "s3" and parts.hostname:
+        from assetbuild.engine.remote_s3 import S3Place
+
+        return S3Place(parts, request_s)
+    raise UsageError(
+        "`--remote` takes the address of an HTTP cache or of an S3 bucket",
+        hint="as in `https://cache.example.org:8080` or `s3://bucket/prefix`",
+    )
 
 
 class Remote:
     """The shared cache of one build. Threads may share it.
 
-    url: `http://host:port/prefix`, with `user:password@` if the server wants them. UsageError.
+    url: `http://host:port/prefix`, with `user:password@` if the server wants them, or
+    `s3://bucket/prefix`. UsageError.
     key: secret that signs action entries; empty = unsigned. warn: called once, when first
     something goes wrong.
     """
@@ -76,21 +126,14 @@ class Remote:
         budget: Budget | None = None,
         warn: Callable[[str], None] = lambda _: None,
     ) -> None:
-        parts = urlsplit(url)
-        if parts.scheme not in ("http", "https") or not parts.hostname:
-            raise UsageError(
-                "`--remote` takes the address of an HTTP cache",
-                hint="as in `https://cache.example.org:8080`",
-            )
-        self._parts = parts
-        self.place = f"{parts.scheme}://{parts.hostname}"  # without credentials
-        self._headers = _credentials(parts.username, parts.password)
+        self._budget = budget or Budget()
+        self._place = place_of(url, self._budget.request_s)
         self._key = key.encode()
         self._write = write
-        self._budget = budget or Budget()
         self._warn = warn
         self._lock = threading.Lock()
         self._asked: set[str] = set()
+        self._there: set[str] = set()
         self._errors = 0
         self._lost_s = 0.0
         self._warned = False
@@ -98,15 +141,23 @@ class Remote:
     @property
     def is_given_up(self) -> bool:
         """Did it fail so often or cost so much that this build leaves it alone?"""
-        return self._errors >= TOLERATED_ERRORS or self._lost_s >= self._budget.lost_s
+        return self._errors >= self._budget.errors or self._lost_s >= self._budget.lost_s
 
-    def get(self, key: str, store: Store) -> dict[str, Any] | None:  # Any: JSON
+    @property
+    def address(self) -> str:
+        """Without credentials."""
+        return self._place.name
+
+    def get(
+        self, key: str, store: Store, *, again: bool = False
+    ) -> dict[str, Any] | None:  # Any: JSON
         """What a step with this key made elsewhere, all its objects now in the store, or None.
 
-        Each key is asked for once in a build. MachineError when the store cannot take it.
+        Each key is asked for once in a build, unless `again`. MachineError when the store cannot
+        take it.
         """
         with self._lock:
-            if key in self._asked:
+            if key in self._asked and not again:
                 return None
             self._asked.add(key)
         with self._tolerant("read") as exchange:
@@ -123,17 +174,15 @@ class Remote:
             return result
         return None
 
-    def put(self, key: str, result: Mapping[str, object], store: Store) -> None:
-        """Offer what a step with this key made: objects first, then the action."""
+    def put(self, key: str, result: Mapping[str, object], store: Store) -> bool:
+        """Offer what a step with this key made: objects first, then the action. Is it there?"""
         if not self._write:
-            return
+            return False
         with self._tolerant("write") as exchange:
             if exchange is None:
-                return
+                return False
             objects = _objects_of(result, store)
-            for digest in sorted(objects):
-                if not exchange.has(f"cas/{digest}"):
-                    exchange.put(f"cas/{digest}", store.path(digest))
+            self._upload(objects, store, exchange)
             entry = {
                 "format": ENTRY_FORMAT,
                 "key": key,
@@ -143,6 +192,30 @@ class Remote:
             if self._key:
                 entry["signature"] = self._signature(entry)
             exchange.put(f"ac/{key}", canonical_json(entry))
+            return True
+        return False
+
+    def send(self, objects: Iterable[str], store: Store) -> bool:
+        """Upload those objects that are not there yet. Are all of them there now?"""
+        with self._tolerant("write") as exchange:
+            if exchange is not None and self._write:
+                self._upload(objects, store, exchange)
+                return True
+        return False
+
+    def fetch(self, objects: Mapping[str, int], store: Store) -> bool:
+        """Download those objects (digest -> size in bytes) that the store lacks. Has it all?"""
+        with self._tolerant("read") as exchange:
+            if exchange is not None:
+                self._download(objects, store, exchange)
+                return True
+        return False
+
+    def _upload(self, objects: Iterable[str], store: Store, exchange: Exchange) -> None:
+        for digest in sorted(set(objects) - self._there):
+            if not exchange.has(f"cas/{digest}"):
+                exchange.put(f"cas/{digest}", store.path(digest))
+            self._there.add(digest)
 
     def _checked(self, key: str, entry: Any) -> tuple[dict[str, Any], dict[str, int]]:  # Any: JSON
         """Result and objects of an entry that is for this key, and signed if it must be."""
@@ -183,7 +256,7 @@ class Remote:
         if self.is_given_up:
             yield None
             return
-        exchange = Exchange(self._parts, self._headers, self._budget.request_s)
+        exchange = self._place.exchange()
         began = time.monotonic()
         try:
             yield exchange
@@ -194,113 +267,10 @@ class Remote:
                 first, self._warned = not self._warned, True
             if first:
                 reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-                place = f"the shared cache {self.place}"
+                place = f"the shared cache {self._place.name}"
                 self._warn(f"warning: cannot {what} {place}: {reason}; going on without")
         finally:
             exchange.close()
-
-
-class Exchange:
-    """A few requests over one connection; each within its time, each body within its size."""
-
-    def __init__(self, parts: Any, headers: Mapping[str, str], request_s: float) -> None:
-        # Any: urllib's SplitResult, whose port may raise ValueError
-        is_https = parts.scheme == "https"
-        kind = http.client.HTTPSConnection if is_https else http.client.HTTPConnection
-        self._connection = kind(parts.hostname, parts.port, timeout=request_s)
-        self._prefix = parts.path.rstrip("/")
-        self._headers = dict(headers)
-        self._request_s = request_s
-
-    def get(self, name: str, limit: int) -> bytes | None:
-        """A small body; None when the server has none of this name."""
-        with self._within(self._request_s), self._ask("GET", name) as response:
-            if response.status == 404:
-                return None
-            data = response.read(limit + 1)
-            if len(data) > limit:
-                raise ValueError("a body is larger than it may be")
-            return bytes(data)
-
-    def save(self, name: str, size: int, dest: Path) -> None:
-        """Write a body of exactly `size` bytes to a file."""
-        with self._within(self._request_s):
-            response = self._ask("GET", name)
-        began = time.monotonic()
-        with response, dest.open("wb") as file:
-            if response.status != 200:
-                raise ValueError("an object is missing")
-            left = size
-            while left and (chunk := response.read1(min(CHUNK, left))):
-                file.write(chunk)
-                left -= len(chunk)
-                if time.monotonic() - began > self._request_s + (size - left) / SLOWEST:
-                    raise TimeoutError("it is too slow")
-            if left or response.read(1):
-                raise ValueError("an object has not the size of its entry")
-
-    def has(self, name: str) -> bool:
-        """Does the server have it already?"""
-        with self._within(self._request_s), self._ask("HEAD", name) as response:
-            response.read()
-            return bool(response.status == 200)
-
-    def put(self, name: str, body: bytes | Path) -> None:
-        """Upload bytes or a file."""
-        size = len(body) if isinstance(body, bytes) else body.stat().st_size
-        with self._within(self._request_s + size / SLOWEST):
-            if isinstance(body, bytes):
-                response = self._ask("PUT", name, body, size)
-            else:
-                with body.open("rb") as file:
-                    response = self._ask("PUT", name, file, size)
-            with response:
-                response.read(ENTRY_BYTES)
-
-    def _ask(self, verb: str, name: str, body: Any = None, size: int = 0) -> Any:  # Any: a file
-        headers = dict(self._headers)
-        if body is not None:
-            headers |= {"Content-Length": str(size), "Content-Type": "application/octet-stream"}
-        self._connection.request(verb, f"{self._prefix}/{name}", body=body, headers=headers)
-        response = self._connection.getresponse()
-        if response.status not in (200, 201, 204, 404) or (
-            verb == "PUT" and response.status == 404
-        ):
-            raise ValueError(f"it answered {response.status}")
-        return response
-
-    @contextmanager
-    def _within(self, allowed_s: float) -> Iterator[None]:
-        """Cut the connection when the time of a request is over: a server may trickle for ever."""
-        over = threading.Event()
-
-        def cut() -> None:
-            over.set()
-            sock = self._connection.sock
-            if sock is not None:
-                with suppress(OSError):
-                    sock.shutdown(2)
-
-        timer = threading.Timer(allowed_s, cut)
-        timer.daemon = True
-        timer.start()
-        try:
-            yield
-        finally:
-            timer.cancel()
-        if over.is_set():
-            raise TimeoutError("it is too slow")
-
-    def close(self) -> None:
-        """Close the connection."""
-        self._connection.close()
-
-
-def _credentials(user: str | None, password: str | None) -> dict[str, str]:
-    if user is None:
-        return {}
-    pair = f"{unquote(user)}:{unquote(password or '')}".encode()
-    return {"Authorization": f"Basic {base64.b64encode(pair).decode()}"}
 
 
 def _objects_of(result: Mapping[str, Any], store: Store) -> dict[str, int]:  # Any: JSON

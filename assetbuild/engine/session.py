@@ -18,6 +18,7 @@ from assetbuild.findings import Finding, finding_from_json
 
 if TYPE_CHECKING:
     from assetbuild.engine.children import Children
+    from assetbuild.engine.cluster import Cluster
     from assetbuild.engine.graph import Node, Ref
     from assetbuild.engine.remote import Remote
 
@@ -71,6 +72,8 @@ class Session:
     build: names the build in the journal, so that `explain` finds its last run; the path of the
     recipe is a good one. builds: the same for graphs that are `joined`, by their names.
     remote: a cache shared with other machines, asked for what the store lacks.
+    sandbox: steps that run may read what they declare, and nothing else.
+    cluster: other machines that run the steps which need a process of their own.
     Each source is read once: every step of the build sees the same bytes.
     """
 
@@ -82,8 +85,11 @@ class Session:
         builds: Mapping[str, str] | None = None,
         rehash: bool = False,
         remote: Remote | None = None,
+        sandbox: bool = False,
     ) -> None:
         self.store = store
+        self.sandbox = sandbox
+        self.cluster: Cluster | None = None
         self.remote = remote
         self.build = build or "\n".join((builds or {}).values())
         self.stat_cache = StatCache(store.root / "stat.json", rehash=rehash)
@@ -125,8 +131,11 @@ class Session:
         """Kill all child processes now; a later build of this session starts new ones."""
         with self._lock:
             children, self._children = self._children, None
+            cluster, self.cluster = self.cluster, None
         if children is not None:
             children.close()
+        if cluster is not None:
+            cluster.close()
 
     @property
     def children(self) -> Children:
@@ -247,6 +256,13 @@ class Session:
                 return None
             self._known[key] = made
         return self._known[key]
+
+    def fetched(self, key: str) -> Made | None:
+        """What a worker on another machine made just now, from the shared cache or this store."""
+        made = self._whole(self.store.action(key))
+        if made is None and self.remote is not None:
+            made = self._whole(self.remote.get(key, self.store, again=True))
+        return made
 
     def _whole(self, raw: dict[str, Any] | None) -> Made | None:  # Any: JSON
         """The result in an action entry, if all its outputs are in the store."""

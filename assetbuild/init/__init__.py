@@ -7,12 +7,12 @@ beside it, and a build never guesses.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.errors import MachineError, UsageError, Where
 from assetbuild.init.anatomy import study
-from assetbuild.init.look import look
+from assetbuild.init.look import judge, look
 from assetbuild.init.source import find_source
 from assetbuild.init.text import recipe_name, recipe_text
 from assetbuild.recipe.loader import shown_path
@@ -26,18 +26,23 @@ class Proposal:
     text: str
 
 
-def propose(urdf: Path, out: Path | None, packages: Mapping[str, Path]) -> Proposal:
+def propose(
+    file: Path,
+    out: Path | None,
+    packages: Mapping[str, Path],
+    args: Mapping[str, str] | None = None,
+) -> Proposal:
     """Look at the robot and word its recipe; writes nothing.
 
     out: default `<robot>.yaml` in the working folder; paths in the recipe are relative to its
     folder. packages: package:// name -> folder, as the user says; the others are looked for
-    upwards from the URDF. Raises SourceError with file and line for a description that no recipe
-    can save.
+    upwards from the file. args: of a xacro file. Raises SourceError with file and line for a
+    description that no recipe can save.
     """
-    source = find_source(urdf, packages)
+    source = find_source(file, packages, args or {})
     robot = look(source)
     anatomy = study(robot)
-    robot = replace(robot, links=replace(robot.links, base=anatomy.base.kind))
+    robot = judge(robot, anatomy.base.kind)
     path = out or Path(f"{recipe_name(robot.links.name)}.yaml")
     return Proposal(path, recipe_text(robot, anatomy, source, path))
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
 from assetbuild.init.source import Found
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Shapes, Tree
+from assetbuild.robot.model import Base, Shapes, Tree
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.steps.lint_bodies import LintBodies
 from assetbuild.steps.lint_links import LintLinks
@@ -24,20 +24,26 @@ class Looked:
     links: Tree
     tree: Tree
     shapes: Shapes
-    link_findings: tuple[Finding, ...]
-    body_findings: tuple[Finding, ...]
+    link_findings: tuple[Finding, ...] = ()
+    body_findings: tuple[Finding, ...] = ()
 
 
 def look(source: Found) -> Looked:
-    """Read and lint. Raises SourceError with file and line, as a build would."""
-    step = ReadUrdf(file=source.urdf, base="floating", packages=dict(source.packages))
+    """Read. Raises SourceError with file and line, as a build would."""
+    step = ReadUrdf(file=source.shown, base="floating", packages=dict(source.packages))
     read, _ = _run(step, {"robot.urdf": source.data})
     links, shapes = decode(Tree, read["links.json"]), decode(Shapes, read["shapes.json"])
     tree, _ = merge_fixed_joints(links, True, ())
-    given = {"links.json": read["links.json"], "shapes.json": read["shapes.json"]}
-    _, of_links = _run(LintLinks(), given)
-    _, of_bodies = _run(LintBodies(), {"tree.json": encode(tree)})
-    return Looked(links, tree, shapes, of_links, of_bodies)
+    return Looked(links, tree, shapes)
+
+
+def judge(robot: Looked, base: Base) -> Looked:
+    """The robot on this base, with what the lints say of it there."""
+    links, tree = replace(robot.links, base=base), replace(robot.tree, base=base)
+    shapes = encode(robot.shapes)
+    _, of_links = _run(LintLinks(), {"links.json": encode(links), "shapes.json": shapes})
+    _, of_bodies = _run(LintBodies(), {"tree.json": encode(tree), "shapes.json": shapes})
+    return Looked(links, tree, robot.shapes, of_links, of_bodies)
 
 
 def _run(step: Step, inputs: dict[str, bytes]) -> tuple[dict[str, bytes], tuple[Finding, ...]]:

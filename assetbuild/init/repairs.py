@@ -1,49 +1,172 @@
-"""Edits that would heal what the lints found, as a comment: the user decides, not `init`."""
+"""Edits for what no simulator takes: each stands in the recipe with what it heals and how.
+
+Only what would stop the build is repaired; what is odd but works stays a finding. What a user must
+measure (the mass of a link that states none) is a guess that says so.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 from assetbuild.findings import Finding
 from assetbuild.init.look import Looked
+from assetbuild.init.patterns import patterns_of
+from assetbuild.init.words import quoted, some
 
-_EDITS = {
-    "inertia.triangle": "balance_inertia: {{link: {name}}}",
-    "inertia.positive": "inertia_from_geometry: {{link: {name}}}",
-    "inertia.missing": "inertia_from_geometry: {{link: {name}}}",
-    "inertia.mass": "inertia_from_geometry: {{link: {name}}}",
-    "inertia.radius": "inertia_from_geometry: {{link: {name}}}",
-    "joint.limits": "set_limits: {{joint: {name}, lower: 0, upper: 0}}",
-    "joint.locked": "set_limits: {{joint: {name}, lower: 0, upper: 0}}",
-}
+GUESSED_DENSITY = 1000
+"""kg/m3, of links without a mass: water's, and that of many a printed or hollow part."""
+GUESSED_MASS = 0.01
+"""kg, of a moving link that has neither a mass nor a shape."""
+
+_BROKEN = {"inertia.missing", "inertia.mass", "inertia.positive", "inertia.dense"}
+_LIMITS = {"joint.limits", "joint.locked"}
+
+
+@dataclass(frozen=True)
+class _Repair:
+    """edit: with `{name}` for the pattern; why: of its kind, beside it; on: a link or joint."""
+
+    on: str
+    edit: str
+    why: str
+    finding: str
 
 
 def repairs(robot: Looked) -> list[str]:
-    """Commented-out edits for the errors of the lints; [] when there is nothing to repair."""
-    bad = [f for f in robot.body_findings if f.severity == "error"]
-    bodies = {f.subject.partition(" ")[2] for f in bad}
-    wrong = [*_links_of(robot, bodies, bad)]
-    wrong += [f for f in robot.link_findings if f.rule in ("joint.limits", "joint.locked")]
-    lines = []
-    for finding in wrong:
-        name = finding.subject.partition(" ")[2]
-        edit = _EDITS.get(finding.rule)
-        if edit is not None:
-            lines.append(f"#   {finding.subject}: {finding.message}")
-            lines.append(f"#   - {edit.format(name=name)}")
-    if not lines:
-        return []
-    head = "# The source has mistakes; these edits would repair them, once you agree:"
-    return [head, "# edits:", *lines]
+    """The section `edits:`; [] when there is nothing to repair."""
+    wanted = [*_inertias(robot), *_shares(robot), *_limits(robot)]
+    if not wanted:
+        return [*_hints(robot)]
+    lines = [
+        "# The source says what no simulator takes; these edits repair it. Check the numbers: the",
+        "# report compares before and after.",
+        "edits:",
+    ]
+    for edit in dict.fromkeys(repair.edit for repair in wanted):
+        alike = [repair for repair in wanted if repair.edit == edit]
+        names = tuple(dict.fromkeys(repair.on for repair in alike))
+        lines.append(f"  # {some(names)}: {alike[0].finding}")
+        lines.append(f"  # {alike[0].why}")
+        known = robot.links.by_joint if "{joint:" in edit else robot.links.by_body
+        patterns = patterns_of(names, list(known))
+        lines += ["  - " + edit.format(name=quoted(pattern)) for pattern in patterns]
+    return [*lines, *_hints(robot)]
 
 
-def _links_of(robot: Looked, bodies: set[str], bad: list[Finding]) -> list[Finding]:
-    """The findings on the links that make a broken body broken; on the body where none does."""
-    found, explained = [], set()
+# --- what to do -----------------------------------------------------------------------------
+
+
+def _inertias(robot: Looked) -> Iterator[_Repair]:
+    """One repair for each link that makes a body impossible."""
+    for link, findings in _broken_links(robot).items():
+        rules = {finding.rule for finding in findings}
+        worst = next((f for f in findings if f.rule in _BROKEN), findings[0])
+        if rules & _BROKEN:
+            yield _remade(robot, link, worst)
+        else:
+            yield _Repair(
+                link,
+                "balance_inertia: {{link: {name}}}",
+                "MuJoCo refuses such a tensor; the smallest moment is raised as far as needed",
+                worst.message,
+            )
+
+
+def _broken_links(robot: Looked) -> dict[str, list[Finding]]:
+    """Links to repair with the findings on them; of a merged body those that spoil it."""
+    bad: dict[str, Finding] = {}
+    for finding in robot.body_findings:
+        grave = finding.severity == "error" and finding.rule in _BROKEN
+        if grave or finding.rule == "inertia.triangle":  # MuJoCo refuses small violations too
+            bad[finding.subject.partition(" ")[2]] = finding
+    found: dict[str, list[Finding]] = {}
     for finding in robot.link_findings:
+        kind, _, name = finding.subject.partition(" ")
+        if kind == "link" and finding.rule in {*_BROKEN, "inertia.triangle"}:
+            body, _ = robot.tree.placement(name)
+            if body in bad and _spoils(robot, name):
+                found.setdefault(name, []).append(finding)
+    explained = {robot.tree.placement(link)[0] for link in found}
+    return found | {body: [f] for body, f in bad.items() if body not in explained}
+
+
+def _spoils(robot: Looked, link: str) -> bool:
+    """A massless frame that was merged into a body is no reason for its mass properties."""
+    inertial = robot.links.by_body[link].inertial
+    return link in robot.tree.by_body or (inertial is not None and inertial.mass_kg > 0.0)
+
+
+def _remade(robot: Looked, link: str, finding: Finding) -> _Repair:
+    inertial = robot.links.by_body[link].inertial
+    mass = inertial.mass_kg if inertial else 0.0
+    shown = [role for role in ("visual", "collision")
+             if any(s.link == link and s.role == role for s in robot.shapes.shapes)]  # fmt: skip
+    if not shown:
+        return _ball(link, mass, finding)
+    how = f"from: {shown[0]}, open: hull" if shown[0] != "visual" else "open: hull"
+    if mass > 0.0:
+        return _Repair(
+            link,
+            f"inertia_from_geometry: {{{{link: {{name}}, mass: {mass!r}, {how}}}}}",
+            f"its mass as it is, spread over its {shown[0]} shapes (an open mesh: over its hull)",
+            finding.message,
+        )
+    return _Repair(
+        link,
+        f"inertia_from_geometry: {{{{link: {{name}}, density: {GUESSED_DENSITY}, {how}}}}}",
+        f"a guess, as the source states no mass: the volume of its {shown[0]} shapes times the "
+        "density of water; put the `mass` here when you know it",
+        finding.message,
+    )
+
+
+def _ball(link: str, mass: float, finding: Finding) -> _Repair:
+    """A solid ball of water's density: there is nothing to compute it from."""
+    ball = mass or GUESSED_MASS
+    radius = (3.0 * ball / (4.0 * math.pi * GUESSED_DENSITY)) ** (1.0 / 3.0)
+    moment = float(f"{0.4 * ball * radius**2:.3g}")
+    stated = "" if mass else f"mass: {ball!r}, "
+    moments = f"{{{{ixx: {moment!r}, iyy: {moment!r}, izz: {moment!r}}}}}"
+    return _Repair(
+        link,
+        f"set_inertia: {{{{link: {{name}}, {stated}inertia: {moments}}}}}",
+        f"a guess, as it has no shape: a solid ball of {ball:g} kg and the density of water",
+        finding.message,
+    )
+
+
+def _shares(robot: Looked) -> Iterator[_Repair]:
+    for finding in robot.link_findings:
+        if finding.rule == "inertia.between":
+            yield _Repair(
+                finding.subject.partition(" ")[2],
+                "share_mass: {{link: {name}}}",
+                "PhysX wants mass on every body: some is moved here from the body beyond, to where "
+                "the axes meet, which changes no motion; without the target usd, leave it out",
+                "a massless link between two joints",
+            )
+
+
+def _limits(robot: Looked) -> Iterator[_Repair]:
+    for finding in robot.link_findings:
+        if finding.rule == "joint.limits":
+            joint = robot.links.by_joint[finding.subject.partition(" ")[2]]
+            lower, upper = joint.limits.upper, joint.limits.lower
+            yield _Repair(
+                joint.name,
+                f"set_limits: {{{{joint: {{name}}, lower: {lower!r}, upper: {upper!r}}}}}",
+                "the two limits change places",
+                finding.message,
+            )
+
+
+def _hints(robot: Looked) -> Iterator[str]:
+    """What builds but may be a mistake, as a comment."""
+    locked = [f for f in robot.link_findings if f.rule == "joint.locked"]
+    if locked:
+        yield "# Equal limits lock a joint. If it is meant to move, give it a range under `edits`:"
+    for finding in locked:
         name = finding.subject.partition(" ")[2]
-        if finding.rule not in _EDITS or not finding.subject.startswith("link "):
-            continue
-        body, _ = robot.tree.placement(name)
-        if body in bodies:
-            found.append(finding)
-            explained.add(body)
-    return found + [f for f in bad if f.subject.partition(" ")[2] not in explained]
+        yield f"#   - set_limits: {{joint: {quoted(name)}, lower: 0, upper: 0}}"

@@ -1,111 +1,80 @@
-"""Where the robot's files lie: the one folder that holds them all, and the package:// roots."""
+"""What file the user gave, and where the robot's other files lie: one folder holds them all."""
 
 from __future__ import annotations
 
 import os
-import re
-from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 from assetbuild.errors import SourceError, UsageError, Where
+from assetbuild.init.packages import common_folder, files_named, find_packages, stated
+from assetbuild.init.xacro import Expanded, expand, is_xacro
 from assetbuild.recipe.loader import read_small_file, shown_path
-from assetbuild.steps._urdf_xml import Node, parse
-
-LEVELS = 12
-"""Folders above the URDF that are looked at for a package: a tree of files, not a disk."""
-
-_PACKAGE = re.compile(r"package:/*([^/]+)/(.+)")
+from assetbuild.steps._urdf_xml import parse
 
 
 @dataclass(frozen=True)
 class Found:
-    """root: absolute, without links; urdf and the package folders: below it, `/` between."""
+    """key: of the recipe's source that names `file`. data: the description, a xacro's expanded.
 
+    root: absolute, without links; file and the package folders: below it, `/` between.
+    args: as given; defaults: of all arguments that the xacro declares, as it spells them.
+    """
+
+    key: Literal["urdf", "xacro"]
     root: Path
-    urdf: str
+    file: str
     packages: Mapping[str, str]
     data: bytes
+    args: Mapping[str, str] = field(default_factory=dict)
+    defaults: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def shown(self) -> str:
+        """The description's name in messages, as a build would give it."""
+        return self.file if self.key == "urdf" else f"{self.file} (expanded)"
 
 
-def find_source(urdf: Path, packages: Mapping[str, Path]) -> Found:
-    """Read the URDF's file names and find what they mean.
+def find_source(
+    file: Path, packages: Mapping[str, Path], args: Mapping[str, str] | None = None
+) -> Found:
+    """Read the description and find what its file names mean.
 
     Raises SourceError where a package is not found, UsageError for a `--package` that is no
-    folder.
+    folder and for `--arg` without a xacro.
     """
-    data = read_small_file(urdf, shown_path(urdf), SourceError)
-    uses = _uses(parse(data, shown_path(urdf)))
-    file = Path(os.path.realpath(urdf))
-    folders = {name: _stated(name, folder) for name, folder in packages.items()}
-    wanted = _by_package(uses)
-    for name, inside in wanted.items():
-        if name not in folders:
-            folders[name] = _searched(name, inside, file, uses)
-    used = {name: folder for name, folder in folders.items() if name in wanted or name in packages}
-    root = _common(file, list(used.values()), uses)
+    data = read_small_file(file, shown_path(file), SourceError)
+    folders = {name: stated(name, folder) for name, folder in packages.items()}
+    real = Path(os.path.realpath(file))
+    if is_xacro(file, data):
+        return _found(
+            "xacro", real, shown_path(file), expand(real, data, folders, args or {}), folders
+        )
+    if args:
+        where = Where(shown_path(file))
+        raise UsageError("`--arg` is for a xacro file", where=where, hint="leave it out")
+    return _found("urdf", real, shown_path(file), Expanded(data, {}), folders)
+
+
+def _found(
+    key: Literal["urdf", "xacro"],
+    file: Path,
+    shown: str,
+    read: Expanded,
+    stated_folders: Mapping[str, Path],
+) -> Found:
+    uses = files_named(parse(read.data, shown))
+    used = {**stated_folders, **read.packages}
+    used |= find_packages(uses, file, used)
+    root = common_folder(file, used.values(), uses)
     return Found(
+        key=key,
         root=root,
-        urdf=file.relative_to(root).as_posix(),
+        file=file.relative_to(root).as_posix(),
         packages={name: used[name].relative_to(root).as_posix() for name in sorted(used)},
-        data=data,
+        data=read.data,
+        args=read.args,
+        defaults=read.defaults,
     )
-
-
-def _uses(root: Node) -> list[tuple[str, Node]]:
-    """(uri, element) of every mesh and texture."""
-    found = []
-    for element in root.element.iter("mesh", "texture"):
-        uri = (element.get("filename") or "").strip()
-        if uri:
-            found.append((uri, Node(element, root.file)))
-    return found
-
-
-def _by_package(uses: list[tuple[str, Node]]) -> dict[str, list[str]]:
-    inside: dict[str, list[str]] = defaultdict(list)
-    for uri, _ in uses:
-        match = _PACKAGE.fullmatch(uri)
-        if match:
-            inside[match[1]].append(match[2])
-    return dict(inside)
-
-
-def _stated(name: str, folder: Path) -> Path:
-    if not folder.is_dir():
-        message = f"--package {name}={folder}: there is no such folder"
-        raise UsageError(message, hint="it is the folder that `package://" + name + "/` stands for")
-    return Path(os.path.realpath(folder))
-
-
-def _searched(name: str, inside: list[str], file: Path, uses: list[tuple[str, Node]]) -> Path:
-    """The nearest folder above the URDF that holds the files, under the package's name or not."""
-    above = list(file.parents)[:LEVELS]
-    called = [folder for folder in above if folder.name == name]
-    beside = [folder / name for folder in above]
-    for folder in (*called, *beside, *above):
-        if any((folder / path).is_file() for path in inside):
-            return Path(os.path.realpath(folder))
-    uri, node = next(
-        (uri, node) for uri, node in uses if uri.startswith("package:") and name in uri
-    )
-    raise SourceError(
-        f"`{uri}`: no folder above the URDF holds the package `{name}`",
-        where=Where(node.file, node.line),
-        hint=f"say where it is: `--package {name}=FOLDER`",
-    )
-
-
-def _common(file: Path, folders: list[Path], uses: list[tuple[str, Node]]) -> Path:
-    """The lowest folder that holds the URDF, its packages and what relative names lead to."""
-    relative = [
-        Path(os.path.normpath(file.parent / uri)).parent
-        for uri, _ in uses
-        if ":" not in uri and not uri.startswith("/")
-    ]
-    try:
-        return Path(os.path.commonpath([file.parent, *folders, *relative]))
-    except ValueError:  # another drive
-        message = "the URDF and its packages share no folder"
-        raise UsageError(message, hint="copy them below one folder") from None

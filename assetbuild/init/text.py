@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 from assetbuild.init.anatomy import Anatomy
@@ -24,6 +24,7 @@ from assetbuild.init.look import Looked
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.repairs import repairs
 from assetbuild.init.source import Found
+from assetbuild.init.words import flow, plain, quoted, some
 from assetbuild.robot.model import Mesh, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.tree import forward_kinematics
@@ -31,7 +32,6 @@ from assetbuild.robot.tree import forward_kinematics
 COMPOUND = 0.15
 """Joints closer than this share of the robot's size make one compound joint (a hip, a wrist)."""
 LIGHT_KG = 5.0
-WIDTH = 100
 
 
 def recipe_name(name: str) -> str:
@@ -70,12 +70,12 @@ def _head(robot: Looked, anatomy: Anatomy, path: Path) -> list[str]:
     tree = robot.tree
     mass = sum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
     moving = len(tree.moving_joints)
-    sensors = [f"# {kind}: {_some(names)}" for kind, names in anatomy.sensors.items()]
+    sensors = [f"# {kind}: {some(names)}" for kind, names in anatomy.sensors.items()]
     return [
-        f"# {_plain(robot.links.name)}: {mass:.4g} kg, {len(tree.bodies)} bodies, "
+        f"# {plain(robot.links.name)}: {mass:.4g} kg, {len(tree.bodies)} bodies, "
         f"{moving} moving joints",
         "# Written by `assetbuild init`: read it, correct it, it is yours. Build it with",
-        f"#   assetbuild build {_plain(path.name)}",
+        f"#   assetbuild build {plain(path.name)}",
         *(["# Frames that survive as sites under the names of their links:"] if sensors else []),
         *sensors,
         "schema: assetbuild/v1",
@@ -88,15 +88,27 @@ def _source(source: Found, path: Path) -> list[str]:
     relative = Path(os.path.relpath(source.root, folder)).as_posix()
     lines = [
         "source:",
-        f"  path: {_quoted(relative)}   # relative to this file",
-        f"  urdf: {_quoted(source.urdf)}",
+        f"  path: {quoted(relative)}   # relative to this file",
+        f"  {source.key}: {quoted(source.file)}",
+        *_args(source),
     ]
     if source.packages:
-        pairs = ", ".join(f"{_quoted(k)}: {_quoted(v)}" for k, v in source.packages.items())
+        pairs = ", ".join(f"{quoted(k)}: {quoted(v)}" for k, v in source.packages.items())
         lines.append(
             f"  packages: {{{pairs}}}   # package:// roots; nothing is searched in a build"
         )
     return [*lines, "  # license: MIT   # the SPDX name of the source's licence; please state it"]
+
+
+def _args(source: Found) -> Iterator[str]:
+    """What was given, and what else the file takes with its default."""
+    if source.args:
+        given = ", ".join(f"{quoted(k)}: {json.dumps(v)}" for k, v in source.args.items())
+        yield f"  args: {{{given}}}"
+    others = [(k, v) for k, v in source.defaults.items() if k not in source.args]
+    if others:
+        yield "  # its other arguments and their defaults, for `args`:"
+        yield from (f"  #   {plain(name)}: {plain(json.dumps(value))}" for name, value in others)
 
 
 def _fixed_joints(robot: Looked, anatomy: Anatomy) -> list[str]:
@@ -129,12 +141,12 @@ def _collision(robot: Looked, anatomy: Anatomy) -> list[str]:
     if balls:
         lines.append("  links:")
         lines.append("    # A foot that meets the ground in a point rolls best as a sphere.")
-        lines += [f"    {_quoted(p)}: {{method: primitive, shape: sphere}}" for p in balls]
+        lines += [f"    {quoted(p)}: {{method: primitive, shape: sphere}}" for p in balls]
     lines += ["  exclude:", "    adjacent: true   # bodies that a joint connects never collide"]
     pairs = _compound_pairs(robot.tree, anatomy.size_m)
     if pairs:
         lines.append("    # Joints close together make one (a hip, a wrist): hulls overlap there.")
-        lines += _flow("    pairs: [", [f"[{_quoted(a)}, {_quoted(b)}]" for a, b in pairs], "]")
+        lines += flow("    pairs: [", [f"[{quoted(a)}, {quoted(b)}]" for a, b in pairs], "]")
     return lines
 
 
@@ -193,7 +205,7 @@ def _actuators(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[
             lines.extend(_row(pattern, row))
     mimics = [joint.name for joint in tree.moving_joints if joint.mimic is not None]
     if mimics:
-        lines.append(f"  # mimic others and need no row: {_some(mimics)}")
+        lines.append(f"  # mimic others and need no row: {some(mimics)}")
     return lines
 
 
@@ -201,12 +213,12 @@ def _row(pattern: str, row: Row) -> Iterator[str]:
     torque = "N" if row.unit == "m" else "N m"
     if row.effort is None or row.kp is None or row.kd is None:
         yield f"  # {_joints(row)} without effort in the source: state `effort`, kp, kd to drive"
-        yield f"  - {{joints: {_quoted(pattern)}, model: passive}}"
+        yield f"  - {{joints: {quoted(pattern)}, model: passive}}"
         return
     speed = f"{row.velocity:g} {row.unit}/s" if row.velocity else "no stated speed"
     unit = "kg" if row.unit == "m" else "kg m2"
     yield f"  # {_joints(row)}: {row.effort:g} {torque}, {speed}, moves {row.inertia:.3g} {unit}"
-    yield f"  - {{joints: {_quoted(pattern)}, model: pd, kp: {row.kp!r}, kd: {row.kd!r}}}"
+    yield f"  - {{joints: {quoted(pattern)}, model: pd, kp: {row.kp!r}, kd: {row.kd!r}}}"
 
 
 def _joints(row: Row) -> str:
@@ -231,7 +243,7 @@ def _home(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[str]:
     for value in sorted(set(shown.values()), key=list(shown.values()).index):
         names = [name for name, v in shown.items() if v == value]
         patterns = patterns_of(names, list(pose))
-        lines.extend(f"      {_quoted(pattern)}: {value!r}" for pattern in patterns)
+        lines.extend(f"      {quoted(pattern)}: {value!r}" for pattern in patterns)
     return lines
 
 
@@ -248,7 +260,7 @@ def _simulation(robot: Looked, anatomy: Anatomy) -> list[str]:
             [body.name for body in robot.links.bodies],
         )
         pattern = feet[0] if len(feet) == 1 else f"({'|'.join(feet)})"
-        stand = f"stand: {{keyframe: home, seconds: 2, feet: {_quoted(pattern)}}}"
+        stand = f"stand: {{keyframe: home, seconds: 2, feet: {quoted(pattern)}}}"
         lines.append("validate:")
         if len(anatomy.legs) >= 4:
             lines.append(f"  {stand}   # must not fall or sink")
@@ -277,47 +289,9 @@ def _variants(robot: Looked, anatomy: Anatomy) -> list[str]:
     if not feet:
         return []
     patterns = patterns_of(feet, [body.name for body in robot.links.bodies])
-    listed = ", ".join(map(_quoted, patterns))
+    listed = ", ".join(map(quoted, patterns))
     return [
         "variants:",
         "  # Feet as bodies of their own, for contact sensors that are bound to bodies.",
         f"  foot_bodies: {{fixed_joints: {{keep_bodies: [{listed}]}}}}",
     ]
-
-
-# --- words ----------------------------------------------------------------------------------
-
-
-def _flow(head: str, items: Sequence[str], tail: str) -> list[str]:
-    """A flow list, broken into lines below its key."""
-    one = head + ", ".join(items) + tail
-    if len(one) <= WIDTH:
-        return [one]
-    indent = " " * (len(head) - len(head.lstrip()) + 2)
-    lines, line = [head], indent
-    for item in items:
-        if len(line) + len(item) > WIDTH and line.strip():
-            lines.append(line.rstrip())
-            line = indent
-        line += item + ", "
-    return [*lines, line.rstrip(" ,") + tail]
-
-
-def _quoted(text: str) -> str:
-    """JSON's quotes are YAML's; plain words stay plain."""
-    if re.fullmatch(r"[A-Za-z][A-Za-z0-9_./-]*", text) and text.lower() not in _YAML_WORDS:
-        return text
-    return json.dumps(text)
-
-
-_YAML_WORDS = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
-
-
-def _some(names: Sequence[str]) -> str:
-    more = f" and {len(names) - 6} more" if len(names) > 6 else ""
-    return _plain(", ".join(names[:6]), 200) + more
-
-
-def _plain(text: str, longest: int = 80) -> str:
-    """Text for a comment: one line."""
-    return " ".join(text.split())[:longest]

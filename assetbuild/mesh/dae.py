@@ -6,11 +6,13 @@ import io
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
 from assetbuild.errors import StepError, Where
 from assetbuild.findings import Finding
+from assetbuild.mesh.companions import relative_name
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, group_by_material
 from assetbuild.mesh.triangles import Indices, TriangleMesh
 from assetbuild.robot.pose import Array
@@ -76,7 +78,8 @@ def _load(data: bytes, subject: str) -> Any:
 
     if data[:2] == b"PK":
         raise StepError(f"{subject}: a zip archive, not COLLADA text", hint="unpack it first")
-    if b"<!ENTITY" in data or b"<!DOCTYPE" in data:
+    plain = data.replace(b"\0", b"")  # UTF-16 would hide the words
+    if b"<!ENTITY" in plain or b"<!DOCTYPE" in plain:
         raise StepError(f"{subject}: declares XML entities, which no exporter does")
     try:
         document = collada.Collada(io.BytesIO(data), ignore=[DaeError])
@@ -212,7 +215,7 @@ def _moved(mesh: TriangleMesh, matrix: Array, subject: str) -> TriangleMesh:
 
 
 def _material(material: Any) -> SurfaceMaterial:
-    """Name and diffuse colour. Transparency is left out: exporters disagree on its sense."""
+    """Name, diffuse colour or picture. Transparency is left out: exporters disagree on it."""
     if material is None:
         return SurfaceMaterial()
     from collada.material import Map
@@ -221,7 +224,8 @@ def _material(material: Any) -> SurfaceMaterial:
     diffuse = material.effect.diffuse if material.effect is not None else None
     if isinstance(diffuse, Map):
         image = getattr(getattr(diffuse.sampler, "surface", None), "image", None)
-        return replace(out, texture=image.path if image is not None else None)
+        stated = unquote((image.path or "").strip()) if image is not None else ""
+        return replace(out, texture=relative_name(stated) or stated or None)
     if diffuse is None:
         return out
     r, g, b, a = (*(float(v) for v in _stated(diffuse)), 1.0)[:4]

@@ -21,11 +21,16 @@ FLAT = 1e-7
 
 
 def convex_hull(
-    points: Array, *, max_vertices: int | None = None, subject: str = "mesh"
+    points: Array,
+    *,
+    max_vertices: int | None = None,
+    max_polygons: int | None = None,
+    subject: str = "mesh",
 ) -> TriangleMesh:
     """The convex hull of points (n, 3) m: outward triangles; its vertices are input points.
 
-    max_vertices: at least 4; the hull then lies inside the full one (see `_farthest_first`).
+    max_vertices: at least 4; max_polygons: at least 16, coplanar triangles counted as one. The
+    hull then lies inside the full one (see `_farthest_first`).
     Raises StepError when the points lie in a plane, on a line or in one spot.
     """
     given = np.asarray(points, dtype=np.float64)
@@ -34,15 +39,30 @@ def convex_hull(
     distinct = np.unique(given + 0.0, axis=0)
     refuse_flat(distinct, subject)
     hull = _qhull(distinct, subject)
-    if max_vertices is not None and len(hull.vertices) > max_vertices:
-        distinct = distinct[np.sort(hull.vertices)]
-        distinct = distinct[_farthest_first(distinct, max_vertices, subject)]
-        hull = _qhull(distinct, subject)
-    return _outward(distinct, hull)
+    made = None
+    if max_vertices is None or len(hull.vertices) <= max_vertices:
+        made = _outward(distinct, hull)
+        if max_polygons is None or polygon_count(made) <= max_polygons:
+            return made
+    corners = distinct[np.sort(hull.vertices)]
+    most = min(max_vertices or len(corners), len(corners))
+    order = _farthest_first(corners, most, subject)
+    if made is None:
+        made = _hull_of(corners, order, subject)
+    # Each vertex less is about two polygons less; the order is the same, so it only shortens.
+    while max_polygons is not None and (count := polygon_count(made)) > max_polygons:
+        order = order[: max(4, len(order) - max(1, (count - max_polygons) // 2))]
+        made = _hull_of(corners, order, subject)
+    return made
+
+
+def _hull_of(points: Array, order: Indices, subject: str) -> TriangleMesh:
+    chosen = points[np.sort(order)]
+    return _outward(chosen, _qhull(chosen, subject))
 
 
 def _farthest_first(points: Array, count: int, subject: str) -> Indices:
-    """Indices of `count` points whose hull comes near to that of all.
+    """Indices of `count` points whose hull comes near to that of all, the widest first.
 
     Starts from a wide simplex, then always takes the point farthest outside; qhull's own `TA`
     option takes the farthest of the facet at hand and leaves up to three times the gap.
@@ -55,7 +75,7 @@ def _farthest_first(points: Array, count: int, subject: str) -> Indices:
         outside[chosen] = -np.inf
         farthest = int(np.argmax(outside))
         chosen.append(farthest)
-    return np.sort(np.asarray(chosen, dtype=np.int64))
+    return np.asarray(chosen, dtype=np.int64)
 
 
 def _wide_simplex(points: Array) -> list[int]:

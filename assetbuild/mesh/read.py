@@ -1,23 +1,26 @@
-"""Any mesh file to triangles by material: DAE, STL, OBJ, PLY, GLB."""
+"""Any mesh file to triangles by material: DAE, STL, OBJ, PLY, GLB, glTF."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+import posixpath
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
+from assetbuild.mesh.companions import picture_of_map, relative_name
 from assetbuild.mesh.dae import read_dae
+from assetbuild.mesh.gltf import read_gltf
 from assetbuild.mesh.material import MaterialPart, Rgba, SurfaceMaterial, group_by_material
 from assetbuild.mesh.obj import parse_obj
 from assetbuild.mesh.stl import read_stl
-from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.triangles import TriangleMesh, fan_triangles
 
-Format = Literal["dae", "stl", "obj", "ply", "glb"]
+Format = Literal["dae", "stl", "obj", "ply", "glb", "gltf"]
 UpAxis = Literal["ignore", "honour"]
 
 # Rows are the axes of a Z-up frame in the file's own axes (COLLADA 1.4.1, <up_axis>).
@@ -29,10 +32,16 @@ TO_Z_UP: Mapping[str, tuple[tuple[int, int, int], ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class SourceMesh:
-    """What a mesh file holds: parts by material, order of first appearance; metres."""
+    """What a mesh file holds: parts by material, order of first appearance; metres.
+
+    pictures: those that lie inside the file, as PNG, by the name that materials use.
+    up_axis: what the file says when that is not Z.
+    """
 
     parts: tuple[MaterialPart, ...]
     findings: tuple[Finding, ...] = ()
+    pictures: Mapping[str, bytes] = field(default_factory=dict)
+    up_axis: str | None = None
 
 
 def read_mesh(
@@ -40,34 +49,40 @@ def read_mesh(
     format: Format,
     *,
     up_axis: UpAxis = "ignore",
-    libraries: Mapping[str, bytes] | None = None,
+    companions: Mapping[str, bytes] | None = None,
     subject: str = "mesh",
 ) -> SourceMesh:
     """The surfaces of a mesh file, checked: finite, indices in range, not empty.
 
     up_axis: "ignore" takes the numbers as they are, which is what URDF viewers do and what most
     files with a false Y_UP need; "honour" turns X_UP and Y_UP to Z_UP.
-    libraries: MTL files by name, for the colours of an OBJ.
+    companions: other files that it names, by `relative_name`: the MTL files of an OBJ, the
+    buffers and pictures of a glTF.
     Raises StepError naming `subject` and the defect.
     """
     if not data:
         raise StepError(f"{subject}: the file is empty")
     stated: str | None = None
+    pictures: Mapping[str, bytes] = {}
     if format == "dae":
         dae = read_dae(data, subject)
         parts, stated, findings = dae.parts, dae.up_axis, list(dae.findings)
     elif format == "obj":
-        parts, findings = _read_obj(data, libraries or {}, subject)
+        parts, findings = _read_obj(data, companions or {}, subject)
+    elif format in ("glb", "gltf"):
+        stated = "Y_UP"  # by definition
+        parts, pictures = read_gltf(data, format, companions or {}, subject)
+        findings = []
+    elif format == "ply":
+        parts, findings = _read_ply(data, subject)
     else:
-        reader: Callable[[bytes, str], tuple[MaterialPart, ...]]
-        reader = {"stl": _read_stl, "ply": _read_ply, "glb": _read_glb}[format]
-        parts, findings = reader(data, subject), []
-        stated = "Y_UP" if format == "glb" else None  # glTF is Y-up by definition
+        parts, findings = _read_stl(data, subject), []
     if stated is not None and stated in TO_Z_UP:
         parts, finding = _turned(parts, stated, up_axis, subject)
         findings.append(finding)
     _refuse_unusable(parts, subject)
-    return SourceMesh(parts, tuple(findings))
+    up = stated if stated in TO_Z_UP else None
+    return SourceMesh(parts, tuple(findings), pictures, up)
 
 
 def _turned(
@@ -79,7 +94,9 @@ def _turned(
         subject=subject,
         message=f"the file says {stated}: "
         + ("ignored, its numbers are taken as they are" if up_axis == "ignore" else "turned to Z"),
-        hint="if it lies on its side, set `up_axis: honour`" if up_axis == "ignore" else "",
+        hint="if it lies on its side, name it in `source.honour_up_axis`"
+        if up_axis == "ignore"
+        else "",
         data={"stated": stated, "honoured": up_axis == "honour"},
     )
     if up_axis == "ignore":
@@ -110,34 +127,34 @@ def _read_stl(data: bytes, subject: str) -> tuple[MaterialPart, ...]:
 
 
 def _read_obj(
-    data: bytes, libraries: Mapping[str, bytes], subject: str
+    data: bytes, companions: Mapping[str, bytes], subject: str
 ) -> tuple[tuple[MaterialPart, ...], list[Finding]]:
     obj = parse_obj(data, subject)
     found: dict[str, SurfaceMaterial] = {}
-    for name in obj.libraries:
-        if name in libraries:
-            found.update(_materials_of(libraries[name]))
+    missing = []
+    for stated in obj.libraries:
+        name = relative_name(stated) or stated
+        if name in companions:
+            found.update(_materials_of(companions[name], posixpath.dirname(name)))
+        else:
+            missing.append(stated)
     placed = []
     for group in obj.groups:
         material = SurfaceMaterial(name=group.material)
         placed.append((found.get(group.material or "", material), obj.mesh_of(group)))
-    findings = list(_obj_findings(obj.libraries, libraries, obj.skipped, subject))
-    return group_by_material(placed), findings
+    return group_by_material(placed), list(_obj_findings(sorted(missing), obj.skipped, subject))
 
 
 def _obj_findings(
-    named: tuple[str, ...],
-    libraries: Mapping[str, bytes],
-    skipped: Mapping[str, int],
-    subject: str,
+    missing: list[str], skipped: Mapping[str, int], subject: str
 ) -> Iterator[Finding]:
-    missing = sorted(set(named) - set(libraries))
     if missing:
         yield Finding(
             rule="mesh.no_mtl",
             severity="info",
             subject=subject,
-            message=f"colours are not read: `{missing[0]}` is not among the inputs",
+            message=f"the material library `{missing[0]}` is not in the source: no colours",
+            hint="put it beside the mesh",
             data={"libraries": tuple(missing)},
         )
     if skipped:
@@ -151,8 +168,11 @@ def _obj_findings(
         )
 
 
-def _materials_of(data: bytes) -> dict[str, SurfaceMaterial]:
-    """Materials of an MTL file: diffuse colour, `d` or `Tr` as alpha, `map_Kd` as texture."""
+def _materials_of(data: bytes, folder: str) -> dict[str, SurfaceMaterial]:
+    """Materials of an MTL file: diffuse colour, `d` or `Tr` as alpha, `map_Kd` as texture.
+
+    folder: of the library, from that of the mesh; its pictures are named from there.
+    """
     out: dict[str, SurfaceMaterial] = {}
     name, rgb, alpha, texture = "", None, 1.0, None
     for line in [*data.decode("utf-8", "replace").splitlines(), "newmtl "]:
@@ -161,69 +181,56 @@ def _materials_of(data: bytes) -> dict[str, SurfaceMaterial]:
         try:
             if key == "newmtl":
                 if name:
-                    rgba: Rgba | None = None if rgb is None else (*rgb, alpha)
-                    out[name] = SurfaceMaterial(name, rgba, texture)
+                    out[name] = SurfaceMaterial(name, _colour(rgb, alpha, texture), texture)
                 name, rgb, alpha, texture = rest.strip(), None, 1.0, None
             elif key == "Kd":
                 rgb = (float(words[0]), float(words[1]), float(words[2]))
             elif key in ("d", "Tr"):
                 alpha = float(words[-1]) if key == "d" else 1.0 - float(words[-1])
             elif key == "map_Kd":
-                texture = rest.strip()
+                stated = posixpath.join(folder, picture_of_map(rest))
+                texture = relative_name(stated) or stated
         except (ValueError, IndexError):
             continue  # a broken colour leaves the material without one, as if it stated none
     return out
 
 
-def _read_ply(data: bytes, subject: str) -> tuple[MaterialPart, ...]:
+def _colour(
+    rgb: tuple[float, float, float] | None, alpha: float, texture: str | None
+) -> Rgba | None:
+    """Kd with alpha. It tints the texture, but for black, which exporters write and do not mean."""
+    if texture and (rgb is None or rgb == (0.0, 0.0, 0.0)):
+        rgb = (1.0, 1.0, 1.0)
+    return None if rgb is None else (*rgb, alpha)
+
+
+def _read_ply(data: bytes, subject: str) -> tuple[tuple[MaterialPart, ...], list[Finding]]:
     import trimesh
 
     try:
-        read: dict[str, Any] = trimesh.exchange.ply.load_ply(io.BytesIO(data))
+        read: dict[str, Any] = trimesh.exchange.ply.load_ply(io.BytesIO(data))  # Any: untyped
+        # Triangles, or polygons of one size where the file has no others.
+        polygons = np.asarray(read.get("faces", ()), dtype=np.int64)
+        vertices = np.asarray(read.get("vertices", ()), dtype=np.float64).reshape(-1, 3)
     except Exception as error:  # trimesh's reader raises many kinds on broken files
         raise StepError(f"{subject}: not readable as PLY: {_one_line(error)}") from error
-    faces = np.asarray(read.get("faces", ()), dtype=np.int64).reshape(-1, 3)
-    vertices = np.asarray(read.get("vertices", ()), dtype=np.float64).reshape(-1, 3)
-    return (MaterialPart(SurfaceMaterial(), TriangleMesh(vertices, faces)),)
+    corners = polygons.shape[1] if polygons.ndim == 2 else 3
+    fans = fan_triangles(np.full(len(polygons), corners))
+    mesh = TriangleMesh(vertices, polygons.reshape(-1)[fans].reshape(-1, 3))
+    colours = read.get("vertex_colors") is not None or read.get("face_colors") is not None
+    return (MaterialPart(SurfaceMaterial(), mesh),), list(_colours_finding(colours, subject))
 
 
-def _read_glb(data: bytes, subject: str) -> tuple[MaterialPart, ...]:
-    import trimesh
-
-    try:
-        scene: Any = trimesh.load_scene(io.BytesIO(data), file_type="glb", process=False)
-        # In the order of the file's meshes: the graph's own order is not stable.
-        nodes = sorted(scene.graph.nodes_geometry)
-        nodes.sort(key=lambda node: list(scene.geometry).index(scene.graph.get(node)[1]))
-        placed = [_glb_part(scene, node) for node in nodes]
-    except Exception as error:  # as above
-        raise StepError(f"{subject}: not readable as GLB: {_one_line(error)}") from error
-    return group_by_material(part for part in placed if part is not None)
-
-
-def _glb_part(scene: Any, node: str) -> tuple[SurfaceMaterial, TriangleMesh] | None:  # Any: untyped
-    matrix, name = scene.graph.get(node)
-    geometry = scene.geometry[name]
-    if not hasattr(geometry, "faces"):
-        return None  # points and lines
-    visual = getattr(geometry, "visual", None)
-    source = getattr(visual, "material", None)
-    rgba = getattr(source, "main_color", None) if source is not None else None
-    colour = None if rgba is None else tuple(round(float(v) / 255.0, 6) for v in rgba)
-    faces = np.asarray(geometry.faces, dtype=np.int64)
-    uv = getattr(visual, "uv", None)
-    mesh = TriangleMesh(
-        np.asarray(geometry.vertices, dtype=np.float64),
-        faces,
-        None if uv is None else np.asarray(uv, dtype=np.float64)[faces],
-    )
-    image = getattr(source, "baseColorTexture", None)
-    material = SurfaceMaterial(
-        name=getattr(source, "name", None) or None,
-        rgba=colour if colour is None else (colour[0], colour[1], colour[2], colour[3]),
-        texture="embedded" if image is not None else None,
-    )
-    return material, mesh.mapped(matrix[:3, :3], matrix[:3, 3])
+def _colours_finding(has_colours: bool, subject: str) -> Iterator[Finding]:
+    if has_colours:
+        yield Finding(
+            rule="mesh.vertex_colours",
+            severity="info",
+            subject=subject,
+            message="colours of single vertices or faces are left out: no target has a place "
+            "for them",
+            hint="give the mesh a material, or a texture",
+        )
 
 
 def _one_line(error: object) -> str:

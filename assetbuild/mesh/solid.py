@@ -1,8 +1,7 @@
-"""Which points lie in a mesh, open or closed, and how well convex pieces cover it."""
+"""Which points lie in a mesh, open or closed, or in a convex piece."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +9,8 @@ from numpy.typing import NDArray
 
 from assetbuild.mesh.hull import hull_planes
 from assetbuild.mesh.primitives import Primitive, signed_distance, tessellate
-from assetbuild.mesh.quality import NearestSurface, surface_samples
 from assetbuild.mesh.triangles import TriangleMesh, face_normals
+from assetbuild.mesh.volume import is_closed
 from assetbuild.robot.pose import IDENTITY, Array, Pose
 
 RAYS = ((0.31, 0.67, 0.67), (-0.8, 0.36, 0.48), (0.1, -0.2, -0.97))
@@ -29,8 +28,9 @@ CHUNK = 512
 class Solid:
     """The inside of a mesh by ray parity: a point is inside when two of three rays say so.
 
-    Exact for closed meshes up to the ray tracer's float32. For an open mesh it is a majority
-    vote: good for small holes and gaps, meaningless for a sheet.
+    Exact for closed meshes up to the ray tracer's float32. For an open mesh four of six rays
+    must say so, each of the three and its opposite: good for holes and gaps, and a sheet, which
+    a ray strikes on one side only, has no inside.
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
@@ -40,6 +40,9 @@ class Solid:
         lower, upper = mesh.bounds
         self._middle = (lower + upper) / 2.0
         self._size = max(mesh.diagonal, 1e-300)
+        self._rays = [np.asarray(ray) / np.linalg.norm(ray) for ray in RAYS]
+        if not is_closed(mesh):
+            self._rays += [-ray for ray in self._rays]
         self._scene = rtcore_scene.EmbreeScene()
         local = (mesh.corners - self._middle) / self._size
         # Parts that touch share a wall, twice in one place, and a ray would see it once: each
@@ -50,9 +53,9 @@ class Solid:
     def contains(self, points: Array) -> NDArray[np.bool_]:
         """(n,) True for points (n, 3) inside."""
         votes = np.zeros(len(points), dtype=np.int64)
-        for ray in RAYS:
-            votes += self._crossings(points, np.asarray(ray) / np.linalg.norm(ray)) % 2
-        return votes >= 2
+        for ray in self._rays:
+            votes += self._crossings(points, ray) % 2
+        return np.asarray(votes > len(self._rays) // 2)
 
     def _crossings(self, points: Array, direction: Array) -> NDArray[np.int64]:
         """(n,) surfaces that rays from the points cross; in units of the diagonal."""
@@ -108,43 +111,3 @@ def sobol(count: int, lower: Array, upper: Array, seed: int = 0) -> Array:
 
     sampler = qmc.Sobol(3, scramble=True, rng=np.random.default_rng(seed))
     return np.asarray(lower + sampler.random(count) * (upper - lower), dtype=np.float64)
-
-
-@dataclass(frozen=True, slots=True)
-class Cover:
-    """How pieces cover a mesh, by sampling.
-
-    over, under: volume of pieces outside, of mesh not covered, / volume of the mesh;
-    iou: common volume / joint volume; max_outside_m: how far pieces stick out of the surface.
-    """
-
-    iou: float
-    over: float
-    under: float
-    max_outside_m: float
-
-
-def measure_cover(
-    mesh: TriangleMesh, pieces: Sequence[ConvexPiece], *, points: int = 4096, samples: int = 2000
-) -> Cover:
-    """Cover of `mesh` by the union of `pieces`; seeded, 1 sigma of the ratios about 0.01."""
-    surfaces = [piece.surface() for piece in pieces]
-    corners = np.concatenate([mesh.vertices, *(surface.vertices for surface in surfaces)])
-    cloud = sobol(points, corners.min(axis=0), corners.max(axis=0))
-    solid = Solid(mesh)
-    inside = solid.contains(cloud)
-    covered = np.zeros(points, dtype=bool)
-    for piece in pieces:
-        covered |= piece.distance(cloud) <= 0.0
-    whole = max(int(inside.sum()), 1)
-    per_piece = max(samples // max(len(pieces), 1), 50)
-    skin = [surface_samples(surface, per_piece, seed)[0] for seed, surface in enumerate(surfaces)]
-    outer = np.concatenate([*skin, *(s.vertices for s in surfaces)]) if surfaces else cloud[:0]
-    outer = outer[~solid.contains(outer)] if len(outer) else outer
-    gaps = NearestSurface(mesh).distance(outer)
-    return Cover(
-        iou=float((inside & covered).sum() / max(int((inside | covered).sum()), 1)),
-        over=float((covered & ~inside).sum() / whole),
-        under=float((inside & ~covered).sum() / whole),
-        max_outside_m=float(gaps.max(initial=0.0)),
-    )

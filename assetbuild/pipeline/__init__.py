@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 from assetbuild.engine.execute import Event, NodeResult, execute
 from assetbuild.engine.graph import Graph, Planner, joined
 from assetbuild.engine.publish import check_replaceable
 from assetbuild.engine.rebuild import Difference, run_again
-from assetbuild.engine.remote import Remote
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import LostObjectError
-from assetbuild.errors import AssetBuildError, UsageError
+from assetbuild.errors import AssetBuildError, MachineError, UsageError
 from assetbuild.lock import Lock, lock_path
 from assetbuild.pipeline.bundling import bundle_files, publish_bundle
 from assetbuild.pipeline.judging import judged, located, where_of
-from assetbuild.pipeline.opening import open_session, pin
+from assetbuild.pipeline.opening import open_session, pin, remote_cache
 from assetbuild.plan import Outline, plan
 from assetbuild.recipe.loader import LoadedRecipe, load_recipe
 from assetbuild.report.bundle import json_text
 from assetbuild.report.document import FailOn, Report, fails
+
+if TYPE_CHECKING:
+    from assetbuild.engine.cluster import Cluster
+    from assetbuild.engine.remote import Remote
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,8 @@ class Request:
     rebuild_check: bool = False
     remote: str = ""
     cache_write: bool = False
+    sandbox: Literal["off", "strict"] = "off"
+    executor: str = "local"
     fail_on: FailOn = "error"
 
 
@@ -106,7 +111,9 @@ def build_all(
     jobs = _jobs(requests, say)
     request = requests[0]
     with open_session(*(job.loaded for job in jobs), rehash=request.rehash) as session:
-        session.remote = _remote(request, say)
+        session.remote = remote_cache(request.remote, say, write=request.cache_write)
+        session.sandbox = _sandbox(request)
+        session.cluster = _cluster(request, session.remote)
         if session.store.notice:
             say(f"warning: {session.store.notice}")
         for attempt in (1, 2, 3):
@@ -220,7 +227,7 @@ def _finish(job: _Job, done: _Executed, session: Session, request: Request) -> O
     outcome.report = report
     sources = [Path(ref.output) for ref in done.graph.sources if not ref.is_tree]
     outcome.read = {str(path): session.source_digest(path) for path in _read(loaded, sources)}
-    outcome.absent = (lock_path(loaded.path),) if lock is None else ()
+    outcome.absent = (*outline.absent, *((lock_path(loaded.path),) if lock is None else ()))
     return outcome
 
 
@@ -235,12 +242,28 @@ def default_out(loaded: LoadedRecipe) -> Path:
     return Path("build") / f"{loaded.recipe.robot}{suffix}"
 
 
-def _remote(request: Request, say: Callable[[str], None]) -> Remote | None:
-    """The cache shared with other machines; no recipe can name one."""
-    if not request.remote:
+def _sandbox(request: Request) -> bool:
+    if request.sandbox == "off":
+        return False
+    from assetbuild.engine.sandbox import why_not
+
+    if reason := why_not():
+        raise MachineError(f"steps cannot be confined on this machine: {reason}")
+    return True
+
+
+def _cluster(request: Request, remote: Remote | None) -> Cluster | None:
+    if request.executor == "local":
         return None
-    key = os.environ.get("ASSETBUILD_CACHE_KEY", "")
-    return Remote(request.remote, key=key, write=request.cache_write, warn=say)
+    from assetbuild.engine.cluster import Cluster, scheduler_address
+
+    scheduler_address(request.executor)
+    if remote is None or not request.cache_write:
+        raise UsageError(
+            "workers on other machines need `--remote URL` and `--cache-write`",
+            hint="their inputs and results go through the shared cache",
+        )
+    return Cluster(request.executor, remote)
 
 
 def _write_run_log(outcome: Outcome, out: Path) -> None:

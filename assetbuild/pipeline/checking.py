@@ -22,6 +22,7 @@ LIGHT_STEPS = frozenset(
         "list_archive",
         "unpack",
         "expand_xacro",
+        "flatten_mjcf",
         "read_urdf",
         "lint_links",
         "merge_fixed_joints",

@@ -68,7 +68,7 @@ def locator(
     loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult], session: Session
 ) -> Callable[[str], str]:
     """From a finding's subject to `file:line` of the source or of the recipe."""
-    lines: dict[str, int] = {}
+    lines: dict[str, int | str] = {}  # text where an included file says it: `file:line`
     file = loaded.recipe.source.description
     if outline.source_map is not None:
         digest = results[outline.source_map.node][outline.source_map.output]
@@ -83,9 +83,11 @@ def locator(
 
     def locate(subject: str) -> str:
         if subject.startswith("recipe "):
-            keys = tuple(subject.removeprefix("recipe ").split("."))
-            return str(loaded.where(keys))
+            keys = subject.removeprefix("recipe ").split(".")
+            return str(loaded.where(tuple(int(k) if k.isdigit() else k for k in keys)))
         line = lines.get(subject) or joints.get(subject)
+        if isinstance(line, str):
+            return line
         return f"{file}:{line}" if line else ""
 
     return locate

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
 from assetbuild.engine.folders import cache_root
 from assetbuild.engine.graph import Graph, Planner
+from assetbuild.engine.remote import Remote
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import open_store
 from assetbuild.errors import LockError, OutOfDateError, Where
@@ -44,6 +46,13 @@ def open_session(*loaded: LoadedRecipe, rehash: bool = False) -> Session:
     if len(names) == 1:
         return Session(store, build=next(iter(names.values())), rehash=rehash)
     return Session(store, builds=names, rehash=rehash)
+
+
+def remote_cache(url: str, say: Callable[[str], None], *, write: bool) -> Remote | None:
+    """The cache shared with other machines, if there is one; no recipe can name it. UsageError."""
+    if not url:
+        return None
+    return Remote(url, key=os.environ.get("ASSETBUILD_CACHE_KEY", ""), write=write, warn=say)
 
 
 def pin(loaded: LoadedRecipe, *, frozen: bool, say: Callable[[str], None]) -> Lock | None:

@@ -14,14 +14,17 @@ import importlib.util
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.kinds import Check, Target, load_plugin, plugin_names
 from assetbuild.lock import Lock
-from assetbuild.plan.agree import check_against_robot, check_names
+from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
+from assetbuild.plan.companions import companions
 from assetbuild.plan.edits import apply_edits, edit_keys
-from assetbuild.plan.geometry import Geometry, assemble
+from assetbuild.plan.geometry import Geometry, assemble, lint_meshes
 from assetbuild.plan.looks import looks
+from assetbuild.plan.reading import Reading, read_description
 from assetbuild.plan.source import Description, Source, description_of, open_source
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
@@ -31,7 +34,6 @@ from assetbuild.steps.control import ControlStep
 from assetbuild.steps.lint_bodies import LintBodies
 from assetbuild.steps.lint_links import LintLinks
 from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
-from assetbuild.steps.read_urdf import ReadUrdf
 
 
 @dataclass
@@ -41,10 +43,12 @@ class Outline:
     skipped: checks that this machine cannot run, and why. looks: pictures and the 3D view.
     subjects: what a node works on, where the node itself does not know. edits: label of an edit's
     node -> its key in the recipe. expanded: the URDF behind a xacro, which its lines count.
+    absent: files that were looked for; their appearance changes the build.
     """
 
     source_map: Ref | None = None
     expanded: Ref | None = None
+    absent: tuple[Path, ...] = ()
     robot: dict[str, Ref] = field(default_factory=dict)
     targets: dict[str, Node] = field(default_factory=dict)
     checks: dict[str, Node] = field(default_factory=dict)
@@ -65,15 +69,19 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     if description is None:
         return outline
 
-    read = _read(recipe, description, p)
-    outline.source_map = read["source_map.json"]
+    read = read_description(recipe, source, description, p)
+    if read is None:
+        return outline
+    p.add("lint_links", LintLinks(), dict(read.robot))
+    outline.source_map = read.source_map
     outline.expanded = description.ref if recipe.source.xacro else None
-    geometry = _geometry(source, description, read, p)
-    edited = apply_edits(loaded, read, geometry, p)
+    geometry = _geometry(loaded, source, description, read, p)
+    outline.absent = source.absent
+    edited = apply_edits(loaded, read.robot, geometry, p)
     outline.edits = edit_keys(loaded)
     if edited is None:
         return outline
-    tree = _merge(recipe, edited, p)
+    tree = _merge(recipe, read, edited, p)
     links, shapes = p.ask(edited["links.json"]), p.ask(edited["shapes.json"])
     merged = p.ask(tree["tree.json"])
     if links is None or shapes is None or merged is None:
@@ -83,9 +91,12 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     if geometry is None:
         return outline
     geometry.shapes = decode(Shapes, shapes)
+    lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], p)
     outline.subjects = geometry.subjects
-    control = _control(recipe, tree, assembled, p)
+    if assembled is None:
+        return outline
+    control = _control(recipe, read, tree, assembled, p)
     outline.robot = {
         "links.json": edited["links.json"],
         "tree.json": tree["tree.json"],
@@ -95,55 +106,55 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     }
     outline.targets = _targets(recipe, outline.robot, p)
     outline.looks = looks(recipe, outline.robot, p)
-    _checks(recipe, outline, _comparable(recipe, outline, read), p)
+    _checks(recipe, outline, _sources(recipe, outline, read), p)
     return outline
 
 
 # --- reading and merging --------------------------------------------------------------------
 
 
-def _read(recipe: Recipe, description: Description, p: Planner) -> Node:
-    step = ReadUrdf(
-        file=description.path,
-        base=recipe.base,
-        packages=dict(sorted(recipe.source.packages.items())),
-    )
-    read = p.add("read_urdf", step, {"robot.urdf": description.ref})
-    p.add(
-        "lint_links",
-        LintLinks(),
-        {"links.json": read["links.json"], "shapes.json": read["shapes.json"]},
-    )
-    return read
-
-
-def _geometry(source: Source, description: Description, read: Node, p: Planner) -> Geometry | None:
+def _geometry(
+    loaded: LoadedRecipe, source: Source, description: Description, read: Reading, p: Planner
+) -> Geometry | None:
     """The source's meshes; None while it is not known which there are."""
-    meshes, shapes = p.ask(read["meshes.json"]), p.ask(read["shapes.json"])
+    meshes, shapes = p.ask(read.meshes), p.ask(read.robot["shapes.json"])
     if meshes is None or shapes is None:
         return None
+    drawn = decode(Shapes, shapes)
     files = source.meshes(json.loads(meshes), description.path)
-    return None if files is None else Geometry(decode(Shapes, shapes), files, p)
+    textures = source.present("own textures", {m.texture for m in drawn.materials if m.texture})
+    if files is None or textures is None:
+        return None
+    named = companions(files, source, p)
+    if named is None:
+        return None
+    return Geometry(drawn, files, named, textures, turned_meshes(loaded, files), p)
 
 
-def _merge(recipe: Recipe, edited: Mapping[str, Ref], p: Planner) -> Node:
-    fixed = recipe.fixed_joints
-    step = MergeFixedJoints(merge=fixed.merge, keep_bodies=fixed.keep_bodies)
-    tree = p.add("merge_fixed_joints", step, {"links.json": edited["links.json"]})
-    p.add("lint_bodies", LintBodies(), {"tree.json": tree["tree.json"]})
+def _merge(recipe: Recipe, read: Reading, edited: Mapping[str, Ref], p: Planner) -> Node:
+    fixed, inputs = recipe.fixed_joints, {"links.json": edited["links.json"]}
+    keeps = read.control is not None and "merge" not in fixed.model_fields_set
+    if read.control is not None and keeps:
+        inputs["source_control.json"] = read.control
+    step = MergeFixedJoints(merge=fixed.merge, keep_bodies=fixed.keep_bodies, keep_source=keeps)
+    tree = p.add("merge_fixed_joints", step, inputs)
+    linted = {"tree.json": tree["tree.json"], "shapes.json": edited["shapes.json"]}
+    p.add("lint_bodies", LintBodies(), linted)
     return tree
 
 
 # --- control, targets, checks ---------------------------------------------------------------
 
 
-def _control(recipe: Recipe, tree: Node, assembled: Node, p: Planner) -> Node:
+def _control(recipe: Recipe, read: Reading, tree: Node, assembled: Node, p: Planner) -> Node:
     step = ControlStep.configure(recipe)
     inputs = {
         "tree.json": tree["tree.json"],
         "shapes.json": assembled["shapes.json"],
         "meshes/": assembled["meshes/"],
     }
+    if read.control is not None:
+        inputs["source_control.json"] = read.control
     return p.add("control", step, inputs)
 
 
@@ -156,19 +167,31 @@ def _targets(recipe: Recipe, robot: Mapping[str, Ref], p: Planner) -> dict[str, 
     return nodes
 
 
-def _comparable(recipe: Recipe, outline: Outline, read: Node) -> Ref | None:
-    """The URDF that the robot must equal: the source's; after edits, the one that we wrote."""
-    if not recipe.edits:
-        return read["source.urdf"]
+def _sources(recipe: Recipe, outline: Outline, read: Reading) -> dict[str, dict[str, Ref]]:
+    """What checks compare the robot with, by the need that asks for it.
+
+    "source": the URDF that it must equal: the source's; after edits and from an MJCF, the one
+    that we wrote. "source_mjcf": the MJCF that it came from, unless edits changed it.
+    """
+    found: dict[str, dict[str, Ref]] = {}
     written = outline.targets.get("urdf")
-    return written["urdf/"] / f"{recipe.robot}.urdf" if written else None
+    if read.urdf is not None and not recipe.edits:
+        found["source"] = {"source.urdf": read.urdf}
+    elif written is not None:
+        found["source"] = {"source.urdf": written["urdf/"] / f"{recipe.robot}.urdf"}
+    if read.mjcf and not recipe.edits:
+        found["source_mjcf"] = dict(read.mjcf)
+    return found
 
 
-def _checks(recipe: Recipe, outline: Outline, source: Ref | None, p: Planner) -> None:
+def _checks(
+    recipe: Recipe, outline: Outline, sources: Mapping[str, Mapping[str, Ref]], p: Planner
+) -> None:
     """Every check whose needs are built; those that this machine cannot run are named."""
+    possible = {*outline.targets, "source", *(["source_mjcf"] if recipe.source.mjcf else [])}
     for name in plugin_names("assetbuild.checks"):
         check = load_plugin(Check, "assetbuild.checks", name)
-        if not set(check.needs) <= {*outline.targets, "source"}:
+        if not set(check.needs) <= possible:
             continue
         step = check.configure(recipe)
         if step is None:
@@ -178,13 +201,18 @@ def _checks(recipe: Recipe, outline: Outline, source: Ref | None, p: Planner) ->
             extra = check.requires[missing[0]]
             outline.skipped[name] = f"needs `{missing[0]}`: pip install 'assetbuild[{extra}]'"
             continue
-        if "source" in check.needs and source is None:
-            outline.skipped[name] = "the edits changed the robot: add `urdf` to the targets"
+        without = [n for n in check.needs if n not in outline.targets and n not in sources]
+        if without:
+            outline.skipped[name] = _WITHOUT[without[0]]
             continue
         inputs = {port: outline.robot[port] for port in check.reads}
         for need in check.needs:
-            if need == "source" and source is not None:
-                inputs["source.urdf"] = source
-            else:
-                inputs[f"{need}/"] = outline.targets[need][f"{need}/"]
+            built = outline.targets.get(need)
+            inputs |= {f"{need}/": built[f"{need}/"]} if built else sources[need]
         outline.checks[name] = p.add(f"check {name}", step, inputs)
+
+
+_WITHOUT = {
+    "source": "there is no URDF to compare with: add `urdf` to the targets",
+    "source_mjcf": "the edits changed the robot: it is not the source's any more",
+}

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.kinds import plugin_names
+from assetbuild.plan.collision import BUILT_IN, collision_method
 from assetbuild.plan.edits import edits_of
-from assetbuild.plan.geometry import BUILT_IN, collision_method
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.model import Tree
@@ -33,7 +34,8 @@ def check_names(loaded: LoadedRecipe) -> None:
             collision_method(loaded, rule, key)
     edits_of(loaded)
     stand = recipe.validate_.stand
-    if stand is not None and stand.keyframe not in recipe.keyframes:
+    from_mjcf = recipe.source.mjcf is not None  # which has keyframes of its own
+    if stand is not None and stand.keyframe not in recipe.keyframes and not from_mjcf:
         raise loaded.error(
             ("validate", "stand", "keyframe"),
             f"no keyframe `{stand.keyframe}`",
@@ -46,6 +48,10 @@ def check_against_robot(loaded: LoadedRecipe, links: Tree, tree: Tree) -> None:
     recipe, names = loaded.recipe, [body.name for body in links.bodies]
     for pattern in recipe.collision.links:
         _must_match(loaded, ("collision", "links", pattern), pattern, names)
+    for pattern in recipe.contact.links:
+        _must_match(loaded, ("contact", "links", pattern), pattern, names)
+    if recipe.feet is not None:
+        _must_match(loaded, ("feet", "links"), recipe.feet.links, names)
     for index, pattern in enumerate(recipe.fixed_joints.keep_bodies):
         _must_match(loaded, ("fixed_joints", "keep_bodies", index), pattern, names)
     try:
@@ -55,9 +61,22 @@ def check_against_robot(loaded: LoadedRecipe, links: Tree, tree: Tree) -> None:
         raise RecipeError(error.message, where=where, hint=error.hint) from None
 
 
+def turned_meshes(loaded: LoadedRecipe, paths: Collection[str]) -> frozenset[str]:
+    """The meshes whose up axis is honoured; a pattern that matches none is an error."""
+    found: set[str] = set()
+    for index, pattern in enumerate(loaded.recipe.source.honour_up_axis):
+        _must_match(loaded, ("source", "honour_up_axis", index), pattern, sorted(paths), "mesh")
+        found |= {path for path in paths if re.fullmatch(pattern, path)}
+    return frozenset(found)
+
+
 def _must_match(
-    loaded: LoadedRecipe, key: tuple[str | int, ...], pattern: str, names: list[str]
+    loaded: LoadedRecipe,
+    key: tuple[str | int, ...],
+    pattern: str,
+    names: list[str],
+    kind: str = "link",
 ) -> None:
     if not any(re.fullmatch(pattern, name) for name in names):
         hint = did_you_mean(pattern, names)
-        raise loaded.error(key, f"pattern `{pattern}` matches no link of the source", hint)
+        raise loaded.error(key, f"pattern `{pattern}` matches no {kind} of the source", hint)

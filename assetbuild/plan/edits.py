@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from pydantic import ValidationError
 
-from assetbuild.engine.graph import Node, Planner, Ref
+from assetbuild.engine.graph import Planner, Ref
 from assetbuild.errors import did_you_mean
 from assetbuild.kinds import Edit, load_plugin, plugin_names
 from assetbuild.plan.geometry import Geometry
@@ -52,7 +52,7 @@ def _edit(loaded: LoadedRecipe, name: str, fields: Mapping[str, object], key: Ke
 
 
 def apply_edits(
-    loaded: LoadedRecipe, read: Node, geometry: Geometry | None, p: Planner
+    loaded: LoadedRecipe, read: Mapping[str, Ref], geometry: Geometry | None, p: Planner
 ) -> dict[str, Ref] | None:
     """`links.json` and `shapes.json` after the last edit; None while one must wait for an answer.
 

@@ -2,35 +2,42 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import PurePosixPath
 
-from assetbuild.collision import CollisionMethod, PlacedSource
 from assetbuild.engine.graph import Node, Planner, Ref
-from assetbuild.errors import RecipeError, did_you_mean
-from assetbuild.kinds import load_plugin, plugin_names
+from assetbuild.plan.collision import Job, Twins, collision_jobs, equal_shapes
+from assetbuild.plan.companions import Companions
 from assetbuild.recipe.loader import LoadedRecipe
-from assetbuild.recipe.models import CollisionRule, Recipe
-from assetbuild.robot.model import Mesh, Shape, Shapes, Tree
-from assetbuild.steps.assemble import Assemble, CollisionUse, VisualUse
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.model import Mesh, Shapes, Tree
+from assetbuild.steps.assemble import Assemble, CollisionUse, TextureUse, VisualUse
 from assetbuild.steps.convert_mesh import ConvertMesh
+from assetbuild.steps.convert_texture import ConvertTexture
 from assetbuild.steps.decimate_mesh import DecimateMesh
-
-BUILT_IN = ("auto", "keep", "none")
-"""Methods that need no step of their own: see `_kept`."""
+from assetbuild.steps.lint_meshes import LintMeshes
 
 
 class Geometry:
     """Conversions of the source's meshes, each file and scale once.
 
     subjects: label of a node -> the mesh it works on; the steps do not know its path, so that
-    equal files share their results.
+    equal files share their results. textures: of the description's own materials, by path.
+    turned: paths of the meshes whose up axis is honoured.
     """
 
-    def __init__(self, shapes: Shapes, files: Mapping[str, Ref], p: Planner) -> None:
-        self.shapes = shapes
-        self._files, self._p = files, p
+    def __init__(
+        self,
+        shapes: Shapes,
+        files: Mapping[str, Ref],
+        companions: Companions,
+        textures: Mapping[str, Ref],
+        turned: Collection[str],
+        p: Planner,
+    ) -> None:
+        self.shapes, self.textures = shapes, textures
+        self._files, self._companions, self._p = files, companions, p
+        self._turned = turned
         self._converted: dict[tuple[str, tuple[float, float, float]], Node] = {}
         self._decimated: dict[str, Node] = {}
         self.subjects: dict[str, str] = {}
@@ -44,13 +51,29 @@ class Geometry:
         """The full mesh, as OBJ per material."""
         key = (mesh.mesh, mesh.scale)
         if key not in self._converted:
+            named = self._companions.get(mesh.mesh, {})
             step = ConvertMesh(
-                format=PurePosixPath(mesh.mesh).suffix.lower().lstrip("."), scale=mesh.scale
+                format=PurePosixPath(mesh.mesh).suffix.lower().lstrip("."),
+                scale=mesh.scale,
+                up_axis="honour" if mesh.mesh in self._turned else "ignore",
+                companions=tuple(named),
+                keep_uv=mesh.mesh in self._papered(),
             )
             label = f"convert_mesh {self._label(mesh)}"
             self.subjects[label] = f"mesh {mesh.mesh}"
-            self._converted[key] = self._p.add(label, step, {"mesh": self._files[mesh.mesh]})
+            inputs = {"mesh": self._files[mesh.mesh]}
+            inputs |= {f"companions/{i}": ref for i, ref in enumerate(named.values())}
+            self._converted[key] = self._p.add(label, step, inputs)
         return self._converted[key]
+
+    def _papered(self) -> set[str]:
+        """Meshes that the description itself puts a texture on."""
+        textured = {m.name for m in self.shapes.materials if m.texture}
+        return {
+            shape.geometry.mesh
+            for shape in self.shapes.of("visual")
+            if isinstance(shape.geometry, Mesh) and shape.material in textured
+        }
 
     def for_the_eye(self, mesh: Mesh, max_faces: int | None) -> Node:
         """The mesh within the recipe's budget of faces."""
@@ -82,17 +105,52 @@ def _short_names(paths: tuple[str, ...]) -> dict[str, str]:
     }
 
 
+def lint_meshes(links: Ref, shapes: Ref, geometry: Geometry, p: Planner) -> Node:
+    """Do the meshes stand as the rest of the robot says they should?"""
+    inputs, uses = {"links.json": links, "shapes.json": shapes}, []
+    for shape in geometry.shapes.shapes:
+        if isinstance(shape.geometry, Mesh):
+            inputs[f"meshes/{len(uses)}.json"] = geometry.converted(shape.geometry)["mesh.json"]
+            uses.append(shape.name)
+    return p.add("lint_meshes", LintMeshes(shapes=tuple(uses)), inputs)
+
+
 def assemble(
     loaded: LoadedRecipe, links: Tree, geometry: Geometry, shapes: Ref, p: Planner
-) -> Node:
-    """All final shapes and mesh files of the robot."""
+) -> Node | None:
+    """All final shapes and mesh files of the robot; None while equal shapes are looked for."""
+    jobs = collision_jobs(loaded, links, geometry)
+    twins = equal_shapes(jobs, geometry, p)
+    if twins is None:
+        return None
     inputs: dict[str, Ref] = {"shapes.json": shapes}
     visuals = _visuals(loaded.recipe, geometry, inputs)
-    collisions: list[CollisionUse] = []
-    for body in links.bodies:
-        collisions += _collisions(loaded, body.name, geometry, inputs, p)
-    step = Assemble(visuals=tuple(visuals), collisions=tuple(collisions))
+    nodes: dict[int, Node] = {}
+    collisions = []
+    for job in jobs:
+        if job.method is None:
+            collisions.append(_kept(job, geometry, inputs))
+        else:
+            node = nodes[id(job)] = _add(job, twins, nodes, geometry, p)
+            collisions.append(_use(job, node, inputs))
+    step = Assemble(
+        visuals=tuple(visuals),
+        collisions=tuple(collisions),
+        textures=_textures(geometry, inputs, p),
+        keep_names=loaded.recipe.source.mjcf is not None,
+    )
     return p.add("assemble", step, inputs)
+
+
+def _textures(geometry: Geometry, inputs: dict[str, Ref], p: Planner) -> tuple[TextureUse, ...]:
+    """Pictures of the description's own materials that the source has, as PNG."""
+    uses = []
+    for number, (path, ref) in enumerate(geometry.textures.items()):
+        step = ConvertTexture(name=PurePosixPath(path).name)
+        node = p.add(f"convert_texture {path}", step, {"picture": ref})
+        inputs[f"textures/{number}/"] = node["texture/"]
+        uses.append(TextureUse(texture=path, folder=f"textures/{number}"))
+    return tuple(uses)
 
 
 def _visuals(recipe: Recipe, geometry: Geometry, inputs: dict[str, Ref]) -> list[VisualUse]:
@@ -114,119 +172,39 @@ def _link_mesh(node: Node, folder: str, inputs: dict[str, Ref]) -> None:
     inputs[f"{folder}/mesh.json"] = node["mesh.json"]
 
 
-def _collisions(
-    loaded: LoadedRecipe, link: str, geometry: Geometry, inputs: dict[str, Ref], p: Planner
-) -> list[CollisionUse]:
-    rule, key = _rule_of(loaded.recipe, link)
-    shapes = _source_of(rule, link, geometry.shapes)
-    if rule.method == "none" or not shapes:
-        return []
-    if rule.method in ("keep", "auto"):
-        return [_kept(rule, shape, geometry, inputs, loaded, key, p) for shape in shapes]
-    method = collision_method(loaded, rule, key)
-    if method.scope == "link":
-        return [_pieces(method, rule, shapes, link, geometry, inputs, p)]
-    return [_pieces(method, rule, (shape,), link, geometry, inputs, p) for shape in shapes]
-
-
-def _rule_of(recipe: Recipe, link: str) -> tuple[CollisionRule, tuple[str, ...]]:
-    for pattern, rule in recipe.collision.links.items():
-        if re.fullmatch(pattern, link):
-            return rule, ("collision", "links", pattern)
-    return recipe.collision.default, ("collision", "default")
-
-
-def _source_of(rule: CollisionRule, link: str, shapes: Shapes) -> tuple[Shape, ...]:
-    of_link = {
-        role: tuple(s for s in shapes.shapes if s.link == link and s.role == role)
-        for role in ("collision", "visual")
-    }
-    if rule.from_ == "auto":
-        return of_link["collision"] or of_link["visual"]
-    return of_link[rule.from_]
-
-
-def _kept(
-    rule: CollisionRule,
-    shape: Shape,
-    geometry: Geometry,
-    inputs: dict[str, Ref],
-    loaded: LoadedRecipe,
-    key: tuple[str, ...],
-    p: Planner,
-) -> CollisionUse:
-    """`keep`: the source's shape as it is. `auto`: a primitive as it is, a mesh by its hull."""
+def _kept(job: Job, geometry: Geometry, inputs: dict[str, Ref]) -> CollisionUse:
+    """The source's shape as it is."""
+    (shape,) = job.shapes
     if not isinstance(shape.geometry, Mesh):
-        return CollisionUse(link=shape.link, shape=shape.name)
-    if rule.method == "auto":
-        hull = collision_method(loaded, rule.model_copy(update={"method": "hull"}), key)
-        return _pieces(hull, rule, (shape,), shape.link, geometry, inputs, p)
+        return CollisionUse(link=job.link, shape=shape.name)
     node = geometry.converted(shape.geometry)
     folder = f"collision/{node.label}"
     _link_mesh(node, folder, inputs)
     stem = geometry.stem(shape.geometry)
-    return CollisionUse(link=shape.link, shape=shape.name, mesh=folder, stem=stem)
+    return CollisionUse(link=job.link, shape=shape.name, mesh=folder, stem=stem)
 
 
-def collision_method(
-    loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...]
-) -> type[CollisionMethod]:
-    """The plug-in of a rule; RecipeError for an unknown one, or a key that it does not have."""
-    try:
-        method = load_plugin(CollisionMethod, "assetbuild.collision", rule.method)
-    except KeyError:
-        known = (*plugin_names("assetbuild.collision"), "auto", "keep", "none")
-        raise RecipeError(
-            f"{'.'.join(key)}: no collision method `{rule.method}`",
-            where=loaded.where((*key, "method")),
-            hint=did_you_mean(rule.method, known),
-        ) from None
-    foreign = [name for name in _options(rule) if name not in method.model_fields]
-    if foreign:
-        raise RecipeError(
-            f"{'.'.join(key)}: `{rule.method}` has no key `{foreign[0]}`",
-            where=loaded.where((*key, foreign[0])),
-            hint=did_you_mean(foreign[0], [n for n in method.model_fields if n != "sources"]),
-        )
-    return method
-
-
-def _options(rule: CollisionRule) -> dict[str, object]:
-    """The keys of a rule that are parameters of its method."""
-    return {
-        name: value
-        for name, value in rule.model_dump(exclude={"method", "from_"}).items()
-        if value is not None
-    }
-
-
-def _pieces(
-    method: type[CollisionMethod],
-    rule: CollisionRule,
-    shapes: tuple[Shape, ...],
-    link: str,
-    geometry: Geometry,
-    inputs: dict[str, Ref],
-    p: Planner,
-) -> CollisionUse:
+def _add(job: Job, twins: Twins, nodes: Mapping[int, Node], geometry: Geometry, p: Planner) -> Node:
     """One run of a collision method, shared by all links that ask for the same."""
-    per_link = method.scope == "link"
-    sources: list[PlacedSource] = []
-    step_inputs: dict[str, Ref] = {}
-    for index, shape in enumerate(shapes):
-        pose = shape.X_link_shape if per_link else None
+    inputs: dict[str, Ref] = {}
+    for index, shape in enumerate(job.shapes):
         if isinstance(shape.geometry, Mesh):
-            folder = f"shapes/{index}"
-            _link_mesh(geometry.converted(shape.geometry), folder, step_inputs)
-            sources.append(PlacedSource.of_mesh(folder, pose))
-        else:
-            sources.append(PlacedSource.of_primitive(shape.geometry, pose))
-    step = method.model_validate({"sources": tuple(sources), **_options(rule)})
-    label = f"{method.step_name()} {link if per_link else shapes[0].name}"
-    node = p.add(label, step, step_inputs)
-    geometry.subjects[label] = f"link {link}"
-    folder = f"collision/{label}"
+            _link_mesh(geometry.converted(shape.geometry), f"shapes/{index}", inputs)
+    step = job.step()
+    twin = twins.get(id(job))
+    if twin is not None:
+        other = nodes[id(twin.job)]
+        step = job.step(like=twin.likeness)
+        for output in ("pieces/", "pieces.json", "quality.json"):
+            inputs[f"like/{output}"] = other[output]
+    node = p.add(job.label, step, inputs)
+    geometry.subjects[job.label] = f"link {job.link}"
+    return node
+
+
+def _use(job: Job, node: Node, inputs: dict[str, Ref]) -> CollisionUse:
+    folder = f"collision/{node.label}"
     inputs[f"{folder}/pieces/"] = node["pieces/"]
     inputs[f"{folder}/pieces.json"] = node["pieces.json"]
-    origin = None if per_link else shapes[0].name
-    return CollisionUse(link=link, shape=origin, pieces=folder, stem=link)
+    origin = None if job.per_link else job.shapes[0].name
+    return CollisionUse(link=job.link, shape=origin, pieces=folder, stem=job.link)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import posixpath
 import re
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
@@ -25,12 +26,13 @@ SCP_LIKE = re.compile(r"[A-Za-z0-9._-]+@[A-Za-z0-9.-]+:")
 
 @dataclass(frozen=True)
 class Description:
-    """The robot's description as URDF: its path below the source's root, for errors and for
-    relative paths in it, and its file.
+    """The robot's description as URDF or MJCF: its path below the source's root, for errors and
+    for relative paths in it, and its file. includes: files that an MJCF may include, by path.
     """
 
     path: str
     ref: Ref
+    includes: Mapping[str, Ref] = field(default_factory=dict)
 
 
 class Source(Protocol):
@@ -48,8 +50,20 @@ class Source(Protocol):
         """All files below the folders with one of the suffixes, by path; None: not known yet."""
         ...
 
+    def present(self, what: str, paths: Collection[str]) -> dict[str, Ref] | None:
+        """Those of the paths that are files of the source; None: not known yet.
+
+        what: they are, in two words; each question has its own.
+        """
+        ...
+
     def licenses(self) -> dict[str, Ref]:
         """Licence texts that come with the robot, by path."""
+        ...
+
+    @property
+    def absent(self) -> tuple[Path, ...]:
+        """Files that were looked for in a folder, and whose appearance changes the build."""
         ...
 
 
@@ -91,13 +105,16 @@ def description_of(loaded: LoadedRecipe, source: Source, p: Planner) -> Descript
     """The robot's description; None while the source is not listed yet."""
     recipe = loaded.recipe.source
     path = recipe.description
-    key = "urdf" if recipe.xacro is None else "xacro"
+    key = "xacro" if recipe.xacro else "mjcf" if recipe.mjcf else "urdf"
     ref = source.description(path, loaded.where(("source", key)))
     if ref is None:
         return None
+    beside = posixpath.dirname(path) or "."
+    if recipe.mjcf is not None:
+        includes = source.below((beside,), (".xml",))
+        return None if includes is None else Description(path, ref, includes)
     if recipe.xacro is None:
         return Description(path, ref)
-    beside = posixpath.dirname(path) or "."
     declared = source.below((beside, *sorted(recipe.packages.values())), INCLUDED)
     if declared is None:
         return None

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import PurePosixPath
+from collections.abc import Collection
+from pathlib import Path, PurePosixPath
 
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.errors import SourceError, Where, did_you_mean
@@ -75,6 +76,22 @@ class ArchiveSource:
             return {}
         unpacked = self._unpack("unpack includes", self._root, paths)["files/"]
         return {path: unpacked / path for path in paths}
+
+    def present(self, what: str, paths: Collection[str]) -> dict[str, Ref] | None:
+        """See `Source`."""
+        if self._listing is None:
+            return None
+        known = set(self._listing["files"]) - set(self._listing["links"])
+        there = tuple(sorted(set(paths) & known))
+        if not there:
+            return {}
+        unpacked = self._unpack(f"unpack {what}", self._root, there)["files/"]
+        return {path: unpacked / path for path in there}
+
+    @property
+    def absent(self) -> tuple[Path, ...]:
+        """See `Source`: an archive does not change."""
+        return ()
 
     def licenses(self) -> dict[str, Ref]:
         """See `Source`."""

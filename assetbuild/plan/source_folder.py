@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path, PurePosixPath
 
 from assetbuild.engine.graph import Planner, Ref
@@ -17,6 +17,7 @@ class FolderSource:
     def __init__(self, loaded: LoadedRecipe, p: Planner) -> None:
         recipe_dir = loaded.path.parent
         self._loaded, self._p = loaded, p
+        self._absent: list[Path] = []
         self.root = (
             recipe_dir / (loaded.recipe.source.path or "") / loaded.recipe.source.root
         ).resolve()
@@ -65,6 +66,22 @@ class FolderSource:
                     name = Path(os.path.normpath(path)).relative_to(self.root).as_posix()
                     found[name] = path
         return {name: self._p.source(path) for name, path in sorted(found.items())}
+
+    def present(self, what: str, paths: Collection[str]) -> dict[str, Ref] | None:
+        """See `Source`. A link that leads out of the source is not there."""
+        found = {}
+        for path in sorted(paths):
+            full = self.root / path
+            if full.is_file() and full.resolve().is_relative_to(self.root):
+                found[path] = self._p.source(full)
+            elif not os.path.lexists(full):
+                self._absent.append(full)
+        return found
+
+    @property
+    def absent(self) -> tuple[Path, ...]:
+        """See `Source`."""
+        return tuple(self._absent)
 
     def licenses(self) -> dict[str, Ref]:
         """See `Source`."""

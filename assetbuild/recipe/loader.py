@@ -11,7 +11,7 @@ from assetbuild.errors import AssetBuildError, RecipeError, Where
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import Key, locate, shown, validated
 from assetbuild.recipe.variants import patched, variant_names
-from assetbuild.recipe.yaml_tree import MAX_BYTES, MAX_COST, Node, described, parse
+from assetbuild.recipe.yaml_tree import MAX_BYTES, MAX_COST, Entry, Node, described, parse
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,8 @@ def load_recipe(path: Path | str, variant: str | None = None) -> LoadedRecipe:
         found = described(root)
         hint = "a recipe begins with `schema: assetbuild/v1`"
         raise RecipeError(f"expected a map at the top, found {found}", where=root.where, hint=hint)
+    absolute = Path(os.path.abspath(path))  # noqa: PTH100 # resolve() would follow links
+    root, library = with_motor_file(root, absolute)
     recipe = validated(Recipe, root, RecipeError)
     names = variant_names(root)
     if root.cost * (1 + len(names)) > MAX_COST:
@@ -61,8 +63,32 @@ def load_recipe(path: Path | str, variant: str | None = None) -> LoadedRecipe:
     if variant is not None:
         tree = trees[variant] if variant in trees else patched(root, variant)
         recipe = recipes[variant]
-    absolute = Path(os.path.abspath(path))  # noqa: PTH100 # resolve() would follow links
-    return LoadedRecipe(recipe, absolute, file, variant, (absolute,), tree)
+    return LoadedRecipe(recipe, absolute, file, variant, (absolute, *library), tree)
+
+
+def with_motor_file(root: Node, recipe: Path) -> tuple[Node, tuple[Path, ...]]:
+    """The recipe's tree with the motors of its `motor_file` below its own, and that file.
+
+    Each motor keeps the line it came from. RecipeError for a file that is no map of motors.
+    """
+    entries = dict(root.value) if isinstance(root.value, dict) else {}
+    named = entries.get("motor_file")
+    if named is None or not isinstance(named.node.value, str):
+        return root, ()  # a wrong type is told with all other errors of the recipe
+    path = Path(os.path.normpath(recipe.parent / named.node.value))
+    file = shown_path(path)
+    motors = parse(read_small_file(path, file, RecipeError), file, RecipeError)
+    if not isinstance(motors.value, dict):
+        hint = "a motor file is a map of motors: `go1_hip: {gear: 6, effort: 23.7}`"
+        found = described(motors)
+        raise RecipeError(f"expected a map, found {found}", where=motors.where, hint=hint)
+    own = entries.get("motors")
+    if own is None:
+        entries["motors"] = Entry(motors.where, motors)
+    elif isinstance(own.node.value, dict):
+        merged = Node(own.node.where, {**motors.value, **own.node.value})
+        entries["motors"] = Entry(own.where, merged)
+    return Node(root.where, entries, cost=root.cost + motors.cost, height=root.height), (path,)
 
 
 def shown_path(path: Path) -> str:

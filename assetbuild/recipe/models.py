@@ -5,24 +5,28 @@ Patterns are regular expressions that must match a whole name of the *source*, b
 
 from __future__ import annotations
 
-import math
 import re
 from pathlib import PurePosixPath
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from assetbuild.findings import Severity
-
-
-def _pattern(text: str) -> str:
-    if len(text) > 500:
-        raise ValueError("a pattern may have at most 500 characters")
-    try:
-        re.compile(text)
-    except (re.error, OverflowError, RecursionError) as error:
-        raise ValueError(f"not a regular expression: {error}") from error
-    return text
+from assetbuild.recipe.actuators import ActuatorRow as ActuatorRow  # the recipe is read from here
+from assetbuild.recipe.actuators import Motor as Motor
+from assetbuild.recipe.base import Model as Model
+from assetbuild.recipe.base import NonNegative as NonNegative
+from assetbuild.recipe.base import Positive as Positive
+from assetbuild.recipe.base import Real as Real
+from assetbuild.recipe.collision import CollisionRule, Preset
+from assetbuild.recipe.mjcf import Mjcf, Mjx
+from assetbuild.recipe.names import Name as Name
+from assetbuild.recipe.names import Pattern as Pattern
+from assetbuild.recipe.randomize import Randomize
+from assetbuild.recipe.sensing import Cameras, Feet, Imu, Sensors
+from assetbuild.recipe.surface import Contact as Contact
+from assetbuild.recipe.surface import Simulation as Simulation
+from assetbuild.recipe.usd import Usd
 
 
 def _inside(text: str) -> str:
@@ -54,17 +58,6 @@ def _one_name(entry: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:  #
     return entry
 
 
-def _finite(value: float) -> float:
-    if not math.isfinite(value):
-        raise ValueError("must be finite")
-    return value
-
-
-Pattern = Annotated[str, AfterValidator(_pattern)]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,63}$")]
-Real = Annotated[float, AfterValidator(_finite)]
-Positive = Annotated[float, Field(gt=0), AfterValidator(_finite)]
-NonNegative = Annotated[float, Field(ge=0), AfterValidator(_finite)]
 InsidePath = Annotated[str, AfterValidator(_inside)]
 Names = Annotated[tuple[str, ...], AfterValidator(_no_repeats)]
 OneEdit = Annotated[dict[str, dict[str, Any]], AfterValidator(_one_name)]  # Any: see plan/edits.py
@@ -75,14 +68,8 @@ Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 PYPI_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*==[A-Za-z0-9][A-Za-z0-9.+!_-]*$"
 
 
-class Model(BaseModel):
-    """Base of all recipe models: frozen, and an unknown key is an error."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
 class Source(Model):
-    """Where the robot comes from: one of path, url, git, pypi; one of urdf, xacro."""
+    """Where the robot comes from: one of path, url, git, pypi; one of urdf, xacro, mjcf."""
 
     path: str | None = Field(
         None, description="a folder, or a zip or tar archive, relative to the recipe"
@@ -109,11 +96,17 @@ class Source(Model):
     )
     urdf: InsidePath | None = Field(None, description="the URDF file")
     xacro: InsidePath | None = Field(None, description="the xacro file, instead of `urdf`")
+    mjcf: InsidePath | None = Field(None, description="the MJCF file, instead of `urdf`")
     args: dict[str, str | bool | int | Real] = Field(
         default_factory=dict, description="arguments of the xacro file, by name"
     )
     packages: dict[str, InsidePath] = Field(
         default_factory=dict, description="package:// name -> folder; explicit, nothing is searched"
+    )
+    honour_up_axis: tuple[Pattern, ...] = Field(
+        (),
+        description="paths of meshes (regular expressions) that are turned to Z as their up axis "
+        "says; all others are taken as they are, which is what URDF viewers do",
     )
     license: str | None = Field(None, description="SPDX identifier of the source's licence")
 
@@ -131,10 +124,14 @@ class Source(Model):
                 "@" in rest
             ):
                 raise ValueError("`git`: https or ssh, without a password; or a folder")
-        if (self.urdf is None) == (self.xacro is None):
-            raise ValueError("give exactly one of `urdf`, `xacro`: the description below `root`")
+        if [self.urdf, self.xacro, self.mjcf].count(None) != 2:
+            raise ValueError(
+                "give exactly one of `urdf`, `xacro`, `mjcf`: the description below `root`"
+            )
         if self.args and self.xacro is None:
             raise ValueError("`args` are for a `xacro` file")
+        if self.packages and self.mjcf is not None:
+            raise ValueError("`packages` are for URDF: the files of an MJCF lie below its folder")
         return self
 
     @property
@@ -150,13 +147,17 @@ class Source(Model):
     @property
     def description(self) -> str:
         """Path of the robot's description below the root."""
-        return str(self.urdf or self.xacro)
+        return str(self.urdf or self.xacro or self.mjcf)
 
 
 class FixedJoints(Model):
     """What happens to links that fixed joints hold together."""
 
-    merge: bool = Field(True, description="merge them exactly; the frames survive")
+    merge: bool = Field(
+        True,
+        description="merge them exactly; the frames survive. Without this key the bodies of an "
+        "MJCF stay as they are",
+    )
     keep_bodies: tuple[Pattern, ...] = Field(
         (), description="links that stay bodies of their own, for contact sensors"
     )
@@ -173,70 +174,31 @@ class Visual(Model):
     )
 
 
-class CollisionRule(Model):
-    """How the collision geometry of a link is made."""
-
-    method: str = Field("auto", description="auto, keep, none or a plug-in of assetbuild.collision")
-    shape: Literal["box", "sphere", "capsule", "cylinder"] | None = Field(
-        None, description="of `primitive`; without it the best fit of all"
-    )
-    from_: Literal["auto", "collision", "visual"] = Field(
-        "auto", alias="from", description="the link's geometry to use; auto: collision, else visual"
-    )
-    max_hulls: int | None = Field(None, ge=1, le=1024, description="most pieces, where it applies")
-    max_vertices: int | None = Field(None, ge=4, le=256, description="most vertices of a piece")
-    threshold: Positive | None = Field(
-        None, ge=0.01, le=1, description="of `coacd`, relative concavity 0.01..1"
-    )
-
-
 class Exclude(Model):
     """Pairs of bodies that never collide."""
 
     adjacent: bool = Field(True, description="bodies that a joint connects")
+    sampled: int = Field(
+        0,
+        ge=0,
+        le=1_000_000,
+        description="random poses within the limits; pairs that touch in all or in none of them "
+        "are excluded; 0 = do not sample, 10000 is a good number",
+    )
     pairs: tuple[LinkPair, ...] = Field((), description="pairs of source links")
 
 
 class Collision(Model):
     """Collision geometry, by source link."""
 
+    preset: Preset = Field(
+        "locomotion", description="tolerances of `auto`: coarse and fast, or close to the mesh"
+    )
     default: CollisionRule = Field(default_factory=lambda: CollisionRule.model_validate({}))
     links: dict[Pattern, CollisionRule] = Field(
         default_factory=dict, description="the first pattern that matches a link wins"
     )
     exclude: Exclude = Field(default_factory=lambda: Exclude.model_validate({}))
-
-
-class Motor(Model):
-    """A motor with its gear, reusable by several rows of the actuator table."""
-
-    rotor_inertia: NonNegative | None = Field(None, description="kg m2, before the gear")
-    gear: Positive = Field(1.0, description="reduction; armature = rotor_inertia * gear^2")
-    effort: Positive | None = Field(None, description="N m or N, after the gear")
-    velocity: Positive | None = Field(None, description="rad/s or m/s, after the gear")
-    friction: NonNegative | None = Field(None, description="dry friction, N m or N")
-    source: str = Field("", description="where the numbers come from")
-
-
-class ActuatorRow(Model):
-    """One row of the actuator table; every moving joint matches exactly one."""
-
-    joints: Pattern = Field(description="matches whole joint names")
-    model: Literal["pd", "ideal_pd", "dc_motor", "velocity", "motor", "passive"] = Field(
-        "pd", description="pd is implicit: the simulator integrates the gains"
-    )
-    motor: str | None = Field(None, description="name in `motors`")
-    kp: NonNegative | None = Field(None, description="N m/rad or N/m")
-    kd: NonNegative | None = Field(None, description="of the drive, N m s/rad or N s/m")
-    damping: NonNegative | None = Field(
-        None, description="passive, of the joint; without it the source's own"
-    )
-    friction: NonNegative | None = Field(
-        None, description="dry; without it the motor's, else the source's own"
-    )
-    armature: NonNegative | None = Field(None, description="kg m2; without it the motor's")
-    effort: Positive | None = Field(None, description="without it the motor's, else the source's")
-    velocity: Positive | None = Field(None, description="without it the motor's, else the source's")
 
 
 class Keyframe(Model):
@@ -248,25 +210,6 @@ class Keyframe(Model):
     joints: dict[Pattern, Real] = Field(
         default_factory=dict, description="rad or m; joints that no pattern matches are 0"
     )
-
-
-class Contact(Model):
-    """The surface of all collision geometry."""
-
-    friction: tuple[NonNegative, NonNegative, NonNegative] = Field(
-        (1.0, 0.005, 0.0001), description="sliding, torsional (m), rolling (m)"
-    )
-    condim: Literal[1, 3, 4, 6] = Field(
-        3, description="1: no friction, 3: sliding, 4: also torsional, 6: also rolling"
-    )
-
-
-class Simulation(Model):
-    """What the generated files and checks step with."""
-
-    timestep: Positive = Field(0.005, description="s")
-    decimation: int = Field(4, ge=1, le=10_000, description="simulation steps per control step")
-    gravity: tuple[Real, Real, Real] = Field((0.0, 0.0, -9.81), description="m/s2, world frame")
 
 
 class FreeFall(Model):
@@ -284,7 +227,19 @@ class Stand(Model):
     max_sag: Positive = Field(0.03, description="m of base height, warning")
     max_tilt: Positive = Field(0.1, description="rad of the base, warning")
     max_drift: Positive = Field(0.02, description="m sideways, warning")
-    feet: Pattern | None = Field(None, description="source links that may touch the floor")
+    feet: Pattern | None = Field(
+        None, description="source links that may touch the floor; without it `feet.links`"
+    )
+
+
+class Sine(Model):
+    """Every joint follows a sine, base held, in MuJoCo and in PhysX."""
+
+    frequency: Positive = Field(1.0, description="Hz")
+    seconds: Positive = Field(3.0, description="s; the first third is left out")
+    tolerance: Positive = Field(
+        0.01, description="of the swing, RMS between the engines without friction, warning"
+    )
 
 
 class Validate(Model):
@@ -294,8 +249,13 @@ class Validate(Model):
         default_factory=lambda: FreeFall.model_validate({}), description="null = do not run it"
     )
     stand: Stand | None = Field(None, description="stand still under the drives; {} = defaults")
+    sine: Sine | None = Field(
+        default_factory=lambda: Sine.model_validate({}),
+        description="part of the comparison of two simulators; null = do not run it",
+    )
     simulators: tuple[Literal["mujoco", "physx"], ...] = Field(
-        ("mujoco",), description="engines that run the physical checks"
+        ("mujoco",),
+        description="engines that run the physical checks; `physx` needs assetbuild[physx]",
     )
 
 
@@ -313,7 +273,9 @@ class Recipe(Model):
     robot: Name = Field(description="name of the robot and of its bundle")
     source: Source
     base: Literal["floating", "fixed"] = Field(
-        "fixed", description="whether the root moves freely or is bolted to the world"
+        "fixed",
+        description="whether the root moves freely or is bolted to the world; without this key an "
+        "MJCF says it",
     )
     fixed_joints: FixedJoints = Field(default_factory=lambda: FixedJoints.model_validate({}))
     edits: tuple[OneEdit, ...] = Field(
@@ -323,6 +285,9 @@ class Recipe(Model):
     )
     visual: Visual = Field(default_factory=lambda: Visual.model_validate({}))
     collision: Collision = Field(default_factory=lambda: Collision.model_validate({}))
+    motor_file: str | None = Field(
+        None, description="a YAML file of motors, relative to the recipe; `motors` come on top"
+    )
     motors: dict[str, Motor] = Field(
         default_factory=dict, description="motors by name, for the actuator table"
     )
@@ -333,7 +298,21 @@ class Recipe(Model):
         default_factory=dict, description="poses by name; the first is the robot's initial state"
     )
     contact: Contact = Field(default_factory=lambda: Contact.model_validate({}))
+    feet: Feet | None = Field(None, description="what the robot stands on")
+    imu: Imu | None = Field(None, description="sensors `imu_ang_vel`, `imu_lin_acc`, ...")
+    sensors: Sensors = Field(default_factory=dict, description="more sensors, by name")
+    cameras: Cameras = Field(default_factory=dict, description="cameras by name")
+    mjcf: Mjcf = Field(
+        default_factory=lambda: Mjcf.model_validate({}), description="solver options of the MJCF"
+    )
+    mjx: Mjx = Field(
+        default_factory=lambda: Mjx.model_validate({}), description="of the target `mjx`"
+    )
     simulation: Simulation = Field(default_factory=lambda: Simulation.model_validate({}))
+    usd: Usd = Field(default_factory=lambda: Usd.model_validate({}))
+    randomize: Randomize | None = Field(
+        None, description="ranges for `assetbuild sample`, dr.yaml and trainers"
+    )
     targets: Names = Field(("urdf", "mjcf", "usd"), description="formats to write")
     validate_: Validate = Field(
         default_factory=lambda: Validate.model_validate({}), alias="validate"

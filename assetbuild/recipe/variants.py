@@ -11,7 +11,9 @@ from collections.abc import Mapping
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.recipe.yaml_tree import Entry, Node
 
-FIRST_MATCH_WINS: frozenset[tuple[str, ...]] = frozenset({("collision", "links")})
+FIRST_MATCH_WINS: frozenset[tuple[str, ...]] = frozenset(
+    {("collision", "links"), ("contact", "links")}
+)
 """Maps whose order decides: there the patch's new keys come first, so that the variant wins."""
 _NOT_IN_A_VARIANT = ("schema", "variants")
 

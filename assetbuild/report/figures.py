@@ -8,6 +8,11 @@ from html import escape
 from assetbuild.report.document import CheckResult
 from assetbuild.report.tables import Table, html_table, table, text_of
 
+FIRST = (
+    *("", "rank", "row", "of", "name", "robot", "link", "body", "joint", "pair", "a", "b"),
+    *("mujoco", "physx", "off", "unit"),
+)
+"""Columns that stand first in a table, in this order."""
 FOLDED = 12
 """Tables with more rows than this are closed at first."""
 
@@ -75,9 +80,7 @@ def _is_rows(value: object) -> bool:
 def _of_rows(title: str, rows: Sequence[Mapping[str, object]]) -> Table:
     head = tuple(dict.fromkeys(key for row in rows for key in row))
     # What names a row stands first, whatever the sorting of the JSON.
-    first = [
-        k for k in ("", "name", "robot", "link", "body", "joint", "pair", "a", "b") if k in head
-    ]
+    first = [key for key in FIRST if key in head]
     head = (*first, *(key for key in head if key not in first))
     body = [tuple(_flat(row.get(key)) for key in head) for row in rows]
     return table(title, tuple(words(key) for key in head), body)

@@ -4,72 +4,46 @@ Rules. Every moving joint that does not mimic another is matched by exactly one 
 name. A number comes from the row, else from the row's motor, else from the source's joint, else it
 is zero (damping, friction, armature) or absent (velocity). A mimic joint that no row matches is
 `passive`, with its own damping and friction. Without any row every moving joint is `passive`.
+Gains by natural frequency f and damping ratio z act on an inertia I, of the joint with all that it
+carries at the keyframe `home`, or of the motor alone: kp = I (2 pi f)^2 and
+kd = 2 z sqrt(kp I) - damping, because drive and joint damp together.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
-from assetbuild.errors import RecipeError, did_you_mean
-from assetbuild.robot.model import Actuator, ActuatorModel, Joint, Tree
-
-Key = tuple[str | int, ...]
+from assetbuild.errors import did_you_mean
+from assetbuild.robot.dynamics import dynamics
+from assetbuild.robot.model import Actuator, ActuatorModel, General, Joint, Tree
+from assetbuild.robot.motors import MotorSpec as MotorSpec
+from assetbuild.robot.motors import RowError as RowError
+from assetbuild.robot.motors import extended
 
 DRIVEN: frozenset[str] = frozenset({"pd", "ideal_pd", "dc_motor", "velocity", "motor"})
 """Models that push, so they need an effort limit."""
-_NEEDS: Mapping[str, tuple[str, ...]] = {
-    "pd": ("kp",),
-    "ideal_pd": ("kp",),
-    "velocity": ("kd",),
+_NEEDS: Mapping[str, tuple[tuple[str, ...], ...]] = {
+    "pd": (("kp", "frequency"),),
+    "ideal_pd": (("kp", "frequency"),),
+    "velocity": (("kd",),),
+    "general": (("general",),),
 }
+"""What a model needs: of each tuple one."""
+_BY_FREQUENCY = ("frequency", "damping_ratio")
 _REFUSES: Mapping[str, tuple[str, ...]] = {
-    "velocity": ("kp",),
-    "motor": ("kp", "kd"),
-    "passive": ("kp", "kd"),
+    "pd": ("general",),
+    "ideal_pd": ("general",),
+    "dc_motor": ("general",),
+    "velocity": ("kp", "general", *_BY_FREQUENCY),
+    "motor": ("kp", "kd", "general", *_BY_FREQUENCY),
+    "general": ("kp", "kd", *_BY_FREQUENCY),
+    "passive": ("kp", "kd", "general", "ctrl", *_BY_FREQUENCY),
 }
-
-
-class RowError(RecipeError):
-    """A table of the recipe does not fit the robot.
-
-    key: the place in the recipe, as a path for `LoadedRecipe.where`; steps know no lines.
-    """
-
-    def __init__(self, message: str, *, key: Key, hint: str = "") -> None:
-        super().__init__(message, hint=hint)
-        self.key = key
-
-    @property
-    def index(self) -> int | None:
-        """The row of the actuator table; None when the error is about the table as a whole."""
-        numbers = [part for part in self.key[1:2] if isinstance(part, int)]
-        return numbers[0] if numbers else None
-
-    def __reduce__(self) -> tuple[object, ...]:
-        return _rebuild, (self.message, self.key, self.hint)
-
-
-def _rebuild(message: str, key: Key, hint: str) -> RowError:
-    return RowError(message, key=key, hint=hint)
-
-
-@dataclass(frozen=True)
-class MotorSpec:
-    """A motor with its gear. rotor_inertia: kg m2 before the gear; the rest after the gear, SI."""
-
-    rotor_inertia: float | None = None
-    gear: float = 1.0
-    effort: float | None = None
-    velocity: float | None = None
-    friction: float | None = None
-    source: str = ""
-
-    @property
-    def armature(self) -> float | None:
-        """Inertia that the joint feels: rotor_inertia * gear^2, kg m2; None without a rotor."""
-        return None if self.rotor_inertia is None else self.rotor_inertia * self.gear**2
+UNITS = {"prismatic": "linear", "revolute": "rotary", "continuous": "rotary"}
 
 
 NO_MOTOR = MotorSpec()
@@ -82,13 +56,19 @@ class RowSpec:
     joints: str
     model: ActuatorModel = "pd"
     motor: str | None = None
+    unit: str | None = None
     kp: float | None = None
     kd: float | None = None
+    frequency: float | None = None
+    damping_ratio: float | None = None
+    inertia: str = "home"
     damping: float | None = None
     friction: float | None = None
     armature: float | None = None
-    effort: float | None = None
-    velocity: float | None = None
+    effort: float | Literal["unlimited"] | None = None
+    velocity: float | Literal["unlimited"] | None = None
+    ctrl: tuple[float, float] | Literal["limits", "reach"] | None = None
+    general: General | None = None
 
 
 @dataclass(frozen=True)
@@ -106,23 +86,27 @@ class _Matched:
 
 
 def resolve(
-    tree: Tree, rows: Sequence[RowSpec], motors: Mapping[str, MotorSpec]
+    tree: Tree,
+    rows: Sequence[RowSpec],
+    motors: Mapping[str, MotorSpec],
+    home: Mapping[str, float] | None = None,
 ) -> tuple[Actuator, ...]:
-    """One actuator for each moving joint, in tree order. Raises RowError, see the module."""
+    """One actuator for each moving joint, in tree order. Raises RowError, see the module.
+
+    home: positions by joint name at which `inertia: home` is taken, rad or m; None = all 0.
+    """
     table = [_Matched(i, row, _motor_of(i, row, motors)) for i, row in enumerate(rows)]
     for entry in table:
         _check_gains(entry)
     by_joint = _match(tree, table) if table else {}
+    for joint in tree.moving_joints:
+        if joint.name in by_joint:
+            _check_units(joint, by_joint[joint.name], by_joint, tree)
     made = []
     for joint in tree.moving_joints:
         matched = by_joint.get(joint.name)
         made.append(_driven(joint, matched) if matched else _passive(joint))
-    return tuple(made)
-
-
-def check_rows(tree: Tree, rows: Sequence[RowSpec], motors: Mapping[str, MotorSpec]) -> None:
-    """Raise the RowError that `resolve` would raise; for a plan that knows the tree."""
-    resolve(tree, rows, motors)
+    return _with_gains(tree, tuple(made), by_joint, home or {})
 
 
 def _motor_of(index: int, row: RowSpec, motors: Mapping[str, MotorSpec]) -> MotorSpec:
@@ -132,7 +116,7 @@ def _motor_of(index: int, row: RowSpec, motors: Mapping[str, MotorSpec]) -> Moto
         hint = did_you_mean(row.motor, motors) or "the recipe has no `motors`"
         message = f"no motor named `{row.motor}`"
         raise _Matched(index, row).error("motor", message, hint)
-    return motors[row.motor]
+    return extended(row.motor, motors)
 
 
 def _check_gains(entry: _Matched) -> None:
@@ -144,9 +128,59 @@ def _check_gains(entry: _Matched) -> None:
                 f"model `{row.model}` takes no `{name}`",
                 "`damping` is the passive one" if name == "kd" else "remove it, or use `pd`",
             )
-    for name in _NEEDS.get(row.model, ()):
-        if getattr(row, name) is None:
-            raise entry.error("model", f"model `{row.model}` needs `{name}`", f"add `{name}: ...`")
+    for names in _NEEDS.get(row.model, ()):
+        if all(getattr(row, name) is None for name in names):
+            wanted = " or ".join(f"`{name}`" for name in names)
+            raise entry.error("model", f"model `{row.model}` needs {wanted}", f"add {wanted}")
+    for name in ("kp", "kd", "damping", "friction", "armature"):
+        value = getattr(row, name)
+        if value is not None and not value >= 0.0:
+            raise entry.error(name, f"`{name}` is {value:g}; it must not be negative")
+    if row.damping_ratio is not None and row.kp is None and row.frequency is None:
+        raise entry.error("damping_ratio", "`damping_ratio` needs `kp` or `frequency` beside it")
+    if row.inertia != "home" and row.frequency is None and row.damping_ratio is None:
+        raise entry.error("inertia", "`inertia` says what `frequency` or `damping_ratio` move")
+
+
+def _check_units(
+    joint: Joint, entry: _Matched, by_joint: Mapping[str, _Matched], tree: Tree
+) -> None:
+    """Numbers of one row cannot be in N m and in N: RowError where they would have to be."""
+    row, unit = entry.row, UNITS[joint.kind]
+    if row.unit is not None and row.unit != unit:
+        message = f"the row is in {row.unit} units, but joint `{joint.name}` is {joint.kind}"
+        raise entry.error("unit", message, _OWN_ROW)
+    if unit != "linear":
+        return
+    if row.unit is None and entry.motor.rotor_inertia is not None and row.armature is None:
+        raise entry.error(
+            "motor",
+            f"joint `{joint.name}` slides, but motor `{row.motor}` is a rotary one: "
+            "rotor_inertia * gear^2 is kg m2 where the joint needs kg",
+            "give the row an `armature` in kg; or `unit: linear` when `gear` is in rad/m",
+        )
+    stated = [name for name in _WITH_UNIT if getattr(row, name)]
+    turning = [j for j in tree.moving_joints if UNITS[j.kind] == "rotary"]
+    also = [j.name for j in turning if by_joint.get(j.name) is entry]
+    if stated and also:
+        raise entry.error(
+            stated[0],
+            f"the row matches `{also[0]}`, which turns, and `{joint.name}`, which slides: "
+            f"its `{stated[0]}` cannot be in {_WITH_UNIT[stated[0]]} for both",
+            _OWN_ROW,
+        )
+
+
+_OWN_ROW = "give joints that slide a row of their own, in N, N/m and N s/m"
+_WITH_UNIT: Mapping[str, str] = {
+    "kp": "N m/rad and N/m",
+    "kd": "N m s/rad and N s/m",
+    "damping": "N m s/rad and N s/m",
+    "friction": "N m and N",
+    "armature": "kg m2 and kg",
+    "effort": "N m and N",
+    "velocity": "rad/s and m/s",
+}
 
 
 def _match(tree: Tree, table: list[_Matched]) -> dict[str, _Matched]:
@@ -189,9 +223,9 @@ def _idle(entry: _Matched, tree: Tree, moving: list[str]) -> RowError:
 def _driven(joint: Joint, entry: _Matched) -> Actuator:
     row, motor, limits = entry.row, entry.motor, joint.limits
     # A source that says effort or velocity 0 says nothing: the joint could never move.
-    effort = row.effort or motor.effort or limits.effort or None
-    velocity = row.velocity or motor.velocity or limits.velocity or None
-    if effort is None and row.model in DRIVEN:
+    effort = _limit(row.effort, motor.effort, limits.effort)
+    velocity = _limit(row.velocity, motor.velocity, limits.velocity)
+    if effort is None and row.model in DRIVEN and row.effort != "unlimited":
         raise _without(entry, joint, "effort", limits.effort)
     if velocity is None and row.model == "dc_motor":
         raise _without(entry, joint, "velocity", limits.velocity)
@@ -205,9 +239,98 @@ def _driven(joint: Joint, entry: _Matched) -> Actuator:
         armature=_first(row.armature, motor.armature),
         effort=effort,
         velocity=velocity,
+        ctrl=row.ctrl if isinstance(row.ctrl, tuple) else None,
+        general=row.general,
         motor=row.motor or "",
         source=motor.source,
     )
+
+
+def _limit(row: float | str | None, *others: float | None) -> float | None:
+    if row == "unlimited":
+        return None
+    return next(
+        (value for value in (row, *others) if isinstance(value, float | int) and value), None
+    )
+
+
+def _with_gains(
+    tree: Tree,
+    actuators: tuple[Actuator, ...],
+    by_joint: Mapping[str, _Matched],
+    home: Mapping[str, float],
+) -> tuple[Actuator, ...]:
+    """Gains by natural frequency and damping ratio as numbers, and ranges that follow from them."""
+    inertias = _inertias(tree, actuators, by_joint, home)
+    done = []
+    for actuator in actuators:
+        entry = by_joint.get(actuator.joint)
+        if entry is not None:
+            if actuator.joint in inertias:
+                actuator = _tuned(actuator, entry, inertias[actuator.joint])
+            if entry.row.ctrl == "reach":
+                ctrl = _reach(entry, tree.by_joint[actuator.joint], actuator)
+                actuator = replace(actuator, ctrl=ctrl)
+        done.append(actuator)
+    return tuple(done)
+
+
+def _inertias(
+    tree: Tree,
+    actuators: tuple[Actuator, ...],
+    by_joint: Mapping[str, _Matched],
+    home: Mapping[str, float],
+) -> dict[str, float]:
+    """Of the joints whose gains need one, kg m2 or kg."""
+    wanted = {
+        name: entry
+        for name, entry in by_joint.items()
+        if entry.row.frequency is not None or entry.row.damping_ratio is not None
+    }
+    armature = {actuator.joint: actuator.armature for actuator in actuators}
+    felt: Mapping[str, float] = {}
+    if any(entry.row.inertia == "home" for entry in wanted.values()):
+        felt = dynamics(tree, home, armature).effective_inertia
+    found = {}
+    for name, entry in wanted.items():
+        inertia = felt.get(name, 0.0) if entry.row.inertia == "home" else armature[name]
+        if not 0.0 < inertia < math.inf:
+            what = "nothing that has mass" if entry.row.inertia == "home" else "no armature"
+            raise entry.error(
+                "frequency" if entry.row.frequency is not None else "damping_ratio",
+                f"joint `{name}` moves {what}: a frequency or damping ratio means nothing",
+                "give kp and kd, or the motor's rotor_inertia",
+            )
+        found[name] = inertia
+    return found
+
+
+def _tuned(actuator: Actuator, entry: _Matched, inertia: float) -> Actuator:
+    """kp and kd from what the row says and an inertia in kg m2 or kg."""
+    row, kp, kd = entry.row, actuator.kp, actuator.kd
+    if row.frequency is not None:
+        kp = inertia * (2.0 * math.pi * row.frequency) ** 2
+    if row.damping_ratio is not None:
+        kd = 2.0 * row.damping_ratio * math.sqrt(kp * inertia) - actuator.damping
+        if kd < 0.0:
+            ratio = actuator.damping / (2.0 * math.sqrt(kp * inertia))
+            raise entry.error(
+                "damping_ratio",
+                f"joint `{actuator.joint}`: its passive damping alone makes a ratio of {ratio:.3g}",
+                "ask for more, or state a smaller `damping`",
+            )
+    return replace(actuator, kp=kp, kd=kd)
+
+
+def _reach(entry: _Matched, joint: Joint, actuator: Actuator) -> tuple[float, float]:
+    """Targets that still make more force: effort / kp beyond the limits."""
+    lower, upper = joint.limits.lower, joint.limits.upper
+    if actuator.model != "pd" or not actuator.kp or actuator.effort is None:
+        raise entry.error("ctrl", "`reach` needs model `pd` with kp and an effort limit")
+    if joint.kind == "continuous" or lower is None or upper is None:
+        raise entry.error("ctrl", f"`reach`: joint `{joint.name}` has no limits to go beyond")
+    beyond = actuator.effort / actuator.kp
+    return lower - beyond, upper + beyond
 
 
 def _without(entry: _Matched, joint: Joint, name: str, stated: float | None) -> RowError:

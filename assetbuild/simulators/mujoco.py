@@ -18,6 +18,7 @@ import numpy as np
 from assetbuild.errors import StepError
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, rotation_of
+from assetbuild.simulators.experiments import FreeFall
 
 Model = Any  # mujoco.MjModel: its extension module has no types
 Data = Any  # mujoco.MjData: as above
@@ -42,16 +43,32 @@ class Loaded:
     warnings: tuple[str, ...]
 
 
-def load(path: Path) -> Loaded:
-    """Compiles an MJCF file; StepError with MuJoCo's own words when it refuses."""
-    import mujoco
+def load(path: Path, *, visuals: bool = True) -> Loaded:
+    """Compiles an MJCF file; StepError with MuJoCo's own words when it refuses.
 
+    visuals: False leaves out, as MuJoCo's `discardvisual` does, what has no effect on the
+    physics: compiling is quick then, because most meshes are never read.
+    """
     with caught_warnings() as said:
         try:
-            model = mujoco.MjModel.from_xml_path(str(path))
+            model = _compiled(path) if visuals else _compiled_for_physics(path)
         except ValueError as error:
             raise StepError(_without_folder(str(error), path)) from None
     return Loaded(model, tuple(_without_folder(text, path) for text in said))
+
+
+def _compiled(path: Path) -> Model:
+    import mujoco
+
+    return mujoco.MjModel.from_xml_path(str(path))
+
+
+def _compiled_for_physics(path: Path) -> Model:
+    import mujoco
+
+    spec = mujoco.MjSpec.from_file(str(path))
+    spec.compiler.discardvisual = True  # keeps what a visual shape gives a body without inertia
+    return spec.compile()
 
 
 def _without_folder(text: str, path: Path) -> str:
@@ -100,24 +117,6 @@ def mass_matrix(model: Model, data: Data) -> Array:
 
 
 # --- free fall ----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class FreeFall:
-    """Of the whole robot's centre of mass. drop along gravity, sideways across it; m."""
-
-    seconds: float
-    drop_m: float
-    expected_m: float
-    sideways_m: float
-    finite: bool
-
-    @property
-    def relative_error(self) -> float:
-        """Of the drop; infinite when nothing finite came out."""
-        if not self.finite:
-            return math.inf
-        return abs(self.drop_m - self.expected_m) / max(self.expected_m, 1e-12)
 
 
 def free_fall(model: Model, seconds: float) -> FreeFall:
@@ -277,14 +276,14 @@ def _floor(model: Model) -> int:
     return int(planes[0])
 
 
-def _collision_geoms(model: Model) -> list[int]:
+def collision_geoms(model: Model) -> list[int]:
     """Geoms of the robot that can touch something."""
     solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     return [int(i) for i in np.flatnonzero(solid & (model.geom_bodyid != 0))]
 
 
 def _gaps(model: Model, data: Data) -> dict[str, float]:
-    return {name_of(model, "geom", i): lowest_z(model, data, i) for i in _collision_geoms(model)}
+    return {name_of(model, "geom", i): lowest_z(model, data, i) for i in collision_geoms(model)}
 
 
 def lowest_z(model: Model, data: Data, geom: int) -> float:

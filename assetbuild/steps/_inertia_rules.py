@@ -1,17 +1,19 @@
 """What a body's mass properties must satisfy; one set of rules for links and merged bodies.
 
 Per body the first broken rule of the chain mass, positive, triangle, pseudo is told, since each
-implies the next; size and smallness are judged besides.
+implies the next; size, density and smallness are judged besides.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from pydantic import BaseModel, ConfigDict
 
 from assetbuild.findings import Finding, Scalar, Severity
+from assetbuild.robot.chains import Chain, find_chains
 from assetbuild.robot.inertia import (
     Tensor,
     equivalent_radius,
@@ -19,7 +21,7 @@ from assetbuild.robot.inertia import (
     principal_moments,
     triangle_violation,
 )
-from assetbuild.robot.model import Inertial, Tree
+from assetbuild.robot.model import Inertial, Shapes, Tree
 
 ROUNDING = 1e-9
 """Relative: smaller violations are the noise of turning a tensor into other axes."""
@@ -35,40 +37,61 @@ class Bounds(BaseModel):
 
     triangle_slack: float = 0.01
     """A violation of A + B >= C up to this share of C is a warning: numbers rounded by hand."""
-    radius_warning_m: float = 0.5
-    radius_error_m: float = 1.0
-    """Radius of the solid ball with the same mass and largest moment."""
+    radius_m: float = 0.5
+    """Radius of the solid ball with the same mass and largest moment: above it, a warning.
+
+    Never an error: such a tensor is valid, simulators take it, and a long thin tube has it.
+    """
+    density_kg_m3: float = 25_000.0
+    """Osmium has 22,590. Of all bodies with a mass and at most this density, a ball of just this
+    density has the least largest moment, so a smaller one belongs to no matter at all."""
+    least_moment_kg_m2: float = 1e-15
+    """MuJoCo refuses a moving body with a smaller principal moment (its mjMINVAL)."""
     small_mass_kg: float = 1e-3
     """A moving body below this makes simulators stiff."""
 
 
-def inertia_findings(tree: Tree, bounds: Bounds, worst: Severity) -> Iterator[Finding]:
+def inertia_findings(
+    tree: Tree, shapes: Shapes, bounds: Bounds, worst: Severity
+) -> Iterator[Finding]:
     """Findings on all bodies of a tree, none graver than `worst`.
 
     What a fixed joint carries may lack mass: before merging it is a frame in all but name and
     nothing is said, afterwards it was kept as a body and some engines would invent a mass.
+    A massless link between two joints is no mistake: see `robot.chains`.
     """
+    chains = find_chains(tree, {shape.link for shape in shapes.shapes})
+    between = {link: chain for chain in chains for link in chain.between}
+    shaped = {tree.placement(shape.link)[0] for shape in shapes.shapes}
     driven = {joint.child for joint in tree.joints if joint.kind != "fixed"}
     if tree.base == "floating":
         driven.add(tree.root)
     for body in tree.bodies:
         subject = f"link {body.name}"
         mass = body.inertial.mass_kg if body.inertial else 0.0
-        if body.name not in driven and mass <= 0.0:
+        if body.name in between:
+            yield _between(subject, between[body.name])
+        elif body.name not in driven and mass <= 0.0:
             if worst == "error" and body.name != tree.root:
                 yield _carried(subject)
         elif body.inertial is None:
             yield _missing(subject, worst)
         else:
             for finding in _judge(subject, body.inertial, bounds, worst):
-                if body.name in driven:
-                    yield finding
-                elif (
-                    finding.rule == "inertia.radius"
-                ):  # what never turns may be as lazy as it likes
-                    yield replace(finding, severity=_note(finding.severity))
-                elif finding.rule != "inertia.mass_small":
-                    yield finding
+                kept = _of_this(finding, moves=body.name in driven, shows=body.name in shaped)
+                if kept:
+                    yield kept
+
+
+def _of_this(finding: Finding, *, moves: bool, shows: bool) -> Finding | None:
+    """As grave as it is for a body that moves or not, and has a shape or not."""
+    if finding.rule == "inertia.dense" and not shows and finding.severity != "error":
+        return replace(finding, severity="info")  # it has no size to doubt
+    if moves:
+        return finding
+    if finding.rule == "inertia.radius":  # what never turns may be as lazy as it likes
+        return replace(finding, severity=_note(finding.severity))
+    return finding if finding.rule != "inertia.mass_small" else None
 
 
 def _carried(subject: str) -> Finding:
@@ -78,6 +101,19 @@ def _carried(subject: str) -> Finding:
         subject,
         "it is kept as a body but has no mass; some engines invent one",
         "let it be merged, or give it a small mass and inertia",
+    )
+
+
+def _between(subject: str, chain: Chain) -> Finding:
+    joints = tuple(joint.name for joint in chain.joints)
+    return Finding(
+        "inertia.between",
+        "info",
+        subject,
+        f"a massless link between the joints of `{chain.body}` ({', '.join(joints)}): "
+        "exact in URDF and MJCF, but PhysX wants mass on every body",
+        "the edit `share_mass` moves some mass here that no motion can tell",
+        data={"joints": joints, "body": chain.body},
     )
 
 
@@ -146,15 +182,39 @@ def _size(
     moments: tuple[float, float, float],
 ) -> Iterator[Finding]:
     radius = equivalent_radius(inertial)
-    if radius <= bounds.radius_warning_m * (1.0 + ROUNDING):
+    yield from _dense(subject, inertial, bounds, worst, moments, radius)
+    if radius <= bounds.radius_m * (1.0 + ROUNDING):
         return
-    grave = radius > bounds.radius_error_m * (1.0 + ROUNDING)
     yield Finding(
         "inertia.radius",
-        worst if grave else "warning",
+        "warning",
         subject,
         f"its inertia is that of a ball of {radius:.3g} m radius with {inertial.mass_kg:g} kg",
         "are the units kg m² (not kg mm² or g cm²), and the tensor about the centre of mass?",
+        data={"radius_m": radius, "mass_kg": inertial.mass_kg, "principal_kg_m2": moments},
+    )
+
+
+def _dense(
+    subject: str,
+    inertial: Inertial,
+    bounds: Bounds,
+    worst: Severity,
+    moments: tuple[float, float, float],
+    radius: float,
+) -> Iterator[Finding]:
+    refused = moments[0] < bounds.least_moment_kg_m2
+    ball = 4.0 / 3.0 * math.pi * radius**3
+    if not refused and inertial.mass_kg <= bounds.density_kg_m3 * ball:
+        return
+    also = f"; MuJoCo refuses moments below {bounds.least_moment_kg_m2:g} kg m²" if refused else ""
+    yield Finding(
+        "inertia.dense",
+        worst if refused else _note(worst),
+        subject,
+        f"{inertial.mass_kg:g} kg with the inertia of a ball of {radius:.3g} m radius: denser than "
+        f"any matter{also}",
+        "is it a dummy value? `inertia_from_geometry` computes it from the shapes",
         data={"radius_m": radius, "mass_kg": inertial.mass_kg, "principal_kg_m2": moments},
     )
 

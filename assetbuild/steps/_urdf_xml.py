@@ -148,15 +148,27 @@ class Problems:
 
 
 def parse(data: bytes, file: str) -> Node:
-    """The <robot> element. No entity, DTD or network; SourceError with the line otherwise.
+    """The <robot> element of a URDF; see `read_xml`."""
+    node = read_xml(data, file, "URDF")
+    if node.tag != "robot":
+        hint = "is this the right file?"
+        if node.tag in ("mujoco", "sdf"):
+            hint = f"this is {'MJCF' if node.tag == 'mujoco' else 'SDF'}, not URDF"
+        raise node.error(f"the root element is <{node.tag}>, not <robot>", hint)
+    _refuse_xacro(node)
+    return node
 
-    The parser's own bounds hold too: 256 levels, 10 MB per text.
+
+def read_xml(data: bytes, file: str, what: str) -> Node:
+    """The root element. No entity, DTD or network; SourceError with the line otherwise.
+
+    The parser's own bounds hold too: 256 levels, 10 MB per text. what: `URDF`, for messages.
     """
     from lxml import etree
 
     if len(data) > MAX_BYTES:
         size = f"{len(data) / 1e6:.0f} MB"
-        raise SourceError(f"{size} of URDF; at most 64 MiB are read", where=Where(file))
+        raise SourceError(f"{size} of {what}; at most 64 MiB are read", where=Where(file))
     _refuse_doctype(data, file)
     parser = etree.XMLParser(
         resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False,
@@ -168,14 +180,7 @@ def parse(data: bytes, file: str) -> Node:
         raise _not_xml(str(error.msg or "unreadable"), error.lineno or 0, file) from None
     if etree.ElementTree(root).docinfo.doctype:  # type: ignore[attr-defined] # stubs lack it
         raise _doctype(file, 0)
-    node = Node(root, file)
-    if node.tag != "robot":
-        hint = "is this the right file?"
-        if node.tag in ("mujoco", "sdf"):
-            hint = f"this is {'MJCF' if node.tag == 'mujoco' else 'SDF'}, not URDF"
-        raise node.error(f"the root element is <{node.tag}>, not <robot>", hint)
-    _refuse_xacro(node)
-    return node
+    return Node(root, file)
 
 
 def _refuse_doctype(data: bytes, file: str) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from pydantic import BaseModel, ConfigDict
 
@@ -17,6 +17,11 @@ from assetbuild.kinds import ConvertedMesh, MeshPart, Pieces
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Geometry, Material, Mesh, MeshAsset, Shape, Shapes
 from assetbuild.robot.pose import IDENTITY, Pose
+
+PNG = "texture.png"
+"""What `convert_texture` writes."""
+WHITE = (1.0, 1.0, 1.0, 1.0)
+"""Under a texture: it is shown as it is."""
 
 
 class VisualUse(BaseModel):
@@ -46,30 +51,55 @@ class CollisionUse(BaseModel):
     stem: str = ""
 
 
-class Assemble(Step):
-    """Source shapes + meshes + pieces -> the final shapes, mesh paths swapped for digests."""
+class TextureUse(BaseModel):
+    """The picture `texture` of the source's materials lies in `folder`, if it could be read."""
 
-    version = "2"
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    texture: str
+    folder: str
+
+
+class Assemble(Step):
+    """Source shapes + meshes + pieces -> the final shapes, file paths swapped for digests."""
+
+    version = "3"
     outputs = ("shapes.json", "meshes/")
 
     visuals: tuple[VisualUse, ...]
     collisions: tuple[CollisionUse, ...]
+    textures: tuple[TextureUse, ...] = ()
+    keep_names: bool = False
+    """A shape made of one shape of the source keeps its name; else after the link and role."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `shapes.json` of the source and the folders that the fields name."""
         source = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
         by_name = {shape.name: shape for shape in source.shapes}
         library = _Library(files.outputs / "meshes")
-        palette = _Palette(source.materials)
+        pictures = {use.texture: files.inputs / use.folder / PNG for use in self.textures}
+        palette = _Palette(source.materials, pictures, library)
         shapes: list[Shape] = []
         for visual in self.visuals:
-            shapes += _visual_shapes(visual, by_name[visual.shape], files.inputs, library, palette)
+            made = _visual_shapes(visual, by_name[visual.shape], files.inputs, library, palette)
+            shapes += self._called(made, visual.shape)
         for collision in self.collisions:
             origin = by_name[collision.shape] if collision.shape else None
-            shapes += _collision_shapes(collision, origin, files.inputs, library)
+            made = _collision_shapes(collision, origin, files.inputs, library)
+            shapes += self._called(made, collision.shape)
         final = Shapes(_named(shapes), palette.used(), library.assets())
         (files.outputs / "shapes.json").write_bytes(encode(final))
+        yield from palette.findings
         yield from _without_collision(source, self.collisions)
+
+    def _called(self, made: list[Shape], source: str | None) -> list[Shape]:
+        """With the source's name where that is wanted, numbered from the second piece on."""
+        if not self.keep_names or source is None:
+            return made
+        return [
+            replace(shape, name=f"{source}_{number + 1}" if number else source)
+            for number, shape in enumerate(made)
+        ]
 
 
 def _without_collision(source: Shapes, uses: tuple[CollisionUse, ...]) -> Iterator[Finding]:
@@ -92,13 +122,15 @@ def _visual_shapes(
     use: VisualUse, shape: Shape, inputs: Path, library: _Library, palette: _Palette
 ) -> list[Shape]:
     if use.folder is None:
-        material = palette.of_source(shape.material)
+        material = palette.of_source(shape.material, uv=False)
         return [Shape("", shape.link, "visual", shape.geometry, shape.X_link_shape, material)]
-    mesh = decode(ConvertedMesh, (inputs / use.folder / "mesh.json").read_bytes())
+    folder = inputs / use.folder
+    mesh = decode(ConvertedMesh, (folder / "mesh.json").read_bytes())
     made = []
     for part in mesh.parts:
-        asset = library.add(inputs / use.folder / "parts" / part.file, use.stem, part)
-        material = palette.of_part(part) or palette.of_source(shape.material)
+        asset = library.add(folder / "parts" / part.file, use.stem, part)
+        own = palette.of_part(part, folder / "parts")
+        material = own or palette.of_source(shape.material, uv=part.uv)
         made.append(Shape("", shape.link, "visual", Mesh(asset), shape.X_link_shape, material))
     return made
 
@@ -128,7 +160,11 @@ def _collision_shapes(
 
 
 def _named(shapes: list[Shape]) -> tuple[Shape, ...]:
-    """`FR_foot_collision` when the link has one, `trunk_collision1`, `...2` when it has more."""
+    """`FR_foot_collision` when the link has one, `trunk_collision1`, `...2` when it has more.
+
+    A name that a shape already has stays; a second shape cannot take it.
+    """
+    taken = {shape.name for shape in shapes if shape.name}
     totals: dict[tuple[str, str], int] = {}
     for shape in shapes:
         key = (shape.link, shape.role)
@@ -139,7 +175,9 @@ def _named(shapes: list[Shape]) -> tuple[Shape, ...]:
         key = (shape.link, shape.role)
         seen[key] = seen.get(key, 0) + 1
         number = str(seen[key]) if totals[key] > 1 else ""
-        name = f"{shape.link}_{shape.role}{number}"
+        name = shape.name or f"{shape.link}_{shape.role}{number}"
+        while not shape.name and name in taken:
+            name += "_"
         named.append(replace(shape, name=name))
     return tuple(named)
 
@@ -162,31 +200,80 @@ class _Library:
             self._by_digest[digest] = asset
         return self._by_digest[digest].name
 
+    def add_picture(self, path: Path, stem: str) -> str:
+        """File name of the picture with this content."""
+        name = f"{stem}-{hashlib.sha256(path.read_bytes()).hexdigest()[:8]}.png"
+        if not (self._folder / name).exists():
+            shutil.copyfile(path, self._folder / name)
+        return name
+
     def assets(self) -> tuple[MeshAsset, ...]:
         """All assets, by name."""
         return tuple(sorted(self._by_digest.values(), key=lambda asset: asset.name))
 
 
 class _Palette:
-    """Materials of the source and of its meshes: one name, one colour."""
+    """Materials of the source and of its meshes: one name, one look.
 
-    def __init__(self, source: tuple[Material, ...]) -> None:
+    pictures: texture of the source -> its PNG, which is not there when it could not be read.
+    """
+
+    def __init__(
+        self, source: tuple[Material, ...], pictures: Mapping[str, Path], library: _Library
+    ) -> None:
         self._source = {material.name: material for material in source}
+        self._pictures, self._library = pictures, library
         self._used: dict[str, Material] = {}
+        self._told: dict[tuple[str, str], Finding] = {}
 
-    def of_source(self, name: str | None) -> str | None:
-        """The material that the description gives; None stays None."""
-        material = self._source.get(name) if name is not None else None
-        return self._take(material) if material else None
+    def of_source(self, name: str | None, *, uv: bool) -> str | None:
+        """The material that the description gives; None stays None.
 
-    def of_part(self, part: MeshPart) -> str | None:
-        """The material inside the mesh file, when it has a colour.
-
-        Its texture stays behind: `convert_mesh` leaves a finding (`mesh.texture`) for each.
+        uv: does the shape have texture coordinates? Without them no texture can lie on it.
         """
-        if part.rgba is None:
+        material = self._source.get(name) if name is not None else None
+        if material is None:
             return None
-        return self._take(Material(part.material or "material", part.rgba))
+        return self._take(replace(material, texture=self._texture(material, uv)))
+
+    def of_part(self, part: MeshPart, folder: Path) -> str | None:
+        """The material inside the mesh file, when it has a colour or a texture in `folder`."""
+        if part.texture is None:
+            if part.rgba is None:
+                return None
+            return self._take(Material(part.material or "material", part.rgba))
+        stem = part.texture.rpartition("-")[0]
+        texture = self._library.add_picture(folder / part.texture, stem)
+        return self._take(Material(part.material or "material", part.rgba or WHITE, texture))
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Textures of the source that are not shown, each once."""
+        return tuple(self._told.values())
+
+    def _texture(self, material: Material, uv: bool) -> str | None:
+        if material.texture is None:
+            return None
+        png = self._pictures.get(material.texture)
+        if png is None:
+            self._tell("texture.missing", material, "is not in the source", "add the file")
+            return None
+        if not png.is_file():
+            return None  # `convert_texture` says why
+        if not uv:
+            what = "lies on shapes without texture coordinates: they get its colour alone"
+            self._tell("texture.no_coordinates", material, what, "use a mesh with coordinates")
+            return None
+        stem = re.sub(r"[^A-Za-z0-9_]+", "_", PurePosixPath(material.texture).stem)
+        return self._library.add_picture(png, stem)
+
+    def _tell(self, rule: str, material: Material, what: str, hint: str) -> None:
+        key = (rule, material.name)
+        message = f"its texture `{material.texture}` {what}"
+        subject = f"material {material.name}"
+        self._told[key] = Finding(
+            rule, "warning", subject, message, hint, data={"texture": material.texture or ""}
+        )
 
     def used(self) -> tuple[Material, ...]:
         """The materials in use, in order of first use."""

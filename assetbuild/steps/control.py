@@ -23,12 +23,23 @@ from assetbuild.recipe.models import (
     Recipe,
     Simulation,
 )
+from assetbuild.recipe.sensing import Camera, Feet, Imu, Sensor
 from assetbuild.robot import model
-from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, check_rows, resolve
+from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, resolve
+from assetbuild.robot.chains import find_chains
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import forward_kinematics
+from assetbuild.steps._senses import (
+    check_sensors,
+    contacts,
+    placed_cameras,
+    placed_sensors,
+    surface,
+)
+from assetbuild.steps._source_control import Stated, join, stated_keys
 
 LIMIT_TOLERANCE = 1e-9
 """rad or m; a value that was rounded from the limit itself is inside."""
@@ -37,10 +48,11 @@ LIMIT_TOLERANCE = 1e-9
 class ControlStep(Step):
     """`control.json`: the recipe's tables, resolved on this robot.
 
-    Reads `tree.json`, `shapes.json` and the collision files of `meshes/`.
+    Reads `tree.json`, `shapes.json` and the collision files of `meshes/`; of an MJCF also
+    `source_control.json`, whose words hold where the recipe has none.
     """
 
-    version = "2"
+    version = "3"
     outputs = ("control.json",)
 
     rows: tuple[ActuatorRow, ...] = ()
@@ -49,32 +61,53 @@ class ControlStep(Step):
     contact: Contact = Contact.model_validate({})
     simulation: Simulation = Simulation.model_validate({})
     exclude: Exclude = Exclude.model_validate({})
+    feet: Feet | None = None
+    imu: Imu | None = None
+    sensors: dict[str, Sensor] = Field(default_factory=dict)
+    cameras: dict[str, Camera] = Field(default_factory=dict)
+    stated: tuple[str, ...] = ()
+    """Keys that the recipe states itself, against an MJCF; empty for other sources."""
 
     @classmethod
     def configure(cls, recipe: Recipe) -> ControlStep:
         """The step with what the recipe says."""
+        exclude, from_mjcf = recipe.collision.exclude, recipe.source.mjcf is not None
+        if from_mjcf and "adjacent" not in exclude.model_fields_set:
+            exclude = exclude.model_copy(update={"adjacent": False})  # it has pairs of its own
         return cls(
             rows=recipe.actuators,
             motors=recipe.motors,
             keyframes=dict(recipe.keyframes),
             contact=recipe.contact,
             simulation=recipe.simulation,
-            exclude=recipe.collision.exclude,
+            exclude=exclude,
+            feet=recipe.feet,
+            imu=recipe.imu,
+            sensors=dict(recipe.sensors),
+            cameras=dict(recipe.cameras),
+            stated=stated_keys(recipe) if from_mjcf else (),
         )
 
     def check(self, tree: model.Tree) -> None:
         """Raise the RowError that `run` would raise; for a plan that knows the tree and lines."""
-        check_rows(tree, *_specs(self.rows, self.motors))
+        self._resolved(tree)
         for name, keyframe in self.keyframes.items():
             _joint_values(tree, name, keyframe)
-        _excludes(tree, self.exclude)
+        _excludes(tree, model.Shapes(), self.exclude)
+        check_sensors(tree, self.imu, self.sensors, self.cameras)
+
+    def _resolved(self, tree: model.Tree) -> tuple[model.Actuator, ...]:
+        """The actuator table; gains by frequency are for `home`, else the first keyframe."""
+        name = next((n for n in ("home", *self.keyframes) if n in self.keyframes), None)
+        home = _joint_values(tree, name, self.keyframes[name]) if name is not None else {}
+        return resolve(tree, *_specs(self.rows, self.motors), home)
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises RowError, with the key of the recipe, where a table does not fit the robot."""
         tree = decode(model.Tree, (files.inputs / "tree.json").read_bytes())
         shapes = decode(model.Shapes, (files.inputs / "shapes.json").read_bytes())
-        actuators = resolve(tree, *_specs(self.rows, self.motors))
-        yield from _actuator_findings(tree, actuators, has_table=bool(self.rows))
+        actuators = self._resolved(tree)
+        yield from _tuned_findings(self.rows, actuators)
 
         ground = _Ground(tree, shapes, files.inputs / "meshes")
         keyframes = []
@@ -89,28 +122,35 @@ class ControlStep(Step):
         control = model.Control(
             actuators=actuators,
             keyframes=tuple(keyframes),
-            excludes=_excludes(tree, self.exclude),
-            contact=model.Contact(self.contact.friction, self.contact.condim),
+            excludes=_excludes(tree, shapes, self.exclude),
+            contact=surface(self.contact),
+            contacts=contacts(shapes, self.contact),
+            sensors=placed_sensors(tree, shapes, self.imu, self.feet, self.sensors),
+            cameras=placed_cameras(tree, self.cameras),
             simulation=model.Simulation(
                 self.simulation.timestep, self.simulation.decimation, self.simulation.gravity
             ),
         )
+        said = files.inputs / "source_control.json"
+        if said.is_file():
+            source = decode(SourceControl, said.read_bytes())
+            rows, _ = _specs(self.rows, self.motors)
+            stated = Stated(self.stated, rows, self.contact.links)
+            joined = join(control, source, tree, shapes, stated)
+            control = joined.control
+            yield from joined.findings
+        yield from _actuator_findings(tree, control.actuators, has_table=bool(self.rows))
         (files.outputs / "control.json").write_bytes(encode(control))
 
 
 # --- actuators ------------------------------------------------------------------------------
 
 
-def specs_of(recipe: Recipe) -> tuple[tuple[RowSpec, ...], dict[str, MotorSpec]]:
-    """The recipe's actuator table and motors as `robot.actuators` takes them."""
-    return _specs(recipe.actuators, recipe.motors)
-
-
 def _specs(
     rows: tuple[ActuatorRow, ...], motors: Mapping[str, Motor]
 ) -> tuple[tuple[RowSpec, ...], dict[str, MotorSpec]]:
     return (
-        tuple(RowSpec(**_fields(row)) for row in rows),
+        tuple(RowSpec(**_fields(row) | {"general": _general(row)}) for row in rows),
         {name: MotorSpec(**_fields(motor)) for name, motor in motors.items()},
     )
 
@@ -119,10 +159,34 @@ def _fields(row: BaseModel) -> dict[str, Any]:  # Any: the dataclasses have the 
     return {name: getattr(row, name) for name in type(row).model_fields}
 
 
+def _general(row: ActuatorRow) -> model.General | None:
+    return model.General(**_fields(row.general)) if row.general is not None else None
+
+
+def _tuned_findings(
+    rows: tuple[ActuatorRow, ...], actuators: tuple[model.Actuator, ...]
+) -> Iterator[Finding]:
+    """One per row whose gains come from a frequency or damping ratio: the numbers it led to."""
+    for index, row in enumerate(rows):
+        if row.frequency is None and row.damping_ratio is None:
+            continue
+        mine = [a for a in actuators if re.fullmatch(row.joints, a.joint)]
+        kp, kd = [a.kp for a in mine], [a.kd for a in mine]
+        moved = "the armature alone" if row.inertia == "armature" else "what moves at `home`"
+        yield Finding(
+            rule="actuator.tuned",
+            severity="info",
+            subject=f"recipe actuators.{index}",
+            message=f"`{row.joints}`: kp {min(kp):.4g} to {max(kp):.4g}, kd {min(kd):.4g} to "
+            f"{max(kd):.4g} from frequency and damping ratio on {moved}",
+            data={"kp_min": min(kp), "kp_max": max(kp), "kd_min": min(kd), "kd_max": max(kd)},
+        )
+
+
 def _actuator_findings(
     tree: model.Tree, actuators: tuple[model.Actuator, ...], *, has_table: bool
 ) -> Iterator[Finding]:
-    if actuators and not has_table:
+    if actuators and not has_table and all(a.model == "passive" for a in actuators):
         yield Finding(
             rule="actuator.none",
             severity="warning",
@@ -287,11 +351,16 @@ def half_height(
 # --- excludes -------------------------------------------------------------------------------
 
 
-def _excludes(tree: model.Tree, exclude: Exclude) -> tuple[tuple[str, str], ...]:
+def _excludes(
+    tree: model.Tree, shapes: model.Shapes, exclude: Exclude
+) -> tuple[tuple[str, str], ...]:
     """Sorted pairs of bodies. Raises RowError for an unknown link."""
     pairs = {_bodies(tree, index, pair) for index, pair in enumerate(exclude.pairs)}
     if exclude.adjacent:
         pairs |= {_sorted(joint.parent, joint.child) for joint in tree.joints}
+        # A ball joint of three hinges is one joint to the two bodies that it connects.
+        chains = find_chains(tree, {shape.link for shape in shapes.shapes})
+        pairs |= {_sorted(chain.parent, chain.body) for chain in chains}
     return tuple(sorted(pair for pair in pairs if pair[0] != pair[1]))
 
 

@@ -1,10 +1,12 @@
-"""One mesh file -> one OBJ per material, metres, scale applied, and what is in them."""
+"""One mesh file -> one OBJ per material and its pictures; metres, scale applied, measured."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+import hashlib
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
 import numpy as np
@@ -15,6 +17,7 @@ from assetbuild.findings import Finding
 from assetbuild.kinds import ConvertedMesh, MeshPart
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import obj_bytes
+from assetbuild.mesh.picture import png_of
 from assetbuild.mesh.read import Format, UpAxis, read_mesh
 from assetbuild.mesh.triangles import TriangleMesh, bounds_of, face_normals, merged, unit_vectors
 from assetbuild.mesh.volume import area, is_closed, signed_volume
@@ -27,13 +30,13 @@ NORMAL_DECIMALS = 6
 
 
 class ConvertMesh(Step):
-    """Reads `mesh`; an OBJ's MTL files may lie in `libraries/` under their names."""
+    """Reads `mesh`, and the files that it names as `companions/<number>`."""
 
-    version = "2"
-    tools = ("numpy", "pycollada", "trimesh")
+    version = "3"
+    tools = ("numpy", "pycollada", "trimesh", "pillow")
     outputs = ("parts/", "mesh.json")
     isolated = True
-    preload = ("numpy", "trimesh", "collada", "lxml.etree")
+    preload = ("numpy", "trimesh", "collada", "lxml.etree", "PIL.Image")
     limits: ClassVar[Limits] = Limits(wall_s=120.0, memory_mb=4096)
 
     format: Format
@@ -42,31 +45,44 @@ class ConvertMesh(Step):
     """Per axis, baked into the vertices; a mirroring scale keeps outward normals."""
     up_axis: UpAxis = "ignore"
     """What a stated Y_UP or X_UP does: nothing, or turn the mesh to Z."""
+    companions: tuple[str, ...] = ()
+    """Names, as `mesh/companions.py` spells them, of the inputs `companions/0`, `.../1`, ..."""
+    keep_uv: bool = False
+    """Keep texture coordinates without a texture: the description brings one."""
     subject: str = "mesh"
     """What findings and errors call it. Part of the key: name no path to share the result."""
 
     def run(self, files: Files) -> Iterable[Finding]:
         """Convert; raises StepError for a mesh that is broken, empty or not finite."""
+        companions = {
+            name: (files.inputs / "companions" / str(number)).read_bytes()
+            for number, name in enumerate(self.companions)
+        }
         source = read_mesh(
             (files.inputs / "mesh").read_bytes(),
             self.format,
             up_axis=self.up_axis,
-            libraries=_libraries(files.inputs / "libraries"),
+            companions=companions,
             subject=self.subject,
         )
         yield from source.findings
-        parts = [MaterialPart(p.material, self._prepared(p)) for p in source.parts]
+        painted = _Painted({**companions, **source.pictures}, files.outputs / "parts")
+        textured = [painted.part(part) for part in source.parts]
+        parts = [MaterialPart(p.material, self._prepared(p)) for p in textured]
         yield from self._collapsed(source.parts, parts)
+        yield from self._without_coordinates(source.parts, parts)
         parts = [part for part in parts if len(part.mesh.faces)]
         if not parts:
             raise StepError(f"{self.subject}: no triangle has an area")
-        write_converted(files.outputs, parts)
-        yield from self._left_out(parts)
+        turned = source.up_axis is not None and self.up_axis == "honour"
+        write_converted(files.outputs, parts, source.up_axis, turned=turned)
+        yield from self._lost(painted.lost)
         yield from self._inside_out(parts)
 
     def _prepared(self, part: MaterialPart) -> TriangleMesh:
         """Scaled and welded; texture coordinates only where a texture uses them."""
-        mesh = part.mesh if part.material.texture else replace(part.mesh, uv=None)
+        used = self.keep_uv or part.material.texture
+        mesh = part.mesh if used else replace(part.mesh, uv=None)
         try:
             mesh = weld(mesh.scaled(self.scale))
         except ValueError as error:
@@ -90,17 +106,33 @@ class ConvertMesh(Step):
                 data={"dropped": dropped, "faces": faces},
             )
 
-    def _left_out(self, parts: Sequence[MaterialPart]) -> Iterator[Finding]:
-        for part in parts:
-            if part.material.texture:
-                yield Finding(
-                    rule="mesh.texture",
-                    severity="warning",
-                    subject=self.subject,
-                    message=f"the texture `{part.material.texture}` is not carried along",
-                    hint="the part keeps its texture coordinates and is drawn in one colour",
-                    data={"texture": part.material.texture},
-                )
+    def _without_coordinates(
+        self, before: Sequence[MaterialPart], after: Sequence[MaterialPart]
+    ) -> Iterator[Finding]:
+        dropped = sum(
+            old.mesh.uv is not None and new.mesh.uv is None
+            for old, new in zip(before, after, strict=True)
+        )
+        if dropped:
+            yield Finding(
+                rule="mesh.uv",
+                severity="info",
+                subject=self.subject,
+                message=f"{dropped} parts have texture coordinates and no texture: "
+                "the coordinates are left out",
+                data={"parts": dropped},
+            )
+
+    def _lost(self, lost: Mapping[str, str]) -> Iterator[Finding]:
+        for texture, why in lost.items():
+            yield Finding(
+                rule="mesh.texture",
+                severity="warning",
+                subject=self.subject,
+                message=f"the texture `{texture}` {why}: its part is drawn in one colour",
+                hint="paths start at the folder of the file that names the texture",
+                data={"texture": texture},
+            )
 
     def _inside_out(self, parts: Sequence[MaterialPart]) -> Iterator[Finding]:
         for number, part in enumerate(parts):
@@ -116,12 +148,54 @@ class ConvertMesh(Step):
                 )
 
 
-def write_converted(folder: Path, parts: Sequence[MaterialPart]) -> None:
+class _Painted:
+    """Materials whose textures are PNG files in `folder`, named by their content.
+
+    lost: texture -> why it is not there.
+    """
+
+    def __init__(self, pictures: Mapping[str, bytes], folder: Path) -> None:
+        folder.mkdir()
+        self._pictures, self._folder = pictures, folder
+        self._files: dict[str, str | None] = {}
+        self.lost: dict[str, str] = {}
+
+    def part(self, part: MaterialPart) -> MaterialPart:
+        """The part with its texture by file name, or without one."""
+        texture = part.material.texture
+        if texture is None:
+            return part
+        if part.mesh.uv is None:
+            self.lost[texture] = "has no texture coordinates to lie on"
+            return replace(part, material=replace(part.material, texture=None))
+        if texture not in self._files:
+            self._files[texture] = self._written(texture)
+        return replace(part, material=replace(part.material, texture=self._files[texture]))
+
+    def _written(self, texture: str) -> str | None:
+        if texture not in self._pictures:
+            self.lost[texture] = "is not in the source"
+            return None
+        try:
+            png = png_of(self._pictures[texture], texture)
+        except ValueError as error:
+            self.lost[texture] = f"is not readable as a picture ({error})"
+            return None
+        stem = re.sub(r"[^A-Za-z0-9_]+", "_", PurePosixPath(texture).stem)
+        name = f"{stem}-{hashlib.sha256(png).hexdigest()[:8]}.png"
+        (self._folder / name).write_bytes(png)
+        return name
+
+
+def write_converted(
+    folder: Path, parts: Sequence[MaterialPart], up_axis: str | None = None, *, turned: bool = False
+) -> None:
     """Write `parts/<n>.obj` and `mesh.json` (a `ConvertedMesh`) into `folder`."""
     (folder / "parts").mkdir(exist_ok=True)
     for number, part in enumerate(parts):
         (folder / "parts" / f"{number}.obj").write_bytes(obj_bytes(part.mesh))
-    (folder / "mesh.json").write_bytes(encode(describe(parts)))
+    record = replace(describe(parts), up_axis=up_axis, turned=turned)
+    (folder / "mesh.json").write_bytes(encode(record))
 
 
 def describe(parts: Sequence[MaterialPart]) -> ConvertedMesh:
@@ -149,6 +223,7 @@ def _described(number: int, part: MaterialPart) -> MeshPart:
         material=material.name,
         rgba=material.rgba,
         texture=material.texture,
+        uv=part.mesh.uv is not None,
     )
 
 
@@ -163,9 +238,3 @@ def _tidy_normals(mesh: TriangleMesh) -> Array:
         normals[missing] = flat[missing]
         normals[~normals.any(axis=2)] = (0.0, 0.0, 1.0)  # a needle without area: any direction
     return np.round(normals, NORMAL_DECIMALS) + 0.0
-
-
-def _libraries(folder: Path) -> dict[str, bytes]:
-    if not folder.is_dir():
-        return {}
-    return {p.name: p.read_bytes() for p in sorted(folder.iterdir()) if p.is_file()}

@@ -58,7 +58,7 @@ class DecimateMesh(Step):
     doubled until it does not. A mesh within the goal passes byte for byte.
     """
 
-    version = "1"
+    version = "2"
     tools = ("numpy", "scipy", "fast-simplification")
     outputs = ("parts/", "mesh.json")
     isolated = True
@@ -97,6 +97,8 @@ class DecimateMesh(Step):
                 shutil.copyfile(files.inputs / "parts" / f"{number}.obj", target)
             else:
                 target.write_bytes(obj_bytes(new.mesh))
+        for picture in sorted({part.texture for part in record.parts if part.texture}):
+            shutil.copyfile(files.inputs / "parts" / picture, files.outputs / "parts" / picture)
         (files.outputs / "mesh.json").write_bytes(encode(describe(out)))
         reached = sum(len(part.mesh.faces) for part in out)
         yield self._decimated(record.faces, reached, found)

@@ -9,18 +9,19 @@ from pydantic import Field
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Tree
+from assetbuild.robot.model import Shapes, Tree
 from assetbuild.steps._inertia_rules import Bounds, inertia_findings
 
 
 class LintBodies(Step):
-    """`tree.json` -> findings only, by the same rules as `lint_links`."""
+    """`tree.json`, `shapes.json` -> findings only, by the same rules as `lint_links`."""
 
-    version = "2"
+    version = "4"
 
     bounds: Bounds = Field(default_factory=Bounds)
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Findings in tree order."""
         tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        yield from inertia_findings(tree, self.bounds, "error")
+        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        yield from inertia_findings(tree, shapes, self.bounds, "error")

@@ -22,7 +22,7 @@ class LintLinks(Step):
     `lint_bodies` judges what will be simulated. Joint limits are final here.
     """
 
-    version = "3"
+    version = "5"
 
     bounds: Bounds = Field(default_factory=Bounds)
 
@@ -30,7 +30,7 @@ class LintLinks(Step):
         """Findings in the order of the source's tree."""
         tree = decode(Tree, (files.inputs / "links.json").read_bytes())
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        yield from inertia_findings(tree, self.bounds, "warning")
+        yield from inertia_findings(tree, shapes, self.bounds, "warning")
         for joint in tree.moving_joints:
             yield from _range(joint)
             yield from _drive(joint)

@@ -10,28 +10,40 @@ from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Tree
+from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import Merged, merge_fixed_joints
 
 
 class MergeFixedJoints(Step):
-    """`links.json` -> `tree.json`, the bodies that will be simulated."""
+    """`links.json` -> `tree.json`, the bodies that will be simulated.
+
+    With `keep_source` it reads `source_control.json` too, which names the bodies of an MJCF.
+    """
 
     outputs = ("tree.json",)
 
     merge: bool = True
     keep_bodies: tuple[str, ...] = ()
     """Patterns that match whole link names; those links stay bodies on their fixed joint."""
+    keep_source: bool = False
+    """Keep all that the source calls a body; only what names places is merged."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises RecipeError for a pattern that matches no link."""
         links = decode(Tree, (files.inputs / "links.json").read_bytes())
-        tree, facts = merge_fixed_joints(links, self.merge, self._kept(links))
+        tree, facts = merge_fixed_joints(links, self.merge, self._kept(links) | self._source(files))
         (files.outputs / "tree.json").write_bytes(encode(tree))
         for fact in facts:
             if fact.placeholder:
                 yield _placeholder(fact, links)
         if facts:
             yield _merged(facts, tree)
+
+    def _source(self, files: Files) -> frozenset[str]:
+        if not self.keep_source:
+            return frozenset()
+        said = (files.inputs / "source_control.json").read_bytes()
+        return frozenset(decode(SourceControl, said).bodies)
 
     def _kept(self, links: Tree) -> frozenset[str]:
         kept: set[str] = set()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import shutil
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from pathlib import Path
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
@@ -40,6 +41,7 @@ class Urdf(Target):
     spheres in the same link. Whether the base is fixed cannot be said in URDF.
     """
 
+    version = "2"
     outputs = ("urdf/",)
     reads = ("links.json", "shapes.json", "control.json", "meshes/")
 
@@ -51,9 +53,9 @@ class Urdf(Target):
         robot = ET.Element("robot", name=tree.name)
         for material in shapes.materials:
             _add_material(robot, material)
-        assets = {asset.name: f"meshes/{asset.file}" for asset in shapes.meshes}
+        meshes = _Meshes(shapes)
         for body in tree.bodies:
-            _add_link(robot, body, [s for s in shapes.shapes if s.link == body.name], assets)
+            _add_link(robot, body, [s for s in shapes.shapes if s.link == body.name], meshes)
         for joint in tree.joints:
             actuator = control.by_joint.get(joint.name)
             _add_joint(robot, joint, actuator)
@@ -64,15 +66,60 @@ class Urdf(Target):
         text: str = ET.tostring(robot, encoding="unicode")
         text = f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n'
         (folder / f"{self.robot}.urdf").write_text(text, encoding="utf-8")
-        textures = [material.texture for material in shapes.materials if material.texture]
-        _copy_files(files, sorted({*(asset.file for asset in shapes.meshes), *textures}))
+        meshes.write(files.inputs / "meshes", folder / "meshes")
 
 
-def _copy_files(files: Files, names: list[str]) -> None:
-    if names:
-        (files.outputs / "urdf" / "meshes").mkdir()
-    for name in names:
-        shutil.copyfile(files.inputs / "meshes" / name, files.outputs / "urdf" / "meshes" / name)
+class _Meshes:
+    """The mesh files of the URDF: an OBJ for each asset, and one with an MTL for each texture.
+
+    A URDF viewer takes a texture from the mesh file, so an asset that is seen with two textures
+    becomes two files. Collision takes any of them: its readers know no materials.
+    """
+
+    def __init__(self, shapes: Shapes) -> None:
+        self._assets = {asset.name: asset for asset in shapes.meshes}
+        self._textured = {m.name: m for m in shapes.materials if m.texture}
+        self._looks: dict[str, list[Material | None]] = {name: [] for name in self._assets}
+        for shape in shapes.of("visual"):
+            if isinstance(shape.geometry, Mesh):
+                looks = self._looks[shape.geometry.mesh]
+                if self._look(shape) not in looks:
+                    looks.append(self._look(shape))
+
+    def _look(self, shape: Shape) -> Material | None:
+        return self._textured.get(shape.material or "")
+
+    def path(self, shape: Shape, mesh: Mesh) -> str:
+        """The mesh file of a shape, from the URDF."""
+        looks = self._looks[mesh.mesh]
+        number = looks.index(self._look(shape)) if shape.role == "visual" else 0
+        return f"meshes/{self._stem(mesh.mesh, number)}.obj"
+
+    def _stem(self, asset: str, number: int) -> str:
+        stem = self._assets[asset].file.removesuffix(".obj")
+        return f"{stem}_{number + 1}" if number else stem
+
+    def write(self, source: Path, dest: Path) -> None:
+        """All files, and the pictures beside them."""
+        if self._assets or self._textured:
+            dest.mkdir()
+        for name, asset in self._assets.items():
+            for number, look in enumerate(self._looks[name] or [None]):
+                target = dest / f"{self._stem(name, number)}.obj"
+                if look is None:
+                    shutil.copyfile(source / asset.file, target)
+                    continue
+                data = (source / asset.file).read_bytes()
+                head = f"mtllib {target.stem}.mtl\nusemtl textured\n".encode()
+                target.write_bytes(head + data)
+                target.with_suffix(".mtl").write_text(_mtl(look), encoding="utf-8")
+        for picture in sorted({str(material.texture) for material in self._textured.values()}):
+            shutil.copyfile(source / picture, dest / picture)
+
+
+def _mtl(material: Material) -> str:
+    r, g, b, a = map(repr, material.rgba)
+    return f"newmtl textured\nKd {r} {g} {b}\nd {a}\nmap_Kd {material.texture}\n"
 
 
 def _add_material(robot: ET.Element, material: Material) -> None:
@@ -82,9 +129,7 @@ def _add_material(robot: ET.Element, material: Material) -> None:
         ET.SubElement(element, "texture", filename=f"meshes/{material.texture}")
 
 
-def _add_link(
-    robot: ET.Element, body: Body, shapes: list[Shape], assets: Mapping[str, str]
-) -> None:
+def _add_link(robot: ET.Element, body: Body, shapes: list[Shape], meshes: _Meshes) -> None:
     link = ET.SubElement(robot, "link", name=body.name)
     if body.inertial is not None:
         _add_inertial(link, body.inertial)
@@ -92,7 +137,8 @@ def _add_link(
         for name, pose, geometry in _pieces(shape):
             element = ET.SubElement(link, shape.role, name=name)
             _add_origin(element, pose)
-            _add_geometry(ET.SubElement(element, "geometry"), geometry, assets)
+            file = meshes.path(shape, geometry) if isinstance(geometry, Mesh) else ""
+            _add_geometry(ET.SubElement(element, "geometry"), geometry, file)
             if shape.material is not None:
                 ET.SubElement(element, "material", name=shape.material)
 
@@ -128,7 +174,7 @@ def _pieces(shape: Shape) -> Iterator[tuple[str, Pose, Geometry]]:
         yield f"{shape.name}_{end}", pose, Sphere(geometry.radius)
 
 
-def _add_geometry(parent: ET.Element, geometry: Geometry, assets: Mapping[str, str]) -> None:
+def _add_geometry(parent: ET.Element, geometry: Geometry, file: str) -> None:
     match geometry:
         case Box(size):
             ET.SubElement(parent, "box", size=_words(size))
@@ -136,8 +182,8 @@ def _add_geometry(parent: ET.Element, geometry: Geometry, assets: Mapping[str, s
             ET.SubElement(parent, "sphere", radius=repr(radius))
         case Cylinder(radius, length):
             ET.SubElement(parent, "cylinder", radius=repr(radius), length=repr(length))
-        case Mesh(mesh, scale):
-            element = ET.SubElement(parent, "mesh", filename=assets[mesh])
+        case Mesh(scale=scale):
+            element = ET.SubElement(parent, "mesh", filename=file)
             if scale != (1.0, 1.0, 1.0):
                 element.set("scale", _words(scale))
         case Capsule():
@@ -168,13 +214,15 @@ def _add_joint(robot: ET.Element, joint: Joint, actuator: Actuator | None) -> No
 
 
 def _limits(joint: Joint, actuator: Actuator | None) -> dict[str, float]:
-    """The attributes of <limit> that somebody stated."""
-    stated = {
-        "lower": joint.limits.lower,
-        "upper": joint.limits.upper,
-        "effort": actuator.effort if actuator else joint.limits.effort,
-        "velocity": actuator.velocity if actuator else joint.limits.velocity,
-    }
+    """The attributes of <limit> that somebody stated.
+
+    Where the source says 0 and the actuator takes it as unlimited, the 0 stays: URDF has no other
+    word for it, and parsers refuse a <limit> without the attribute.
+    """
+    stated = {"lower": joint.limits.lower, "upper": joint.limits.upper}
+    for name in ("effort", "velocity"):
+        driven: float | None = getattr(actuator, name) if actuator else None
+        stated[name] = getattr(joint.limits, name) if driven is None else driven
     return {name: value for name, value in stated.items() if value is not None}
 
 

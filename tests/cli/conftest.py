@@ -13,6 +13,17 @@ from pathlib import Path
 import pytest
 
 RECIPE = Path(__file__).parents[2] / "recipes" / "go1.yaml"
+LEGS = Path(__file__).parents[1] / "robots" / "four_legs.urdf"
+LEGS_RECIPE = """\
+schema: assetbuild/v1
+robot: legs
+source: {path: robot, urdf: four_legs.urdf, license: MIT}
+base: floating
+collision: {default: {method: keep}}
+actuators:
+  - {joints: ".*", model: pd, kp: 20, kd: 1, effort: 10, velocity: 20}
+targets: [urdf]
+"""
 
 
 @dataclass
@@ -102,3 +113,65 @@ def place(tmp_path: Path, go1_root: Path, built_store: Path) -> Workplace:
 def cold_place(tmp_path: Path, go1_root: Path) -> Workplace:
     """A workplace with an empty store."""
     return new_workplace(tmp_path / "cold", go1_root, tmp_path / "store")
+
+
+@dataclass
+class Legs:
+    """A folder with `legs.yaml`, a robot without meshes, and a store: built in a moment."""
+
+    folder: Path
+    store: Path
+
+    @property
+    def recipe(self) -> Path:
+        return self.folder / "legs.yaml"
+
+    @property
+    def urdf(self) -> Path:
+        return self.folder / "robot/four_legs.urdf"
+
+    @property
+    def bundle(self) -> Path:
+        return self.folder / "build/legs"
+
+    def command(self, *words: str) -> list[str]:
+        return [sys.executable, "-m", "assetbuild", *words]
+
+    def env(self, **more: str) -> dict[str, str]:
+        kept = {k: v for k, v in os.environ.items() if not k.startswith("ASSETBUILD_")}
+        return kept | {"ASSETBUILD_CACHE": str(self.store)} | more
+
+    def run(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            self.command(*words),
+            cwd=self.folder,
+            env=self.env(**environment),
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
+
+    def build(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
+        return self.run("build", "legs.yaml", *words, **environment)
+
+    def steps(self) -> dict[str, str]:
+        """Status of each step in the last build."""
+        log = json.loads((self.folder / "build/legs.run.json").read_text())
+        return {label: step["status"] for label, step in log["steps"].items()}
+
+    def edit(self, old: str, new: str) -> None:
+        text = self.recipe.read_text()
+        assert old in text
+        self.recipe.write_text(text.replace(old, new))
+
+
+def new_legs(folder: Path, store: Path | None = None) -> Legs:
+    (folder / "robot").mkdir(parents=True)
+    shutil.copyfile(LEGS, folder / "robot/four_legs.urdf")
+    (folder / "legs.yaml").write_text(LEGS_RECIPE)
+    return Legs(folder, store or folder / "store")
+
+
+@pytest.fixture
+def legs(tmp_path: Path) -> Legs:
+    return new_legs(tmp_path / "legs")

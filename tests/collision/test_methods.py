@@ -23,6 +23,7 @@ from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.volume import is_closed, signed_volume
+from assetbuild.recipe.collision import VHacdOptions
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Box, Capsule, Cylinder, Mesh, Sphere
 from assetbuild.robot.pose import Pose, quat_of_rpy
@@ -66,7 +67,13 @@ def fit(tmp_path: Path, method: CollisionMethod, *meshes: TriangleMesh, run: str
 
 
 def test_the_methods_are_found_by_their_file_names():
-    assert plugin_names("assetbuild.collision") == ("coacd", "hull", "primitive", "vhacd")
+    assert plugin_names("assetbuild.collision") == (
+        "auto",
+        "coacd",
+        "hull",
+        "primitive",
+        "vhacd",
+    )
     assert load_plugin(CollisionMethod, "assetbuild.collision", "hull") is Hull
 
 
@@ -160,7 +167,7 @@ def test_a_source_that_is_the_primitive_stays_exactly_as_it_is(tmp_path, shape):
     (piece,), _, findings, files = fit(tmp_path, FitPrimitive(sources=(source,), shape=shape))
     assert (piece.geometry, piece.X_frame_piece) == (Sphere(0.0213), TURNED)
     assert findings == {}
-    assert list(files) == ["pieces.json"]
+    assert sorted(files) == ["pieces.json", "quality.json"]
 
 
 def test_a_cylinder_asked_to_be_a_capsule_becomes_one(tmp_path):
@@ -193,7 +200,7 @@ def test_the_choice_does_not_depend_on_the_scale(tmp_path, scale):
     "method",
     [
         Hull(sources=MESH, max_vertices=16),
-        VHacd(sources=MESH, max_hulls=4, resolution=50_000),
+        VHacd(sources=MESH, max_hulls=4, vhacd=VHacdOptions(resolution=50_000)),
         CoAcd(sources=MESH),
         FitPrimitive(sources=MESH),
     ],

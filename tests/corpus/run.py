@@ -23,7 +23,7 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Lock
-from xml.etree.ElementTree import ParseError
+from xml.etree.ElementTree import Element, ParseError
 
 from defusedxml.ElementTree import parse
 
@@ -99,7 +99,7 @@ def one(root: Path, name: str, work: Path) -> dict[str, object]:
     folder.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
     row: dict[str, object] = {"result": "refused", "note": "", "seconds": 0.0}
-    row |= counts_in(urdf)
+    row |= counts_in(urdf, root)
     done = run("init", str(urdf), "-o", str(folder / "recipe.yaml"), "--force")
     if done.returncode == 0:
         done = run("build", str(folder / "recipe.yaml"), "-o", str(folder / "bundle"))
@@ -123,8 +123,8 @@ def error_of(text: str) -> str:
     return lines[0].removeprefix("error: ")[:200] if lines else ""
 
 
-def counts_in(urdf: Path) -> dict[str, object]:
-    """Shapes and mass that the source states, read by another library than ours."""
+def counts_in(urdf: Path, root: Path) -> dict[str, object]:
+    """Shapes, textures and mass that the source states, read by another library than ours."""
     try:
         robot = parse(urdf).getroot()
     except ParseError:
@@ -134,7 +134,38 @@ def counts_in(urdf: Path) -> dict[str, object]:
         "visual_in": len(robot.findall("link/visual")),
         "collision_in": len(robot.findall("link/collision")),
         "mass_source": sum(masses),
+        "textures_in": len(pictures_of(robot, urdf, root)),
     }
+
+
+def pictures_of(robot: Element, urdf: Path, root: Path) -> set[Path]:
+    """Pictures of what is seen: the files that the visual meshes name, as far as they exist."""
+    found: set[Path] = set()
+    for mesh in robot.iterfind("link/visual/geometry/mesh"):
+        uri = mesh.get("filename", "")
+        inside = re.sub(r"^package:/+[^/]+/", "", uri)
+        path = urdf.parent / uri if inside == uri else root / inside
+        if path.is_file():
+            found |= {picture.resolve() for picture in named_by(path) if picture.is_file()}
+    return found
+
+
+def named_by(mesh: Path) -> list[Path]:
+    """Pictures that a COLLADA file or an OBJ's material library names."""
+    if mesh.suffix.lower() == ".dae":
+        images = [e for e in parse(mesh).getroot().iter() if e.tag.endswith("}image")]
+        names = [e.text for image in images for e in image.iter() if e.tag.endswith("}init_from")]
+        return [mesh.parent / name.strip() for name in names if name]
+    if mesh.suffix.lower() == ".obj":
+        text = mesh.read_text(errors="replace")
+        libraries = [mesh.parent / n for n in re.findall(r"(?m)^mtllib (.+?)\s*$", text)]
+        return [
+            library.parent / name
+            for library in libraries
+            if library.is_file()
+            for name in re.findall(r"(?m)^\s*map_Kd (.+?)\s*$", library.read_text())
+        ]
+    return []
 
 
 def judged(folder: Path, code: int) -> dict[str, object]:
@@ -158,6 +189,7 @@ def judged(folder: Path, code: int) -> dict[str, object]:
         ]
         row["where"] = first["where"]
     row["figures"] = said["checks"].get("oracle", {}).get("figures", {})
+    row["lost"] = sorted({f["subject"] for f in findings if f["rule"].startswith("count.")})
     return row | counts_out(bundle)
 
 
@@ -174,6 +206,7 @@ def counts_out(bundle: Path) -> dict[str, object]:
     return {
         "visual_out": groups[2],
         "collision_out": groups[3],
+        "textures_out": sum(1 for kind in model.tex_type if kind == mujoco.mjtTexture.mjTEXTURE_2D),
         "mass_mjcf": float(model.body_mass.sum()),
     }
 
@@ -184,9 +217,9 @@ def counts_out(bundle: Path) -> dict[str, object]:
 def table(rows: dict[str, dict]) -> str:
     head = (
         "| robot | result | mass kg | mass err | kinematics | mass matrix | gravity "
-        "| visual | collision | s | E/W/I | note |"
+        "| visual | collision | textures | lost | s | E/W/I | note |"
     )
-    lines = [f"# Corpus: {PACKAGE}", "", summary(rows), "", head, "|" + " --- |" * 12]
+    lines = [f"# Corpus: {PACKAGE}", "", summary(rows), "", head, "|" + " --- |" * 14]
     lines += [line_of(name, rows[name]) for name in sorted(rows)]
     lines += [
         "",
@@ -208,6 +241,8 @@ def line_of(name: str, row: dict) -> str:
         ),
         f"{row.get('visual_in', '-')} → {row.get('visual_out', '-')}",
         f"{row.get('collision_in', '-')} → {row.get('collision_out', '-')}",
+        f"{row.get('textures_in', '-')} → {row.get('textures_out', '-')}",
+        ", ".join(row["lost"]) or "none" if "lost" in row else "-",
         f"{row['seconds']:.0f}",
         "/".join(str(findings.get(s, 0)) for s in ("error", "warning", "info")),
         str(row["note"]).replace("|", "\\|").replace("\n", " "),
@@ -239,8 +274,31 @@ def summary(rows: dict[str, dict]) -> str:
     seconds = sum(row["seconds"] for row in rows.values())
     mass = f"{max(masses):.1e}" if masses else "-"
     return (
-        f"{len(rows)} robots: {told}. Worst errors: mass {mass}, {errors}. {seconds:.0f} s in all."
+        f"{len(rows)} robots: {told}. Worst errors: mass {mass}, {errors}. {seconds:.0f} s in all. "
+        f"{shapes_summary(rows)}"
     )
+
+
+def shapes_summary(rows: dict[str, dict]) -> str:
+    """Sums over the robots that have an MJCF, and who lost a shape or a texture."""
+    there = {name: row for name, row in rows.items() if "visual_out" in row}
+    sums = {
+        key: sum(row.get(key, 0) for row in there.values())
+        for kind in ("visual", "collision", "textures")
+        for key in (f"{kind}_in", f"{kind}_out")
+    }
+    losers = [
+        name
+        for name, row in there.items()
+        if row.get("lost")
+        or row["visual_out"] < row["visual_in"]
+        or row.get("textures_out", 0) != row.get("textures_in", 0)
+    ]
+    counts = ", ".join(
+        f"{kind} {sums[f'{kind}_in']} → {sums[f'{kind}_out']}"
+        for kind in ("visual", "collision", "textures")
+    )
+    return f"Shapes: {counts}. Lost a shape or texture: {', '.join(losers) or 'none'}."
 
 
 if __name__ == "__main__":

@@ -32,5 +32,7 @@ def test_init_and_build(name: str, go1_root: Path, tmp_path: Path, monkeypatch: 
     for kind in ("kinematics", "mass_matrix", "gravity"):
         assert row["figures"][f"{kind}_error"] < 1e-9  # type: ignore[index] # data of a report
     assert row["visual_out"] >= row["visual_in"]  # type: ignore[operator] # as above
+    assert row["lost"] == []
+    assert row["textures_out"] == row["textures_in"]
     # Without collision in the source, each visual gives some.
     assert row["collision_out"] == (row["collision_in"] or row["visual_in"])

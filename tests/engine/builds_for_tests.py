@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
-from steps_for_tests import Mix
+from steps_for_tests import Mix, Split
 
 from assetbuild.engine.execute import NodeResult, execute
 from assetbuild.engine.graph import Graph, Planner
+from assetbuild.engine.remote import Remote
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step
+from assetbuild.engine.store import Store
 
 
 def one(session: Session, step: Step, source: Path | None = None, **options: Any) -> NodeResult:
@@ -34,3 +37,30 @@ def is_alive(pid: int) -> bool:
     except OSError:
         return False
     return state != "Z"
+
+
+class Machine:
+    """A store of its own, and what it was warned of."""
+
+    def __init__(self, folder: Path, url: str = "", **options: Any) -> None:
+        self.folder = folder
+        self.warnings: list[str] = []
+        self.seconds = 0.0
+        self.remote = None
+        if url:
+            self.remote = Remote(url, warn=self.warnings.append, **options)
+
+    def build(self, robot: Path) -> dict[str, NodeResult]:
+        began = time.monotonic()
+        with Session(Store(self.folder), remote=self.remote) as session:
+            planner = Planner(session)
+            split = planner.add("split", Split(), {"in": planner.source(robot)})
+            mix = planner.add(
+                "mix", Mix(), {"all/": split["parts/"], "one": split["parts/"] / "one"}
+            )
+            planner.add("last", Mix(salt=1), {"in": mix["out"]})
+            results = execute(planner.graph(), session, jobs=2)
+            assert [str(r.error) for r in results.values() if r.error] == []
+            self.content = session.read(results["last"]["out"])
+        self.seconds = time.monotonic() - began
+        return results

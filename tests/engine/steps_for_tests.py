@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import json
 import os
@@ -11,6 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import ClassVar
 
@@ -299,3 +301,62 @@ class LeavesAChild(Step):
         child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
         (files.outputs / "out").write_text(str(child.pid))
         return ()
+
+
+class Reads(Step):
+    """Opens a path that is not among its inputs, in one of several ways; what it got, or no."""
+
+    outputs = ("out",)
+    path: str
+    how: str
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        got = ""
+        with suppress(OSError, subprocess.CalledProcessError):
+            got = getattr(self, f"by_{self.how}")(files)
+        (files.outputs / "out").write_text(got or "nothing")
+        return ()
+
+    def by_open(self, files: Files) -> str:
+        return Path(self.path).read_text()
+
+    def by_native_code(self, files: Files) -> str:
+        libc = ctypes.CDLL(None)
+        libc.open.argtypes = (ctypes.c_char_p, ctypes.c_int)
+        descriptor = libc.open(self.path.encode(), os.O_RDONLY)
+        return os.read(descriptor, 100).decode() if descriptor >= 0 else ""
+
+    def by_listing(self, files: Files) -> str:
+        return " ".join(p.name for p in Path(self.path).iterdir())
+
+    def by_program(self, files: Files) -> str:
+        return subprocess.run(["cat", self.path], check=True, capture_output=True, text=True).stdout
+
+    def by_link(self, files: Files) -> str:
+        link = files.outputs.parent / "home" / "link"
+        link.symlink_to(self.path)
+        return link.read_text()
+
+    def by_relative_path(self, files: Files) -> str:
+        return Path(os.path.relpath(self.path)).read_text()
+
+    def by_writing(self, files: Files) -> str:
+        (files.outputs.parent / "home" / "own").write_text("mine")
+        return (files.outputs.parent / "home" / "own").read_text()
+
+    def by_input(self, files: Files) -> str:
+        return (files.inputs / "in").read_text() + str([p.name for p in files.inputs.iterdir()])
+
+
+class ReadsInChild(Reads):
+    isolated: ClassVar[bool] = True
+
+
+class ReadsAndDies(Reads):
+    """As code that cannot cope with a refused file."""
+
+    isolated: ClassVar[bool] = True
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        super().run(files)
+        os.abort()

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 
 import pytest
+from builds_for_tests import Machine
 from servers_for_tests import CacheServer, serving
-from steps_for_tests import Mix, Split
 
-from assetbuild.engine.execute import NodeResult, execute
-from assetbuild.engine.graph import Planner
+from assetbuild.engine.execute import NodeResult
 from assetbuild.engine.remote import Budget, Remote
-from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 from assetbuild.errors import UsageError
 
@@ -33,69 +30,41 @@ def robot(tmp_path: Path) -> Path:
     return source
 
 
-class Machine:
-    """A store of its own, and what it was warned of."""
-
-    def __init__(self, folder: Path, server: CacheServer | None, url: str = "", **options) -> None:
-        self.folder = folder
-        self.warnings: list[str] = []
-        self.seconds = 0.0
-        self.remote = None
-        if server is not None:
-            options = {"warn": self.warnings.append, **options}
-            self.remote = Remote(url or server.url, **options)
-
-    def build(self, robot: Path) -> dict[str, NodeResult]:
-        began = time.monotonic()
-        with Session(Store(self.folder), remote=self.remote) as session:
-            planner = Planner(session)
-            split = planner.add("split", Split(), {"in": planner.source(robot)})
-            mix = planner.add(
-                "mix", Mix(), {"all/": split["parts/"], "one": split["parts/"] / "one"}
-            )
-            planner.add("last", Mix(salt=1), {"in": mix["out"]})
-            results = execute(planner.graph(), session, jobs=2)
-            assert [str(r.error) for r in results.values() if r.error] == []
-            self.content = session.read(results["last"]["out"])
-        self.seconds = time.monotonic() - began
-        return results
-
-
 def outputs(results: dict[str, NodeResult]) -> list[object]:
     return [result.outputs for result in results.values()]
 
 
 @pytest.fixture
 def gold(tmp_path: Path, robot: Path) -> list[object]:
-    return outputs(Machine(tmp_path / "gold", None).build(robot))
+    return outputs(Machine(tmp_path / "gold").build(robot))
 
 
 def test_the_second_machine_builds_nothing(tmp_path, robot, server, gold):
-    first = Machine(tmp_path / "a", server, write=True).build(robot)
-    second = Machine(tmp_path / "b", server)
+    first = Machine(tmp_path / "a", server.url, write=True).build(robot)
+    second = Machine(tmp_path / "b", server.url)
     results = second.build(robot)
     assert [r.status for r in first.values()] == ["ran"] * 3
     assert [r.status for r in results.values()] == ["cached"] * 3
     assert outputs(results) == gold
     assert [r.findings for r in results.values()] == [r.findings for r in first.values()]
     assert second.warnings == []
-    again = Machine(tmp_path / "b", server)
+    again = Machine(tmp_path / "b", server.url)
     asked = len(server.asked)
     assert [r.status for r in again.build(robot).values()] == ["cached"] * 3
     assert len(server.asked) == asked  # what is here is not asked for
 
 
 def test_nothing_is_written_unless_asked_for(tmp_path, robot, server):
-    Machine(tmp_path / "a", server).build(robot)
+    Machine(tmp_path / "a", server.url).build(robot)
     assert server.files == {}
     assert {verb for verb, _ in server.asked} == {"GET"}
 
 
 def test_an_object_is_sent_once(tmp_path, robot, server):
-    Machine(tmp_path / "a", server, write=True).build(robot)
+    Machine(tmp_path / "a", server.url, write=True).build(robot)
     server.files = {k: v for k, v in server.files.items() if k.startswith("/cas")}
     server.asked.clear()
-    Machine(tmp_path / "b", server, write=True).build(robot)
+    Machine(tmp_path / "b", server.url, write=True).build(robot)
     assert not [path for verb, path in server.asked if verb == "PUT" and "/cas/" in path]
 
 
@@ -110,12 +79,12 @@ FAULTS = (
 def test_a_server_that_misbehaves_costs_a_bounded_time_and_one_warning(
     tmp_path, robot, server, gold, fault
 ):
-    Machine(tmp_path / "a", server, write=True).build(robot)
+    Machine(tmp_path / "a", server.url, write=True).build(robot)
     with serving() as elsewhere:
         elsewhere.files = server.files
         server.fault, server.elsewhere = fault, elsewhere.url
         url = server.url.replace("//", "//user:secret@")
-        second = Machine(tmp_path / "b", server, url=url, budget=QUICK)
+        second = Machine(tmp_path / "b", url, budget=QUICK)
         results = second.build(robot)
         assert elsewhere.asked == []
     assert outputs(results) == gold
@@ -131,14 +100,14 @@ def test_a_server_that_misbehaves_costs_a_bounded_time_and_one_warning(
 
 
 def test_a_server_that_is_not_there_is_one_warning(tmp_path, robot, server, gold):
-    machine = Machine(tmp_path / "a", server, url="http://127.0.0.1:9")
+    machine = Machine(tmp_path / "a", "http://127.0.0.1:9")
     assert outputs(machine.build(robot)) == gold
     assert len(machine.warnings) == 1
 
 
 def test_errors_while_writing_cost_nothing_but_a_warning(tmp_path, robot, server, gold):
     server.fault = "500"
-    machine = Machine(tmp_path / "a", server, write=True)
+    machine = Machine(tmp_path / "a", server.url, write=True)
     assert outputs(machine.build(robot)) == gold
     assert len(machine.warnings) == 1
 
@@ -152,38 +121,38 @@ def poison(server: CacheServer, *, drop_signature: bool) -> None:
     mixes[0]["objects"], mixes[1]["objects"] = mixes[1]["objects"], mixes[0]["objects"]
     for name, entry in zip(names, entries, strict=True):
         if drop_signature:
-            entry.pop("signature", None)
+            entry.pop("signature")
         server.files[name] = json.dumps(entry).encode()
 
 
 @pytest.mark.parametrize("drop_signature", [True, False])
 def test_with_a_key_a_poisoned_entry_is_a_miss(tmp_path, robot, server, gold, drop_signature):
-    Machine(tmp_path / "a", server, write=True, key="k").build(robot)
+    Machine(tmp_path / "a", server.url, write=True, key="k").build(robot)
     poison(server, drop_signature=drop_signature)
-    machine = Machine(tmp_path / "b", server, key="k")
+    machine = Machine(tmp_path / "b", server.url, key="k")
     assert outputs(machine.build(robot)) == gold
     assert "not signed with our key" in machine.warnings[0]
 
 
 def test_signed_entries_of_the_same_key_are_taken_and_of_another_refused(tmp_path, robot, server):
-    Machine(tmp_path / "a", server, write=True, key="k").build(robot)
-    same = Machine(tmp_path / "b", server, key="k").build(robot)
+    Machine(tmp_path / "a", server.url, write=True, key="k").build(robot)
+    same = Machine(tmp_path / "b", server.url, key="k").build(robot)
     assert {r.status for r in same.values()} == {"cached"}
-    other = Machine(tmp_path / "c", server, key="other").build(robot)
+    other = Machine(tmp_path / "c", server.url, key="other").build(robot)
     assert {r.status for r in other.values()} == {"ran"}
 
 
 def test_an_entry_under_another_key_is_a_miss(tmp_path, robot, server, gold):
-    Machine(tmp_path / "a", server, write=True, key="k").build(robot)
+    Machine(tmp_path / "a", server.url, write=True, key="k").build(robot)
     names = sorted(name for name in server.files if name.startswith("/ac/"))
     server.files[names[0]], server.files[names[1]] = server.files[names[1]], server.files[names[0]]
-    assert outputs(Machine(tmp_path / "b", server, key="k").build(robot)) == gold
+    assert outputs(Machine(tmp_path / "b", server.url, key="k").build(robot)) == gold
 
 
 def test_a_result_over_the_size_budget_is_not_fetched(tmp_path, robot, server, gold):
-    Machine(tmp_path / "a", server, write=True).build(robot)
+    Machine(tmp_path / "a", server.url, write=True).build(robot)
     small = Budget(request_s=1, lost_s=5, object_bytes=3)
-    machine = Machine(tmp_path / "b", server, budget=small)
+    machine = Machine(tmp_path / "b", server.url, budget=small)
     server.asked.clear()
     assert outputs(machine.build(robot)) == gold
     assert not [path for _, path in server.asked if path.startswith("/cas/")]
@@ -191,7 +160,7 @@ def test_a_result_over_the_size_budget_is_not_fetched(tmp_path, robot, server, g
 
 def test_credentials_go_to_the_named_server(tmp_path, robot, server):
     url = server.url.replace("//", "//user:p%40ss@")
-    Machine(tmp_path / "a", server, url=url).build(robot)
+    Machine(tmp_path / "a", url).build(robot)
     assert server.headers_seen[0]["Authorization"] == "Basic dXNlcjpwQHNz"
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import io
+import json
 import re
 import struct
 
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from assetbuild.errors import StepError
 from assetbuild.mesh.material import SurfaceMaterial
@@ -158,6 +160,7 @@ def test_decimal_numbers_of_a_dae_stay_decimal():
         (b"<html><body>404</body></html>", "COLLADA|scene"),
         (b"PK\x03\x04....", "zip"),
         (b'<!DOCTYPE x [<!ENTITY a "b">]>' + dae(), "entities"),
+        (('<!DOCTYPE x [<!ENTITY a "b">]>' + dae().decode()).encode("utf-16"), "entities"),
         (dae().replace(b'<instance_visual_scene url="#s"/>', b""), "no scene"),
         (b"", "empty"),
     ],
@@ -206,7 +209,7 @@ def test_an_obj_takes_its_colours_from_its_library():
     corners = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
     text = b"mtllib a.mtl\n" + corners + b"usemtl red\nf 1 2 3\nusemtl sky\nf 1 2 4"
     library = b"newmtl red\nKd 1 0 0\nnewmtl sky\nKd 0 0 1\nd 0.5\nmap_Kd sky.png\n"
-    source = read_mesh(text, "obj", libraries={"a.mtl": library})
+    source = read_mesh(text, "obj", companions={"a.mtl": library})
     assert [p.material for p in source.parts] == [
         SurfaceMaterial("red", (1.0, 0.0, 0.0, 1.0)),
         SurfaceMaterial("sky", (0.0, 0.0, 1.0, 0.5), "sky.png"),
@@ -224,6 +227,38 @@ def test_a_ply_arrives(encoding):
     assert part.mesh.corners == pytest.approx(BOX.corners)
 
 
+PLY = """ply
+format ascii 1.0
+element vertex 8
+property float x
+property float y
+property float z
+property uchar red
+property uchar green
+property uchar blue
+element face {count}
+property list uchar int vertex_indices
+end_header
+{vertices}
+{faces}
+"""
+QUADS = ("0 1 3 2", "4 6 7 5", "0 4 5 1", "2 3 7 6", "0 2 6 4", "1 5 7 3")
+
+
+@pytest.mark.parametrize("split", [0, 1, 6], ids=["quads alone", "both", "triangles alone"])
+def test_a_ply_of_quads_has_the_right_shape(split):
+    rows = [QUADS[k].split() for k in range(6)]
+    faces = [f"4 {' '.join(r)}" for r in rows[split:]]
+    for a, b, c, d in rows[:split]:
+        faces += [f"3 {a} {b} {c}", f"3 {a} {c} {d}"]
+    corners = "\n".join(f"{x} {y} {z} 9 9 9" for x in (0, 1) for y in (0, 1) for z in (0, 1))
+    text = PLY.format(count=len(faces), vertices=corners, faces="\n".join(faces))
+    source = read_mesh(text.encode(), "ply")
+    assert abs(signed_volume(source.parts[0].mesh)) == pytest.approx(1.0)
+    assert area(source.parts[0].mesh) == pytest.approx(6.0)
+    assert rules(source) == {"mesh.vertex_colours": {}}
+
+
 def test_a_glb_arrives_with_nodes_materials_and_colours():
     scene = trimesh.Scene()
     for name, x, colour in (("a", 0.0, (255, 0, 0, 255)), ("b", 5.0, (0, 0, 255, 255))):
@@ -238,7 +273,58 @@ def test_a_glb_arrives_with_nodes_materials_and_colours():
     assert rules(source)["mesh.up_axis"]["honoured"] is False
 
 
-@pytest.mark.parametrize("format", ["ply", "glb", "obj"])
+def textured_box(image: Image.Image | None = None) -> trimesh.Scene:
+    """A box that wears a picture, one corner of which is marked by its coordinates."""
+    uv = np.linspace(0.0, 1.0, 2 * len(BOX.vertices)).reshape(-1, 2)
+    picture = image or Image.new("RGB", (4, 2), (255, 0, 0))
+    material = trimesh.visual.material.PBRMaterial(
+        name="skin", baseColorTexture=picture, baseColorFactor=(255, 255, 0, 255)
+    )
+    visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    return trimesh.Scene(trimesh.Trimesh(BOX.vertices, BOX.faces, visual=visual, process=False))
+
+
+def test_a_glb_brings_its_own_pictures():
+    source = read_mesh(textured_box().export(file_type="glb"), "glb")
+    (part,) = source.parts
+    assert part.material == SurfaceMaterial("skin", (1.0, 1.0, 0.0, 1.0), "skin.png")
+    picture = Image.open(io.BytesIO(source.pictures["skin.png"]))
+    assert (picture.format, picture.size) == ("PNG", (4, 2))
+    wanted = np.linspace(0.0, 1.0, 2 * len(BOX.vertices)).reshape(-1, 2)[BOX.faces]
+    assert part.mesh.uv == pytest.approx(wanted, abs=1e-6)
+
+
+def test_a_gltf_reads_its_companions_and_nothing_else():
+    files = textured_box().export(file_type="gltf")
+    main = json.loads(files.pop("model.gltf"))
+    main["images"] = [{"uri": "my%20skin.png"}]
+    text = json.dumps(main).encode()
+    out = io.BytesIO()
+    Image.new("RGB", (4, 2), (255, 0, 0)).save(out, format="PNG")
+    source = read_mesh(text, "gltf", companions={**files, "my skin.png": out.getvalue()})
+    assert source.parts[0].material.texture in source.pictures
+    assert len(source.parts[0].mesh.faces) == 12
+    source = read_mesh(text, "gltf", companions=files)
+    assert source.parts[0].material.texture == "skin"
+    assert source.pictures == {}  # told as lost
+    with pytest.raises(StepError, match=r"gltf_buffer_0.bin` is not in the source"):
+        read_mesh(text, "gltf")
+
+
+def test_a_glb_keeps_the_normals_that_it_states_and_makes_up_none():
+    bare = read_mesh(textured_box().export(file_type="glb", include_normals=False), "glb")
+    stated = read_mesh(textured_box().export(file_type="glb", include_normals=True), "glb")
+    assert bare.parts[0].mesh.normals is None
+    assert stated.parts[0].mesh.normals is not None
+
+
+def test_a_picture_that_is_too_large_is_refused_in_a_glb_too():
+    wide = Image.new("1", (12_000, 6_000))
+    with pytest.raises(StepError, match="too large: 12000 x 6000"):
+        read_mesh(textured_box(wide).export(file_type="glb"), "glb")
+
+
+@pytest.mark.parametrize("format", ["ply", "glb", "gltf", "obj"])
 def test_rubbish_is_one_error(format):
     with pytest.raises(StepError):
         read_mesh(io.BytesIO(b"\x00\x01rubbish" * 20).getvalue(), format)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 
 import pytest
 
-from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, check_rows, resolve
-from assetbuild.robot.model import Body, Joint, Limits, Mimic, Tree
+from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, resolve
+from assetbuild.robot.model import Body, Inertial, Joint, Limits, Mimic, Tree
+from assetbuild.robot.pose import Pose
 
 LIMITS = Limits(-1.0, 1.0, effort=23.7, velocity=30.1)
 
@@ -167,14 +169,117 @@ def test_without_a_table_every_moving_joint_is_passive():
     ]
 
 
-def test_the_plan_s_check_agrees_with_the_step():
-    check_rows(TREE, (RowSpec(".*", kp=1.0),), {})
-    with pytest.raises(RowError):
-        check_rows(TREE, (RowSpec("hip", kp=1.0),), {})
-
-
 def test_an_error_survives_the_way_between_processes():
     error = refused(TREE, RowSpec("kne", kp=1.0))
     again = pickle.loads(pickle.dumps(error))  # noqa: S301 # our own bytes
     assert (again.message, again.key, again.hint) == (error.message, error.key, error.hint)
     assert again.exit_code == 2
+
+
+# --- gains by frequency, units, motors that extend others -----------------------------------
+
+
+def arm(mass: float = 1.0, **fields: object) -> Tree:
+    """A point mass at 0.5 m: its inertia about the hinge is mass / 4 (and a little)."""
+    tiny = Inertial(mass, (0.5, 0.0, 0.0), (1e-9, 1e-9, 1e-9, 0.0, 0.0, 0.0))
+    joint = hinge("swing", axis=(0.0, 1.0, 0.0), damping=0.0, **fields)
+    return Tree("arm", "fixed", (Body("base"), Body("swing_link", tiny)), (joint,))
+
+
+def test_a_frequency_and_a_ratio_become_gains_of_the_joint_with_what_it_carries():
+    row = RowSpec("swing", frequency=2.0, damping_ratio=0.7, armature=0.05, damping=0.1)
+    (made,) = resolve(arm(), (row,), {})
+    inertia, omega = 0.25 + 0.05, 2 * math.pi * 2.0
+    assert made.kp == pytest.approx(inertia * omega**2)
+    assert made.kd + made.damping == pytest.approx(2 * 0.7 * inertia * omega)
+
+
+def test_mjlab_s_convention_takes_the_rotor_alone():
+    row = RowSpec("swing", motor="m", frequency=10.0, damping_ratio=2.0, inertia="armature")
+    (made,) = resolve(arm(), (row,), {"m": MotorSpec(1.11842e-4, 6.0)})
+    assert made.kp == pytest.approx(15.895, abs=1e-3)  # as mjlab's Go1 hip has
+    assert made.kd == pytest.approx(1.0119, abs=1e-4)
+
+
+def test_the_inertia_is_that_of_the_home_pose():
+    """Two links: folded, the shoulder carries less far out."""
+    rod = Inertial(1.0, (0.5, 0.0, 0.0), (1e-9, 1e-9, 1e-9, 0.0, 0.0, 0.0))
+    shoulder = hinge("a", axis=(0.0, 0.0, 1.0), damping=0.0)
+    elbow = hinge("b", "a_link", axis=(0.0, 0.0, 1.0), damping=0.0, X_parent_joint=Pose((1.0, 0.0, 0.0)))  # fmt: skip # noqa: E501
+    tree = Tree("arm", "fixed", (Body("base"), Body("a_link", rod), Body("b_link", rod)), (shoulder, elbow))  # fmt: skip # noqa: E501
+    row = (RowSpec(".*", frequency=1.0, armature=10.0),)
+    stretched = resolve(tree, row, {})[0].kp
+    folded = resolve(tree, row, {}, {"b": 3.0})[0].kp
+    assert stretched > 1.1 * folded
+
+
+def test_more_passive_damping_than_the_ratio_asks_for_is_refused():
+    error = refused(arm(), RowSpec("swing", kp=1.0, damping_ratio=0.1, damping=5.0))
+    assert "its passive damping alone makes a ratio of 5" in error.message
+    assert error.key == ("actuators", 0, "damping_ratio")
+
+
+def test_a_motor_takes_what_it_does_not_say_from_the_one_it_extends():
+    motors = {
+        "hip": MotorSpec(1e-4, 6.0, 24.0, 30.0, 0.2, "datasheet"),
+        "knee": MotorSpec(gear=9.0, effort=36.0, extends="hip"),
+    }
+    (made, *_) = resolve(TREE, (RowSpec(".*", motor="knee", kp=1.0),), motors)
+    assert (made.armature, made.effort, made.velocity) == (pytest.approx(81e-4), 36.0, 30.0)
+    assert made.source == "datasheet"
+
+
+def test_a_target_may_reach_beyond_the_limits_by_what_the_effort_can_push():
+    (made,) = resolve(arm(), (RowSpec("swing", kp=10.0, ctrl="reach"),), {})
+    assert made.ctrl == pytest.approx((-1.0 - 2.37, 1.0 + 2.37))
+
+
+def test_unlimited_effort_is_said_and_not_forgotten():
+    (made,) = resolve(arm(), (RowSpec("swing", kp=10.0, effort="unlimited"),), {})
+    assert made.effort is None
+
+
+SLIDE = hinge("slide", kind="prismatic")
+ERRORS = {
+    "joint `knee` already matched by row 0": (RowSpec(".*", kp=1.0), RowSpec("knee", kp=1.0)),
+    "no row matches joint `knee`": (RowSpec("hip", kp=1.0),),
+    "no motor named `m`": (RowSpec(".*", kp=1.0, motor="m"),),
+    "`kp` is -1; it must not be negative": (RowSpec(".*", kp=-1.0),),
+    "model `pd` needs `kp` or `frequency`": (RowSpec(".*"),),
+    "model `general` needs `general`": (RowSpec(".*", model="general"),),
+    "model `motor` takes no `frequency`": (RowSpec(".*", model="motor", frequency=1.0),),
+    "`inertia` says what": (RowSpec(".*", kp=1.0, inertia="armature"),),
+    "`reach` needs model `pd`": (RowSpec(".*", model="motor", ctrl="reach"),),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("message", ERRORS)
+def test_each_wrong_table_has_its_message(message: str):
+    assert message in refused(TREE, *ERRORS[message]).message
+
+
+def test_effort_missing():
+    tree = leg(hinge("hip", limits=Limits(-1.0, 1.0)))
+    error = refused(tree, RowSpec("hip", kp=1.0))
+    assert "needs the limit `effort` of joint `hip`; the source states none" in error.message
+    assert error.hint == "add `effort` to the row or its motor"
+
+
+def test_prismatic_joints_do_not_share_numbers_with_joints_that_turn():
+    tree = leg(HIP, SLIDE)
+    mixed = refused(tree, RowSpec(".*", kp=1.0))
+    assert "`kp` cannot be in N m/rad and N/m for both" in mixed.message
+    rotary = refused(leg(SLIDE), RowSpec("slide", kp=1.0, motor="m"), m=MotorSpec(1e-4, 6.0))
+    assert "slides, but motor `m` is a rotary one" in rotary.message
+    stated = refused(leg(SLIDE), RowSpec("slide", kp=1.0, unit="rotary"))
+    assert "the row is in rotary units, but joint `slide` is prismatic" in stated.message
+    resolve(
+        leg(SLIDE), (RowSpec("slide", kp=1.0, motor="m", unit="linear"),), {"m": MotorSpec(1.0)}
+    )
+
+
+def test_motors_in_a_circle_or_without_a_parent():
+    circle = {"a": MotorSpec(extends="b"), "b": MotorSpec(extends="a")}
+    assert "in a circle: a -> b -> a" in refused(TREE, RowSpec(".*", kp=1.0, motor="a"), **circle).message  # fmt: skip # noqa: E501
+    lost = refused(TREE, RowSpec(".*", kp=1.0, motor="a"), a=MotorSpec(extends="c"))
+    assert lost.key == ("motors", "a", "extends")

@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco as engine
 import numpy as np
 import pytest
-from tiny import check_inputs, tiny_quadruped
+from tiny import box_obj, check_inputs, tiny_quadruped
 
 from assetbuild.errors import StepError
 from assetbuild.simulators import mujoco
@@ -96,3 +96,43 @@ def test_free_fall_leaves_the_model_as_it_was(tmp_path: Path) -> None:
     flags = int(model.opt.disableflags)
     mujoco.free_fall(model, 0.1)
     assert model.opt.disableflags == flags
+
+
+WITH_VISUALS = """
+<mujoco>
+  <asset><mesh name="drawn" file="{file}"/></asset>
+  <worldbody>
+    <body pos="0 0 1">
+      <freejoint/>
+      {inertial}
+      <geom name="drawn" type="mesh" mesh="drawn" contype="0" conaffinity="0"/>
+      <geom name="hit" type="sphere" size="0.1" pos="0.2 0 0" mass="0"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+INERTIAL = '<inertial pos="0.1 0 0" mass="2" diaginertia="0.1 0.2 0.25"/>'
+
+
+@pytest.mark.parametrize("inertial", [INERTIAL, ""])
+def test_without_visuals_the_physics_stay(tmp_path: Path, inertial: str) -> None:
+    """Also where the body has its mass from the visual mesh alone."""
+    (tmp_path / "box.obj").write_bytes(box_obj((0.3, 0.2, 0.1)))
+    path = tmp_path / "it.xml"
+    path.write_text(WITH_VISUALS.format(file="box.obj", inertial=inertial))
+    whole = mujoco.load(path).model
+    bare = mujoco.load(path, visuals=False).model
+    assert (whole.nmesh, bare.nmesh) == (1, 0)
+    assert [mujoco.name_of(bare, "geom", i) for i in range(bare.ngeom)] == ["hit"]
+    assert whole.body_mass[1] > 1.0
+    assert bare.body_mass[1] == pytest.approx(whole.body_mass[1], rel=1e-12)
+    assert bare.body_ipos[1] == pytest.approx(whole.body_ipos[1], abs=1e-12)
+    assert mujoco.inertia_of(bare, 1) == pytest.approx(mujoco.inertia_of(whole, 1), rel=1e-12)
+
+
+def test_without_visuals_their_meshes_are_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "it.xml"
+    path.write_text(WITH_VISUALS.format(file="absent.obj", inertial=INERTIAL))
+    with pytest.raises(StepError, match=r"absent\.obj"):
+        mujoco.load(path)
+    assert mujoco.load(path, visuals=False).model.body_mass[1] == 2.0

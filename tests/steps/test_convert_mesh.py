@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 from pydantic import ValidationError
 from tiny import box_obj, run_step
 
@@ -78,17 +82,95 @@ def test_parts_follow_the_first_use_of_their_material(tmp_path):
     assert set(files) == {"0.obj", "1.obj", "2.obj", "mesh.json"}
 
 
+TRIANGLE = b"mtllib ./a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nusemtl m\nf 1/1 2/2 3/1\n"
+
+
+def png(rgb=(255, 0, 0), size=(2, 2), format="PNG") -> bytes:
+    out = io.BytesIO()
+    Image.new("RGB", size, rgb).save(out, format=format)
+    return out.getvalue()
+
+
+def convert_with(tmp_path: Path, data: bytes, companions: dict[str, bytes], **fields):
+    folder = tmp_path / "in" / "companions"
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, content in enumerate(companions.values()):
+        (folder / str(number)).write_bytes(content)
+    return convert(tmp_path, data, companions=tuple(companions), **fields)
+
+
 def test_texture_coordinates_stay_only_with_a_texture(tmp_path):
-    text = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nusemtl m\nf 1/1 2/2 3/1\n"
-    (tmp_path / "in" / "libraries").mkdir(parents=True)
-    library = tmp_path / "in" / "libraries" / "a.mtl"
-    library.write_bytes(b"newmtl m\nKd 1 0 0\n")
-    assert convert(tmp_path, text, format="obj")[1].uv is None
-    library.write_bytes(b"newmtl m\nmap_Kd wood.png\n")
-    record, mesh, findings, _ = convert(tmp_path, text, format="obj")
+    plain = {"a.mtl": b"newmtl m\nKd 1 0 0\n"}
+    _, mesh, findings, _ = convert_with(tmp_path, TRIANGLE, plain, format="obj")
+    assert mesh.uv is None
+    assert [f.rule for f in findings] == ["mesh.uv"]
+    _, mesh, findings, _ = convert_with(tmp_path, TRIANGLE, plain, format="obj", keep_uv=True)
     assert mesh.uv.tolist() == [[[0, 0], [1, 0], [0, 0]]]
-    assert record.parts[0].texture == "wood.png"
-    assert [f.rule for f in findings] == ["mesh.texture"]
+    assert findings == []
+
+
+def test_a_texture_becomes_a_png_beside_its_part(tmp_path):
+    red = png(size=(3, 2), format="JPEG")
+    files = {"a.mtl": b"newmtl m\nKd 0 0 0\nmap_Kd -s 1 1 1 my wood.jpg\n", "my wood.jpg": red}
+    record, mesh, findings, written = convert_with(tmp_path, TRIANGLE, files, format="obj")
+    (part,) = record.parts
+    assert findings == []
+    assert mesh.uv.tolist() == [[[0, 0], [1, 0], [0, 0]]]
+    assert (part.uv, part.rgba) == (True, (1.0, 1.0, 1.0, 1.0))  # black would hide the picture
+    picture = Image.open(io.BytesIO(written[part.texture]))
+    assert (picture.format, picture.size, picture.mode) == ("PNG", (3, 2), "RGB")
+    assert part.texture.startswith("my_wood-")
+
+
+def test_a_picture_saved_with_another_date_gives_the_same_bytes(tmp_path):
+    noted = io.BytesIO()
+    info = PngInfo()
+    info.add_text("date", "Monday")
+    Image.new("RGB", (2, 2), (255, 0, 0)).save(noted, format="PNG", pnginfo=info, dpi=(72, 72))
+    library = b"newmtl m\nmap_Kd w.png\n"
+    written = [
+        convert_with(tmp_path, TRIANGLE, {"a.mtl": library, "w.png": data}, format="obj")[3]
+        for data in (png(), noted.getvalue())
+    ]
+    assert written[0] == written[1]
+
+
+@pytest.mark.parametrize(
+    ("stated", "companions", "says"),
+    [
+        ("w.png", {}, "is not in the source"),
+        ("../../../etc/w.png", {}, "is not in the source"),
+        ("C:\\pictures\\w.png", {}, "is not in the source"),
+        ("w.png", {"w.png": b"no picture"}, "not readable as a picture"),
+        ("w.png", {"w.png": png()[:45]}, "not readable as a picture"),
+    ],
+)
+def test_a_mesh_without_its_texture_is_built_in_one_colour(tmp_path, stated, companions, says):
+    library = f"newmtl m\nKd 1 0 0\nmap_Kd {stated}\n".encode()
+    record, _, findings, _ = convert_with(
+        tmp_path, TRIANGLE, {"a.mtl": library, **companions}, format="obj"
+    )
+    assert (record.parts[0].texture, record.parts[0].rgba) == (None, (1.0, 0.0, 0.0, 1.0))
+    (finding,) = [f for f in findings if f.rule == "mesh.texture"]
+    assert says in finding.message
+
+
+def test_a_texture_without_coordinates_is_told(tmp_path):
+    bare = TRIANGLE.replace(b"1/1 2/2 3/1", b"1 2 3")
+    files = {"a.mtl": b"newmtl m\nmap_Kd w.png\n", "w.png": png()}
+    record, _, findings, _ = convert_with(tmp_path, bare, files, format="obj")
+    assert record.parts[0].texture is None
+    assert "no texture coordinates" in findings[0].message
+
+
+def test_a_texture_bomb_is_refused_before_it_is_decoded(tmp_path):
+    width = struct.pack(">I", 30_000)
+    bomb = png().replace(struct.pack(">II", 2, 2), width + width, 1)
+    head = bomb[12:29]  # the header's checksum covers its type and data
+    bomb = bomb.replace(bomb[29:33], struct.pack(">I", zlib.crc32(head)), 1)
+    files = {"a.mtl": b"newmtl m\nmap_Kd w.png\n", "w.png": bomb}
+    with pytest.raises(StepError, match=r"picture `w.png` is too large"):
+        convert_with(tmp_path, TRIANGLE, files, format="obj")
 
 
 def test_collapsed_triangles_are_left_out_and_counted(tmp_path):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
 from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Body, Inertial, Joint, Tree
+from assetbuild.robot.model import Body, Inertial, Joint, Shape, Shapes, Sphere, Tree
 from assetbuild.steps.lint_bodies import LintBodies
 
 BRICK = box_inertial(1.0, (0.1, 0.1, 0.1))
@@ -43,7 +44,9 @@ def test_good_robots_have_no_findings(robot: TinyRobot, tmp_path: Path):
         ("inertia.triangle", "warning", body(1.0, 0.01, 0.01, 0.0201)),
         ("inertia.pseudo", "warning", body(1.0, 0.01, 0.01, 0.02)),
         ("inertia.radius", "warning", body(1.0, 0.2, 0.2, 0.2)),
-        ("inertia.radius", "error", body(1.0, 0.5, 0.5, 0.5)),
+        ("inertia.radius", "warning", body(1.0, 50.0, 50.0, 50.0)),
+        ("inertia.dense", "info", body(1.0, 1e-6, 1e-6, 1e-6)),
+        ("inertia.dense", "error", body(1e-3, 0.9e-15, 0.9e-15, 0.9e-15)),
         ("inertia.mass_small", "warning", body(1e-4, 1e-8, 1e-8, 1e-8)),
     ],
 )
@@ -53,6 +56,34 @@ def test_each_rule_fires_on_the_body_that_breaks_it(
     (finding,) = lint(inertial, tmp_path)
     assert (finding.rule, finding.severity, finding.subject) == (rule, severity, "link arm")
     assert finding.hint
+
+
+def test_a_body_with_a_shape_is_no_denser_than_osmium(tmp_path: Path):
+    """22,590 kg/m3 in a ball of 2 cm passes, 40,000 does not."""
+    ball = 4.0 / 3.0 * math.pi * 0.02**3
+    for density, expected in ((22_590.0, []), (40_000.0, [("inertia.dense", "warning")])):
+        mass = density * ball
+        inertial = body(mass, *(0.4 * mass * 0.02**2,) * 3)
+        joint = Joint("j", "continuous", "base", "arm")
+        tree = Tree("arm", "floating", (Body("base", BRICK), Body("arm", inertial)), (joint,))
+        shapes = Shapes((Shape("arm", "arm", "visual", Sphere(0.02)),))
+        inputs = write_robot_ports(tmp_path / f"{density}", TinyRobot(tree, tree, shapes))
+        found = run_step(LintBodies(), inputs, tmp_path / "out")
+        assert [(f.rule, f.severity) for f in found] == expected
+
+
+def test_a_massless_link_between_two_joints_is_told_and_no_error(tmp_path: Path):
+    joints = (
+        Joint("j", "continuous", "base", "between"),
+        Joint("k", "continuous", "between", "arm"),
+    )
+    bodies = (Body("base", BRICK), Body("between"), Body("arm", BRICK))
+    tree = Tree("arm", "floating", bodies, joints)
+    inputs = write_robot_ports(tmp_path / "in", TinyRobot(tree, tree))
+    (finding,) = run_step(LintBodies(), inputs, tmp_path / "out")
+    assert (finding.rule, finding.severity) == ("inertia.between", "info")
+    assert finding.subject == "link between"
+    assert finding.data["joints"] == ("j", "k")
 
 
 def test_rounding_of_a_flat_tensor_is_no_violation(tmp_path: Path):

@@ -229,7 +229,9 @@ def test_nothing_that_a_class_says_is_repeated(quadruped: Path) -> None:
 def test_one_class_per_motor_and_one_per_family_of_joints(quadruped: Path) -> None:
     root = ElementTree.parse(quadruped / "robot.xml").getroot()
     classes = {c.get("class"): c for c in walk(root, "default") if c.get("class")}
-    assert set(classes) == {"robot", "visual", "collision", "small", "large", "hip", "thigh"}
+    shapes = {f"{part}_collision" for part in ("hip", "thigh", "calf", "foot")}
+    motors = {"small", "large", "hip", "thigh"}
+    assert set(classes) == {"robot", "visual", "collision"} | shapes | motors
     assert [c.get("class") for c in classes["small"]][-2:] == ["hip", "thigh"]
     large = classes["large"].find("joint")
     assert large is not None

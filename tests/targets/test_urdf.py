@@ -110,6 +110,20 @@ def test_a_limit_that_nobody_stated_is_left_out_and_told(tmp_path: Path):
     assert xml(folder).find("joint/limit").attrib == {"lower": "-1.0", "upper": "1.0"}  # type: ignore[union-attr] # it is there
 
 
+def test_a_limit_of_0_that_counts_as_unlimited_stays_0(tmp_path: Path):
+    """Or no parser of URDFs would take the file."""
+    robot = pendulum()
+    joint = replace(robot.links.joints[0], limits=Limits(-1.0, 1.0, 0.0, 0.0))
+    control = replace(
+        robot.control, actuators=(replace(robot.control.actuators[0], effort=None, velocity=None),)
+    )
+    links = replace(robot.links, joints=(joint,))
+    folder, findings = emit(replace(robot, links=links, control=control), tmp_path)
+    limit = xml(folder).find("joint/limit").attrib  # type: ignore[union-attr] # it is there
+    assert (limit["effort"], limit["velocity"]) == ("0.0", "0.0")
+    assert not findings
+
+
 def test_any_name_is_escaped(tmp_path: Path):
     robot = pendulum()
     odd = "a<b>&\"c' 材质"

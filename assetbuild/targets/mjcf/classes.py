@@ -7,7 +7,7 @@ what *every* member says is lifted, so a class never has to be contradicted.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from assetbuild.targets.mjcf.drives import PLACING, Drive, Row
@@ -51,6 +51,9 @@ class Names:
 
     def __init__(self) -> None:
         self._taken = {"main"}
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._taken
 
     def take(self, wanted: str) -> str:
         """`wanted`, or `wanted_2`, ... when that is taken."""
@@ -195,8 +198,12 @@ def _family_name(rows: tuple[Row, ...]) -> str:
 
 
 def _shared_words(rows: tuple[Row, ...]) -> str:
-    """`thigh` for FR_thigh_joint, FL_thigh_joint, ...: words at the end, else at the start."""
-    names = [row.joint.name.removesuffix("_joint").split("_") for row in rows]
+    return shared_words([row.joint.name.removesuffix("_joint") for row in rows])
+
+
+def shared_words(wholes: Sequence[str]) -> str:
+    """`thigh` for FR_thigh, FL_thigh, ...: the words at the end, else at the start."""
+    names = [whole.split("_") for whole in wholes]
     tail: list[str] = []
     for words in zip(*(reversed(name) for name in names), strict=False):
         if len(set(words)) != 1:

@@ -5,7 +5,10 @@
 | pd | `<position>` kp, kv, forcerange; targets are clipped to the joint's range |
 | ideal_pd, dc_motor, motor | `<motor>`, ctrlrange = effort: the torque comes from outside |
 | velocity | `<velocity>` kv, forcerange, ctrlrange = the velocity limit |
+| general | `<general>` with its own parameters, forcerange = effort |
 | passive | no actuator |
+
+A row's own range of the command (`ctrl`) comes before these rules.
 
 Damping of the joint and `kv` of the drive add up in MuJoCo, as `damping` and `kd` do here.
 `dampratio` is not written: its meaning changed between versions of MuJoCo.
@@ -18,7 +21,7 @@ from dataclasses import dataclass
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Actuator, Control, Joint, Tree
+from assetbuild.robot.model import Actuator, Control, General, Joint, Tree
 from assetbuild.targets.mjcf.xml import number, numbers
 
 EXTERNAL = ("ideal_pd", "dc_motor")
@@ -39,13 +42,15 @@ class Drive:
 class Row:
     """One moving joint: what its `<joint>` and its actuator say beyond their names.
 
-    attributes: of the joint, MuJoCo's defaults left out; motor: the recipe's name, or "".
+    attributes: of the joint, MuJoCo's defaults left out; motor: the recipe's name, or "";
+    name: of the drive, or "".
     """
 
     joint: Joint
     attributes: Mapping[str, str]
     drive: Drive | None = None
     motor: str = ""
+    name: str = ""
 
 
 def row_of(joint: Joint, actuator: Actuator | None) -> Row:
@@ -69,6 +74,7 @@ def row_of(joint: Joint, actuator: Actuator | None) -> Row:
         {key: value for key, value in attributes.items() if value is not None},
         _drive(joint, actuator) if actuator else None,
         actuator.motor if actuator else "",
+        actuator.name if actuator else "",
     )
 
 
@@ -122,16 +128,29 @@ def _drive(joint: Joint, actuator: Actuator) -> Drive | None:
         case "ideal_pd" | "dc_motor" | "motor":
             attributes, tag = {"ctrlrange": effort}, "motor"
         case "general":
-            raise StepError(
-                f"actuator {joint.name}: the model `general` has no MJCF form yet",
-                hint="use pd, ideal_pd, dc_motor, velocity, motor or passive",
-            )
+            attributes, tag = {"forcerange": effort, **_general(actuator)}, "general"
+    if actuator.ctrl is not None:
+        attributes |= {"inheritrange": None, "ctrlrange": numbers(actuator.ctrl)}
     return Drive(tag, {key: value for key, value in attributes.items() if value is not None})
 
 
+def _general(actuator: Actuator) -> dict[str, str | None]:
+    """MuJoCo's own parameters, its defaults left out; StepError without any."""
+    general = actuator.general
+    if general is None:
+        raise StepError(f"actuator {actuator.joint}: model `general` without its parameters")
+    default = General()
+    words = ("dyntype", "gaintype", "biastype")
+    vectors = ("dynprm", "gainprm", "biasprm")
+    return {
+        **{w: getattr(general, w) for w in words if getattr(general, w) != getattr(default, w)},
+        **{v: numbers(getattr(general, v)) for v in vectors if getattr(general, v)},
+    }
+
+
 def actuator_names(rows: tuple[Row, ...]) -> dict[str, str]:
-    """Actuator name by joint name: the joint's without `_joint`, where that stays unique."""
-    short = [row.joint.name.removesuffix("_joint") or row.joint.name for row in rows]
+    """Actuator name by joint name: its own, else the joint's without `_joint`, where unique."""
+    short = [row.name or row.joint.name.removesuffix("_joint") or row.joint.name for row in rows]
     return {
         row.joint.name: name if short.count(name) == 1 else row.joint.name
         for row, name in zip(rows, short, strict=True)

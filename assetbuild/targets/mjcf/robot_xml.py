@@ -8,30 +8,30 @@ from dataclasses import dataclass
 from assetbuild.errors import StepError
 from assetbuild.robot.model import (
     Body,
-    Box,
-    Capsule,
-    Contact,
     Control,
-    Cylinder,
-    Geometry,
     Joint,
     Keyframe,
     Material,
-    Mesh,
-    Shape,
     Shapes,
-    Simulation,
-    Sphere,
     Tree,
 )
 from assetbuild.robot.pose import Pose, quat_between, rotation_of, vec3
 from assetbuild.simulators.mujoco import body_names
+from assetbuild.targets.mjcf.chains import Seats
 from assetbuild.targets.mjcf.classes import Defaults, Names, Use, find_defaults, uses
 from assetbuild.targets.mjcf.drives import Row, actuator_names, locked_at, row_of
+from assetbuild.targets.mjcf.geoms import Geoms
 from assetbuild.targets.mjcf.inertia import principal_inertia
-from assetbuild.targets.mjcf.xml import Element, element, number, numbers
+from assetbuild.targets.mjcf.sensors import Names as SensorNames
+from assetbuild.targets.mjcf.sensors import (
+    cameras_by_body,
+    extra_sites,
+    sensor_section,
+    site_elements,
+)
+from assetbuild.targets.mjcf.xml import Element, element, number, numbers, pose_attributes
 
-VISUAL_GROUP, COLLISION_GROUP, SITE_GROUP = "2", "3", "4"
+SITE_GROUP = "4"
 DEFAULT_GRAVITY = (0.0, 0.0, -9.81)
 
 
@@ -42,6 +42,9 @@ class Solver:
     integrator: str
     cone: str
     impratio: float
+    solver: str = "Newton"
+    iterations: int | None = None
+    ls_iterations: int | None = None
 
 
 class RobotXml:
@@ -56,16 +59,19 @@ class RobotXml:
         self.body_names = body_names(tree)
         above = tree.joint_above
         self.joints = tuple(above[body] for body in self.order if body in above)
+        self.seats = Seats(tree, shapes)
         self.rows = tuple(
-            row_of(joint, control.by_joint.get(joint.name))
+            row_of(self.seats.seated(joint), control.by_joint.get(joint.name))
             for joint in self.joints
             if joint in tree.moving_joints
         )
         names = Names()
         self.robot_class = names.take(robot)
-        self.visual_class, self.collision_class = names.take("visual"), names.take("collision")
+        roles = {role: names.take(role) for role in ("visual", "collision")}
         self.defaults: Defaults = find_defaults(self.robot_class, self.rows, names)
         self.uses: dict[str, Use] = uses(self.defaults)
+        self.geoms = Geoms(shapes, control, roles, names)
+        self.cameras = cameras_by_body(tree, control)
 
     def element(self) -> Element:
         """The root element; empty sections are left out."""
@@ -78,6 +84,7 @@ class RobotXml:
             self.contact(),
             self.equality(),
             self.actuator(),
+            self.sensor(),
             self.keyframe(),
         ]
         kept = [section for section in sections if section.attributes or section.children]
@@ -96,7 +103,8 @@ class RobotXml:
     def compiler(self) -> Element:
         """Units, folders, and where mass may not come from."""
         textured = any(material.texture for material in self.shapes.materials)
-        massless = any(body.inertial is None for body in self.tree.bodies)
+        written = [body for body in self.tree.bodies if body.name not in self.seats.hidden]
+        massless = any(body.inertial is None for body in written)
         return element(
             "compiler",
             {
@@ -111,37 +119,32 @@ class RobotXml:
 
     def option(self) -> Element:
         """What the recipe says of the simulation; values of MuJoCo's own are left out."""
-        simulation: Simulation = self.control.simulation
+        simulation, solver = self.control.simulation, self.solver
         gravity = simulation.gravity
         return element(
             "option",
             {
                 "timestep": number(simulation.timestep),
                 "gravity": numbers(gravity) if gravity != DEFAULT_GRAVITY else None,
-                "integrator": self.solver.integrator,
-                "cone": self.solver.cone if self.solver.cone != "pyramidal" else None,
-                "impratio": number(self.solver.impratio) if self.solver.impratio != 1.0 else None,
+                "integrator": solver.integrator,
+                "cone": solver.cone if solver.cone != "pyramidal" else None,
+                "solver": solver.solver if solver.solver != "Newton" else None,
+                "iterations": str(solver.iterations) if solver.iterations else None,
+                "ls_iterations": str(solver.ls_iterations) if solver.ls_iterations else None,
+                "impratio": number(solver.impratio) if solver.impratio != 1.0 else None,
             },
             gap=True,
         )
 
     def default(self) -> Element:
         """The tree of classes, see `classes`."""
-        visual = {"type": "mesh", "contype": "0", "conaffinity": "0", "group": VISUAL_GROUP}
-        collision = {"group": COLLISION_GROUP, **_contact_attributes(self.control.contact)}
         first: list[Element] = []
         if self.shapes.meshes:
             # Mass never comes from a mesh; `shell` lets flat and open ones compile.
             first.append(element("mesh", {"inertia": "shell"}))
-        if self.tree.frames:
+        if self.tree.frames or extra_sites(self.tree, self.control):
             first.append(element("site", {"group": SITE_GROUP}))
-        for role, name, attributes in (
-            ("visual", self.visual_class, visual),
-            ("collision", self.collision_class, collision),
-        ):
-            if any(shape.role == role for shape in self.shapes.shapes):
-                geom = element("geom", attributes)
-                first.append(element("default", {"class": name}, [geom]))
+        first += self.geoms.classes()
         return element("default", None, [self.defaults.element(tuple(first))], gap=True)
 
     def asset(self) -> Element:
@@ -180,29 +183,34 @@ class RobotXml:
         """Children are made before their parents: no recursion, however long the chain."""
         made: dict[str, list[Element]] = {}
         shapes, sites = self._shapes_by_body(), self._sites_by_body()
-        parent_of = {joint.child: joint.parent for joint in self.joints}
         root: Element | None = None
         for name in reversed(self.order):
+            if name in self.seats.hidden:
+                continue
             content = [
                 *self._inertial(self.tree.by_body[name]),
                 *self._joint_elements(name),
+                *self.cameras.get(name, []),
                 *shapes.get(name, []),
                 *sites.get(name, []),
                 *reversed(made.pop(name, [])),
             ]
             root = element("body", self._body_attributes(name), content)
-            if name in parent_of:
-                made.setdefault(parent_of[name], []).append(root)
-        return element("worldbody", None, [root] if root else [], gap=True)
+            parent = self.seats.parent(name)
+            if parent is not None:
+                made.setdefault(parent, []).append(root)
+        return element(
+            "worldbody", None, [*self.cameras.get(None, []), *([root] if root else [])], gap=True
+        )
 
     def _body_attributes(self, name: str) -> dict[str, str | None]:
-        joint = self.tree.joint_above.get(name)
-        X_parent_body = joint.X_parent_joint if joint else self.resting_pose()
-        child_class = self.robot_class if joint is None else None
+        is_root = name == self.tree.root
+        X_parent_body = self.resting_pose() if is_root else self.seats.pose_in_parent(name)
+        child_class = self.robot_class if is_root else None
         return {
             "name": self.body_names[name],
             "childclass": child_class,
-            **_pose_attributes(X_parent_body),
+            **pose_attributes(X_parent_body),
         }
 
     def resting_pose(self) -> Pose:
@@ -227,14 +235,17 @@ class RobotXml:
         return [element("inertial", attributes)]
 
     def _joint_elements(self, body: str) -> list[Element]:
-        joint = self.tree.joint_above.get(body)
-        if joint is None:
+        if body == self.tree.root:
             floating = self.tree.base == "floating"
             return [element("freejoint", {"name": "floating_base_joint"})] if floating else []
+        return [made for joint in self.seats.joints(body) for made in self._elements_of(joint)]
+
+    def _elements_of(self, joint: Joint) -> list[Element]:
+        X_body_joint = self.seats.joint_pose(joint)
         if joint.kind == "fixed":
             return []
         if joint.kind == "planar":
-            return _planar_elements(joint)
+            return _planar_elements(joint, X_body_joint)
         if joint.kind == "floating":
             raise StepError(
                 f"joint {joint.name}: MJCF allows a floating joint on the root body only",
@@ -242,7 +253,8 @@ class RobotXml:
             )
         use = self.uses[joint.name]
         class_name = use.class_name if use.class_name != self.robot_class else None
-        return [element("joint", {"name": joint.name, "class": class_name, **use.joint})]
+        head = {"name": joint.name, "class": class_name, "pos": _position(X_body_joint)}
+        return [element("joint", {**head, **use.joint})]
 
     def _shapes_by_body(self) -> dict[str, list[Element]]:
         found: dict[str, list[Element]] = {}
@@ -250,34 +262,14 @@ class RobotXml:
             for shape in self.shapes.shapes:
                 if shape.role == role:
                     body, X_body_link = self.tree.placement(shape.link)
-                    geom = self._geom(shape, X_body_link @ shape.X_link_shape)
+                    geom = self.geoms.geom(shape, X_body_link @ shape.X_link_shape)
                     found.setdefault(body, []).append(geom)
         return found
 
-    def _geom(self, shape: Shape, X_body_shape: Pose) -> Element:
-        visual = shape.role == "visual"
-        kind, size = _geometry(shape)
-        # The class `visual` says mesh; elsewhere the type is worth stating.
-        default_kind = "mesh" if visual else None
-        mesh = shape.geometry.mesh if isinstance(shape.geometry, Mesh) else None
-        return element(
-            "geom",
-            {
-                "name": shape.name,
-                "class": self.visual_class if visual else self.collision_class,
-                "type": kind if kind != default_kind else None,
-                "size": size,
-                "mesh": mesh,
-                **_pose_attributes(X_body_shape),
-                "material": shape.material if visual else None,
-            },
-        )
-
     def _sites_by_body(self) -> dict[str, list[Element]]:
         found: dict[str, list[Element]] = {}
-        for frame in self.tree.frames:
-            attributes = {"name": frame.name, **_pose_attributes(frame.X_body_frame)}
-            found.setdefault(frame.body, []).append(element("site", attributes))
+        for body, site in site_elements(self.tree, self.control, self.body_names):
+            found.setdefault(body, []).append(site)
         return found
 
     # --- tail -------------------------------------------------------------------------------
@@ -288,6 +280,7 @@ class RobotXml:
         pairs = [
             element("exclude", {"body1": self.body_names[a], "body2": self.body_names[b]})
             for a, b in self.control.excludes
+            if not {a, b} & self.seats.hidden  # without shapes, they touch nothing
         ]
         return element("contact", None, pairs, gap=True)
 
@@ -327,6 +320,12 @@ class RobotXml:
             }
             made.append(element(row.drive.tag, attributes))
         return element("actuator", None, made, gap=True)
+
+    def sensor(self) -> Element:
+        """The sensors of the recipe, on their sites, joints, drives and geoms."""
+        drives = actuator_names(tuple(row for row, _ in self.driven()))
+        names = SensorNames(self.body_names, drives)
+        return sensor_section(self.control, names)
 
     def keyframe(self) -> Element:
         """Every keyframe with its targets."""
@@ -377,29 +376,8 @@ def depth_first(tree: Tree) -> tuple[str, ...]:
     return tuple(order)
 
 
-def _pose_attributes(pose: Pose) -> dict[str, str | None]:
-    return {
-        "pos": numbers(pose.xyz) if pose.xyz != (0.0, 0.0, 0.0) else None,
-        "quat": numbers(pose.quat) if pose.quat != (1.0, 0.0, 0.0, 0.0) else None,
-    }
-
-
-def _geometry(shape: Shape) -> tuple[str, str | None]:
-    """(type, size): MJCF counts half edges and half lengths."""
-    geometry: Geometry = shape.geometry
-    match geometry:
-        case Box(size):
-            return "box", numbers(edge / 2 for edge in size)
-        case Sphere(radius):
-            return "sphere", number(radius)
-        case Cylinder(radius, length):
-            return "cylinder", numbers((radius, length / 2))
-        case Capsule(radius, length):
-            return "capsule", numbers((radius, length / 2))
-        case Mesh(scale=scale):
-            if scale != (1.0, 1.0, 1.0):
-                raise StepError(f"shape {shape.name}: the scale of its mesh was not baked in")
-            return "mesh", None
+def _position(pose: Pose) -> str | None:
+    return numbers(pose.xyz) if pose.xyz != (0.0, 0.0, 0.0) else None
 
 
 def _material(material: Material, textures: Mapping[str, str]) -> Element:
@@ -413,22 +391,9 @@ def _material(material: Material, textures: Mapping[str, str]) -> Element:
     )
 
 
-def _contact_attributes(contact: Contact) -> dict[str, str]:
-    """Only what differs from MuJoCo's own defaults.
-
-    No `solref` here: its meaning depends on the compiled inertia, so it is not a fact of the robot.
-    """
-    default, attributes = Contact(), {}
-    if contact.condim != default.condim:
-        attributes["condim"] = str(contact.condim)
-    if contact.friction != default.friction:
-        attributes["friction"] = numbers(contact.friction)
-    return attributes
-
-
-def _planar_elements(joint: Joint) -> list[Element]:
+def _planar_elements(joint: Joint, X_body_joint: Pose) -> list[Element]:
     """Two slides across the normal and a hinge about it; class `main`: no motor's armature."""
-    turn = rotation_of(quat_between((0.0, 0.0, 1.0), joint.axis))
+    turn = X_body_joint.rotation @ rotation_of(quat_between((0.0, 0.0, 1.0), joint.axis))
     return [
         element(
             "joint",
@@ -436,6 +401,7 @@ def _planar_elements(joint: Joint) -> list[Element]:
                 "name": f"{joint.name}_{suffix}",
                 "class": "main",
                 "type": "slide" if suffix != "yaw" else None,
+                "pos": _position(X_body_joint),
                 "axis": numbers(vec3(turn[:, column])),
             },
         )

@@ -122,13 +122,15 @@ def _floor_assets(material: str) -> Element:
 
 
 def _world(material: str, name: str, control: Control) -> Element:
-    # MuJoCo takes the larger of two frictions: the floor repeats the robot's, so that what the
-    # recipe says is what acts, also below the default of 1.
+    # MuJoCo takes the larger of two frictions: the floor has the robot's smallest, so that what the
+    # recipe says is what acts, also below the default of 1. A priority decides without the floor.
+    surfaces = [control.contact, *(own for _, own in control.contacts if not own.priority)]
+    friction = [min(values) for values in zip(*(s.friction for s in surfaces), strict=True)]
     floor = {
         "name": name,
         "type": "plane",
         "size": "0 0 0.05",
-        "friction": numbers(control.contact.friction),
+        "friction": numbers(friction),
         "material": material,
     }
     light = {"pos": "0 0 2.5", "dir": "0 0 -1", "directional": "true"}

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
+from assetbuild.robot.pose import Pose
+
 
 @dataclass(frozen=True)
 class Element:
@@ -38,6 +40,14 @@ def number(value: float) -> str:
 def numbers(values: Iterable[float]) -> str:
     """Numbers with one space between."""
     return " ".join(number(value) for value in values)
+
+
+def pose_attributes(pose: Pose) -> dict[str, str | None]:
+    """`pos` and `quat`, each only where it is not MuJoCo's default."""
+    return {
+        "pos": numbers(pose.xyz) if pose.xyz != (0.0, 0.0, 0.0) else None,
+        "quat": numbers(pose.quat) if pose.quat != (1.0, 0.0, 0.0, 0.0) else None,
+    }
 
 
 def document(root: Element, comment: str) -> str:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import ClassVar
-
-from pydantic import Field
+from typing import ClassVar, Self
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.kinds import Target
+from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.models import Usd as Options
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Shapes, Tree
 from assetbuild.robot.tree import forward_kinematics
@@ -33,6 +33,7 @@ from assetbuild.targets.usd.unsupported import unsupported
 class Usd(Target):
     """`usd/<robot>.usda`, `usd/payloads/...` and `usd/scene.usda`."""
 
+    version = "2"
     outputs = ("usd/",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json", "meshes/")
     tools: ClassVar[tuple[str, ...]] = ("usd-core",)
@@ -44,12 +45,13 @@ class Usd(Target):
         "pxr.UsdShade",
     )
 
-    self_collisions: bool = True
-    """Bodies of the robot collide with one another, but for excluded pairs; MuJoCo's way."""
-    solver_position_iterations: int = Field(8, ge=1, le=255)
-    """Of PhysX's articulation solver."""
-    solver_velocity_iterations: int = Field(1, ge=0, le=255)
-    """Of PhysX's articulation solver."""
+    options: Options = Options.model_validate({})
+    """The recipe's `usd`."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self:
+        """With what the recipe says under `usd`."""
+        return cls(robot=recipe.robot, options=recipe.usd)
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Writes the layers from the inside out, so that each finds what it refers to."""
@@ -63,7 +65,7 @@ class Usd(Target):
         with plain_environment():
             write_library(payloads, names, shapes, meshes)
             write_materials(payloads, names, shapes, meshes)
-            write_instances(payloads, names, shapes)
+            write_instances(payloads, names, shapes, instanceable=self.options.instanceable)
             write_base(payloads, names, self.robot, tree, forward_kinematics(tree, {}))
             yield from self._write_physics(payloads, names, tree, shapes, control)
             main = f"{self.robot}.usda"
@@ -71,22 +73,16 @@ class Usd(Target):
             if main != SCENE:
                 write_scene(folder, main, names, tree, control)
         yield from names.findings(self.robot)
-        yield from unsupported(tree, control)
+        yield from unsupported(tree, control, self.options)
 
     def _write_physics(
         self, folder: Path, names: Names, tree: Tree, shapes: Shapes, control: Control
     ) -> Iterator[Finding]:
         """`physics.usda`: what the variant `physics` adds to the robot."""
         stage = new_layer(folder / "physics.usda", names)
-        yield from apply_rigid_bodies(stage, names, tree)
+        yield from apply_rigid_bodies(stage, names, tree, self.options.rigid_body)
         yield from define_colliders(stage, names, shapes, control.contact)
-        define_joints(stage, names, tree, control)
-        apply_articulation(
-            stage,
-            names,
-            tree,
-            self_collisions=self.self_collisions,
-            iterations=(self.solver_position_iterations, self.solver_velocity_iterations),
-        )
+        define_joints(stage, names, tree, control, self.options)
+        apply_articulation(stage, names, tree, self.options.articulation)
         apply_filtered_pairs(stage, names, tree, shapes, control)
         save(stage)

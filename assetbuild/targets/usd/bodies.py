@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from assetbuild.findings import Finding
+from assetbuild.recipe.models import UsdRigidBody
 from assetbuild.robot.inertia import Tensor, matrix_of
 from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.pose import Array, Pose, Quat, Vec3, quat_of, vec3
@@ -19,9 +20,6 @@ from assetbuild.targets.usd.units import to_usd_degrees
 
 if TYPE_CHECKING:
     from pxr import Usd
-
-MAX_ANGULAR_VELOCITY = 1000.0
-"""rad/s: above what a robot's link reaches; PhysX's own 100 rad/s would brake fast ones."""
 
 
 def write_base(
@@ -48,24 +46,30 @@ def write_base(
     save(stage)
 
 
-def apply_rigid_bodies(stage: Usd.Stage, names: Names, tree: Tree) -> Iterator[Finding]:
+def apply_rigid_bodies(
+    stage: Usd.Stage, names: Names, tree: Tree, options: UsdRigidBody
+) -> Iterator[Finding]:
     """RigidBodyAPI and MassAPI on every body; a body without mass gets none, and a finding."""
     from pxr import UsdPhysics
 
     for body in tree.bodies:
         prim = stage.OverridePrim(names.body(body.name))
         UsdPhysics.RigidBodyAPI.Apply(prim)
-        # Written out though they look like defaults: PhysX's angular damping is 0.05, which
-        # would make the robot differ from its MuJoCo model.
+        # All written out: PhysX's own are an angular damping of 0.05, 100 rad/s and 3 m/s.
         apply_foreign(
             prim,
             "PhysxRigidBodyAPI",
             {
-                "physxRigidBody:linearDamping": ("Float", 0.0),
-                "physxRigidBody:angularDamping": ("Float", 0.0),
+                "physxRigidBody:linearDamping": ("Float", options.linear_damping),
+                "physxRigidBody:angularDamping": ("Float", options.angular_damping),
+                "physxRigidBody:maxLinearVelocity": ("Float", options.max_linear_velocity),
                 "physxRigidBody:maxAngularVelocity": (
                     "Float",
-                    to_usd_degrees(MAX_ANGULAR_VELOCITY),
+                    to_usd_degrees(options.max_angular_velocity),
+                ),
+                "physxRigidBody:maxDepenetrationVelocity": (
+                    "Float",
+                    options.max_depenetration_velocity,
                 ),
             },
         )
@@ -92,7 +96,9 @@ def _no_mass(body: Body, *, is_held: bool) -> Finding:
         severity="info" if is_held else "error",
         subject=f"link {body.name}",
         message="has no mass in USD; PhysX will take 1000 kg/m³ times its collision volume",
-        hint="harmless, the fixed base never moves" if is_held else "give the link an <inertial>",
+        hint="harmless, the fixed base never moves"
+        if is_held
+        else "give the link an <inertial>; between the hinges of a ball joint: edit `share_mass`",
     )
 
 

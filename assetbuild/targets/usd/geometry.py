@@ -76,7 +76,7 @@ def _define_mesh(stage: Usd.Stage, path: str, triangles: TriangleMesh) -> None:
         mesh.SetNormalsInterpolation(UsdGeom.Tokens.faceVarying)
 
 
-def write_instances(folder: Path, names: Names, shapes: Shapes) -> None:
+def write_instances(folder: Path, names: Names, shapes: Shapes, *, instanceable: bool) -> None:
     """`instances.usda`: visual shapes below their bodies, materials bound."""
     from pxr import UsdGeom, UsdShade
 
@@ -85,6 +85,8 @@ def write_instances(folder: Path, names: Names, shapes: Shapes) -> None:
         body, X_body_link = names.tree.placement(shape.link)
         UsdGeom.Xform.Define(stage, f"{stage.OverridePrim(names.body(body)).GetPath()}/{VISUALS}")
         prim = _define_visual(stage, names, shape, X_body_link @ shape.X_link_shape)
+        if instanceable and isinstance(shape.geometry, Mesh):
+            prim.SetInstanceable(True)
         label(prim, shape.name)
         if shape.material is not None:
             binding = UsdShade.MaterialBindingAPI.Apply(prim)
@@ -103,7 +105,6 @@ def _define_visual(stage: Usd.Stage, names: Names, shape: Shape, X_body_shape: P
     # The material is bound on the instance, above the shared mesh: a binding inside of it could
     # not reach the robot's materials, and meshes of two colours would not be shared.
     prim.GetReferences().AddReference(f"./{GEOMETRIES}", asset_path(names, geometry))
-    prim.SetInstanceable(True)
     place(prim, X_body_shape, geometry.scale)
     return prim
 
@@ -196,6 +197,10 @@ def _define_material(stage: Usd.Stage, path: str, material: Material) -> None:
     file = f"./textures/{material.texture}"
     image.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(file))
     image.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
+    for wrap in ("wrapS", "wrapT"):  # coordinates beyond 1 repeat the picture, as in MuJoCo
+        image.CreateInput(wrap, Sdf.ValueTypeNames.Token).Set("repeat")
+    # The connection below replaces the colour, which tints the picture: hence here.
+    image.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(*material.rgba[:3], 1.0))
     coordinates = reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
     image.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(coordinates)
     color.ConnectToSource(image.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))

@@ -7,10 +7,12 @@ Armature, velocity limit and friction are written three times from one number: `
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from assetbuild.errors import StepError
+from assetbuild.recipe.models import Usd as Options
+from assetbuild.recipe.models import UsdArticulation
+from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import MOVING, Actuator, Control, Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply
 from assetbuild.targets.usd.layers import apply_foreign, label
@@ -49,21 +51,25 @@ def joint_axis(axis: Vec3) -> tuple[str, Quat]:
     return "X", quat_multiply(quat_between((-1.0, 0.0, 0.0), axis), half_turn)
 
 
-def define_joints(stage: Usd.Stage, names: Names, tree: Tree, control: Control) -> None:
+def define_joints(
+    stage: Usd.Stage, names: Names, tree: Tree, control: Control, options: Options
+) -> None:
     """Every joint of the tree, with limits, drive and passive properties."""
     from pxr import UsdGeom
 
     if tree.joints or tree.base == "fixed":
         UsdGeom.Scope.Define(stage, f"/{names.root}/{JOINTS}")
-    targets = _home(control)
+    starts = starting_positions(tree, control)
     for joint in tree.joints:
         prim = _define_joint(stage, names, joint)
         label(prim, joint.name)
         if joint.kind in MOVING:
             actuator = control.by_joint.get(joint.name) or _undriven(joint)
             _apply_passive(prim, joint, actuator)
-            _apply_drive(prim, joint, actuator, targets.get(joint.name, 0.0))
-            _apply_mimic(prim, names, tree, joint)
+            _apply_drive(prim, joint, actuator, starts[joint.name], options.drive_type)
+            _apply_start(prim, joint, starts[joint.name])
+            if options.mimics:
+                _apply_mimic(prim, names, tree, joint)
 
 
 def _undriven(joint: Joint) -> Actuator:
@@ -77,13 +83,33 @@ def _undriven(joint: Joint) -> Actuator:
     )
 
 
-def _home(control: Control) -> Mapping[str, float]:
-    """Joint values of the keyframe `home`, rad or m; empty without one.
+def starting_positions(tree: Tree, control: Control) -> dict[str, float]:
+    """Where each joint starts and its drive aims, rad or m: the keyframe `home`, else near 0.
 
-    The drives aim there, not at 0, because 0 may lie outside the limits (a dog's knee), and so
-    that the asset stands when a person presses play. A training framework sets its own targets.
+    0 may lie outside of the limits (a dog's knee): PhysX then pushes so hard that all turns to
+    NaN within a few steps. Without a `home` such a joint starts at the limit nearest to 0.
     """
-    return next((dict(key.joints) for key in control.keyframes if key.name == "home"), {})
+    home = next((dict(key.joints) for key in control.keyframes if key.name == "home"), None)
+    if home is not None:
+        return {joint.name: home.get(joint.name, 0.0) for joint in tree.moving_joints}
+    inside = {}
+    for joint in tree.moving_joints:
+        lower, upper = joint.limits.lower, joint.limits.upper
+        if joint.kind == "continuous":
+            lower = upper = None
+        value = 0.0 if lower is None else max(0.0, lower)
+        inside[joint.name] = value if upper is None else min(value, upper)
+    return with_mimics(tree, inside)
+
+
+def _apply_start(prim: Usd.Prim, joint: Joint, position: float) -> None:
+    """PhysX starts a joint where this says, wherever the bodies stand."""
+    axis = "angular" if is_angular(joint) else "linear"
+    apply_foreign(
+        prim,
+        f"PhysicsJointStateAPI:{axis}",
+        {f"state:{axis}:physics:position": ("Float", coordinate(joint, position))},
+    )
 
 
 def _define_joint(stage: Usd.Stage, names: Names, joint: Joint) -> Usd.Prim:
@@ -168,14 +194,16 @@ def drive_gains(actuator: Actuator) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-def _apply_drive(prim: Usd.Prim, joint: Joint, actuator: Actuator, target: float) -> None:
+def _apply_drive(
+    prim: Usd.Prim, joint: Joint, actuator: Actuator, target: float, kind: str
+) -> None:
     from pxr import UsdPhysics
 
     if actuator.model == "passive":
         return  # the presence of the API is what makes a drive
     stiffness, damping = drive_gains(actuator)
     drive = UsdPhysics.DriveAPI.Apply(prim, "angular" if is_angular(joint) else "linear")
-    drive.CreateTypeAttr(UsdPhysics.Tokens.force)
+    drive.CreateTypeAttr(kind)
     drive.CreateStiffnessAttr(gain(joint, stiffness))
     drive.CreateDampingAttr(gain(joint, damping))
     drive.CreateTargetVelocityAttr(0.0)
@@ -217,17 +245,10 @@ def _apply_mimic(prim: Usd.Prim, names: Names, tree: Tree, joint: Joint) -> None
 
 
 def apply_articulation(
-    stage: Usd.Stage,
-    names: Names,
-    tree: Tree,
-    *,
-    self_collisions: bool,
-    iterations: tuple[int, int],
+    stage: Usd.Stage, names: Names, tree: Tree, options: UsdArticulation
 ) -> None:
     """ArticulationRootAPI where it decides the base: on the root link, it floats; on the fixed
     joint between world and root link, it stands.
-
-    iterations: (position, velocity) of the solver.
     """
     from pxr import UsdPhysics
 
@@ -238,21 +259,26 @@ def apply_articulation(
         _set_frames(joint, IDENTITY, IDENTITY)
         prim = joint.GetPrim()
     UsdPhysics.ArticulationRootAPI.Apply(prim)
-    position, velocity = iterations
     apply_foreign(
         prim,
         "PhysxArticulationAPI",
         {
-            "physxArticulation:enabledSelfCollisions": ("Bool", self_collisions),
-            "physxArticulation:solverPositionIterationCount": ("Int", position),
-            "physxArticulation:solverVelocityIterationCount": ("Int", velocity),
+            "physxArticulation:enabledSelfCollisions": ("Bool", options.self_collisions),
+            "physxArticulation:solverPositionIterationCount": (
+                "Int",
+                options.solver_position_iterations,
+            ),
+            "physxArticulation:solverVelocityIterationCount": (
+                "Int",
+                options.solver_velocity_iterations,
+            ),
             # Unauthored, two readers of the same PhysX take values that differ a thousandfold.
-            "physxArticulation:sleepThreshold": ("Float", 0.0),
-            "physxArticulation:stabilizationThreshold": ("Float", 0.0),
+            "physxArticulation:sleepThreshold": ("Float", options.sleep_threshold),
+            "physxArticulation:stabilizationThreshold": ("Float", options.stabilization_threshold),
         },
     )
     apply_foreign(
         prim,
         "NewtonArticulationRootAPI",
-        {"newton:selfCollisionEnabled": ("Bool", self_collisions)},
+        {"newton:selfCollisionEnabled": ("Bool", options.self_collisions)},
     )

@@ -11,23 +11,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from assetbuild.robot.model import Control, Tree
-from assetbuild.robot.pose import IDENTITY
+from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
+from assetbuild.targets.usd.joints import starting_positions
 from assetbuild.targets.usd.layers import apply_foreign, new_stage, save, set_place
 from assetbuild.targets.usd.names import Names
-from assetbuild.targets.usd.units import coordinate, is_angular
 
 if TYPE_CHECKING:
     from pxr import Usd
 
 SCENE = "scene.usda"
 FLOOR_M = 20.0
+CLEARANCE_M = 1e-3
+"""The soles start this far above the floor. PhysX throws out a sole that starts inside of it, by
+rounding alone, with all of `maxDepenetrationVelocity`."""
 
 
 def write_scene(folder: Path, main: str, names: Names, tree: Tree, control: Control) -> None:
     """A world that references `main`, the robot at the keyframe `home`.
 
-    Without that keyframe at q = 0, the root in the origin.
+    Without that keyframe near q = 0, the root in the origin.
     """
     from pxr import UsdGeom, UsdLux, UsdPhysics
 
@@ -44,25 +47,14 @@ def write_scene(folder: Path, main: str, names: Names, tree: Tree, control: Cont
     robot = UsdGeom.Xform.Define(stage, f"/World/{names.root}").GetPrim()
     robot.GetReferences().AddReference(f"./{main}")
     home = next((key for key in control.keyframes if key.name == "home"), None)
-    joints = dict(home.joints) if home else {}
+    joints = starting_positions(tree, control)  # where the asset's own joints start
     X_world_base = home.base if home and home.base is not None else IDENTITY
+    if home and home.base is not None:
+        X_world_base = Pose((0.0, 0.0, CLEARANCE_M)) @ X_world_base
     for body, X_root_body in forward_kinematics(tree, joints).items():
         prim = stage.OverridePrim(f"/World{names.body(body)}")
         set_place(prim, X_world_base @ X_root_body)
-    for name, value in joints.items():
-        _set_joint_state(stage.OverridePrim(f"/World{names.joint(name)}"), tree, name, value)
     save(stage)
-
-
-def _set_joint_state(prim: Usd.Prim, tree: Tree, name: str, value: float) -> None:
-    """PhysX starts a joint where this says, wherever the bodies stand."""
-    joint = tree.by_joint[name]
-    axis = "angular" if is_angular(joint) else "linear"
-    apply_foreign(
-        prim,
-        f"PhysicsJointStateAPI:{axis}",
-        {f"state:{axis}:physics:position": ("Float", coordinate(joint, value))},
-    )
 
 
 def _define_physics(stage: Usd.Stage, control: Control) -> None:

@@ -5,21 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from assetbuild.findings import Finding
+from assetbuild.recipe.models import Usd as Options
 from assetbuild.robot.model import Control, Joint, Tree
+from assetbuild.targets.usd.joints import starting_positions
 from assetbuild.targets.usd.units import is_angular, limits
 
 MAX_LINKS = 64
 MAX_ANGLE_DEG = 360.0
 
 
-def unsupported(tree: Tree, control: Control) -> Iterator[Finding]:
+def unsupported(tree: Tree, control: Control, options: Options) -> Iterator[Finding]:
     """Findings for all that is missing, clamped or read differently."""
     for joint in tree.moving_joints:
         yield from _limits(joint)
-        yield from _mimic(tree, joint)
+        yield from _mimic(tree, joint, options)
     yield from _actuators(control)
     yield from _contact(control)
     yield from _keyframes(control)
+    yield from _starts(tree, control)
     if len(tree.bodies) > MAX_LINKS:
         yield Finding(
             rule="usd.links",
@@ -56,11 +59,18 @@ def _limits(joint: Joint) -> Iterator[Finding]:
         )
 
 
-def _mimic(tree: Tree, joint: Joint) -> Iterator[Finding]:
+def _mimic(tree: Tree, joint: Joint, options: Options) -> Iterator[Finding]:
     if joint.mimic is None:
         return
     subject, leader = f"joint {joint.name}", tree.by_joint[joint.mimic.joint]
-    if is_angular(leader) != is_angular(joint):
+    if not options.mimics:
+        yield Finding(
+            rule="usd.mimic",
+            severity="info",
+            subject=subject,
+            message=f"does not follow `{leader.name}` in USD: the recipe says `usd.mimics: false`",
+        )
+    elif is_angular(leader) != is_angular(joint):
         yield Finding(
             rule="usd.mimic",
             severity="warning",
@@ -132,3 +142,17 @@ def _keyframes(control: Control) -> Iterator[Finding]:
             hint="take them from the MJCF or the generated Isaac Lab module",
             data={"keyframes": lost},
         )
+
+
+def _starts(tree: Tree, control: Control) -> Iterator[Finding]:
+    for name, position in starting_positions(tree, control).items():
+        if position != 0.0 and not any(key.name == "home" for key in control.keyframes):
+            yield Finding(
+                rule="usd.start",
+                severity="info",
+                subject=f"joint {name}",
+                message=f"0 is outside of its limits: it starts at {position:.4g} in PhysX, which "
+                "blows up outside of them",
+                hint="add a keyframe `home`",
+                data={"position": position},
+            )

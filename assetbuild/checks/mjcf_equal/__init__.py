@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from assetbuild.checks.mjcf_equal import senses
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
+from assetbuild.robot.chains import axis_in_body, find_chains
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import (
     MOVING,
@@ -41,7 +43,7 @@ ROUNDING = 1e-14
 class MjcfEqual(Check):
     """Findings `equal.mjcf.<what>`; all are errors and carry both values."""
 
-    version = "2"
+    version = "3"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -92,7 +94,17 @@ class _Comparison:
     def __init__(self, model: mujoco.Model, tree: Tree, shapes: Shapes, control: Control) -> None:
         self.model, self.tree, self.shapes, self.control = model, tree, shapes, control
         self.names = mujoco.body_names(tree)
+        chains = find_chains(tree, {shape.link for shape in shapes.shapes})
+        self.chains = {chain.body: chain for chain in chains}
+        # Massless links between joints are no bodies here: their joints stand on the last body.
+        self.absent = {link for chain in chains for link in chain.between}
+        self.seats = {
+            joint.name: (chain.body, X_body_joint)
+            for chain in chains
+            for joint, X_body_joint in zip(chain.joints, chain.joint_poses, strict=True)
+        }
         self.worst = _Worst({})
+        self.contacts = dict(control.contacts)
         self.index = {
             kind: {mujoco.name_of(model, kind, i): i for i in range(count)}
             for kind, count in (
@@ -116,6 +128,8 @@ class _Comparison:
         for key in self.control.keyframes:
             yield from self.keyframe(key)
         yield from self.simulation()
+        yield from self.pairs(senses.sensors(self.model, self.control))
+        yield from self.pairs(senses.cameras(self.model, self.tree, self.control))
 
     def figures(self) -> dict[str, object]:
         masses = [body.inertial.mass_kg for body in self.tree.bodies if body.inertial]
@@ -134,15 +148,16 @@ class _Comparison:
         nv = sum(dofs.get(joint.kind, 1) for joint in tree.joints)
         nv += 6 if tree.base == "floating" else 0
         driven = [a for a in control.actuators if a.model != "passive"]
+        pairs = [pair for pair in control.excludes if not self.absent & {*pair}]
         held = sum(joint.mimic is not None or _is_locked(joint) for joint in tree.joints)
         for what, expected, found in (
-            ("bodies", len(tree.bodies), model.nbody - 1),
+            ("bodies", len(tree.bodies) - len(self.absent), model.nbody - 1),
             ("degrees of freedom", nv, model.nv),
-            ("actuators", len(driven), model.nu),
+            ("actuators", len(driven) + self.opaque("actuator"), model.nu),
             ("keyframes", len(control.keyframes), model.nkey),
-            ("excluded pairs", len(control.excludes), model.nexclude),
-            ("equalities", held, model.neq),
-            ("shapes", len(self.shapes.shapes), model.ngeom),
+            ("excluded pairs", len(pairs), model.nexclude),
+            ("equalities", held + self.opaque("equality"), model.neq),
+            ("shapes", len(self.shapes.shapes) + self.opaque("body", "<geom"), model.ngeom),
         ):
             if expected != found:
                 yield _differs("count", "robot", f"number of {what}", expected, found)
@@ -150,23 +165,35 @@ class _Comparison:
         total, found_total = math.fsum(masses), math.fsum(model.body_mass)
         yield from self.compare("total_mass", "robot", "total mass (kg)", [total], [found_total])
 
+    def opaque(self, place: str, start: str = "<") -> int:
+        """How many elements of a section only MJCF has."""
+        return sum(
+            item.place == place and item.element.startswith(start)
+            for item in self.control.mjcf_only
+        )
+
     def bodies(self) -> Iterator[Finding]:
         for body in self.tree.bodies:
+            if body.name in self.absent:
+                continue
             subject = f"link {body.name}"
             index = self.index["body"].get(self.names[body.name])
             if index is None:
                 yield _differs("body", subject, "the body", "there", "missing")
                 continue
             yield from self.inertial(subject, body.inertial, index)
-            joint = self.tree.joint_above.get(body.name)
-            parent = self.names[joint.parent] if joint else "world"
+            joint, chain = self.tree.joint_above.get(body.name), self.chains.get(body.name)
+            above = chain.parent if chain else joint.parent if joint else ""
+            parent = self.names[above] if above else "world"
             found = mujoco.name_of(self.model, "body", int(self.model.body_parentid[index]))
             if found != parent:
                 yield _differs("parent", subject, "parent", parent, found)
-            # Where a floating base rests at qpos0 is free; keyframes place it.
-            if joint or self.tree.base == "fixed":
+            # Where a floating base rests at qpos0 is free; keyframes place it. A fixed one may be
+            # mounted somewhere by an MJCF, which `mjcf_source` compares.
+            if joint or (self.tree.base == "fixed" and not self.opaque("root")):
                 pose = _pose(self.model.body_pos[index], self.model.body_quat[index])
                 X_parent_body = joint.X_parent_joint if joint else IDENTITY
+                X_parent_body = chain.pose_in_parent if chain else X_parent_body
                 yield from self.compare_pose(subject, X_parent_body, pose)
 
     def inertial(self, subject: str, inertial: Inertial | None, index: int) -> Iterator[Finding]:
@@ -192,11 +219,13 @@ class _Comparison:
         if int(model.jnt_type[index]) != kind:
             yield _differs("joint", subject, "type", kind, int(model.jnt_type[index]))
         body = mujoco.name_of(model, "body", int(model.jnt_bodyid[index]))
-        if body != self.names[joint.child]:
-            yield _differs("joint", subject, "body", joint.child, body)
-        yield from self.compare("axis", subject, "axis", joint.axis, model.jnt_axis[index])
+        carrier, X_body_joint = self.seats.get(joint.name, (joint.child, IDENTITY))
+        if body != self.names[carrier]:
+            yield _differs("joint", subject, "body", carrier, body)
+        axis = axis_in_body(joint, X_body_joint)
+        yield from self.compare("axis", subject, "axis", axis, model.jnt_axis[index])
         yield from self.compare(
-            "anchor", subject, "anchor (m)", (0.0, 0.0, 0.0), model.jnt_pos[index]
+            "anchor", subject, "anchor (m)", X_body_joint.xyz, model.jnt_pos[index]
         )
         yield from self.limits(joint, index)
         yield from self.drive(joint, index)
@@ -238,12 +267,22 @@ class _Comparison:
             ("friction", actuator.friction, model.dof_frictionloss[dof]),
         ):
             yield from self.compare(what, subject, what, [expected], [found])
-        mine = [i for i in range(model.nu) if int(model.actuator_trnid[i, 0]) == index]
+        mine = [i for i in range(model.nu) if self.drives(i, index)]
         if len(mine) != (actuator.model != "passive"):
             wanted = int(actuator.model != "passive")
             yield _differs("actuator", subject, "number of actuators", wanted, len(mine))
         elif mine:
             yield from self.actuator(actuator, mine[0])
+
+    def drives(self, actuator: int, joint: int) -> bool:
+        """Whether an actuator of the model is the Robot's own drive of a joint."""
+        name = mujoco.name_of(self.model, "actuator", actuator)
+        foreign = any(
+            item.place == "actuator" and f'name="{name}"' in item.element
+            for item in self.control.mjcf_only
+        )
+        on_joint = int(self.model.actuator_trntype[actuator]) == 0  # mjTRN_JOINT
+        return on_joint and not foreign and int(self.model.actuator_trnid[actuator, 0]) == joint
 
     def actuator(self, actuator: Actuator, index: int) -> Iterator[Finding]:
         model, subject = self.model, f"actuator {actuator.joint}"
@@ -252,8 +291,16 @@ class _Comparison:
             gain, bias = actuator.kp, (0.0, -actuator.kp, -actuator.kd)
         elif actuator.model == "velocity":
             gain, bias = actuator.kd, (0.0, 0.0, -actuator.kd)
-        if actuator.model in ("pd", "velocity"):
+        if actuator.model in ("pd", "velocity", "general"):
             effort_range, limited = "force", model.actuator_forcelimited
+        if actuator.ctrl is not None:
+            found = model.actuator_ctrlrange[index]
+            yield from self.compare("ctrl", subject, "range of the command", actuator.ctrl, found)
+            if effort_range == "ctrl":
+                return
+        if actuator.model == "general":
+            yield from self.pairs(senses.general(model, index, actuator))
+            return
         found = [model.actuator_gainprm[index][0], *model.actuator_biasprm[index][:3]]
         yield from self.compare("gains", subject, "gain and bias", [gain, *bias], found)
         yield from self.compare("gear", subject, "gear", [1.0], model.actuator_gear[index][:1])
@@ -295,17 +342,11 @@ class _Comparison:
         if found != self.names[body]:
             yield _differs("shape", subject, "body", body, found)
         collides = bool(model.geom_contype[index] or model.geom_conaffinity[index])
-        if collides != (shape.role == "collision"):
-            yield _differs("shape", subject, "collides", shape.role == "collision", collides)
+        if collides and shape.role == "visual":
+            yield _differs("shape", subject, "collides", False, collides)
         if shape.role == "collision":
-            contact = self.control.contact
-            yield from self.compare(
-                "contact", subject, "friction", contact.friction, model.geom_friction[index]
-            )
-            if int(model.geom_condim[index]) != contact.condim:
-                yield _differs(
-                    "contact", subject, "condim", contact.condim, int(model.geom_condim[index])
-                )
+            contact = self.contacts.get(shape.name, self.control.contact)
+            yield from self.pairs(senses.surface(model, index, subject, contact))
         size = _half_sizes(shape)
         if size:
             found_size = model.geom_size[index][: len(size)]
@@ -328,7 +369,8 @@ class _Comparison:
             if joint is not None:
                 q = [qpos[int(model.jnt_qposadr[joint])]]
                 yield from self.compare("keyframe", subject, f"position of {name}", [value], q)
-                yield from self.target(subject, name, value, ctrl)
+                if not any(i.place == "keyframe" for i in self.control.mjcf_only):
+                    yield from self.target(subject, name, value, ctrl)
 
     def target(self, subject: str, name: str, value: float, ctrl: Array) -> Iterator[Finding]:
         row = self.control.by_joint.get(name)
@@ -347,6 +389,17 @@ class _Comparison:
         yield from self.compare("option", "robot", "gravity (m/s2)", wanted.gravity, option.gravity)
 
     # --- comparing --------------------------------------------------------------------------
+
+    def pairs(self, pairs: Iterable[senses.Pair]) -> Iterator[Finding]:
+        """A finding for each pair that differs."""
+        for pair in pairs:
+            if isinstance(pair.expected, str) or isinstance(pair.found, str):
+                if pair.expected != pair.found:
+                    yield _differs(pair.what, pair.subject, pair.words, pair.expected, pair.found)
+            else:
+                yield from self.compare(
+                    pair.what, pair.subject, pair.words, pair.expected, pair.found
+                )
 
     def compare(
         self, what: str, subject: str, words: str, expected: ArrayLike, found: ArrayLike

@@ -1,0 +1,568 @@
+"""MuJoCo beside PhysX, row by row: the form that people fill in by hand before a sim-to-sim move.
+
+Rows are ranked: CRITICAL ones decide whether the two simulate the same robot, LOW ones inform.
+Each row has two limits: the design's, for a warning, and the coarse one of practice, for an error.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, Self
+
+import numpy as np
+
+from assetbuild.engine.step import Files, Limits
+from assetbuild.findings import Finding
+from assetbuild.kinds import Check, write_figures
+from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.models import Sine as Wish
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
+from assetbuild.robot.pose import Array, Pose
+from assetbuild.simulators import mujoco, mujoco_motion, physx
+from assetbuild.simulators.experiments import (
+    Motion,
+    Sine,
+    compare_response,
+    sine_of,
+)
+
+Rank = Literal["CRITICAL", "HIGH", "MEDIUM", "LOW"]
+EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor", "general"})
+"""Their law runs outside of the simulator; the sine gives both engines the same servo instead."""
+FINE_DT = 0.001
+STAND_S, DROP_S, DROP_M, SLOPE = 2.0, 1.2, 1.0, 0.5
+LANDING_S = math.sqrt(2.0 * DROP_M / 9.81)
+"""0.452 s from 1 m under the gravity of the earth; scaled to the recipe's below."""
+NUMBER = (1e-5, 0.01)
+"""Limits of a number that both only hold: float32 and what reads it, then 1 %."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the form.
+
+    off: what the limits bound; share, m, s or rad as `unit` says; None = only told.
+    """
+
+    name: str
+    rank: Rank
+    subject: str
+    mujoco: float | str
+    physx: float | str
+    off: float | None = None
+    warn: float = math.inf
+    error: float = math.inf
+    unit: str = ""
+
+    @property
+    def verdict(self) -> Literal["ok", "warning", "error", "told"]:
+        """By the two limits; what is not a number is over both."""
+        if self.off is None:
+            return "told"
+        if not self.off <= self.error:
+            return "error"
+        return "ok" if self.off <= self.warn else "warning"
+
+    def shown(self) -> dict[str, object]:
+        """For the figures: no NaN, which JSON lacks."""
+        values = {"mujoco": self.mujoco, "physx": self.physx, "off": self.off}
+        plain = {
+            key: None if isinstance(value, float) and not math.isfinite(value) else value
+            for key, value in values.items()
+        }
+        head = {"rank": self.rank, "row": self.name, "of": self.subject}
+        return head | plain | {"unit": self.unit, "verdict": self.verdict}
+
+
+class Alignment(Check):
+    """`mjcf/` in MuJoCo and `usd/` in PhysX: what they hold, how they fall, follow, stand, land."""
+
+    needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
+    reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
+    requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
+    tools: ClassVar[tuple[str, ...]] = (
+        "usd-core",
+        "ovphysx",
+        "ovstage",
+        "physx-usd-schemas",
+        "mujoco",
+    )
+    isolated: ClassVar[bool] = True
+    preload: ClassVar[tuple[str, ...]] = (
+        "pxr.Usd",
+        "pxr.UsdGeom",
+        "pxr.UsdPhysics",
+        "pxr.UsdShade",
+    )
+    limits: ClassVar[Limits] = Limits(wall_s=900.0, memory_mb=16384)
+
+    robot: str
+    """Name of the robot: the stem of the main files."""
+    sine: Wish | None = Wish.model_validate({})
+    iterations: int = 8
+    """Position iterations of PhysX's solver."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self | None:
+        """None unless the recipe names both simulators."""
+        if set(recipe.validate_.simulators) != {"mujoco", "physx"}:
+            return None
+        return cls(
+            robot=recipe.robot,
+            sine=recipe.validate_.sine,
+            iterations=recipe.usd.articulation.solver_position_iterations,
+        )
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Figures: all rows, worst first within their rank."""
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        pair = Pair(files, self.robot, tree, control, self.sine, self.iterations)
+        outcomes = physx.perform(files.inputs / f"usd/{self.robot}.usda", pair.experiments())
+        broken = {name: done for name, done in outcomes.items() if not done.finite}
+        rows = tuple(pair.rows(outcomes))
+        write_figures(files, {"rows": [row.shown() for row in rows]})
+        for name, done in broken.items():
+            yield Finding(
+                "alignment.physx.run",
+                "error",
+                "robot",
+                f"no comparison of `{name}`: {done.failure}",
+                data={"simulator": "physx"},
+            )
+        yield from findings_of(rows)
+
+
+def findings_of(rows: Sequence[Row]) -> Iterator[Finding]:
+    """One finding for each kind of row that is off: about the worst of its joints."""
+    for name in dict.fromkeys(row.name for row in rows):
+        bad = [row for row in rows if row.name == name and row.verdict in ("warning", "error")]
+        if not bad:
+            continue
+        worst = max(bad, key=lambda row: math.inf if math.isnan(row.off or 0.0) else row.off or 0.0)
+        more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
+        limit = worst.error if worst.verdict == "error" else worst.warn
+        yield Finding(
+            f"alignment.physx.{name}",
+            "error" if worst.verdict == "error" else "warning",
+            worst.subject,
+            f"{worst.rank}: MuJoCo {_text(worst.mujoco)}, PhysX {_text(worst.physx)}: "
+            f"{worst.off:.3g} {worst.unit} apart, more than {limit:.3g}{more}",
+            hint="the report's table of `alignment` has every row",
+            data={"rank": worst.rank, "off": _finite(worst.off), "rows": len(bad)},
+        )
+
+
+def _finite(value: float | None) -> float | None:
+    """JSON has no NaN and no infinity."""
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _text(value: float | str) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+@dataclass
+class Pair:
+    """The two models of one robot, and what is asked of both."""
+
+    files: Files
+    robot: str
+    tree: Tree
+    control: Control
+    wish: Wish | None
+    iterations: int
+
+    @property
+    def home(self) -> Keyframe | None:
+        """The pose that stands."""
+        return next((key for key in self.control.keyframes if key.name == "home"), None)
+
+    @property
+    def stands(self) -> bool:
+        """Standing, landing and sliding need a floating base and a home above a floor."""
+        return self.tree.base == "floating" and self.home is not None
+
+    def sine(self) -> Sine | None:
+        """The sine of both engines; None when no joint can follow one."""
+        if self.wish is None:
+            return None
+        home = dict(self.home.joints) if self.home else {}
+        made = sine_of(self.tree, self.control, home, self.wish.frequency, self.wish.seconds)
+        return made if any(made.swing.values()) else None
+
+    @property
+    def servos(self) -> dict[str, Actuator]:
+        """Drives whose law is outside of the simulator."""
+        return {a.joint: a for a in self.control.actuators if a.model in EXTERNAL and a.kp > 0.0}
+
+    def experiments(self) -> list[physx.Experiment]:
+        """What PhysX does."""
+        gravity, dt = self.control.simulation.gravity, self.control.simulation.timestep
+        plain = physx.Setting(dt, gravity)
+        made = [physx.Experiment("load", plain)]
+        if self.tree.base == "floating":
+            steps = round(0.4 / dt)
+            made.append(
+                physx.Experiment(
+                    "fall", physx.Setting(dt, gravity, contacts=False), steps=steps, every=steps
+                )
+            )
+        if (sine := self.sine()) is not None:
+            made += self._sines(sine)
+        if self.stands:
+            made += self._on_floor()
+        return made
+
+    def _sines(self, sine: Sine) -> list[physx.Experiment]:
+        gravity, dt = self.control.simulation.gravity, self.control.simulation.timestep
+        base: Literal["asset", "held"] = "held" if self.tree.base == "floating" else "asset"
+        pure = physx.Setting(
+            FINE_DT, gravity, base, contacts=False, rubbing=False, drives=self.servos
+        )
+        as_is = physx.Setting(dt, gravity, base, drives=self.servos)
+        return [
+            physx.Experiment(
+                name,
+                setting,
+                steps=round(sine.seconds / setting.timestep),
+                every=max(1, round(0.005 / setting.timestep)),
+                start=sine.middle,
+                sine=sine,
+            )
+            for name, setting in (("sine", pure), ("sine_as_is", as_is))
+        ]
+
+    def _on_floor(self) -> list[physx.Experiment]:
+        assert self.home is not None  # noqa: S101 - `stands` was asked
+        gravity, dt = self.control.simulation.gravity, self.control.simulation.timestep
+        base, friction = physx.clear_of_floor(self.home.base), self.control.contact.friction[0]
+        raised = Pose((base.xyz[0], base.xyz[1], base.xyz[2] + DROP_M), base.quat)
+        start = dict(self.home.joints)
+        return [
+            physx.Experiment(
+                name,
+                physx.Setting(dt, pull, at=at, floor_friction=friction, drives=self.servos),
+                steps=round(seconds / dt),
+                every=every,
+                start=start,
+            )
+            for name, pull, at, seconds, every in (
+                ("stand", gravity, base, STAND_S, 20),
+                ("drop", gravity, raised, DROP_S, 1),
+                ("slope", self._tilted(), base, STAND_S, 20),
+            )
+        ]
+
+    def _tilted(self) -> tuple[float, float, float]:
+        """Gravity as on a slope on which half of the friction holds the robot."""
+        x, y, z = self.control.simulation.gravity
+        angle = math.atan(SLOPE * self.control.contact.friction[0])
+        return x + abs(z) * math.sin(angle), y, z * math.cos(angle)
+
+    # --- rows ---------------------------------------------------------------------------
+
+    def rows(self, outcomes: Mapping[str, physx.Outcome]) -> Iterator[Row]:
+        """CRITICAL first."""
+        held = outcomes["load"].held
+        made = list(self._settings())
+        if held is not None:
+            model = self._model(f"{self.robot}.xml")
+            made += self._bodies(model, held)
+            made += self._joints(model, held)
+            made += self._surfaces(model, held)
+        made += self._falls(outcomes)
+        made += self._responses(outcomes)
+        if self.stands:
+            made += self._on_floor_rows(outcomes)
+        ranks = ("CRITICAL", "HIGH", "MEDIUM", "LOW")
+        order = {"error": 0, "warning": 1, "ok": 2, "told": 3}
+        yield from sorted(made, key=lambda r: (ranks.index(r.rank), order[r.verdict]))
+
+    def _model(self, name: str) -> Any:  # Any: mujoco.MjModel
+        return mujoco.load(self.files.inputs / "mjcf" / name).model
+
+    def _settings(self) -> Iterator[Row]:
+        """Time and gravity as the files say that people open: both `scene`s."""
+        from pxr import Usd, UsdPhysics
+
+        option = self._model("scene.xml").opt
+        stage = Usd.Stage.Open(str(self.files.inputs / "usd/scene.usda"))
+        yield from self._self_collision(stage)
+        scene = UsdPhysics.Scene(stage.GetPrimAtPath("/World/physics"))
+        rate = scene.GetPrim().GetAttribute("physxScene:timeStepsPerSecond").Get()
+        dt = 1.0 / float(rate)
+        simulation = self.control.simulation
+        yield Row(
+            "timestep",
+            "CRITICAL",
+            "robot",
+            float(option.timestep),
+            dt,
+            _relative(dt, float(option.timestep)),
+            *NUMBER,
+            "of it",
+        )
+        strength = float(scene.GetGravityMagnitudeAttr().Get())
+        pull = strength * np.array(scene.GetGravityDirectionAttr().Get())
+        off = float(np.abs(pull - np.array(option.gravity)).max())
+        off = max(off, float(np.abs(np.array(simulation.gravity) - option.gravity).max()))
+        yield Row(
+            "gravity",
+            "CRITICAL",
+            "robot",
+            _vector(option.gravity),
+            _vector(pull),
+            off,
+            1e-5,
+            0.01,
+            "m/s²",
+        )
+
+    def _self_collision(self, stage: Any) -> Iterator[Row]:  # Any: Usd.Stage
+        """MuJoCo's geoms touch one another when their bits meet; PhysX has one switch."""
+        model = self._model(f"{self.robot}.xml")
+        geoms = mujoco.collision_geoms(model)
+        bits = [(int(model.geom_contype[g]), int(model.geom_conaffinity[g])) for g in geoms]
+        ours = "on" if any(a & b for a, _ in bits for _, b in bits) else "off"
+        found = [
+            prim.GetAttribute("physxArticulation:enabledSelfCollisions").Get()
+            for prim in stage.Traverse()
+            if prim.HasAttribute("physxArticulation:enabledSelfCollisions")
+        ]
+        theirs = "on" if found != [False] else "off"  # unwritten, PhysX switches them on
+        off = float(ours != theirs) if geoms else 0.0
+        yield Row("self_collision", "HIGH", "robot", ours, theirs, off, 0.0, 0.5, "yes/no")
+
+    def _bodies(self, model: Any, held: physx.Held) -> Iterator[Row]:  # Any: as above
+        import mujoco as engine
+
+        free = bool((model.jnt_type == engine.mjtJoint.mjJNT_FREE).any())
+        base = "floating" if free else "fixed"
+        other = "fixed" if held.fixed_base else "floating"
+        yield Row(
+            "base", "CRITICAL", "robot", base, other, float(base != other), 0.0, 0.5, "yes/no"
+        )
+        names = mujoco.body_names(self.tree)
+        mass = float(sum(model.body_mass[model.body(names[b.name]).id] for b in self.tree.bodies))
+        weights = [held.links[b.name].mass_kg for b in self.tree.bodies if b.name in held.links]
+        yield Row(
+            "mass",
+            "CRITICAL",
+            "robot",
+            mass,
+            sum(weights),
+            _relative(sum(weights), mass),
+            *NUMBER,
+            "of it",
+        )
+        yield Row(
+            "dof",
+            "CRITICAL",
+            "robot",
+            float(model.nv - 6 * free),
+            float(held.dof),
+            abs(float(model.nv - 6 * free - held.dof)),
+            0.0,
+            0.5,
+            "dof",
+        )
+
+    def _joints(self, model: Any, held: physx.Held) -> Iterator[Row]:  # Any: as above
+        for joint in self.tree.moving_joints:
+            theirs = held.joints.get(joint.name)
+            if theirs is None:
+                continue
+            ours = mujoco_motion.joint_numbers(model, joint.name)
+            numbers: tuple[tuple[str, Rank, float | None, float | None], ...] = (
+                ("kp", "CRITICAL", ours["kp"], theirs.kp),
+                (
+                    "kd_plus_damping",
+                    "CRITICAL",
+                    ours["kd"] + ours["damping"],
+                    theirs.kd + theirs.viscous_friction,
+                ),
+                ("effort", "HIGH", ours["effort"], theirs.effort),
+                ("armature", "HIGH", ours["armature"], theirs.armature),
+                ("friction", "HIGH", ours["friction"], theirs.dynamic_friction),
+            )
+            for name, rank, one, two in numbers:
+                if name == "effort" and not theirs.drive:
+                    continue  # where there is no drive there is no effort to limit
+                one = math.inf if one is None else one
+                two = math.inf if two is None else two
+                subject = f"joint {joint.name}"
+                yield Row(name, rank, subject, one, two, _relative(two, one), *NUMBER, "of it")
+
+    def _surfaces(self, model: Any, held: physx.Held) -> Iterator[Row]:  # Any: as above
+        geoms = mujoco.collision_geoms(model)
+        surfaces = [surface for link in held.links.values() for surface in link.surfaces]
+        if not geoms or not surfaces:
+            return
+        ours = sorted({float(model.geom_friction[g, 0]) for g in geoms})
+        theirs = sorted({surface[1] for surface in surfaces})
+        off = max(_relative(theirs[0], ours[0]), _relative(theirs[-1], ours[-1]))
+        yield Row(
+            "contact_friction",
+            "MEDIUM",
+            "robot",
+            _listed(ours),
+            _listed(theirs),
+            off,
+            1e-5,
+            0.05,
+            "of it",
+        )
+        bounce = max(surface[2] for surface in surfaces)
+        yield Row("restitution", "LOW", "robot", "none: solref", bounce)
+
+    def _falls(self, outcomes: Mapping[str, physx.Outcome]) -> Iterator[Row]:
+        if "fall" not in outcomes or not outcomes["fall"].finite:
+            return
+        dt, gravity = self.control.simulation.timestep, self.control.simulation.gravity
+        ours = mujoco.free_fall(self._model(f"{self.robot}.xml"), 0.4)
+        setting = physx.Setting(dt, gravity, contacts=False)
+        theirs = physx.free_fall_of(outcomes["fall"], setting, self.iterations)
+        off = max(ours.relative_error, theirs.relative_error)
+        yield Row(
+            "free_fall",
+            "HIGH",
+            "robot",
+            f"{ours.drop_m:.6g} m of {ours.expected_m:.6g}",
+            f"{theirs.drop_m:.6g} m of {theirs.expected_m:.6g}",
+            off,
+            0.003,
+            0.05,
+            "of the drop",
+        )
+
+    def _responses(self, outcomes: Mapping[str, physx.Outcome]) -> Iterator[Row]:
+        sine = self.sine()
+        if sine is None or self.wish is None:
+            return
+        dt = self.control.simulation.timestep
+        for name, step, pure, warn in (
+            ("sine", FINE_DT, True, self.wish.tolerance),
+            ("sine_as_is", dt, False, 0.05),
+        ):
+            done = outcomes[name]
+            if not done.finite or done.motion is None:
+                continue
+            model = self._model(f"{self.robot}.xml")
+            mujoco_motion.drive_as(model, self.servos)
+            every = max(1, round(0.005 / step))
+            ours = mujoco_motion.held_sine(
+                model, sine, step, contacts=not pure, rubbing=not pure, every=every
+            )
+            for joint, swing in sine.swing.items():
+                if swing > 0.0:
+                    yield _response_row(name, sine, joint, ours, done.motion, warn)
+
+    def _on_floor_rows(self, outcomes: Mapping[str, physx.Outcome]) -> Iterator[Row]:
+        dt = self.control.simulation.timestep
+        ours: dict[str, Motion] = {}
+        for name, seconds, raised in (
+            ("stand", STAND_S, 0.0),
+            ("drop", DROP_S, DROP_M),
+            ("slope", STAND_S, 0.0),
+        ):
+            model = self._model("scene.xml")
+            mujoco_motion.drive_as(model, self.servos)
+            if name == "slope":
+                model.opt.gravity[:] = self._tilted()
+            ours[name] = mujoco_motion.keyframe_motion(
+                model, "home", round(seconds / dt), raised_m=raised, servos=self.servos
+            )
+        theirs = {name: outcomes[name].motion for name in ours if outcomes[name].finite}
+        if (other := theirs.get("stand")) is not None:
+            one, two = float(ours["stand"].root[-1, 2]), float(other.root[-1, 2])
+            yield Row("stand_height", "MEDIUM", "robot", one, two, abs(one - two), 0.005, 0.01, "m")
+        if (other := theirs.get("drop")) is not None:
+            yield from self._landing(ours["drop"], other)
+        if (other := theirs.get("slope")) is not None:
+            moved = [
+                float(np.linalg.norm(m.root[-1, :2] - m.root[0, :2]))
+                for m in (ours["slope"], other)
+            ]
+            yield Row("slide_m", "LOW", "robot", moved[0], moved[1])
+
+    def _landing(self, ours: Motion, theirs: Motion) -> Iterator[Row]:
+        down = abs(self.control.simulation.gravity[2])
+        if down == 0.0:
+            return
+        ideal = LANDING_S * math.sqrt(9.81 / down)
+        times = [_landing_time(motion) for motion in (ours, theirs)]
+        off = max(abs(time - ideal) / ideal for time in times)
+        yield Row(
+            "landing_s", "MEDIUM", "robot", times[0], times[1], off, 0.03, 0.10, "of the time"
+        )
+        heights = [
+            _bounce(motion, time) for motion, time in zip((ours, theirs), times, strict=True)
+        ]
+        yield Row("bounce_m", "LOW", "robot", heights[0], heights[1])
+
+
+def _response_row(
+    name: str, sine: Sine, joint: str, ours: Motion, theirs: Motion, warn: float
+) -> Row:
+    response = compare_response(sine, joint, ours, theirs)
+    return Row(
+        name,
+        "HIGH",
+        f"joint {joint}",
+        f"swing {_swing(sine, joint, ours):.5g}",
+        f"swing x {response.gain:.5f}, {response.lag_rad:+.4f} rad later",
+        response.rms,
+        warn,
+        0.20,
+        "of the swing, RMS",
+    )
+
+
+def _swing(sine: Sine, joint: str, motion: Motion) -> float:
+    from assetbuild.simulators.experiments import phasor
+
+    start = len(motion.time) // 3
+    omega = 2.0 * math.pi * sine.frequency_hz
+    return abs(phasor(motion.time[start:], motion.joints[joint][start:], omega))
+
+
+def _landing_time(motion: Motion) -> float:
+    """When the centre of mass has fallen as far as the soles had to go; inf when it never did."""
+    fallen = motion.com[0, 2] - motion.com[:, 2]
+    reached = np.flatnonzero(fallen >= DROP_M)
+    if not len(reached):
+        return math.inf
+    last = int(reached[0])
+    return float(np.interp(DROP_M, fallen[last - 1 : last + 1], motion.time[last - 1 : last + 1]))
+
+
+def _bounce(motion: Motion, landed: float) -> float:
+    """How far the root rises again after its lowest point, m."""
+    after = motion.root[motion.time >= landed, 2]
+    if not len(after):
+        return math.nan
+    lowest = int(after.argmin())
+    return float(after[lowest:].max() - after[lowest])
+
+
+def _relative(found: float, expected: float) -> float:
+    """Difference as a share of the larger; 0 when both are 0 or both unlimited."""
+    if found == expected:
+        return 0.0
+    return abs(found - expected) / max(abs(found), abs(expected))
+
+
+def _vector(values: Array) -> str:
+    return " ".join(f"{float(v):.6g}" for v in values)
+
+
+def _listed(values: Sequence[float]) -> str:
+    return (
+        " ".join(f"{v:.6g}" for v in (values[0], values[-1]) if values)
+        if len(values) > 1
+        else f"{values[0]:.6g}"
+    )

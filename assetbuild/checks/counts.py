@@ -1,0 +1,135 @@
+"""Is every shape of the source still there, and every texture? Counted, not compared.
+
+`mjcf_equal` proves that the MJCF has the shapes of the robot; this check counts them against the
+description itself, read by another parser, so that nothing can be lost before.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Self
+from xml.etree.ElementTree import Element
+
+from assetbuild.engine.step import Files
+from assetbuild.findings import Finding
+from assetbuild.kinds import Check, write_figures
+from assetbuild.recipe.models import CollisionRule, Recipe
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Role, Shapes
+
+
+class Counts(Check):
+    """Findings `count.visual`, `count.collision`, `count.texture`; all are errors.
+
+    A mesh of several materials becomes several shapes, and a collision method several pieces or
+    one: so no link may have fewer visual shapes than the source states, or none where its rule
+    asks for collision.
+    """
+
+    tools = ("defusedxml",)
+    needs = ("source", "mjcf")
+    reads = ("shapes.json",)
+
+    robot: str
+    rules: tuple[tuple[str, str, str], ...] = ()
+    """(pattern of links, method, from) of the recipe's collision rules, the default last."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self:
+        """Knows which links shall have no collision."""
+        collision = recipe.collision
+        named = [*collision.links.items(), (".*", collision.default)]
+        return cls(robot=recipe.robot, rules=tuple(_rule(p, rule) for p, rule in named))
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads `source.urdf`, `shapes.json` and `mjcf/<robot>.xml`."""
+        from defusedxml.ElementTree import parse
+
+        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        source: Element = parse(files.inputs / "source.urdf").getroot()
+        stated = {role: _stated(source, role) for role in ("visual", "collision")}
+        built = {
+            role: Counter(shape.link for shape in shapes.of(role))
+            for role in ("visual", "collision")
+        }
+        yield from _visuals(stated["visual"], built["visual"])
+        yield from self._collisions(stated, built["collision"])
+        mjcf: Element = parse(files.inputs / "mjcf" / f"{self.robot}.xml").getroot()
+        wanted, shown = _textures(shapes), _shown(mjcf, files.inputs / "mjcf/assets")
+        for texture in sorted(wanted - shown):
+            message = f"the texture `{texture}` is not shown by the MJCF"
+            yield Finding("count.texture", "error", "robot", message, _BUG)
+        write_figures(
+            files,
+            {
+                **{f"{role}_source": stated[role].total() for role in stated},
+                **{f"{role}_built": built[role].total() for role in built},
+                "textures": len(wanted),
+                "textures_mjcf": len(shown),
+            },
+        )
+
+    def _collisions(
+        self, stated: Mapping[str, Counter[str]], built: Counter[str]
+    ) -> Iterator[Finding]:
+        for link in dict.fromkeys([*stated["visual"], *stated["collision"]]):
+            method, from_ = next(
+                ((m, f) for pattern, m, f in self.rules if re.fullmatch(pattern, link)),
+                ("auto", "auto"),
+            )
+            roles = ("collision", "visual") if from_ == "auto" else (from_,)
+            expected = next((n for role in roles if (n := stated[role][link])), 0)
+            if method != "none" and expected and not built[link]:
+                yield Finding(
+                    "count.collision",
+                    "error",
+                    f"link {link}",
+                    f"the source states {expected} shapes for collision, and none was built",
+                    _BUG,
+                    data={"source": expected, "built": 0},
+                )
+
+
+_BUG = "a bug: report it with the source"
+
+
+def _rule(pattern: str, rule: CollisionRule) -> tuple[str, str, str]:
+    return pattern, rule.method, rule.from_
+
+
+def _stated(robot: Element, role: Role) -> Counter[str]:
+    """Elements of one role by link, as the description states them."""
+    counts: Counter[str] = Counter()
+    for link in robot.findall("link"):
+        counts[str(link.get("name"))] += len(link.findall(role))
+    return counts
+
+
+def _visuals(stated: Counter[str], built: Counter[str]) -> Iterator[Finding]:
+    for link, expected in stated.items():
+        if built[link] < expected:
+            yield Finding(
+                "count.visual",
+                "error",
+                f"link {link}",
+                f"the source states {expected} visual shapes, {built[link]} were built",
+                _BUG,
+                data={"source": expected, "built": built[link]},
+            )
+
+
+def _textures(shapes: Shapes) -> set[str]:
+    used = {shape.material for shape in shapes.of("visual")}
+    return {m.texture for m in shapes.materials if m.texture and m.name in used}
+
+
+def _shown(mjcf: Element, assets: Path) -> set[str]:
+    """Textures whose file is there, by a material that a geom wears."""
+    files = {t.get("name"): t.get("file") for t in mjcf.iterfind("asset/texture")}
+    worn = {geom.get("material") for geom in mjcf.iterfind("worldbody//geom")}
+    materials = mjcf.iterfind("asset/material")
+    named = (files.get(m.get("texture")) for m in materials if m.get("name") in worn)
+    return {file for file in named if file and (assets / file).is_file()}

@@ -1,0 +1,321 @@
+"""What the gains of the actuator table really do, joint by joint at the first pose.
+
+Nominal numbers mislead: mjlab's Go1 is tuned for 10 Hz on the rotor alone, and the joint with all
+that it carries swings at 5. Here every figure is of the joint as it stands at `home`:
+I = 1 / (M^-1)_ii with armature; kd and passive damping summed, as they act.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Self
+
+import numpy as np
+
+from assetbuild.engine.step import Files
+from assetbuild.findings import Finding
+from assetbuild.kinds import Check, write_figures
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.codec import decode
+from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
+from assetbuild.robot.model import Actuator, Control, Keyframe, Mesh, Shape, Shapes, Sphere, Tree
+from assetbuild.robot.pose import Array, Pose
+
+EXPLICIT = frozenset({"ideal_pd", "dc_motor"})
+"""Models whose gains a controller applies once a step, instead of the integrator."""
+TORQUE_WARNING = 0.8
+"""Share of the effort limit that holding the pose may need."""
+SAG_WARNING = 0.25
+"""rad: more than that from the pose by the robot's own weight."""
+SMALL_ERROR_RAD = 0.1
+MARGIN_WARNING = 2.0
+"""Of the timestep: how much stiffer the drive could be before it diverges."""
+UNDERDAMPED, OVERDAMPED = 0.1, 10.0
+"""Damping ratios beyond which a joint rings for seconds or creeps."""
+
+
+@dataclass(frozen=True)
+class Effective:
+    """One joint. inertia: kg m2 or kg; frequency: Hz; sag: rad or m; torques: N m or N.
+
+    stiffness: kp dt^2 / I; margin: how many times stiffer before the simulation diverges.
+    """
+
+    inertia: float
+    frequency_hz: float
+    damping_ratio: float | None
+    holding: float
+    load: float | None
+    sag: float | None
+    stiffness: float
+    margin: float | None
+    per_tenth_rad: float
+
+
+class Gains(Check):
+    """Findings `gains.<what>`; figures: `Effective` by joint. Reads no simulator."""
+
+    reads = ("tree.json", "shapes.json", "control.json")
+
+    integrator: str = "implicitfast"
+    feet: str | None = None
+    """Pattern of the source links that stand on the ground; None: the lowest shapes."""
+    inherited: bool = False
+    """The recipe has no actuator table: any gains are the source's own."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self:
+        """With the integrator of the MJCF and the feet of the recipe."""
+        feet = recipe.feet.links if recipe.feet else None
+        return cls(integrator=recipe.mjcf.integrator, feet=feet, inherited=not recipe.actuators)
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads the robot without its meshes."""
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        key = _home(control)
+        robot = dynamics(
+            tree,
+            dict(key.joints) if key else {},
+            {a.joint: a.armature for a in control.actuators},
+            control.simulation.gravity,
+            (key.base if key else None) or Pose(),
+        )
+        soles = _soles(tree, shapes, robot, self.feet)
+        torque, left_over = holding_torques(robot, soles)
+        if left_over > 0.05 and tree.base == "floating":
+            torque = {}  # it would not stand, so no joint can be said to hold anything
+        inertia = robot.effective_inertia
+        found: dict[str, Effective] = {}
+        for name in robot.joints:
+            actuator = control.by_joint.get(name)
+            if actuator is not None and actuator.model in ("pd", *EXPLICIT):
+                found[name] = self._effective(actuator, inertia[name], torque.get(name), control)
+        write_figures(
+            files,
+            {
+                "keyframe": key.name if key else None,
+                "soles": len(soles),
+                "unbalanced": left_over,
+                "joints": {name: asdict(one) for name, one in found.items()},
+            },
+        )
+        for name, one in found.items():
+            yield from self._judge(control.by_joint[name], one, control)
+        if self.inherited and found:
+            yield _inherited(found)
+        yield from _customary(tree, found, control, _kind(tree, shapes, self.feet))
+
+    def _effective(
+        self, actuator: Actuator, inertia: float, torque: float | None, control: Control
+    ) -> Effective:
+        kp, dt = actuator.kp, control.simulation.timestep
+        damping = actuator.kd + actuator.damping
+        stiffness = kp * dt * dt / inertia
+        held = abs(torque or 0.0)
+        return Effective(
+            inertia=inertia,
+            frequency_hz=math.sqrt(kp / inertia) / (2 * math.pi),
+            damping_ratio=damping / (2 * math.sqrt(kp * inertia)) if kp else None,
+            holding=held,
+            load=held / actuator.effort if actuator.effort else None,
+            sag=held / kp if kp else None,
+            stiffness=stiffness,
+            margin=self._margin(actuator, stiffness, inertia, dt),
+            per_tenth_rad=kp * SMALL_ERROR_RAD,
+        )
+
+    def _margin(
+        self, actuator: Actuator, stiffness: float, inertia: float, dt: float
+    ) -> float | None:
+        """How many times kp and kd may grow together before one joint alone diverges.
+
+        Semi-implicit Euler on x'' = -(kp x + kd v) / I with a = kp dt^2/I, b = kd dt/I: the
+        amplification matrix has trace 2 - a - b and determinant 1 - b where the damping is
+        explicit, so it is stable for a + 2 b < 4 (Jury); where it is implicit, trace
+        (2 - a + b) / (1 + b) and determinant 1 / (1 + b): stable for a < 4 + 2 b.
+        """
+        held_inside = actuator.model not in EXPLICIT and self.integrator.startswith("implicit")
+        inside = actuator.damping + (actuator.kd if held_inside else 0.0)
+        outside = 0.0 if held_inside else actuator.kd
+        b, c = outside * dt / inertia, inside * dt / inertia
+        if self.integrator == "RK4" or not (stiffness or b):
+            return None
+        # Both kinds at once: v' = ((1 - b) v - a x / dt) / (1 + c); stable for a + 2 b < 4 + 2 c.
+        return (4.0 + 2.0 * c) / (stiffness + 2.0 * b)
+
+    def _judge(self, actuator: Actuator, one: Effective, control: Control) -> Iterator[Finding]:
+        subject = f"actuator {actuator.joint}"
+        yield from _judge_strength(actuator, one, subject)
+        yield from _judge_stability(one, control.simulation.timestep, subject)
+        yield from _judge_damping(actuator, one, subject)
+
+
+def _judge_strength(actuator: Actuator, one: Effective, subject: str) -> Iterator[Finding]:
+    if one.load is not None and one.load > TORQUE_WARNING:
+        cannot = one.load > 1.0
+        yield Finding(
+            "gains.torque",
+            "error" if cannot else "warning",
+            subject,
+            f"{'cannot hold' if cannot else 'hardly holds'} its pose: {one.holding:.3g} of "
+            f"{actuator.effort:g} N m",
+            hint="choose a pose with the feet under the hips, or check the effort limit",
+            data={"holding": one.holding, "load": one.load},
+        )
+    if one.sag is not None and one.sag > SAG_WARNING:
+        yield Finding(
+            "gains.sag",
+            "warning",
+            subject,
+            f"gives way by {one.sag:.3g} rad under the robot's weight at kp {actuator.kp:.3g}",
+            hint="raise kp; a policy learns around it, a viewer shows a crouch",
+            data={"sag": one.sag, "limit": SAG_WARNING},
+        )
+    if actuator.effort is not None and one.per_tenth_rad > actuator.effort:
+        yield Finding(
+            "gains.saturated",
+            "info",
+            subject,
+            f"saturates at {actuator.effort / actuator.kp:.3g} rad of error: it is a switch "
+            "more than a spring",
+            hint="lower kp where a policy commands positions",
+            data={"error_at_limit": actuator.effort / actuator.kp},
+        )
+
+
+def _judge_stability(one: Effective, timestep: float, subject: str) -> Iterator[Finding]:
+    if one.margin is None or one.margin >= MARGIN_WARNING:
+        return
+    diverges = one.margin <= 1.0
+    yield Finding(
+        "gains.unstable",
+        "error" if diverges else "warning",
+        subject,
+        f"{'diverges' if diverges else 'is close to diverging'} at a timestep of {timestep:g} s: "
+        f"{one.margin:.3g} times its gains are the limit",
+        hint="lower the gains or the timestep, give the motor's rotor_inertia, or `model: pd`",
+        data={"margin": one.margin, "kp_dt2_over_I": one.stiffness},
+    )
+
+
+def _judge_damping(actuator: Actuator, one: Effective, subject: str) -> Iterator[Finding]:
+    ratio = one.damping_ratio
+    if ratio is not None and not UNDERDAMPED <= ratio <= OVERDAMPED:
+        low = ratio < UNDERDAMPED
+        yield Finding(
+            "gains.underdamped" if low else "gains.overdamped",
+            "warning",
+            subject,
+            f"damping ratio {ratio:.3g} at {one.frequency_hz:.3g} Hz: it "
+            f"{'rings' if low else 'creeps to its target'}",
+            hint=f"{'raise' if low else 'lower'} kd; 0.5 to 2 suits most joints",
+            data={"damping_ratio": ratio, "frequency_hz": one.frequency_hz},
+        )
+    if actuator.kd and actuator.damping > 0.2 * actuator.kd:
+        yield Finding(
+            "gains.damped_twice",
+            "info",
+            subject,
+            f"the drive's kd {actuator.kd:.3g} and the joint's damping {actuator.damping:.3g} "
+            "add up",
+            hint="mean both, or set one of them to 0",
+            data={"kd": actuator.kd, "damping": actuator.damping},
+        )
+
+
+def _inherited(found: Mapping[str, Effective]) -> Finding:
+    frequencies = [one.frequency_hz for one in found.values()]
+    return Finding(
+        "gains.inherited",
+        "warning",
+        "robot",
+        f"{len(found)} drives keep the gains of the source's MJCF ({min(frequencies):.3g} to "
+        f"{max(frequencies):.3g} Hz at this pose): such files are often tuned for a viewer",
+        hint="state the gains that the robot will run with in `actuators`",
+        data={"joints": len(found)},
+    )
+
+
+# --- customary gains ------------------------------------------------------------------------
+
+_CUSTOMARY: Mapping[str, tuple[tuple[str, tuple[float, float], tuple[float, float]], ...]] = {
+    "quadruped": ((".*", (80.0, 200.0), (2.0, 8.0)),),
+    "humanoid": (
+        (".*ankle.*", (40.0, 80.0), (2.0, 5.0)),
+        (".*(hip|knee).*", (150.0, 300.0), (5.0, 15.0)),
+        (".*(shoulder|elbow|wrist|arm).*", (40.0, 100.0), (2.0, 5.0)),
+    ),
+}
+"""(joint names, kp, kd) that papers and deployed controllers use, N m/rad and N m s/rad."""
+
+
+def _customary(
+    tree: Tree, found: Mapping[str, Effective], control: Control, kind: str | None
+) -> Iterator[Finding]:
+    """One finding for all joints outside the customary range of this kind of robot."""
+    outside = []
+    for name in found:
+        actuator = control.by_joint[name]
+        row = next((r for r in _CUSTOMARY.get(kind or "", ()) if re.fullmatch(r[0], name)), None)
+        if row is None or tree.by_joint[name].kind == "prismatic":
+            continue
+        _, kp, kd = row
+        if not (kp[0] <= actuator.kp <= kp[1] and kd[0] <= actuator.kd <= kd[1]):
+            outside.append(name)
+    if outside:
+        shown = ", ".join(outside[:4]) + (", ..." if len(outside) > 4 else "")
+        yield Finding(
+            "gains.customary",
+            "info",
+            "robot",
+            f"{len(outside)} of {len(found)} drives have gains outside what is customary for a "
+            f"{kind}: {shown}",
+            hint="soft gains train as well; see docs/how-to/actuators.md before you change them",
+            data={"joints": len(outside), "kind": kind},
+        )
+
+
+def _kind(tree: Tree, shapes: Shapes, feet: str | None) -> str | None:
+    """By its feet: four make a quadruped, two a humanoid; None: neither, or not known."""
+    if tree.base == "fixed" or feet is None:
+        return None
+    soles = {s.link for s in shapes.of("collision") if re.fullmatch(feet, s.link)}
+    return {2: "humanoid", 4: "quadruped"}.get(len(soles))
+
+
+# --- where it stands ------------------------------------------------------------------------
+
+
+def _home(control: Control) -> Keyframe | None:
+    by_name = {key.name: key for key in control.keyframes}
+    return by_name.get("home") or next(iter(control.keyframes), None)
+
+
+def _soles(
+    tree: Tree, shapes: Shapes, robot: Dynamics, feet: str | None
+) -> Sequence[tuple[str, Array]]:
+    """(body, world point) where each foot's shapes touch the ground: below their centres."""
+    found = []
+    for shape in shapes.of("collision"):
+        if feet is not None and re.fullmatch(feet, shape.link) is None:
+            continue
+        body, X_body_link = tree.placement(shape.link)
+        X_world_shape = robot.motions[body].pose @ X_body_link @ shape.X_link_shape
+        found.append((body, np.asarray(X_world_shape.xyz) - (0.0, 0.0, _drop(shape))))
+    if feet is None and found:
+        ground = min(point[2] for _, point in found)
+        found = [(body, point) for body, point in found if point[2] - ground < 0.01]
+    return found
+
+
+def _drop(shape: Shape) -> float:
+    """From the centre of a shape to its lowest point where that needs no mesh, m."""
+    geometry = shape.geometry
+    if isinstance(geometry, Mesh):
+        return 0.0
+    return geometry.radius if isinstance(geometry, Sphere) else 0.0

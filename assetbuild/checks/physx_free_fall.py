@@ -1,0 +1,112 @@
+"""Dropped in PhysX without contacts, does the robot fall as its solver must?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import ClassVar, Self
+
+from assetbuild.engine.step import Files, Limits
+from assetbuild.findings import Finding
+from assetbuild.kinds import Check, write_figures
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Control, Tree
+from assetbuild.simulators import physx
+from assetbuild.simulators.experiments import FreeFall
+
+BROKEN = 0.05
+"""Relative error above which something is wrong with the asset, not with the solver."""
+
+
+class PhysxFreeFall(Check):
+    """Compares the drop of the centre of mass with g/2 t (t + dt/N), N position iterations."""
+
+    needs: ClassVar[tuple[str, ...]] = ("usd",)
+    reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
+    requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
+    tools: ClassVar[tuple[str, ...]] = ("usd-core", "ovphysx", "ovstage", "physx-usd-schemas")
+    isolated: ClassVar[bool] = True
+    preload: ClassVar[tuple[str, ...]] = (
+        "pxr.Usd",
+        "pxr.UsdGeom",
+        "pxr.UsdPhysics",
+        "pxr.UsdShade",
+    )
+    limits: ClassVar[Limits] = Limits(wall_s=600.0, memory_mb=16384)
+
+    robot: str
+    """Name of the robot: the stem of the main file."""
+    seconds: float = 0.4
+    tolerance: float = 0.003
+    """Relative, of the drop; also of the motion across gravity."""
+    iterations: int = 8
+    """Position iterations of the solver, as the USD target writes them."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self | None:
+        """None when the recipe drops nothing, or not in PhysX."""
+        wish = recipe.validate_.free_fall
+        if wish is None or "physx" not in recipe.validate_.simulators:
+            return None
+        return cls(
+            robot=recipe.robot,
+            seconds=wish.seconds,
+            tolerance=wish.tolerance,
+            iterations=recipe.usd.articulation.solver_position_iterations,
+        )
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads `tree.json`, `control.json` and `usd/<robot>.usda`."""
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        if tree.base == "fixed":
+            write_figures(files, {"skipped": "fixed base"})
+            return  # `free_fall.fixed_base` says so
+        dt = control.simulation.timestep
+        steps = max(1, round(self.seconds / dt))
+        setting = physx.Setting(dt, control.simulation.gravity, contacts=False)
+        experiment = physx.Experiment("fall", setting, steps=steps, every=steps)
+        done = physx.perform(files.inputs / f"usd/{self.robot}.usda", (experiment,))["fall"]
+        fall = physx.free_fall_of(done, setting, self.iterations)
+        write_figures(files, _figures(fall, self.iterations))
+        yield from self._judge(fall, done.failure)
+
+    def _judge(self, fall: FreeFall, failure: str) -> Iterator[Finding]:
+        if not fall.finite:
+            yield Finding(
+                "physx.free_fall",
+                "error",
+                "robot",
+                f"did not fall: {failure or 'nothing finite came out'}",
+                hint="see `physx.load` and `physx.finite`",
+            )
+            return
+        error = max(abs(fall.drop_m - fall.expected_m), fall.sideways_m)
+        if error > self.tolerance * fall.expected_m + 1e-6:
+            yield Finding(
+                "physx.free_fall",
+                "error" if error > BROKEN * fall.expected_m else "warning",
+                "robot",
+                f"fell {fall.drop_m:.6g} m and {fall.sideways_m:.3g} m sideways in "
+                f"{fall.seconds:g} s, expected {fall.expected_m:.6g} m",
+                hint="is a body damped, welded, or outside of the articulation?",
+                data={
+                    "drop_m": fall.drop_m,
+                    "expected_m": fall.expected_m,
+                    "sideways_m": fall.sideways_m,
+                    "tolerance": self.tolerance,
+                },
+            )
+
+
+def _figures(fall: FreeFall, iterations: int) -> dict[str, object]:
+    if not fall.finite:
+        return {"finite": False}
+    return {
+        "seconds": fall.seconds,
+        "drop_m": fall.drop_m,
+        "expected_m": fall.expected_m,
+        "relative_error": fall.relative_error,
+        "sideways_m": fall.sideways_m,
+        "iterations": iterations,
+    }

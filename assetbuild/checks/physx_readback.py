@@ -1,0 +1,286 @@
+"""Loaded into real PhysX, is it still the robot? And does it keep its numbers for five seconds?
+
+Tolerance. A number passes three float32 (in the USD, in PhysX, at its interface) and two changes
+of unit, each within 6e-8 of its size: 4e-7. Tensors pass a float32 quaternion: 2e-6 of the
+largest moment. Poses are not compared here: `usd_equal` does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar, Self
+
+import numpy as np
+
+from assetbuild.engine.step import Files, Limits
+from assetbuild.findings import Finding
+from assetbuild.kinds import Check, write_figures
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.codec import decode
+from assetbuild.robot.inertia import matrix_of
+from assetbuild.robot.model import Actuator, Control, Joint, Keyframe, Shapes, Tree
+from assetbuild.simulators import physx
+
+NUMBER, TENSOR = 4e-7, 2e-6
+FULL_TURN = 2.0 * math.pi
+
+
+class PhysxReadback(Check):
+    """`usd/<robot>.usda` in PhysX: bodies, joints, gains, limits; then 5 s on a floor."""
+
+    needs: ClassVar[tuple[str, ...]] = ("usd",)
+    reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json")
+    requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
+    tools: ClassVar[tuple[str, ...]] = ("usd-core", "ovphysx", "ovstage", "physx-usd-schemas")
+    isolated: ClassVar[bool] = True
+    preload: ClassVar[tuple[str, ...]] = (
+        "pxr.Usd",
+        "pxr.UsdGeom",
+        "pxr.UsdPhysics",
+        "pxr.UsdShade",
+    )
+    limits: ClassVar[Limits] = Limits(wall_s=600.0, memory_mb=16384)
+
+    robot: str
+    """Name of the robot: the stem of the main file."""
+    seconds: float = 5.0
+    """How long it must keep its numbers on the floor."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self | None:
+        """None unless the recipe names PhysX among the simulators."""
+        wanted = "physx" in recipe.validate_.simulators
+        return cls(robot=recipe.robot) if wanted else None
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Figures: what PhysX holds, joint by joint, beside the robot's."""
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        home = next((key for key in control.keyframes if key.name == "home"), None)
+        outcomes = physx.perform(
+            files.inputs / f"usd/{self.robot}.usda", _experiments(tree, control, home, self.seconds)
+        )
+        held = outcomes["load"].held
+        if held is None:
+            write_figures(files, {"loaded": False})
+            yield Finding(
+                "physx.load",
+                "error",
+                "robot",
+                f"PhysX does not load it: {outcomes['load'].failure or 'it holds nothing'}",
+            )
+            return
+        book = Book()
+        _compare(held, tree, shapes, control, book)
+        alone, moved = outcomes["alone"], outcomes["floor"]
+        write_figures(
+            files,
+            {
+                "articulations": held.articulations,
+                "bodies": len(held.links),
+                "dof": held.dof,
+                "shapes": held.shapes,
+                "fixed_base": held.fixed_base,
+                "mass_kg": _finite(sum(link.mass_kg for link in held.links.values())),
+                "finite_alone": alone.finite,
+                "finite_on_floor": moved.finite,
+                "joints": {name: _shown(joint) for name, joint in held.joints.items()},
+            },
+        )
+        yield from book.findings
+        yield from _judge_motion(tree, alone, "as the asset starts, without a floor")
+        yield from _judge_motion(tree, moved, "on a floor")
+
+
+def _experiments(
+    tree: Tree, control: Control, home: Keyframe | None, seconds: float
+) -> tuple[physx.Experiment, ...]:
+    gravity, dt = control.simulation.gravity, control.simulation.timestep
+    plain = physx.Setting(dt, gravity)
+    at = physx.clear_of_floor(home.base if home else None)
+    floor = physx.Setting(dt, gravity, at=at, floor_friction=control.contact.friction[0])
+    steps = round(seconds / dt)
+    on_floor = floor if tree.base == "floating" and home else plain
+    return (
+        physx.Experiment("load", plain),
+        physx.Experiment("alone", plain, steps=round(0.2 / dt), every=10),
+        physx.Experiment(
+            "floor", on_floor, steps=steps, every=10, start=dict(home.joints) if home else {}
+        ),
+    )
+
+
+def _finite(value: float) -> float | None:
+    """JSON has no NaN and no infinity."""
+    return value if math.isfinite(value) else None
+
+
+def _shown(joint: physx.HeldJoint) -> dict[str, float | None]:
+    names = ("lower", "upper", "kp", "kd", "effort", "velocity", "armature", "static_friction")
+    values = {name: getattr(joint, name) for name in names}
+    return {name: None if v is None else _finite(v) for name, v in values.items()}
+
+
+@dataclass
+class Book:
+    """Findings so far."""
+
+    findings: list[Finding] = field(default_factory=list)
+
+    def differ(self, kind: str, subject: str, message: str, **data: float) -> None:
+        """Note one error."""
+        finite = {key: value for key, value in data.items() if math.isfinite(value)}
+        self.findings.append(Finding(f"physx.{kind}", "error", subject, message, data=finite))
+
+    def number(
+        self, kind: str, subject: str, what: str, found: float | None, expected: float | None
+    ) -> None:
+        """Compare within float32; None = unlimited."""
+        if found is None and expected is None:
+            return
+        shown = f"{what} is {_text(found)} in PhysX, {_text(expected)} in the robot"
+        if found is None or expected is None:
+            self.differ(kind, subject, shown)
+        elif not abs(found - expected) <= NUMBER * abs(expected) + 1e-12:
+            self.differ(kind, subject, shown, found=found, expected=expected)
+
+
+def _text(value: float | None) -> str:
+    return "unlimited" if value is None else f"{value:.7g}"
+
+
+def _compare(held: physx.Held, tree: Tree, shapes: Shapes, control: Control, book: Book) -> None:
+    """Everything that PhysX holds against the robot."""
+    if held.articulations != 1:
+        book.differ("articulation", "robot", f"PhysX holds {held.articulations} articulations")
+    for name in held.loose:
+        book.differ("loose_body", f"link {name}", "PhysX holds it outside of the articulation")
+    if held.fixed_base != (tree.base == "fixed"):
+        base = "fixed" if held.fixed_base else "floating"
+        book.differ("base", "robot", f"its base is {base} in PhysX, {tree.base} in the robot")
+    for kind, found, expected in (
+        ("bodies", len(held.links), len(tree.bodies)),
+        ("dof", held.dof, len(tree.moving_joints)),
+        ("shapes", held.shapes, len(shapes.of("collision"))),
+    ):
+        if found != expected:
+            book.differ(
+                f"count.{kind}",
+                "robot",
+                f"{found} {kind} in PhysX, the robot has {expected}",
+                found=found,
+                expected=expected,
+            )
+    _compare_links(held, tree, book)
+    for joint in tree.moving_joints:
+        found = held.joints.get(joint.name)
+        if found is None:
+            book.differ("missing_joint", f"joint {joint.name}", "PhysX holds no such joint")
+        else:
+            _compare_joint(found, joint, control.by_joint.get(joint.name), book)
+
+
+def _compare_links(held: physx.Held, tree: Tree, book: Book) -> None:
+    for body in tree.bodies:
+        found, subject = held.links.get(body.name), f"link {body.name}"
+        if found is None:
+            book.differ("missing_link", subject, "PhysX holds no such body")
+            continue
+        if body.inertial is None:
+            continue  # `usd.mass_missing` says what PhysX does then
+        book.number("mass", subject, "mass", found.mass_kg, body.inertial.mass_kg)
+        off = float(np.abs(found.com_m - np.array(body.inertial.com_m)).max())
+        if not off <= NUMBER * max(1.0, float(np.abs(body.inertial.com_m).max())):
+            book.differ("com", subject, f"centre of mass is {off:.3g} m off in PhysX", off_m=off)
+        expected = matrix_of(body.inertial.inertia_com_kg_m2)
+        error = float(np.abs(found.inertia - expected).max())
+        largest = float(np.abs(expected).max())
+        if not error <= TENSOR * largest:
+            book.differ(
+                "inertia",
+                subject,
+                f"inertia differs by {error:.3g} kg m² in PhysX, of {largest:.3g}",
+                error=error,
+                largest=largest,
+            )
+
+
+def _compare_joint(
+    found: physx.HeldJoint, joint: Joint, actuator: Actuator | None, book: Book
+) -> None:
+    subject = f"joint {joint.name}"
+    expected = expected_joint(joint, actuator)
+    low = -math.inf if found.lower is None else found.lower
+    high = math.inf if found.upper is None else found.upper
+    if not low - 1e-5 <= found.position <= high + 1e-5:
+        book.differ(
+            "start",
+            subject,
+            f"starts at {found.position:.5g} in PhysX, outside of {low:.5g}..{high:.5g}",
+            position=found.position,
+        )
+    for kind, names in (
+        ("limits", ("lower", "upper")),
+        ("gains", ("kp", "kd")),
+        ("effort", ("effort",)),
+        ("velocity", ("velocity",)),
+        ("armature", ("armature",)),
+        ("friction", ("static_friction", "dynamic_friction")),
+        ("damping", ("viscous_friction",)),
+        ("drive", ("drive",)),
+    ):
+        if kind == "effort" and not expected["drive"]:
+            continue  # where there is no drive there is no effort to limit
+        for name in names:
+            book.number(kind, subject, name.replace("_", " "), getattr(found, name), expected[name])
+
+
+def expected_joint(joint: Joint, actuator: Actuator | None) -> dict[str, float | None]:
+    """What PhysX must hold, in the words of `physx.HeldJoint`."""
+    lower, upper = joint.limits.lower, joint.limits.upper
+    if joint.kind == "continuous":
+        lower = upper = None
+    elif joint.kind == "revolute":  # PhysX clamps there; `usd.limit_clamped` says so
+        lower = None if lower is None else max(lower, -FULL_TURN)
+        upper = None if upper is None else min(upper, FULL_TURN)
+    inside = actuator is not None and actuator.model in ("pd", "velocity")
+    driven = actuator is not None and actuator.model != "passive"
+    friction = actuator.friction if actuator else joint.friction or 0.0
+    return {
+        "lower": lower,
+        "upper": upper,
+        "kp": actuator.kp if actuator and actuator.model == "pd" else 0.0,
+        "kd": actuator.kd if actuator and inside else 0.0,
+        "effort": actuator.effort if actuator and driven else None,
+        "velocity": actuator.velocity if actuator else joint.limits.velocity,
+        "armature": actuator.armature if actuator else 0.0,
+        "static_friction": friction,
+        "dynamic_friction": friction,
+        "viscous_friction": actuator.damping if actuator else joint.damping or 0.0,
+        "drive": 1.0 if driven else 0.0,
+    }
+
+
+def _judge_motion(tree: Tree, outcome: physx.Outcome, where: str) -> Iterator[Finding]:
+    if not outcome.finite:
+        yield Finding(
+            "physx.finite",
+            "error",
+            "robot",
+            f"{where}: {outcome.failure or 'its state is not finite'}",
+            hint="look for joints that start outside of their limits, tiny inertias, overlaps",
+        )
+    elif outcome.motion is not None and tree.base == "fixed":
+        drift = float(np.abs(outcome.motion.root - outcome.motion.root[0]).max())
+        if drift > 0.0:
+            yield Finding(
+                "physx.drift",
+                "error",
+                "robot",
+                f"{where}: its fixed base drifted by {drift:.3g} m",
+                hint="the articulation root must be on the joint with the world",
+                data={"drift_m": drift},
+            )

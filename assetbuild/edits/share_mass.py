@@ -1,0 +1,153 @@
+"""`share_mass: {link}`: give massless links between joints some mass that no motion can tell."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+from pydantic import Field
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import RecipeError
+from assetbuild.findings import Finding
+from assetbuild.kinds import Edit, Edited
+from assetbuild.recipe.models import Pattern
+from assetbuild.robot.chains import Chain, find_chains
+from assetbuild.robot.inertia import combine, principal_moments, pseudo_inertia
+from assetbuild.robot.model import Body, Inertial, Joint, Shapes, Tree
+from assetbuild.robot.pose import Array, Vec3, vec3
+
+SHARE = 0.1
+"""Of the mass that could be taken out of the body before its tensor became impossible."""
+BALL = 1e-9
+"""Moment of each new mass, as a share of the body's least: no engine takes a point of 0."""
+MEETS_M = 1e-9
+"""Axes that pass a point at this distance pass through it."""
+
+
+class ShareMass(Edit):
+    """For PhysX, which wants mass on every body: three hinges that make a ball joint.
+
+    A point where the axes of all hinges below a link meet does not move when they turn, so a mass
+    there moves alike on the link and on the body at the end. The edit moves such a mass to the
+    link; kinetic and potential energy stay as they are, but for a share of 1e-9 of the moments,
+    which keeps the new mass from being a point. Refused where the axes do not meet.
+    """
+
+    link: Pattern = Field(description="massless links between two joints, by whole name")
+
+    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+        """See `Edit`."""
+        chains = find_chains(tree, {shape.link for shape in shapes.shapes})
+        between = {link for chain in chains for link in chain.between}
+        for body in tree.bodies:
+            if re.fullmatch(self.link, body.name) and body.name not in between:
+                raise RecipeError(
+                    f"share_mass: link `{body.name}` is no massless link between two joints",
+                    hint="use `set_inertia` or `inertia_from_geometry`",
+                )
+        inertials: dict[str, Inertial] = {}
+        findings: list[Finding] = []
+        for chain in chains:
+            links = [link for link in chain.between if re.fullmatch(self.link, link)]
+            if links:
+                shared = _shared(tree, chain, links)
+                inertials |= shared
+                findings.append(_finding(tree, chain, links, shared))
+        bodies = tuple(
+            replace(body, inertial=inertials.get(body.name, body.inertial)) for body in tree.bodies
+        )
+        return Edited(replace(tree, bodies=bodies), shapes, tuple(findings))
+
+
+def _shared(tree: Tree, chain: Chain, links: list[str]) -> dict[str, Inertial]:
+    """New mass properties of the links and of the body at the end of the chain."""
+    rest = _inertial(tree.by_body[chain.body])
+    moment = max(BALL * principal_moments(rest.inertia_com_kg_m2)[0], 1e-14)
+    ball = (moment, moment, moment, 0.0, 0.0, 0.0)
+    made: dict[str, Inertial] = {}
+    for link in links:
+        below = chain.joints[chain.between.index(link) + 1 :]
+        point = _meeting_point(link, below)
+        X_link_body = Chain(below, ()).pose_in_parent
+        in_body = vec3(X_link_body.inverse().apply(point))
+        homogeneous = np.array([*in_body, 1.0])
+        # J - m p pᵀ stays positive definite up to m = 1 / (pᵀ J⁻¹ p), J the pseudo-inertia.
+        most = 1.0 / float(homogeneous @ np.linalg.solve(pseudo_inertia(rest), homogeneous))
+        mass = SHARE * most / len(links)
+        made[link] = Inertial(mass, point, ball)
+        rest = _without(rest, mass, in_body)
+    return made | {chain.body: rest}
+
+
+def _inertial(body: Body) -> Inertial:
+    inertial = body.inertial
+    if inertial is None or np.linalg.eigvalsh(pseudo_inertia(inertial))[0] <= 0.0:
+        raise RecipeError(
+            f"share_mass: the mass properties of link `{body.name}` are not those of a solid body",
+            hint="repair them first, by an edit above this one",
+        )
+    return inertial
+
+
+def _without(inertial: Inertial, mass: float, point: Vec3) -> Inertial:
+    """The body less a point mass: one body with a part of negative mass."""
+    return combine([inertial, Inertial(-mass, point, (0.0,) * 6)])
+
+
+def _meeting_point(link: str, joints: tuple[Joint, ...]) -> Vec3:
+    """The point nearest to the axes of all joints below, in the frame of `link`, m.
+
+    Least squares on the distances to the lines; of a shared line, the point nearest to the first
+    joint's origin.
+    """
+    lines = [_line(link, Chain(joints[: i + 1], ())) for i in range(len(joints))]
+    A = np.vstack([np.eye(3) - np.outer(axis, axis) for _, axis in lines])
+    b = np.concatenate(
+        [(np.eye(3) - np.outer(axis, axis)) @ (o - lines[0][0]) for o, axis in lines]
+    )
+    point: Array = lines[0][0] + np.linalg.lstsq(A, b, rcond=1e-9)[0]
+    for (origin, axis), joint in zip(lines, joints, strict=True):
+        distance = float(np.linalg.norm(np.cross(axis, point - origin)))
+        if distance > MEETS_M:
+            raise RecipeError(
+                f"share_mass: the axes below link `{link}` do not meet in a point: "
+                f"`{joint.name}` passes it at {distance:.3g} m",
+                hint="give the link a real mass by `set_inertia`, or build without USD",
+            )
+    return vec3(point)
+
+
+def _line(link: str, chain: Chain) -> tuple[Array, Array]:
+    """(origin, axis) of the last joint of the chain, in the frame of `link`."""
+    joint = chain.joints[-1]
+    if joint.kind not in ("revolute", "continuous"):
+        raise RecipeError(
+            f"share_mass: joint `{joint.name}` below link `{link}` is {joint.kind}: it moves "
+            "every point",
+            hint="give the link a real mass by `set_inertia`, or build without USD",
+        )
+    pose = chain.pose_in_parent
+    return np.asarray(pose.xyz), pose.rotation @ np.asarray(joint.axis)
+
+
+def _finding(tree: Tree, chain: Chain, links: list[str], shared: dict[str, Inertial]) -> Finding:
+    before, after = _inertial(tree.by_body[chain.body]), shared[chain.body]
+    moved = ", ".join(f"{shared[link].mass_kg:.3g} kg to {link}" for link in links)
+    return Finding(
+        rule="edit.share_mass",
+        severity="info",
+        subject=f"link {chain.body}",
+        message=f"mass {before.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {moved}, where the axes of "
+        "the joints between meet; the motion is the same",
+        data={
+            "before_kg": before.mass_kg,
+            "after_kg": after.mass_kg,
+            "before_m": before.com_m,
+            "after_m": after.com_m,
+            "before_kg_m2": before.inertia_com_kg_m2,
+            "after_kg_m2": after.inertia_com_kg_m2,
+            "links": tuple(links),
+        },
+    )

@@ -1,0 +1,128 @@
+"""The shared cache in a bucket of S3 or of a server that speaks its protocol, through obstore.
+
+Credentials, region and endpoint come from the usual `AWS_...` variables, or from the machine's
+own role; an address cannot hold any.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+from assetbuild.errors import MachineError, UsageError
+
+PART = 1 << 20
+"""Bytes that are asked for at once, each within its own time."""
+SLOWEST = 128 << 10
+"""Bytes per second below which a transfer is given up."""
+
+
+class S3Place:
+    """A bucket and a prefix. UsageError; MachineError when obstore is not installed."""
+
+    def __init__(self, parts: Any, request_s: float) -> None:  # Any: urllib's SplitResult
+        if parts.username or parts.port:
+            raise UsageError(
+                "the address of a bucket holds no credentials and no port",
+                hint="set AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_ENDPOINT_URL",
+            )
+        try:
+            from obstore.store import S3Store
+        except ImportError:
+            raise MachineError(
+                "a cache in S3 needs the Python package `obstore`",
+                hint="pip install 'assetbuild[remote]'",
+            ) from None
+        prefix = parts.path.strip("/")
+        self.name = f"s3://{parts.hostname}/{prefix}".rstrip("/")
+        self._request_s = request_s
+        self._store = S3Store(
+            parts.hostname,
+            prefix=prefix or None,
+            client_options={
+                "connect_timeout": timedelta(seconds=request_s),
+                "timeout": timedelta(seconds=request_s + PART / SLOWEST),
+                "allow_http": os.environ.get("AWS_ENDPOINT_URL", "").startswith("http://"),
+            },
+            retry_config={"max_retries": 1, "retry_timeout": timedelta(seconds=request_s)},
+        )
+
+    def exchange(self) -> S3Exchange:
+        """The store keeps its own connections."""
+        return S3Exchange(self._store)
+
+
+class S3Exchange:
+    """Requests to one bucket; threads may share the store behind it."""
+
+    def __init__(self, store: Any) -> None:  # Any: obstore's S3Store, imported late
+        self._store = store
+
+    def get(self, name: str, limit: int) -> bytes | None:
+        """A small body; None when the bucket has none of this name."""
+        import obstore
+
+        with _plain_errors():
+            try:
+                size = int(obstore.head(self._store, name)["size"])
+            except FileNotFoundError:
+                return None
+            if size > limit:
+                raise ValueError("a body is larger than it may be")
+            return self._part(name, 0, size)
+
+    def save(self, name: str, size: int, dest: Path) -> None:
+        """Write a body of exactly `size` bytes to a file."""
+        import obstore
+
+        with _plain_errors(), dest.open("wb") as file:
+            if int(obstore.head(self._store, name)["size"]) != size:
+                raise ValueError("an object has not the size of its entry")
+            for start in range(0, size, PART):
+                file.write(self._part(name, start, min(PART, size - start)))
+
+    def _part(self, name: str, start: int, length: int) -> bytes:
+        import obstore
+
+        if not length:
+            return b""
+        return bytes(obstore.get_range(self._store, name, start=start, length=length))
+
+    def has(self, name: str) -> bool:
+        """Is it in the bucket already?"""
+        import obstore
+
+        with _plain_errors():
+            try:
+                obstore.head(self._store, name)
+            except FileNotFoundError:
+                return False
+            return True
+
+    def put(self, name: str, body: bytes | Path) -> None:
+        """Upload bytes or a file; a large one in parts, which appear together."""
+        import obstore
+
+        with _plain_errors():
+            obstore.put(self._store, name, body, chunk_size=5 * PART, max_concurrency=2)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+@contextmanager
+def _plain_errors() -> Iterator[None]:
+    """obstore's errors in one short line: its own run over many."""
+    from obstore.exceptions import BaseError
+
+    try:
+        yield
+    except FileNotFoundError:
+        raise ValueError("an object is missing") from None
+    except BaseError as error:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        raise OSError(lines[0][:200] if lines else type(error).__name__) from None

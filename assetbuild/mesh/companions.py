@@ -1,0 +1,94 @@
+"""Which other files a mesh file names: material libraries, pictures, buffers."""
+
+from __future__ import annotations
+
+import html
+import json
+import posixpath
+import re
+from collections.abc import Iterator
+from typing import Literal
+from urllib.parse import unquote
+
+Naming = Literal["dae", "obj", "mtl", "gltf"]
+"""Formats that name other files; STL, PLY and GLB hold all that they show."""
+
+_IMAGE = re.compile(rb"<(?:\w+:)?image\b[^>]*>(.*?)</(?:\w+:)?image>", re.DOTALL)
+_INIT_FROM = re.compile(rb"<(?:\w+:)?init_from\b[^>]*>(.*?)</(?:\w+:)?init_from>", re.DOTALL)
+_TAG = re.compile(rb"<[^>]*>")
+_MTLLIB = re.compile(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", re.MULTILINE)
+_MAP_KD = re.compile(rb"^[ \t]*map_Kd[ \t]+([^\r\n]+)", re.MULTILINE)
+_ELSEWHERE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:|/")
+"""A scheme, a drive letter, or an absolute path."""
+_OPTIONS = {"-mm": 2, "-s": 3, "-o": 3, "-t": 3}
+"""Options of an MTL's map, and how many values they take at most; all others take one."""
+
+
+def companions_of(data: bytes, format: Naming) -> tuple[str, ...]:
+    """Paths from the folder of the file, `/` between parts, sorted, each once.
+
+    What leads to another machine, an absolute path or a `data:` address is not among them.
+    """
+    found = (relative_name(name) for name in _stated(data, format))
+    return tuple(sorted({name for name in found if name is not None}))
+
+
+def relative_name(stated: str) -> str | None:
+    """The name in one spelling, `./a\\b.png` -> `a/b.png`; None when it cannot be followed."""
+    name = stated.strip().replace("\\", "/")
+    if not name or _ELSEWHERE.match(name) or "\0" in name:
+        return None
+    normal = posixpath.normpath(name)
+    return None if normal in (".", "..") or name.endswith("/") else normal
+
+
+def picture_of_map(words: str) -> str:
+    """The file behind `map_Kd`, whose options come before it; names may hold spaces."""
+    rest = words.split()
+    while rest and rest[0] in (*_OPTIONS, "-blendu", "-blendv", "-cc", "-clamp", "-boost"):
+        taken = 1 + _values(rest[1:], _OPTIONS.get(rest[0], 1), rest[0] in _OPTIONS)
+        rest = rest[taken:]
+    # Without options the name is taken as written: two spaces in a row may be part of it.
+    return words.strip() if len(rest) == len(words.split()) else " ".join(rest)
+
+
+def _values(words: list[str], at_most: int, are_numbers: bool) -> int:
+    """How many of the words are values of an option."""
+    if not are_numbers:
+        return min(at_most, len(words))
+    count = 0
+    for word in words[:at_most]:
+        if not re.fullmatch(r"[-+.\deE]+", word):
+            break
+        count += 1
+    return count
+
+
+def _stated(data: bytes, format: Naming) -> Iterator[str]:
+    if format == "obj":
+        yield from (_text(name) for name in _MTLLIB.findall(data))
+    elif format == "mtl":
+        yield from (picture_of_map(_text(name)) for name in _MAP_KD.findall(data))
+    elif format == "dae":
+        for image in _IMAGE.findall(data):
+            for name in _INIT_FROM.findall(image):
+                yield unquote(html.unescape(_text(_TAG.sub(b"", name))))
+    else:
+        yield from _of_gltf(data)
+
+
+def _of_gltf(data: bytes) -> Iterator[str]:
+    try:
+        document = json.loads(data)
+    except (ValueError, RecursionError):
+        return  # the reader says what is wrong
+    for kind in ("buffers", "images"):
+        entries = document.get(kind) if isinstance(document, dict) else None
+        for entry in entries if isinstance(entries, list) else ():
+            uri = entry.get("uri") if isinstance(entry, dict) else None
+            if isinstance(uri, str):
+                yield unquote(uri)
+
+
+def _text(name: bytes) -> str:
+    return name.decode("utf-8", "replace").strip()

@@ -1,0 +1,324 @@
+"""How well convex pieces stand for a mesh: volumes, distances, what they close, what they cost.
+
+The union of the pieces is always a solid, so it is computed exactly. The mesh may be anything:
+where it is a solid too, shared volumes are exact; else its inside is sampled by ray parity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assetbuild.mesh.hull import convex_hull, polygon_count
+from assetbuild.mesh.quality import NearestSurface, surface_samples
+from assetbuild.mesh.solid import ConvexPiece, Solid, sobol
+from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.volume import is_closed, signed_volume
+from assetbuild.robot.pose import Array
+
+Manifold = Any  # manifold3d.Manifold: its extension module has no types
+
+POINTS = 2**14
+"""Sobol points of the sampled volumes: 1 sigma of a ratio is about 0.004."""
+SAMPLES = 4000
+"""Surface samples on each side."""
+LEAST_INSIDE = 32
+"""Of POINTS: with fewer inside, their share says nothing."""
+GRID = 48
+"""Rays of the see-through test along each edge of a square, for six directions."""
+CLOSE = 1e-4
+"""Of the diagonal: a surface sample nearer to the mesh than this lies on it."""
+SEGMENT = 25
+"""Points along a probe of `keep_open`."""
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A capsule (or a ball, when both ends are one) in the frame of the mesh. m."""
+
+    start: tuple[float, float, float]
+    end: tuple[float, float, float]
+    radius: float = 0.0
+
+    def distance(self, points: Array) -> Array:
+        """(n,) signed distances of points (n, 3) to the probe, m."""
+        start, along = np.asarray(self.start), np.subtract(self.end, self.start)
+        length = float(along @ along)
+        share = np.clip((points - start) @ along / length, 0.0, 1.0) if length else np.zeros(1)
+        nearest = start + np.multiply.outer(share, along)
+        return np.asarray(np.linalg.norm(points - nearest, axis=1) - self.radius)
+
+    def axis(self) -> Array:
+        """(SEGMENT, 3) points from end to end."""
+        return np.linspace(self.start, self.end, SEGMENT)
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """How pieces cover a mesh. Volumes are shares of the mesh's volume.
+
+    exact: the volumes are; else they are sampled. closed: the mesh has no open edge.
+    iou: common / joint volume; over: pieces outside the mesh; missing: mesh outside the pieces.
+    max_outside_m: how far the pieces stick out; mean_m, p99_m, max_m: two-sided distance between
+    the surfaces. see_through: share of the rays that pass through the mesh inside its hull and
+    still pass the pieces; rays: how many those are. flat: pieces without volume, left out.
+    vertices, polygons: of the largest piece, coplanar triangles merged.
+    """
+
+    exact: bool
+    closed: bool
+    iou: float
+    over: float
+    missing: float
+    max_outside_m: float
+    pieces: int
+    mean_m: float = 0.0
+    p99_m: float = 0.0
+    max_m: float = 0.0
+    see_through: float = 0.0
+    rays: int = 0
+    vertices: int = 0
+    polygons: int = 0
+    flat: int = 0
+
+
+class Reference:
+    """A mesh that pieces are compared with; what does not depend on the pieces is kept."""
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        self.mesh = mesh
+        self.diagonal = mesh.diagonal
+        self.hull = convex_hull(mesh.vertices)
+
+    @cached_property
+    def closed(self) -> bool:
+        """No open edge, and all faces agree on outside."""
+        return is_closed(self.mesh)
+
+    @cached_property
+    def hollow(self) -> bool:
+        """An open mesh with next to nothing inside, a sheet: its hull stands for it."""
+        if self.closed:
+            return False
+        cloud = sobol(POINTS, *self.mesh.bounds)
+        return int(Solid(self.mesh).contains(cloud).sum()) < LEAST_INSIDE
+
+    @cached_property
+    def solid(self) -> Solid:
+        """Which points are inside."""
+        return Solid(self.hull if self.hollow else self.mesh)
+
+    @cached_property
+    def exact(self) -> Manifold | None:
+        """The mesh as a solid of manifold3d; None when it is not one."""
+        import manifold3d
+
+        mesh = self.hull if self.hollow else self.mesh
+        if not is_closed(mesh) or signed_volume(mesh) <= 0.0:
+            return None
+        made = manifold3d.Manifold(_mesh64(mesh))
+        is_solid = made.status() == manifold3d.Error.NoError and made.volume() > 0.0
+        return made if is_solid else None
+
+    @cached_property
+    def volume(self) -> float:
+        """m3; sampled unless the mesh is a solid."""
+        if self.exact is not None:
+            return float(self.exact.volume())
+        lower, upper = self.mesh.bounds
+        return float(self._shares(lower, upper)[1].mean() * np.prod(upper - lower))
+
+    @cached_property
+    def convexity(self) -> float:
+        """Volume / volume of the hull: 1 for a convex mesh."""
+        return self.volume / signed_volume(self.hull)
+
+    @cached_property
+    def samples(self) -> Array:
+        """(SAMPLES, 3) points on the surface."""
+        return surface_samples(self.mesh, SAMPLES, 0)[0]
+
+    @cached_property
+    def surface(self) -> NearestSurface:
+        """Distances to the mesh."""
+        return NearestSurface(self.mesh)
+
+    @cached_property
+    def open_rays(self) -> tuple[Array, Array]:
+        """(origins (k, 3), directions (k, 3)) of rays that strike the hull and miss the mesh."""
+        return _open_rays(self.mesh, self.hull)
+
+    def _shares(self, lower: Array, upper: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Sobol points in a box, and which of them are inside; kept for equal boxes."""
+        key = (*lower.tolist(), *upper.tolist())
+        known: dict[tuple[float, ...], tuple[Array, NDArray[np.bool_]]]
+        known = self.__dict__.setdefault("_clouds", {})
+        if key not in known:
+            cloud = sobol(POINTS, lower, upper)
+            known[key] = (cloud, self.solid.contains(cloud))
+        return known[key]
+
+    def volumes(self, union: Manifold, lower: Array, upper: Array) -> tuple[float, float, float]:
+        """(iou, over, missing) of a solid inside the box."""
+        if self.exact is not None:
+            common = float((self.exact ^ union).volume())
+            mine, other = self.volume, float(union.volume())
+            return (
+                common / (mine + other - common),
+                max(other - common, 0.0) / mine,
+                max(mine - common, 0.0) / mine,
+            )
+        low, high = self.mesh.bounds
+        low, high = np.minimum(low, lower), np.maximum(high, upper)
+        cloud, inside = self._shares(low, high)
+        covered = Solid(_triangles(union)).contains(cloud)
+        whole = max(int(inside.sum()), 1)
+        return (
+            float((inside & covered).sum() / max(int((inside | covered).sum()), 1)),
+            float((covered & ~inside).sum() / whole),
+            float((inside & ~covered).sum() / whole),
+        )
+
+
+def union_of(pieces: Sequence[ConvexPiece]) -> tuple[Manifold, TriangleMesh]:
+    """The union of the pieces as a solid, and its surface: no inner walls."""
+    import manifold3d
+
+    solids = [manifold3d.Manifold.hull_points(_float64(p.surface().vertices)) for p in pieces]
+    union = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
+    return union, _triangles(union)
+
+
+def rough(reference: Reference, pieces: Sequence[ConvexPiece]) -> Quality:
+    """The figures that tolerances speak of: volumes and how far pieces stick out; others are 0."""
+    return _volumes_and_outside(reference, pieces, *union_of(pieces))
+
+
+def measure(reference: Reference, pieces: Sequence[ConvexPiece], *, flat: int = 0) -> Quality:
+    """All figures of `pieces` (at least one, each with a volume) against the mesh; seeded."""
+    union, skin = union_of(pieces)
+    base = _volumes_and_outside(reference, pieces, union, skin)
+    to_mesh = reference.surface.distance(surface_samples(skin, SAMPLES, 1)[0])
+    to_skin = NearestSurface(skin).distance(reference.samples)
+    origins, directions = reference.open_rays
+    kept = _missed(origins, directions, skin)
+    hulls = [piece.hull for piece in pieces if piece.hull is not None]
+    return replace(
+        base,
+        mean_m=float(to_mesh.mean() + to_skin.mean()) / 2.0,
+        p99_m=float(max(np.quantile(to_mesh, 0.99), np.quantile(to_skin, 0.99))),
+        max_m=float(max(to_mesh.max(), to_skin.max())),
+        see_through=float(kept.mean()) if len(kept) else 1.0,
+        rays=len(kept),
+        vertices=max((len(h.vertices) for h in hulls), default=0),
+        polygons=max((polygon_count(h) for h in hulls), default=0),
+        flat=flat,
+    )
+
+
+def _volumes_and_outside(
+    reference: Reference, pieces: Sequence[ConvexPiece], union: Manifold, skin: TriangleMesh
+) -> Quality:
+    iou, over, missing = reference.volumes(union, *skin.bounds)
+    on_skin = surface_samples(skin, SAMPLES, 1)[0]
+    return Quality(
+        exact=reference.exact is not None,
+        closed=reference.closed,
+        iou=iou,
+        over=over,
+        missing=missing,
+        max_outside_m=outside(reference, np.concatenate([on_skin, skin.vertices])),
+        pieces=len(pieces),
+    )
+
+
+def outside(reference: Reference, points: Array) -> float:
+    """How far the farthest of points (n, 3) lies outside the mesh, m; 0 when none does."""
+    away = points[~reference.solid.contains(points)] if len(points) else points
+    found = float(reference.surface.distance(away).max(initial=0.0))
+    return found if found > CLOSE * reference.diagonal else 0.0
+
+
+def outside_in(reference: Reference, pieces: Sequence[ConvexPiece], probe: Probe) -> float:
+    """How far pieces stick out of the mesh within a region, m."""
+    _, skin = union_of(pieces)
+    points = np.concatenate([surface_samples(skin, 4 * SAMPLES, 2)[0], skin.vertices])
+    return outside(reference, points[probe.distance(points) <= 0.0])
+
+
+def blocked_by(piece: ConvexPiece, probe: Probe) -> bool:
+    """Whether a piece enters the probe.
+
+    The distance between the axis and the piece is bounded from both sides by points on either;
+    what touches within a hundredth of the radius counts as free.
+    """
+    radius = probe.radius * 0.99
+    if bool((piece.distance(probe.axis()) <= 0.0).any()):
+        return True
+    surface = piece.surface()
+    return bool((NearestSurface(surface).distance(probe.axis()) < radius).any())
+
+
+# --- solids and rays ------------------------------------------------------------------------
+
+
+def _float64(points: Array) -> Array:
+    return np.ascontiguousarray(points, dtype=np.float64)
+
+
+def _mesh64(mesh: TriangleMesh) -> Any:  # Any: manifold3d.Mesh64
+    import manifold3d
+
+    return manifold3d.Mesh64(_float64(mesh.vertices), mesh.faces.astype(np.uint64))
+
+
+def _triangles(solid: Manifold) -> TriangleMesh:
+    mesh = solid.to_mesh64()
+    return TriangleMesh(
+        np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3],
+        np.asarray(mesh.tri_verts, dtype=np.int64),
+    )
+
+
+def _open_rays(mesh: TriangleMesh, hull: TriangleMesh) -> tuple[Array, Array]:
+    """Rays of six grids, along the axes and the principal axes of the vertices."""
+    lower, upper = mesh.bounds
+    middle, reach = (lower + upper) / 2.0, mesh.diagonal
+    spread = mesh.vertices - mesh.vertices.mean(axis=0)
+    principal = np.linalg.eigh(spread.T @ spread)[1].T
+    across = (np.arange(GRID) + 0.5) / GRID * reach - reach / 2.0
+    u, v = (side.ravel()[:, None] for side in np.meshgrid(across, across, indexing="ij"))
+    origins, directions = [], []
+    for direction in (*np.eye(3), *principal):
+        first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
+        first /= np.linalg.norm(first)
+        origins.append(middle - reach * direction + u * first + v * np.cross(direction, first))
+        directions.append(np.repeat(direction[None], GRID * GRID, axis=0))
+    start, along = np.concatenate(origins), np.concatenate(directions)
+    shown = ~_missed(start, along, hull)
+    start, along = start[shown], along[shown]
+    passes = _missed(start, along, mesh)
+    return start[passes], along[passes]
+
+
+def _missed(origins: Array, directions: Array, mesh: TriangleMesh) -> NDArray[np.bool_]:
+    """(n,) which rays strike no triangle; float32 of the ray tracer, in units of the size."""
+    from embreex import rtcore_scene
+    from embreex.mesh_construction import TriangleMesh as EmbreeMesh
+
+    if not len(origins):
+        return np.zeros(0, dtype=bool)
+    lower, upper = mesh.bounds
+    middle, size = (lower + upper) / 2.0, mesh.diagonal
+    scene = rtcore_scene.EmbreeScene()
+    kept = EmbreeMesh(scene, ((mesh.corners - middle) / size).astype(np.float32))
+    struck = scene.run(
+        ((origins - middle) / size).astype(np.float32), directions.astype(np.float32)
+    )
+    del kept
+    return np.equal(np.asarray(struck), -1)

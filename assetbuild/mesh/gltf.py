@@ -1,0 +1,138 @@
+"""GLB and glTF through trimesh: every triangle mesh where its nodes put it, pictures as PNG."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from typing import Any, Literal
+from urllib.parse import unquote
+
+import numpy as np
+
+from assetbuild.errors import StepError
+from assetbuild.mesh.companions import relative_name
+from assetbuild.mesh.material import MaterialPart, Rgba, SurfaceMaterial, group_by_material
+from assetbuild.mesh.picture import encoded
+from assetbuild.mesh.triangles import TriangleMesh
+
+# Any below: trimesh has no type hints.
+
+
+def read_gltf(
+    data: bytes, format: Literal["glb", "gltf"], companions: Mapping[str, bytes], subject: str
+) -> tuple[tuple[MaterialPart, ...], dict[str, bytes]]:
+    """(parts by material, pictures as PNG by the name that the materials use).
+
+    companions: the buffers and pictures of a glTF, by `relative_name`. StepError for what is no
+    glTF, for a buffer that is not there, and for a picture that is too large.
+    """
+    import trimesh
+
+    files = _Files(companions)
+    try:
+        scene: Any = trimesh.load_scene(
+            io.BytesIO(data), file_type=format, process=False, resolver=files
+        )
+        # In the order of the file's meshes: the graph's own order is not stable.
+        order = list(scene.geometry)
+        nodes = sorted(scene.graph.nodes_geometry)
+        nodes.sort(key=lambda node: order.index(scene.graph.get(node)[1]))
+        materials = _Materials(_textured(data, format))
+        placed = [_part(scene, node, materials) for node in nodes]
+    except StepError:
+        raise
+    except Exception as error:  # trimesh's reader raises many kinds on broken files
+        lost = f"; `{files.missing[0]}` is not in the source" if files.missing else ""
+        told = f"{type(error).__name__}: " + " ".join(str(error).split())[:200]
+        raise StepError(f"{subject}: not readable as {format}: {told}{lost}") from error
+    return group_by_material(part for part in placed if part is not None), materials.pictures
+
+
+def _textured(data: bytes, format: Literal["glb", "gltf"]) -> frozenset[str]:
+    """Names of the materials that state a picture: trimesh is silent where it cannot read one."""
+    length = int.from_bytes(data[12:16], "little")
+    header = json.loads(data if format == "gltf" else data[20 : 20 + length])
+    return frozenset(
+        str(material.get("name"))
+        for material in header.get("materials", ())
+        if "baseColorTexture" in material.get("pbrMetallicRoughness", {})
+    )
+
+
+class _Files:
+    """What trimesh asks for other files of a glTF; it looks nowhere else."""
+
+    def __init__(self, files: Mapping[str, bytes]) -> None:
+        self._files = files
+        self.missing: list[str] = []
+
+    def get(self, name: str) -> bytes:
+        found = self._files.get(relative_name(unquote(name)) or "")
+        if found is None:
+            self.missing.append(name)
+            raise ValueError(f"no file `{name}`")
+        return found
+
+    __getitem__ = get
+
+
+class _Materials:
+    """Materials of a scene, and the pictures that they use, each once."""
+
+    def __init__(self, textured: frozenset[str]) -> None:
+        self._textured = textured
+        self.pictures: dict[str, bytes] = {}
+
+    def of(self, source: Any) -> SurfaceMaterial:
+        """Name, base colour (white where only a picture is stated) and picture."""
+        if source is None:
+            return SurfaceMaterial()
+        name = getattr(source, "name", None) or None
+        image = getattr(source, "baseColorTexture", None)
+        factor = getattr(source, "baseColorFactor", None)
+        texture = self._picture(image, name or "texture")
+        rgba: Rgba | None = None
+        if factor is not None:
+            r, g, b, a = (round(float(v) / 255.0, 6) for v in factor)
+            rgba = (r, g, b, a)
+        elif texture is not None:
+            rgba = (1.0, 1.0, 1.0, 1.0)
+        return SurfaceMaterial(name, rgba, texture)
+
+    def _picture(self, image: Any, name: str) -> str | None:
+        """The name of the picture; one that is not among `pictures` is told as lost."""
+        if image is None:
+            return name if name in self._textured else None
+        try:
+            png = encoded(image, name)
+        except ValueError:
+            return name
+        for number in range(len(self.pictures) + 1):
+            key = f"{name}_{number}.png" if number else f"{name}.png"
+            if self.pictures.setdefault(key, png) == png:
+                return key
+        raise AssertionError("one of the names is free")
+
+
+def _part(
+    scene: Any, node: str, materials: _Materials
+) -> tuple[SurfaceMaterial, TriangleMesh] | None:
+    matrix, name = scene.graph.get(node)
+    geometry = scene.geometry[name]
+    if not hasattr(geometry, "faces"):
+        return None  # points and lines
+    visual = getattr(geometry, "visual", None)
+    faces = np.asarray(geometry.faces, dtype=np.int64)
+    uv = getattr(visual, "uv", None)
+    # What the file states; the property would make up smooth ones where it states none.
+    normals = geometry._cache.cache.get("vertex_normals")
+    mesh = TriangleMesh(
+        np.asarray(geometry.vertices, dtype=np.float64),
+        faces,
+        None if uv is None else np.asarray(uv, dtype=np.float64)[faces],
+        None if normals is None else np.asarray(normals, dtype=np.float64)[faces],
+    )
+    return materials.of(getattr(visual, "material", None)), mesh.mapped(
+        matrix[:3, :3], matrix[:3, 3]
+    )

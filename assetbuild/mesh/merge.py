@@ -1,0 +1,113 @@
+"""From many convex parts to fewer: each part on the surface again, then merged pair by pair."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from assetbuild.errors import StepError
+from assetbuild.mesh.hull import convex_hull, hull_planes
+from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.robot.pose import Array
+
+NEAR = 0.005
+"""Of the size of all: parts whose bounds are nearer than this are neighbours."""
+
+
+def grown_to(parts: Sequence[TriangleMesh], surface: Array, reach: float) -> list[TriangleMesh]:
+    """Hulls that also hold the surface points just outside of them.
+
+    surface: (n, 3) points of the mesh; reach: m, about the size of a voxel. V-HACD's parts end
+    up to a voxel inside the mesh: each takes the points that no part holds and that lie within
+    reach of its planes. Parts without volume are left out.
+    """
+    hulls = [hull for hull in map(_hull_or_none, parts) if hull is not None]
+    beyond = [hull_planes(hull) for hull in hulls]
+    away = np.stack([_outside(planes, surface) for planes in beyond], axis=1)
+    bare = away.min(axis=1) > 0.0
+    grown = []
+    for number, hull in enumerate(hulls):
+        near = bare & (away[:, number] <= reach)
+        points = np.concatenate([hull.vertices, surface[near]])
+        grown.append(convex_hull(points) if near.any() else hull)
+    return grown
+
+
+def merge_steps(parts: Sequence[TriangleMesh]) -> Iterator[list[Array]]:
+    """Vertices of the parts, then of one part fewer, down to one: a nested family.
+
+    Always joins the pair whose common hull adds the least volume to the sum of the two, of those
+    whose bounds (nearly) touch: to join others adds more. When none touch, of all.
+    """
+    forest = _Forest([part.vertices for part in parts])
+    yield forest.points()
+    while len(forest.alive) > 1:
+        forest.join()
+        yield forest.points()
+
+
+class _Forest:
+    """Parts that are still apart, and what joining two of them would add."""
+
+    def __init__(self, points: Sequence[Array]) -> None:
+        self._points = list(points)
+        self._volumes = [_hull_volume(p)[0] for p in points]
+        self._bounds = [(p.min(axis=0), p.max(axis=0)) for p in points]
+        corners = np.concatenate(self._points)
+        self._reach = NEAR * float(np.linalg.norm(np.ptp(corners, axis=0)))
+        self.alive = list(range(len(points)))
+        self._added = self._costs([(b, a) for a in self.alive for b in range(a)])
+
+    def points(self) -> list[Array]:
+        """Vertices of each part."""
+        return [self._points[k] for k in self.alive]
+
+    def join(self) -> None:
+        """The cheapest pair becomes one part."""
+        if not self._added:
+            pairs = [(a, b) for a in self.alive for b in self.alive if a < b]
+            self._added = self._costs(pairs, near=False)
+        first, second = min(self._added, key=lambda pair: (self._added[pair], pair))
+        joined = np.concatenate([self._points[first], self._points[second]])
+        volume, corners = _hull_volume(joined)
+        self._points.append(joined[corners])
+        self._volumes.append(volume)
+        self._bounds.append((joined.min(axis=0), joined.max(axis=0)))
+        new, gone = len(self._points) - 1, {first, second}
+        self.alive = [k for k in self.alive if k not in gone]
+        kept = {pair: value for pair, value in self._added.items() if not gone & set(pair)}
+        self._added = kept | self._costs([(k, new) for k in self.alive])
+        self.alive.append(new)
+
+    def _costs(
+        self, pairs: Sequence[tuple[int, int]], *, near: bool = True
+    ) -> dict[tuple[int, int], float]:
+        return {(a, b): self._cost(a, b) for a, b in pairs if not near or self._touch(a, b)}
+
+    def _touch(self, a: int, b: int) -> bool:
+        (low, high), (lower, upper) = self._bounds[a], self._bounds[b]
+        return bool((low <= upper + self._reach).all() and (lower <= high + self._reach).all())
+
+    def _cost(self, a: int, b: int) -> float:
+        joined, _ = _hull_volume(np.concatenate([self._points[a], self._points[b]]))
+        return joined - self._volumes[a] - self._volumes[b]
+
+
+def _hull_volume(points: Array) -> tuple[float, Array]:
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(points - points.mean(axis=0), qhull_options="Qt")
+    return float(hull.volume), np.sort(hull.vertices)
+
+
+def _outside(planes: Array, points: Array) -> Array:
+    """(n,) how far points lie beyond the farthest plane; at most 0 inside."""
+    return np.asarray((points @ planes[:, :3].T + planes[:, 3]).max(axis=1), dtype=np.float64)
+
+
+def _hull_or_none(part: TriangleMesh) -> TriangleMesh | None:
+    try:
+        return convex_hull(part.vertices)
+    except StepError:
+        return None

@@ -1,0 +1,99 @@
+"""sample(): robots that could exist, as MJCF beside the figures of the draws."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from assetbuild.engine.execute import NodeResult, execute
+from assetbuild.engine.graph import Planner
+from assetbuild.engine.publish import check_replaceable
+from assetbuild.engine.session import Session
+from assetbuild.errors import AssetBuildError
+from assetbuild.findings import Finding
+from assetbuild.pipeline import OnEvent
+from assetbuild.pipeline.bundling import publish_bundle
+from assetbuild.pipeline.opening import open_session, pin
+from assetbuild.plan.samples import SamplesOutline, plan_samples
+from assetbuild.recipe.loader import LoadedRecipe, load_recipe
+from assetbuild.report.bundle import BundleFile, json_text, manifest
+from assetbuild.report.draws import draws_svg
+
+
+@dataclass(frozen=True)
+class SampleRequest:
+    """What the user asks for. keep: MJCF files; judge: draws for the statistics."""
+
+    recipe: Path
+    out: Path | None = None
+    variant: str | None = None
+    keep: int = 16
+    judge: int = 10_000
+    seed: int | None = None
+    jobs: int | None = None
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """What came of it. statistics: as `draw_samples` wrote them; out: None when a step failed."""
+
+    out: Path | None
+    statistics: dict[str, Any]  # Any: JSON
+    findings: tuple[Finding, ...] = ()
+    errors: tuple[AssetBuildError, ...] = ()
+
+
+def sample(request: SampleRequest, on_event: OnEvent, say: Callable[[str], None]) -> Sampled:
+    """Draw and write. Raises AssetBuildError for wrong input; failed steps are in the result."""
+    loaded = load_recipe(request.recipe, request.variant)
+    out = request.out or Path("build") / f"{loaded.recipe.robot}-samples"
+    check_replaceable(out)
+    lock = pin(loaded, frozen=False, say=say)
+    with open_session(loaded) as session:
+        while True:
+            planner = Planner(session)
+            outline = plan_samples(
+                loaded, lock, planner, keep=request.keep, judge=request.judge, seed=request.seed
+            )
+            results = execute(planner.graph(), session, jobs=request.jobs, on_event=on_event)
+            errors = tuple(result.error for result in results.values() if result.error)
+            if errors:
+                return Sampled(None, {}, errors=errors)
+            if not planner.questions:
+                return _publish(loaded, outline, results, session, out)
+
+
+def _publish(
+    loaded: LoadedRecipe,
+    outline: SamplesOutline,
+    results: dict[str, NodeResult],
+    session: Session,
+    out: Path,
+) -> Sampled:
+    assert outline.draws is not None  # noqa: S101 # a plan without questions is whole
+    drawn = results[outline.draws.label]
+    statistics = json.loads(session.read(drawn["statistics.json"]))
+    files = [
+        BundleFile.of_bytes("samples.json", "samples", session.read(drawn["samples.json"])),
+        BundleFile.of_text("statistics.json", "report", json_text(statistics)),
+        BundleFile.of_text("draws.svg", "report", draws_svg(statistics)),
+    ]
+    main = f"{loaded.recipe.robot}.xml"
+    for index, node in enumerate(outline.variants):
+        tree = session.tree(results[node.label]["mjcf/"])
+        digest, size = tree[main]
+        files.append(BundleFile(f"{loaded.recipe.robot}_{index:03}.xml", "mjcf", digest, size))
+        if index == 0:  # a draw changes no mesh
+            files += [
+                BundleFile(path, "mjcf", digest, size)
+                for path, (digest, size) in sorted(tree.items())
+                if path.startswith("assets/")
+            ]
+    files.append(manifest(loaded.recipe.robot, files))
+    publish_bundle(files, out, session)
+    labels = ("enclose", "draw_samples")
+    findings = tuple(finding for label in labels for finding in results[label].findings)
+    return Sampled(out, statistics, findings)

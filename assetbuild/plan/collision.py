@@ -1,0 +1,243 @@
+"""Which collision method works on which shapes, with which fields; and which shapes are equal."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from assetbuild.collision import CollisionMethod, Likeness, PlacedSource, ProbeSource
+from assetbuild.engine.graph import Node, Planner, Ref
+from assetbuild.errors import RecipeError, did_you_mean
+from assetbuild.kinds import load_plugin, plugin_names
+from assetbuild.recipe.collision import PRESETS, CollisionRule, Region, ToleranceRegion
+from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.model import Mesh, Shape, Shapes, Tree
+from assetbuild.robot.pose import Pose, vec3
+from assetbuild.steps.match_shapes import MatchShapes
+
+BUILT_IN = ("keep", "none")
+"""Methods that need no step of their own."""
+DECOMPOSING = ("auto", "coacd", "vhacd", "spheres")
+"""Methods whose result is worth the search for an equal shape."""
+TOLERANCES = ("max_outside", "max_missing", "max_overcover")
+_NOT_FIELDS = {"method", "from_", "preset", "keep_open", "regions"}
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """One collision use of a link. method: None = its shapes as they are.
+
+    fields: of the step, from the recipe; without sources and probes.
+    """
+
+    link: str
+    shapes: tuple[Shape, ...]
+    method: type[CollisionMethod] | None = None
+    fields: Mapping[str, Any] = field(default_factory=dict)  # Any: any field of any plug-in
+    keep_open: tuple[Region, ...] = ()
+    regions: tuple[ToleranceRegion, ...] = ()
+
+    @property
+    def per_link(self) -> bool:
+        """Whether the result is in the frame of the link."""
+        return self.method is not None and self.method.scope == "link"
+
+    @property
+    def label(self) -> str:
+        """Of its node."""
+        name = self.method.step_name() if self.method else "keep"
+        return f"{name} {self.link if self.per_link else self.shapes[0].name}"
+
+    def step(self, like: Likeness | None = None) -> CollisionMethod:
+        """The step; poses and places are in the frame of the result."""
+        if self.method is None:
+            raise ValueError("kept shapes need no step")
+        sources = []
+        for index, shape in enumerate(self.shapes):
+            pose = shape.X_link_shape if self.per_link else None
+            if isinstance(shape.geometry, Mesh):
+                sources.append(PlacedSource.of_mesh(f"shapes/{index}", pose))
+            else:
+                sources.append(PlacedSource.of_primitive(shape.geometry, pose))
+        given = {"sources": tuple(sources), "probes": self._probes(), **self.fields}
+        return self.method.model_validate(given | ({"like": like} if like else {}))
+
+    def _probes(self) -> tuple[ProbeSource, ...]:
+        X_link_out = Pose() if self.per_link or not self.shapes else self.shapes[0].X_link_shape
+        places: list[tuple[Region, float | None]]
+        places = [(place, None) for place in self.keep_open]
+        places += [(place, place.max_outside) for place in self.regions]
+        made = []
+        for place, most in places:
+            start, end = (vec3(X_link_out.inverse().apply([e])[0]) for e in place.ends)
+            made.append(ProbeSource(start=start, end=end, radius=place.radius, max_outside=most))
+        return tuple(made)
+
+
+class Meshes(Protocol):
+    """What knows the source's shapes and their converted meshes."""
+
+    shapes: Shapes
+
+    def converted(self, mesh: Mesh) -> Node:
+        """The node of a converted mesh."""
+
+
+def collision_jobs(loaded: LoadedRecipe, links: Tree, meshes: Meshes) -> tuple[Job, ...]:
+    """All collision uses of the robot, in the order of its links."""
+    jobs: list[Job] = []
+    for body in links.bodies:
+        jobs += _jobs_of(loaded, body.name, meshes.shapes)
+    return tuple(jobs)
+
+
+def _jobs_of(loaded: LoadedRecipe, link: str, shapes: Shapes) -> list[Job]:
+    rule, key = _rule_of(loaded.recipe, link)
+    own = _source_of(rule, link, shapes)
+    if rule.method in BUILT_IN:
+        _refuse_foreign(loaded, rule, key, known=("from", "preset"))
+        return [Job(link, (shape,)) for shape in own] if rule.method == "keep" else []
+    method = collision_method(loaded, rule, key)
+    if not own and method.step_name() != "explicit":
+        return []
+    fields = _fields(rule, loaded.recipe)
+    if method.scope == "link":
+        return [Job(link, own, method, fields, rule.keep_open, rule.regions)]
+    return [
+        # The source's primitive is convex and exact already.
+        Job(link, (shape,))
+        if not isinstance(shape.geometry, Mesh)
+        else Job(link, (shape,), method, fields, rule.keep_open, rule.regions)
+        for shape in own
+    ]
+
+
+def _rule_of(recipe: Recipe, link: str) -> tuple[CollisionRule, tuple[str, ...]]:
+    for pattern, rule in recipe.collision.links.items():
+        if re.fullmatch(pattern, link):
+            return rule, ("collision", "links", pattern)
+    return recipe.collision.default, ("collision", "default")
+
+
+def _source_of(rule: CollisionRule, link: str, shapes: Shapes) -> tuple[Shape, ...]:
+    of_link = {
+        role: tuple(s for s in shapes.shapes if s.link == link and s.role == role)
+        for role in ("collision", "visual")
+    }
+    if rule.from_ == "auto":
+        return of_link["collision"] or of_link["visual"]
+    return of_link[rule.from_]
+
+
+def collision_method(
+    loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...]
+) -> type[CollisionMethod]:
+    """The plug-in of a rule; RecipeError for an unknown one, or a key that it does not have."""
+    try:
+        method = load_plugin(CollisionMethod, "assetbuild.collision", rule.method)
+    except KeyError:
+        known = (*plugin_names("assetbuild.collision"), *BUILT_IN)
+        raise RecipeError(
+            f"{'.'.join(key)}: no collision method `{rule.method}`",
+            where=loaded.where((*key, "method")),
+            hint=did_you_mean(rule.method, known),
+        ) from None
+    names = [name for name in method.model_fields if name not in ("sources", "probes", "like")]
+    _refuse_foreign(loaded, rule, key, (*names, "from", "preset", "keep_open", "regions"))
+    return method
+
+
+def _refuse_foreign(
+    loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...], known: Sequence[str]
+) -> None:
+    """RecipeError for a key that the rule's method does not know."""
+    given = [n.rstrip("_") for n in sorted(rule.model_fields_set) if n != "method"]
+    foreign = [name for name in given if name not in known and getattr(rule, name) is not None]
+    if foreign:
+        raise RecipeError(
+            f"{'.'.join(key)}: `{rule.method}` has no key `{foreign[0]}`",
+            where=loaded.where((*key, foreign[0])),
+            hint=did_you_mean(foreign[0], list(known)),
+        )
+
+
+def _fields(rule: CollisionRule, recipe: Recipe) -> dict[str, Any]:  # Any: as Job.fields
+    """The keys of a rule that are fields of its step; `auto` takes the rest from the preset."""
+    stated = {
+        name: value
+        for name, value in rule.model_dump(exclude=_NOT_FIELDS).items()
+        if value is not None
+    }
+    if rule.method != "auto":
+        return stated
+    return dict(PRESETS[rule.preset or recipe.collision.preset]) | stated
+
+
+# --- equal shapes ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Twin:
+    """An earlier job with an equal shape and equal fields."""
+
+    job: Job
+    likeness: Likeness
+
+
+Twins = Mapping[int, Twin]
+"""By id of the job that may reuse the other's result."""
+
+
+def equal_shapes(jobs: Sequence[Job], meshes: Meshes, p: Planner) -> Twins | None:
+    """Jobs that may take the result of another; None while that is not known.
+
+    A question to the graph: meshes are compared once they are converted.
+    """
+    shared = _by_mesh(jobs, meshes)
+    labels = list(dict.fromkeys(label for label, _ in shared))
+    if len(labels) < 2:
+        return {}
+    folders = {label: f"shapes/{number}" for number, label in enumerate(labels)}
+    inputs: dict[str, Ref] = {}
+    for job in (same[0] for same in shared.values()):
+        node = _mesh_node(job, meshes)
+        for output in ("parts/", "mesh.json"):
+            inputs[f"{folders[node.label]}/{output}"] = node[output]
+    node = p.add("match_shapes", MatchShapes(folders=tuple(folders.values())), inputs)
+    answer = p.ask(node["matches.json"])
+    if answer is None:
+        return None
+    matches = json.loads(answer)
+    by_folder = {folder: label for label, folder in folders.items()}
+    twins: dict[int, Twin] = {}
+    for (label, options), same in shared.items():
+        match = matches.get(folders[label])
+        others = shared.get((by_folder[match["like"]], options)) if match else None
+        if others:
+            likeness = Likeness(signs=match["signs"], shift=match["shift"])
+            twins |= {id(job): Twin(others[0], likeness) for job in same}
+    return twins
+
+
+def _by_mesh(jobs: Sequence[Job], meshes: Meshes) -> dict[tuple[str, str], list[Job]]:
+    """(label of the mesh, fields) -> the jobs with them, of those worth the comparison."""
+    found: dict[tuple[str, str], list[Job]] = {}
+    for job in jobs:
+        if job.method is None or job.method.step_name() not in DECOMPOSING:
+            continue
+        if job.per_link or job.keep_open or job.regions:
+            continue
+        options = json.dumps([job.method.step_name(), job.fields], sort_keys=True, default=str)
+        found.setdefault((_mesh_node(job, meshes).label, options), []).append(job)
+    return found
+
+
+def _mesh_node(job: Job, meshes: Meshes) -> Node:
+    (shape,) = job.shapes
+    if not isinstance(shape.geometry, Mesh):
+        raise TypeError("only meshes are compared")
+    return meshes.converted(shape.geometry)

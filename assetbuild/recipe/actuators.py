@@ -1,0 +1,95 @@
+"""The actuator table of a recipe: motors, and the rows that put them on joints."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from assetbuild.recipe.base import Model, NonNegative, Positive, Real
+from assetbuild.recipe.names import Pattern
+
+Unlimited = Literal["unlimited"]
+
+
+class Motor(Model):
+    """A motor with its gear, reusable by several rows of the actuator table."""
+
+    extends: str | None = Field(None, description="another motor, for all that is not said here")
+    rotor_inertia: NonNegative | None = Field(None, description="kg m2, before the gear")
+    gear: Positive | None = Field(
+        None, description="reduction, without it 1; armature = rotor_inertia * gear^2"
+    )
+    effort: Positive | None = Field(None, description="N m or N, after the gear")
+    velocity: Positive | None = Field(None, description="rad/s or m/s, after the gear")
+    friction: NonNegative | None = Field(None, description="dry friction, N m or N")
+    source: str = Field("", description="where the numbers come from")
+
+
+class GeneralActuator(Model):
+    """The parameters of MuJoCo's general actuator, in its own names, order and units."""
+
+    dyntype: Literal["none", "integrator", "filter", "filterexact", "muscle"] = Field(
+        "none", description="activation dynamics"
+    )
+    gaintype: Literal["fixed", "affine", "muscle"] = Field("fixed", description="kind of gain")
+    biastype: Literal["none", "affine", "muscle"] = Field("none", description="kind of bias")
+    dynprm: tuple[Real, ...] = Field((), max_length=10, description="parameters of the dynamics")
+    gainprm: tuple[Real, ...] = Field((), max_length=10, description="parameters of the gain")
+    biasprm: tuple[Real, ...] = Field((), max_length=10, description="parameters of the bias")
+
+
+class ActuatorRow(Model):
+    """One row of the actuator table; every moving joint matches exactly one."""
+
+    joints: Pattern = Field(description="matches whole joint names")
+    model: Literal["pd", "ideal_pd", "dc_motor", "velocity", "motor", "general", "passive"] = Field(
+        "pd", description="pd is implicit: the simulator integrates the gains"
+    )
+    motor: str | None = Field(None, description="name in `motors`")
+    unit: Literal["rotary", "linear"] | None = Field(
+        None,
+        description="what the numbers of this row are for: N m and rad, or N and m; "
+        "an error where a joint of the other kind matches",
+    )
+    kp: NonNegative | None = Field(None, description="N m/rad or N/m")
+    kd: NonNegative | None = Field(None, description="of the drive, N m s/rad or N s/m")
+    frequency: Positive | None = Field(
+        None, description="instead of kp: natural frequency of the joint, Hz"
+    )
+    damping_ratio: NonNegative | None = Field(
+        None, description="instead of kd: of drive and joint together; 1 = critical"
+    )
+    inertia: Literal["home", "armature"] = Field(
+        "home",
+        description="what `frequency` moves: the joint with all it carries at keyframe `home`, "
+        "or the motor's armature alone (mjlab's convention)",
+    )
+    damping: NonNegative | None = Field(
+        None, description="passive, of the joint; without it the source's own"
+    )
+    friction: NonNegative | None = Field(
+        None, description="dry; without it the motor's, else the source's own"
+    )
+    armature: NonNegative | None = Field(None, description="kg m2; without it the motor's")
+    effort: Positive | Unlimited | None = Field(
+        None, description="without it the motor's, else the source's"
+    )
+    velocity: Positive | Unlimited | None = Field(
+        None, description="without it the motor's, else the source's"
+    )
+    ctrl: tuple[Real, Real] | Literal["limits", "reach"] | None = Field(
+        None,
+        description="range of the command. limits: of the joint (pd), its effort or velocity "
+        "limit (the others), the default; reach: of pd, the limits and effort/kp beyond them",
+    )
+    general: GeneralActuator | None = Field(None, description="of the model `general` alone")
+
+    @model_validator(mode="after")
+    def _one_way_to_say_it(self) -> ActuatorRow:
+        for plain, by in (("kp", "frequency"), ("kd", "damping_ratio")):
+            if getattr(self, plain) is not None and getattr(self, by) is not None:
+                raise ValueError(f"give `{plain}` or `{by}`, not both")
+        if isinstance(self.ctrl, tuple) and not self.ctrl[0] < self.ctrl[1]:
+            raise ValueError(f"`ctrl`: the low end must be below the high: {list(self.ctrl)}")
+        return self

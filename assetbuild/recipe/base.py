@@ -1,0 +1,68 @@
+"""What all recipe models are built of: the base model, numbers, and quantities with units."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
+
+_LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
+_QUANTITY = re.compile(r"\s*([0-9.eE+-]+)\s*([a-zA-Z%]+)\s*")
+
+
+class Model(BaseModel):
+    """Base of all recipe models: frozen, and an unknown key is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise ValueError("must be finite")
+    return value
+
+
+def _length(value: object) -> object:
+    """`5 mm` in metres; a plain number is in metres already."""
+    return _quantity(value, _LENGTHS, "a length such as `5 mm` or `0.005` (m)")
+
+
+def _share(value: object) -> object:
+    """`2 %` as 0.02; a plain number is a share already."""
+    return _quantity(value, {"%": 1e-2}, "a share such as `2 %` or `0.02`")
+
+
+def _quantity(value: object, units: dict[str, float], expected: str) -> object:
+    if not isinstance(value, str):
+        return value
+    found = _QUANTITY.fullmatch(value)
+    try:
+        if found is None:
+            raise ValueError
+        # Divided where that is exact: `5 mm` is the same number as 0.005.
+        number, factor = float(found[1]), units[found[2]]
+        return number / round(1.0 / factor)
+    except (ValueError, KeyError):
+        raise ValueError(f"expected {expected}, found `{value[:40]}`") from None
+
+
+def _as_written(unit: str) -> WithJsonSchema:
+    pattern = rf"^\s*[0-9.eE+-]+\s*({unit})\s*$"
+    return WithJsonSchema(
+        {"anyOf": [{"type": "number", "minimum": 0}, {"type": "string", "pattern": pattern}]}
+    )
+
+
+Real = Annotated[float, AfterValidator(_finite)]
+Positive = Annotated[float, Field(gt=0), AfterValidator(_finite)]
+NonNegative = Annotated[float, Field(ge=0), AfterValidator(_finite)]
+Length = Annotated[
+    float, Field(ge=0), AfterValidator(_finite), BeforeValidator(_length), _as_written("um|mm|cm|m")
+]
+"""Metres: `5 mm`, `0.5 cm`, `0.005 m`, or a number in metres."""
+Share = Annotated[
+    float, Field(ge=0), AfterValidator(_finite), BeforeValidator(_share), _as_written("%")
+]
+"""A share: `2 %`, or 0.02."""

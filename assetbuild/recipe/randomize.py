@@ -1,0 +1,78 @@
+"""How far the real robot may be from its description: `randomize` in a recipe."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from assetbuild.recipe.base import Model, NonNegative, Positive, Real
+from assetbuild.recipe.names import Pattern
+
+
+def _rising(pair: tuple[float, float]) -> tuple[float, float]:
+    if pair[0] > pair[1]:
+        raise ValueError("the first number must not exceed the second")
+    return pair
+
+
+FactorRange = Annotated[tuple[Positive, Positive], AfterValidator(_rising)]
+Range = Annotated[tuple[NonNegative, NonNegative], AfterValidator(_rising)]
+StepRange = Annotated[
+    tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]], AfterValidator(_rising)
+]
+
+
+class RandomMatter(Model):
+    """How the matter of a body may differ from the description; draws are uniform."""
+
+    density: FactorRange = Field((0.8, 1.2), description="factor of the mass, shape unchanged")
+    com: NonNegative | tuple[NonNegative, NonNegative, NonNegative] = Field(
+        0.01, description="largest shift of the matter, m; one number, or one per body axis"
+    )
+    stretch: Annotated[float, Field(ge=0, le=1)] = Field(
+        0.0, description="largest |ln| of the factor by which it is stretched along each axis"
+    )
+    shear: Annotated[float, Field(ge=0, le=1)] = Field(0.0, description="largest shear, 1")
+    source: str = Field("", description="where the range comes from: CAD, datasheet, measured")
+
+
+class RandomPayload(Model):
+    """A homogeneous box that may be mounted."""
+
+    link: str = Field(description="source link that carries it")
+    mass: Range = Field(description="least and most, kg")
+    size: tuple[Positive, Positive, Positive] = Field(description="edges of the box, m")
+    at: tuple[Real, Real, Real] = Field((0.0, 0.0, 0.0), description="its centre on the link, m")
+    source: str = Field("", description="where the range comes from")
+
+
+class RandomJoint(Model):
+    """How a joint and its drive may differ; factors of the actuator table's numbers."""
+
+    kp: FactorRange = Field((1.0, 1.0), description="factor")
+    kd: FactorRange = Field((1.0, 1.0), description="factor")
+    damping: FactorRange = Field((1.0, 1.0), description="factor")
+    friction: FactorRange = Field((1.0, 1.0), description="factor, dry friction of the joint")
+    armature: FactorRange = Field((1.0, 1.0), description="factor")
+    effort: FactorRange = Field((1.0, 1.0), description="factor of the effort limit")
+    delay: StepRange = Field((0, 0), description="of the command, simulation steps; for trainers")
+    encoder_bias: NonNegative = Field(0.0, description="largest, rad or m; for trainers")
+    source: str = Field("", description="where the ranges come from")
+
+
+class Randomize(Model):
+    """What a trainer may vary, so that every variant is a robot that could exist."""
+
+    seed: int = Field(0, ge=0, le=2**63 - 1, description="the same seed draws the same robots")
+    links: dict[Pattern, RandomMatter] = Field(
+        default_factory=dict, description="bodies by the name of their link; first match wins"
+    )
+    payloads: tuple[RandomPayload, ...] = Field((), max_length=100, description="boxes to carry")
+    joints: dict[Pattern, RandomJoint] = Field(
+        default_factory=dict, description="moving joints; the first pattern that matches wins"
+    )
+    friction: Range | None = Field(
+        None, description="sliding friction of all collision geometry, least and most"
+    )
+    friction_source: str = Field("", description="where that range comes from")

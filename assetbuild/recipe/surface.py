@@ -1,0 +1,67 @@
+"""Surfaces of a recipe: friction and softness of collision geometry."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from assetbuild.recipe.base import Model, NonNegative, Positive, Real
+from assetbuild.recipe.names import Pattern
+
+_FRICTION = "sliding, torsional (m), rolling (m)"
+_CONDIM = "1: no friction, 3: sliding, 4: also torsional, 6: also rolling"
+_PRIORITY = "the surface with the higher one decides alone; equal ones are mixed"
+_SOLREF = "MuJoCo's softness: time constant (s) and damping ratio; both negative: -N/m, -N s/m"
+_SOLIMP = "MuJoCo's impedance: dmin, dmax, width (m), midpoint, power"
+_MASK = "MuJoCo's contype: bits; two shapes may touch when one's mask meets the other's partners"
+
+
+class Surface(Model):
+    """What differs on some links; what is not said is as on all others."""
+
+    friction: tuple[NonNegative, NonNegative, NonNegative] | None = Field(
+        None, description=_FRICTION
+    )
+    condim: Literal[1, 3, 4, 6] | None = Field(None, description=_CONDIM)
+    priority: int | None = Field(None, ge=0, le=100, description=_PRIORITY)
+    solref: tuple[Real, Real] | None = Field(None, description=_SOLREF)
+    solimp: tuple[Real, Real, Real, Real, Real] | None = Field(None, description=_SOLIMP)
+    margin: NonNegative | None = Field(None, description="contacts exist from this distance, m")
+    gap: NonNegative | None = Field(None, description="part of the margin without force, m")
+    mask: int | None = Field(None, ge=0, lt=2**31, description=_MASK)
+    partners: int | None = Field(None, ge=0, lt=2**31, description="MuJoCo's conaffinity: bits")
+
+
+class Contact(Model):
+    """The surface of all collision geometry."""
+
+    friction: tuple[NonNegative, NonNegative, NonNegative] = Field(
+        (1.0, 0.005, 0.0001), description=_FRICTION
+    )
+    condim: Literal[1, 3, 4, 6] = Field(3, description=_CONDIM)
+    priority: int = Field(0, ge=0, le=100, description=_PRIORITY)
+    solref: tuple[Real, Real] | None = Field(None, description=_SOLREF)
+    solimp: tuple[Real, Real, Real, Real, Real] | None = Field(None, description=_SOLIMP)
+    margin: NonNegative = Field(0.0, description="contacts exist from this distance, m")
+    gap: NonNegative = Field(0.0, description="part of the margin without force, m")
+    mask: int = Field(1, ge=0, lt=2**31, description=_MASK)
+    partners: int = Field(1, ge=0, lt=2**31, description="MuJoCo's conaffinity: bits")
+    links: dict[Pattern, Surface] = Field(
+        default_factory=dict, description="other surfaces; the first pattern that matches wins"
+    )
+
+    @model_validator(mode="after")
+    def _signs(self) -> Contact:
+        for surface in (self, *self.links.values()):
+            if surface.solref is not None and (surface.solref[0] > 0) != (surface.solref[1] > 0):
+                raise ValueError("`solref`: both positive, or both negative")
+        return self
+
+
+class Simulation(Model):
+    """What the generated files and checks step with."""
+
+    timestep: Positive = Field(0.005, description="s")
+    decimation: int = Field(4, ge=1, le=10_000, description="simulation steps per control step")
+    gravity: tuple[Real, Real, Real] = Field((0.0, 0.0, -9.81), description="m/s2, world frame")

@@ -1,0 +1,109 @@
+"""Joints in a row: massless links between them only let one body turn in several ways.
+
+A URDF says a ball joint as three hinges with two links between them that have no mass and no
+shape. MJCF says the same as three joints on one body, exactly; a simulator that needs mass on
+every body (PhysX) cannot take the links as they are (see the edit `share_mass`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from assetbuild.robot.model import MOVING, Body, Joint, Tree
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
+
+MAX_DOFS = 6
+"""A free body has no more; with more the mass matrix is singular, and MuJoCo refuses."""
+
+_DOFS = {"planar": 3, **dict.fromkeys(MOVING, 1)}
+
+
+@dataclass(frozen=True)
+class Chain:
+    """joints: from the parent body down to `body`; between: the massless links, in that order."""
+
+    joints: tuple[Joint, ...]
+    between: tuple[str, ...]
+
+    @property
+    def parent(self) -> str:
+        """The body above the first joint."""
+        return self.joints[0].parent
+
+    @property
+    def body(self) -> str:
+        """The body that all the joints move."""
+        return self.joints[-1].child
+
+    @property
+    def pose_in_parent(self) -> Pose:
+        """Pose of the body in the parent where every joint is 0."""
+        pose = IDENTITY
+        for joint in self.joints:
+            pose = pose @ joint.X_parent_joint
+        return pose
+
+    @property
+    def joint_poses(self) -> tuple[Pose, ...]:
+        """Pose of each joint's frame in the body where every joint is 0.
+
+        With Y_k = X_{k+1} ... X_n (the body in the frame of joint k), the product of exponentials
+        X_1 R_1 ... X_n R_n is X_1 ... X_n times (Y_1^-1 R_1 Y_1) ... (Y_n^-1 R_n Y_n): each joint
+        moves the body about an axis that stands at Y_k^-1 in it. Lynch and Park, Modern Robotics,
+        4.1.3 (body form).
+        """
+        poses = [IDENTITY]
+        for joint in self.joints[:0:-1]:
+            poses.append(poses[-1] @ joint.X_parent_joint.inverse())
+        return tuple(reversed(poses))
+
+
+def axis_in_body(joint: Joint, X_body_joint: Pose) -> Vec3:
+    """Unit vector: the joint's axis in the axes of the body."""
+    if X_body_joint.quat == IDENTITY.quat:
+        return joint.axis
+    return vec3(X_body_joint.rotation @ joint.axis)
+
+
+def find_chains(tree: Tree, shown: Collection[str] = ()) -> tuple[Chain, ...]:
+    """Every row of two joints or more with nothing but massless links between them.
+
+    shown: links of the source that carry shapes; a body that shows or hits something is none of
+    these, nor one that frames were merged into: they would move with a link that is not there.
+    Rows that end in a massless body, or have more than `MAX_DOFS` degrees of freedom, are left
+    as they are: no simulator can move them.
+    """
+    occupied = {tree.placement(link)[0] for link in shown} | {frame.body for frame in tree.frames}
+    below: dict[str, list[Joint]] = {}
+    for joint in tree.joints:
+        below.setdefault(joint.parent, []).append(joint)
+
+    def passes(body: str) -> bool:
+        above, under = tree.joint_above.get(body), below.get(body, [])
+        return (
+            is_massless(tree.by_body[body])
+            and body not in occupied
+            and above is not None
+            and above.kind in _DOFS
+            and len(under) == 1
+            and under[0].kind in _DOFS
+        )
+
+    found = []
+    for first in tree.joints:
+        if passes(first.parent) or not passes(first.child):
+            continue
+        joints = [first]
+        while passes(joints[-1].child):
+            joints += below[joints[-1].child]
+        moves_nothing = is_massless(tree.by_body[joints[-1].child])
+        if not moves_nothing and sum(_DOFS[joint.kind] for joint in joints) <= MAX_DOFS:
+            found.append(Chain(tuple(joints), tuple(joint.child for joint in joints[:-1])))
+    return tuple(found)
+
+
+def is_massless(body: Body) -> bool:
+    """No mass and no inertia at all, stated or not."""
+    inertial = body.inertial
+    return inertial is None or (inertial.mass_kg == 0.0 and not any(inertial.inertia_com_kg_m2))

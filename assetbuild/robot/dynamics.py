@@ -1,0 +1,169 @@
+"""Joint-space dynamics of a tree at rest: mass matrix, gravity, and what drives feel.
+
+Small and dense on purpose: bodies times degrees of freedom is a few thousand numbers, and the
+formulas stay readable. Coordinates: of a floating base first its linear, then its angular velocity
+(world axes, at the origin of the root), then the moving joints in tree order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from assetbuild.robot.mimic import with_mimics
+from assetbuild.robot.model import Inertial, Tree
+from assetbuild.robot.pose import IDENTITY, Array, Pose
+from assetbuild.robot.tree import forward_kinematics
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How one body moves with the coordinates: (3, nv) Jacobians at its origin, world axes."""
+
+    pose: Pose
+    linear: Array
+    angular: Array
+
+    def at(self, point: Array) -> Array:
+        """(3, nv) Jacobian of the velocity of a point of the body, given in world, m."""
+        arm = point - np.asarray(self.pose.xyz)
+        moved: Array = self.linear + np.cross(self.angular, arm, axisa=0, axisb=0, axisc=0)
+        return moved
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """joints: names by column after the base's six; free: columns of the base, 6 or 0.
+
+    mass: (nv, nv) with armature; gravity: (nv,) generalised forces that hold the robot against
+    gravity, N m or N; motions by body. Joints that mimic have no column: they move their leader's.
+    """
+
+    joints: tuple[str, ...]
+    free: int
+    mass: Array
+    gravity: Array
+    motions: Mapping[str, Motion]
+
+    def column(self, joint: str) -> int:
+        """Of a joint's coordinate."""
+        return self.free + self.joints.index(joint)
+
+    @property
+    def effective_inertia(self) -> dict[str, float]:
+        """What a torque at one joint accelerates when nothing else pushes: 1 / (M^-1)_ii.
+
+        kg m2 or kg; infinite where nothing moves.
+        """
+        inverse = np.linalg.pinv(self.mass, hermitian=True)
+        found = {}
+        for joint in self.joints:
+            compliance = float(inverse[self.column(joint), self.column(joint)])
+            found[joint] = 1.0 / compliance if compliance > 0.0 else float("inf")
+        return found
+
+
+def dynamics(
+    tree: Tree,
+    positions: Mapping[str, float],
+    armature: Mapping[str, float],
+    gravity: Sequence[float] = (0.0, 0.0, -9.81),
+    base: Pose = IDENTITY,
+) -> Dynamics:
+    """Mass matrix and gravity of a tree at rest in one pose.
+
+    M = sum over bodies of m Jv^T Jv + Jw^T I Jw, Jv at the centre of mass; Featherstone, Rigid
+    Body Dynamics Algorithms, 6.2 (the definition that CRBA computes recursively). positions by
+    joint name, rad or m; armature by joint name, kg m2 or kg; gravity: m/s2, world.
+    Planar and floating joints inside the tree stand still.
+    """
+    free = 6 if tree.base == "floating" else 0
+    leaders = [joint.name for joint in tree.moving_joints if joint.mimic is None]
+    gains = _coordinates(tree, leaders)
+    motions = _motions(tree, with_mimics(tree, positions), base, free, gains)
+    nv = free + len(leaders)
+    mass, held = np.zeros((nv, nv)), np.zeros(nv)
+    for body in tree.bodies:
+        inertial = body.inertial
+        if inertial is None:
+            continue
+        motion = motions[body.name]
+        linear = motion.at(motion.pose.apply(inertial.com_m))
+        tensor = _tensor(inertial, motion.pose.rotation)
+        mass += inertial.mass_kg * linear.T @ linear + motion.angular.T @ tensor @ motion.angular
+        held -= inertial.mass_kg * np.asarray(gravity) @ linear
+    for name, gain in gains.items():
+        mass += armature.get(name, 0.0) * np.outer(*[np.pad(gain, (free, 0))] * 2)
+    return Dynamics(tuple(leaders), free, mass, held, motions)
+
+
+def _coordinates(tree: Tree, leaders: Sequence[str]) -> dict[str, Array]:
+    """dq of each moving joint over d of the leaders' coordinates: mimics move with a leader."""
+    gains: dict[str, Array] = {}
+    for joint in tree.moving_joints:
+        factor, leader = 1.0, joint
+        while leader.mimic is not None:
+            factor *= leader.mimic.multiplier
+            leader = tree.by_joint[leader.mimic.joint]
+        row = np.zeros(len(leaders))
+        row[leaders.index(leader.name)] = factor
+        gains[joint.name] = row
+    return gains
+
+
+def _motions(
+    tree: Tree, q: Mapping[str, float], base: Pose, free: int, gains: Mapping[str, Array]
+) -> dict[str, Motion]:
+    poses = {name: base @ pose for name, pose in forward_kinematics(tree, q).items()}
+    nv = free + (len(next(iter(gains.values()))) if gains else 0)
+    linear, angular = np.zeros((3, nv)), np.zeros((3, nv))
+    if free:
+        linear[:, :3], angular[:, 3:6] = np.eye(3), np.eye(3)
+    motions = {tree.root: Motion(poses[tree.root], linear, angular)}
+    for joint in tree.joints:
+        parent, pose = motions[joint.parent], poses[joint.child]
+        linear = parent.at(np.asarray(pose.xyz))
+        angular = parent.angular.copy()
+        if joint.name in gains:
+            X_world_joint = parent.pose @ joint.X_parent_joint
+            axis = X_world_joint.rotation @ np.asarray(joint.axis)
+            step = np.outer(axis, np.pad(gains[joint.name], (free, 0)))
+            if joint.kind == "prismatic":
+                linear = linear + step
+            else:
+                angular += step  # the child's origin lies on the axis
+        motions[joint.child] = Motion(pose, linear, angular)
+    return motions
+
+
+def _tensor(inertial: Inertial, rotation: Array) -> Array:
+    """(3, 3) about the centre of mass in world axes, kg m2."""
+    xx, yy, zz, xy, xz, yz = inertial.inertia_com_kg_m2
+    own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    turned: Array = rotation @ own @ rotation.T
+    return turned
+
+
+def holding_torques(
+    robot: Dynamics, feet: Sequence[tuple[str, Array]]
+) -> tuple[dict[str, float], float]:
+    """Torque of each joint that holds the pose with the feet on the ground, N m or N.
+
+    feet: (body, point in world) of the contacts. The forces at the feet are the smallest (in the
+    sum of squares) that balance the base, so left and right share a load; friction is not limited.
+    The second value is the part of the base's weight that no foot can take, relative: 0 is balance.
+    """
+    forces = np.zeros(len(robot.gravity))
+    left_over = 0.0
+    if robot.free:
+        weight = robot.gravity[: robot.free]
+        size = float(np.linalg.norm(weight)) or 1.0
+        if feet:
+            rows = np.vstack([robot.motions[body].at(point) for body, point in feet])
+            pushed, *_ = np.linalg.lstsq(rows[:, : robot.free].T, weight, rcond=None)
+            forces = rows.T @ pushed
+        left_over = float(np.linalg.norm(weight - forces[: robot.free])) / size
+    torque = robot.gravity - forces
+    return {joint: float(torque[robot.column(joint)]) for joint in robot.joints}, left_over

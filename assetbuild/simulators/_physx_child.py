@@ -1,0 +1,232 @@
+"""The program that runs PhysX: one process, one job, native crashes and all.
+
+`ovphysx` brings a USD runtime of its own and may crash, hang or return NaN; so it never shares a
+process with `pxr` or with a step. The job is a JSON file, the answers are files beside it:
+`<run>.json` (what PhysX holds after loading) and `<run>.npz` (what it did). Everything here is in
+the units of the interface: degrees for joints, quaternions xyzw; `simulators.physx` makes SI.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import math
+import os
+import sys
+from importlib.metadata import distribution
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Sim = Any  # ovphysx.PhysX: its types are not checked here
+Stage = Any  # ovstage.Stage: as above
+
+ROOT = (
+    "isFixedBase",
+    "dofCount",
+    "linkCount",
+    "jointCount",
+    "shapeCount",
+    "rootPosition",
+    "rootOrientation",
+    "centerOfMassWorld",
+)
+LINK = (
+    "mass",
+    "inertia",
+    "centerOfMassPosition",
+    "shapeCount",
+    "staticFriction",
+    "dynamicFriction",
+    "restitution",
+)
+JOINT = (
+    "jointPosition",
+    "jointPositionTarget",
+    "jointStiffness",
+    "jointDamping",
+    "jointLimit",
+    "jointMaxVelocity",
+    "jointMaxForce",
+    "jointArmature",
+    "jointStaticFriction",
+    "jointDynamicFriction",
+    "jointViscousFriction",
+    "jointDriveType",
+)
+Table = dict[str, dict[str, list[float]]]
+
+
+def main() -> None:
+    """Do the job whose file is the last argument."""
+    job = json.loads(Path(sys.argv[-1]).read_bytes())
+    sim = _start()
+    for run in job["runs"]:
+        _perform(sim, run, Path(job["answers"]))
+    sim.destroy()
+
+
+def _start() -> Sim:
+    """A CPU simulation that steps in this thread: a pool of threads crawls on a shared machine."""
+    import ovstage
+    from ovphysx import GlobalConfigKey, PhysX, set_global_config
+
+    PhysX.set_cpu_mode(True)
+    set_global_config(GlobalConfigKey.NUM_THREADS, 0)
+    sim = PhysX()
+    # Newton's schema stays unregistered: its spelling of a number would hide the loss of PhysX's.
+    schemas = distribution("physx-usd-schemas")
+    names = ("PhysxSchema", "OmniUsdPhysicsDeformableSchema")
+    folders = [schemas.locate_file(f"physx_usd_schemas/{name}/resources") for name in names]
+    ovstage.population.register_usd_schemas([str(folder) for folder in folders])
+    return sim
+
+
+def _perform(sim: Sim, run: dict[str, Any], answers: Path) -> None:  # Any: JSON
+    """Load one stage, say what it holds, step it, write down where it went."""
+    import ovstage
+
+    stage = ovstage.Stage(run["name"])
+    ovstage.population.open_usd(
+        stage, run["stage"], ordinal=1, domains=ovstage.PopulationDomain.ALL
+    )
+    stage.advance_write_floor(ordinal=1).wait()
+    sim.wait_task(sim.attach_ovstage(stage, read_ordinal=1))
+    sim.wait_all()
+    paths = ovstage.PathDictionary(stage)
+    try:
+        text = json.dumps(_held(sim, paths))
+        (answers / f"{run['name']}.json").write_text(text, encoding="utf-8")
+        if run["steps"]:
+            track = _simulate(sim, paths, run)
+            np.savez(answers / f"{run['name']}.npz", **track)  # type: ignore[arg-type] # arrays only
+            if not all(np.isfinite(track[key]).all() for key in ("root", "turn", "com", "joints")):
+                # PhysX does not come back from a NaN: the next stage gets a fresh process.
+                (answers / f"{run['name']}.done").touch()
+                os._exit(0)
+    finally:
+        del paths
+        gc.collect()
+        sim.wait_task(sim.detach_ovstage())
+        stage.destroy()
+    (answers / f"{run['name']}.done").touch()
+
+
+# --- what PhysX holds -----------------------------------------------------------------------
+
+
+def _held(sim: Sim, paths: Any) -> dict[str, Table]:  # Any: ovstage.PathDictionary
+    from ovphysx.types import SimObjectType
+
+    return {
+        "articulations": _read_each(sim, paths, SimObjectType.ARTICULATION, ROOT),
+        "links": _read_each(sim, paths, SimObjectType.ARTICULATION_LINK, LINK),
+        "joints": _read_each(sim, paths, SimObjectType.ARTICULATION_JOINT, JOINT),
+        "loose": _read_each(sim, paths, SimObjectType.RIGID_BODY, ("mass",)),
+    }
+
+
+def _read_each(sim: Sim, paths: Any, kind: Any, attributes: tuple[str, ...]) -> Table:
+    # Any: as above, and ovphysx's enumeration
+    """Values by prim path and attribute; one read per attribute keeps groups and names simple."""
+    table: Table = {}
+    for attribute in attributes:
+        for path, values in _read(sim, paths, kind, attribute):
+            table.setdefault(path, {})[attribute] = values.ravel().astype(float).tolist()
+    return table
+
+
+def _read(sim: Sim, paths: Any, kind: Any, attribute: str) -> list[tuple[str, np.ndarray]]:
+    # Any: as above
+    """(path, values) per prim. Copied at once: a live alias keeps the simulation from closing."""
+    from ovphysx.types import ObjectScope
+
+    found = []
+    with sim.read_sync(kind, [attribute], scope=ObjectScope.ALL) as result:
+        for group in result.groups:
+            if group.is_delete or not group.tensors:
+                continue
+            names = [str(name) for name in paths.get_path_strings(group.prim_list)]
+            arrays = [np.array(tensor.numpy(), copy=True) for tensor in group.tensors]
+            # A fixed group stacks its prims in one array, an array group has one for each prim.
+            rows = arrays if len(arrays) == len(names) else list(arrays[0])
+            found += list(zip(names, rows, strict=True))
+    return found
+
+
+# --- what it does ---------------------------------------------------------------------------
+
+
+def _simulate(sim: Sim, paths: Any, run: dict[str, Any]) -> dict[str, np.ndarray]:
+    # Any: as above, JSON
+    """Trajectories of `run["steps"]` steps, the start included, until something is not finite."""
+    from ovphysx.types import SimObjectType
+
+    dt, drive = float(run["dt"]), run["targets"]
+    here = _joints(sim, paths, "jointPosition") | run["start"]
+    asked = _joints(sim, paths, "jointPositionTarget")
+    _write_joints(sim, paths, "jointPosition", here)
+    sim.update_articulations_kinematic()
+    times: list[float] = []
+    tracks: dict[str, list[np.ndarray]] = {"root": [], "turn": [], "com": [], "joints": []}
+    kind = SimObjectType.ARTICULATION
+    names: list[str] = []
+    for step in range(int(run["steps"]) + 1):
+        if step:
+            if drive["joints"] and (drive["frequency"] or step == 1):
+                asked |= targets_at(drive, dt * step)
+                _write_joints(sim, paths, "jointPositionTarget", asked)
+            sim.step_sync(dt)
+        if step % int(run["every"]) and step != int(run["steps"]):
+            continue
+        joints = _read(sim, paths, SimObjectType.ARTICULATION_JOINT, "jointPosition")
+        names = [name for name, _ in joints]
+        positions = [values.ravel()[:1] for _, values in joints]
+        tracks["joints"].append(np.concatenate(positions) if positions else np.zeros(0))
+        for key, attribute in (
+            ("root", "rootPosition"),
+            ("turn", "rootOrientation"),
+            ("com", "centerOfMassWorld"),
+        ):
+            tracks[key].append(_read(sim, paths, kind, attribute)[0][1].ravel())
+        times.append(dt * step)
+        if not all(np.isfinite(track[-1]).all() for track in tracks.values()):
+            break
+    out = {key: np.array(track, dtype=np.float64) for key, track in tracks.items()}
+    return out | {"time": np.array(times), "names": np.array(names, dtype=str)}
+
+
+def _joints(sim: Sim, paths: Any, attribute: str) -> dict[str, float]:
+    # Any: as above
+    """One number of every joint, by path."""
+    from ovphysx.types import SimObjectType
+
+    rows = _read(sim, paths, SimObjectType.ARTICULATION_JOINT, attribute)
+    return {path: float(values.ravel()[0]) for path, values in rows}
+
+
+def targets_at(drive: dict[str, Any], time: float) -> dict[str, float]:  # Any: JSON
+    """Position target of each driven joint: middle + amplitude sin(2 pi f t)."""
+    wave = math.sin(2.0 * math.pi * float(drive["frequency"]) * time)
+    return {path: middle + swing * wave for path, (middle, swing) in drive["joints"].items()}
+
+
+def _write_joints(sim: Sim, paths: Any, attribute: str, values: dict[str, float]) -> None:
+    # Any: as above
+    """Write one value for each joint; `values` must name them all: there is no mask."""
+    from ovphysx.types import SimObjectType
+
+    if not values:
+        return
+    with sim.write_sync(SimObjectType.ARTICULATION_JOINT, attribute) as writing:
+        for group in writing.groups:
+            # Each group has its own order, so the names are asked of this very group.
+            names = paths.get_path_strings(group.prim_list)
+            for name, tensor in zip(names, group.tensors, strict=True):
+                tensor.numpy()[...] = values[str(name)]
+            writing.commit_sync(group)
+
+
+if __name__ == "__main__":
+    main()

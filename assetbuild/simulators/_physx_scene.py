@@ -1,0 +1,200 @@
+"""Stages that PhysX is shown: the asset, untouched, in a small world of its own.
+
+Everything that an experiment changes is an opinion in the layer of this world, above the asset.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from assetbuild.robot.model import Actuator
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3
+
+if TYPE_CHECKING:
+    from pxr import Usd
+
+ROBOT = "/World/robot"
+FLOOR_M = 100.0
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What surrounds the robot and what is changed on it.
+
+    base: `asset` leaves it; `held` bolts a floating one to the world at the origin.
+    at: X_world_robot of the whole asset. floor_friction: None = there is no floor.
+    contacts: False switches every collider off. rubbing: False takes joint friction and damping.
+    drives: gains to write over the asset's own, by joint name.
+    """
+
+    timestep: float
+    gravity: Vec3
+    base: Literal["asset", "held"] = "asset"
+    at: Pose = IDENTITY
+    floor_friction: float | None = None
+    contacts: bool = True
+    rubbing: bool = True
+    drives: Mapping[str, Actuator] | None = None
+
+
+@dataclass(frozen=True)
+class Names:
+    """The robot's names by prim path below `/World/robot`, and which joints are angles."""
+
+    bodies: Mapping[str, str]
+    joints: Mapping[str, str]
+    angular: frozenset[str]
+
+
+def write_world(path: Path, main: Path, setting: Setting) -> Names:
+    """Write a stage that references `main`; returns whose prims are whose."""
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
+    robot = UsdGeom.Xform.Define(stage, ROBOT)
+    robot.GetPrim().GetReferences().AddReference(str(main))
+    _place(robot.GetPrim(), setting.at)
+    _define_scene(stage, setting)
+    names = _names(stage)
+    if setting.floor_friction is not None:
+        _define_floor(stage, setting.floor_friction)
+    if setting.base == "held":
+        _hold_base(stage)
+    for prim in Usd.PrimRange(robot.GetPrim()):
+        _change(prim, names, setting)
+    stage.Save()
+    return names
+
+
+def _names(stage: Usd.Stage) -> Names:
+    from pxr import Usd, UsdPhysics
+
+    bodies, joints, angular = {}, {}, set()
+    for prim in Usd.PrimRange(stage.GetPrimAtPath(ROBOT)):
+        name = str(prim.GetMetadata("displayName") or prim.GetName())
+        if prim.HasAPI(UsdPhysics.RigidBodyAPI):
+            bodies[str(prim.GetPath())] = name
+        elif prim.IsA(UsdPhysics.Joint):
+            joints[str(prim.GetPath())] = name
+            if prim.IsA(UsdPhysics.RevoluteJoint):
+                angular.add(name)
+    return Names(bodies, joints, frozenset(angular))
+
+
+def _place(prim: Usd.Prim, pose: Pose) -> None:
+    from pxr import Gf, UsdGeom
+
+    form = UsdGeom.Xformable(prim)
+    form.ClearXformOpOrder()
+    w, x, y, z = pose.quat
+    form.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*pose.xyz))
+    form.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(w, x, y, z))
+
+
+def _define_scene(stage: Usd.Stage, setting: Setting) -> None:
+    from pxr import Gf, UsdPhysics
+
+    gravity = np.asarray(setting.gravity)
+    strength = float(np.linalg.norm(gravity))
+    direction = gravity / strength if strength else np.array((0.0, 0.0, -1.0))
+    scene = UsdPhysics.Scene.Define(stage, "/World/scene")
+    scene.CreateGravityDirectionAttr(Gf.Vec3f(*direction.tolist()))
+    scene.CreateGravityMagnitudeAttr(strength)
+    _foreign(
+        scene.GetPrim(),
+        "PhysxSceneAPI",
+        {
+            "physxScene:enableGPUDynamics": ("Bool", False),
+            "physxScene:broadphaseType": ("Token", "MBP"),
+            "physxScene:solverType": ("Token", "TGS"),
+            "physxScene:timeStepsPerSecond": ("UInt", max(1, round(1.0 / setting.timestep))),
+        },
+    )
+
+
+def _define_floor(stage: Usd.Stage, friction: float) -> None:
+    from pxr import UsdGeom, UsdPhysics, UsdShade
+
+    material = UsdShade.Material.Define(stage, "/World/floor_material")
+    surface = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
+    surface.CreateStaticFrictionAttr(friction)
+    surface.CreateDynamicFrictionAttr(friction)
+    surface.CreateRestitutionAttr(0.0)
+    floor = UsdGeom.Plane.Define(stage, "/World/floor")
+    floor.CreateAxisAttr(UsdGeom.Tokens.z)
+    floor.CreateWidthAttr(FLOOR_M)
+    floor.CreateLengthAttr(FLOOR_M)
+    UsdPhysics.CollisionAPI.Apply(floor.GetPrim())
+    UsdShade.MaterialBindingAPI.Apply(floor.GetPrim()).Bind(
+        material, UsdShade.Tokens.weakerThanDescendants, "physics"
+    )
+
+
+def _hold_base(stage: Usd.Stage) -> None:
+    """Move the articulation root from the root link to a fixed joint with the world.
+
+    On the link itself, with a joint beside it, PhysX would let the base drift.
+    """
+    from pxr import Usd, UsdPhysics
+
+    roots = [
+        prim
+        for prim in Usd.PrimRange(stage.GetPrimAtPath(ROBOT))
+        if prim.HasAPI(UsdPhysics.ArticulationRootAPI) and not prim.IsA(UsdPhysics.Joint)
+    ]
+    for root in roots[:1]:
+        joint = UsdPhysics.FixedJoint.Define(stage, "/World/robot/held_base")
+        joint.CreateBody1Rel().SetTargets([root.GetPath()])
+        UsdPhysics.ArticulationRootAPI.Apply(joint.GetPrim())
+        joint.GetPrim().AddAppliedSchema("PhysxArticulationAPI")
+        for attribute in root.GetAttributes():
+            if attribute.GetName().startswith("physxArticulation:"):
+                copy = joint.GetPrim().CreateAttribute(
+                    attribute.GetName(), attribute.GetTypeName(), custom=False
+                )
+                copy.Set(attribute.Get())
+        root.RemoveAPI(UsdPhysics.ArticulationRootAPI)
+        root.RemoveAppliedSchema("PhysxArticulationAPI")
+
+
+def _change(prim: Usd.Prim, names: Names, setting: Setting) -> None:
+    from pxr import UsdPhysics
+
+    if not setting.contacts and prim.HasAPI(UsdPhysics.CollisionAPI):
+        UsdPhysics.CollisionAPI(prim).CreateCollisionEnabledAttr(False)
+    name = names.joints.get(str(prim.GetPath()))
+    if name is None:
+        return
+    if not setting.rubbing:
+        for attribute in prim.GetAttributes():
+            spelled = attribute.GetName().lower()
+            if spelled.startswith(("physxjoint", "newton:")) and (
+                "friction" in spelled or spelled == "newton:damping"
+            ):
+                attribute.Set(0.0)
+    actuator = (setting.drives or {}).get(name)
+    if actuator is not None:
+        per = math.pi / 180.0 if name in names.angular else 1.0
+        kind = "angular" if name in names.angular else "linear"
+        drive = UsdPhysics.DriveAPI.Apply(prim, kind)
+        drive.CreateTypeAttr(UsdPhysics.Tokens.force)
+        drive.CreateStiffnessAttr(actuator.kp * per)
+        drive.CreateDampingAttr(actuator.kd * per)
+
+
+def _foreign(prim: Usd.Prim, schema: str, values: dict[str, tuple[str, object]]) -> None:
+    from pxr import Sdf
+
+    prim.AddAppliedSchema(schema)
+    for name, (kind, value) in values.items():
+        value_type = getattr(Sdf.ValueTypeNames, kind)
+        prim.CreateAttribute(name, value_type, custom=False).Set(value)

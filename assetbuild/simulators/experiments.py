@@ -1,0 +1,136 @@
+"""What is asked of every simulator, and what comes back: plain values, no engine.
+
+A simulator answers as these types, so that a check can lay two answers side by side.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from assetbuild.robot.mimic import with_mimics
+from assetbuild.robot.model import Control, Joint, Tree
+from assetbuild.robot.pose import Array
+
+SWING_RAD = 0.3
+SWING_M = 0.05
+SHARE_OF_RANGE = 0.2
+"""Largest swing as a share of the joint's range, so that narrow joints stay off their stops."""
+
+
+@dataclass(frozen=True)
+class FreeFall:
+    """Of the whole robot's centre of mass. drop along gravity, sideways across it; m."""
+
+    seconds: float
+    drop_m: float
+    expected_m: float
+    sideways_m: float
+    finite: bool
+
+    @property
+    def relative_error(self) -> float:
+        """Of the drop; infinite when nothing finite came out."""
+        if not self.finite:
+            return math.inf
+        return abs(self.drop_m - self.expected_m) / max(self.expected_m, 1e-12)
+
+
+@dataclass(frozen=True)
+class Sine:
+    """Every joint's target at once: middle + swing sin(2 pi f t). rad or m, by joint name."""
+
+    middle: Mapping[str, float]
+    swing: Mapping[str, float]
+    frequency_hz: float = 1.0
+    seconds: float = 3.0
+
+    def target(self, joint: str, time: float) -> float:
+        """What the drive is asked for at `time`."""
+        wave = math.sin(2.0 * math.pi * self.frequency_hz * time)
+        return self.middle[joint] + self.swing[joint] * wave
+
+
+def sine_of(
+    tree: Tree, control: Control, home: Mapping[str, float], frequency_hz: float, seconds: float
+) -> Sine:
+    """A swing about `home` (0 without) that stays inside the limits of every joint.
+
+    A middle too near to a stop is moved off it: there two engines would compare their stops.
+    Joints without a position gain have no swing; those that mimic follow their leader.
+    """
+    middle, swing = {}, {}
+    for joint in tree.moving_joints:
+        lower, upper = bounds(joint)
+        width = SWING_M if joint.kind == "prismatic" else SWING_RAD
+        width = min(width, SHARE_OF_RANGE * (upper - lower))
+        room = 1.25 * width
+        middle[joint.name] = min(max(home.get(joint.name, 0.0), lower + room), upper - room)
+        actuator = control.by_joint.get(joint.name)
+        driven = actuator is not None and actuator.kp > 0.0 and joint.mimic is None
+        swing[joint.name] = width if driven else 0.0
+    return Sine(with_mimics(tree, middle), swing, frequency_hz, seconds)
+
+
+def bounds(joint: Joint) -> tuple[float, float]:
+    """(lower, upper) of the coordinate, rad or m; infinite where nothing limits it."""
+    if joint.kind == "continuous":
+        return -math.inf, math.inf
+    lower, upper = joint.limits.lower, joint.limits.upper
+    return (-math.inf if lower is None else lower), (math.inf if upper is None else upper)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Trajectories, sampled at `time` (n,), s. joints: rad or m by name, each (n,).
+
+    root: (n, 3) m; turn: (n, 4) wxyz of the root; com: (n, 3) of the whole robot, m.
+    """
+
+    time: Array
+    joints: Mapping[str, Array]
+    root: Array
+    turn: Array
+    com: Array
+
+    @property
+    def finite(self) -> bool:
+        """Nothing went to infinity or to NaN."""
+        tracks = (self.root, self.turn, self.com, *self.joints.values())
+        return all(bool(np.isfinite(track).all()) for track in tracks)
+
+
+@dataclass(frozen=True)
+class Response:
+    """How one joint followed one sine, or one engine another.
+
+    rms: of the difference, as a share of the swing; gain: ratio of the amplitudes at the
+    frequency of the sine; lag_rad: phase of the second behind the first.
+    """
+
+    rms: float
+    gain: float
+    lag_rad: float
+
+
+def compare_response(sine: Sine, joint: str, first: Motion, second: Motion) -> Response:
+    """The second motion against the first, the first third left out: there both still settle."""
+    start = len(first.time) // 3
+    time = first.time[start:]
+    a = first.joints[joint][start:]
+    b = np.interp(time, second.time, second.joints[joint])
+    omega = 2.0 * math.pi * sine.frequency_hz
+    one, two = phasor(time, a, omega), phasor(time, b, omega)
+    ratio = two / one if abs(one) > 0.0 else complex(math.inf)
+    rms = float(np.sqrt(np.mean((b - a) ** 2))) / sine.swing[joint]
+    return Response(rms, abs(ratio), -float(np.angle(ratio)))
+
+
+def phasor(time: Array, values: Array, omega: float) -> complex:
+    """Complex amplitude of the part that swings with `omega`: least squares, with an offset."""
+    basis = np.stack([np.sin(omega * time), np.cos(omega * time), np.ones_like(time)], axis=1)
+    (sine, cosine, _), *_ = np.linalg.lstsq(basis, values, rcond=None)
+    return complex(sine, cosine)

@@ -1,0 +1,155 @@
+"""MuJoCo moves: the same sine, drop and stand that PhysX is asked for, as trajectories."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from assetbuild.robot.model import Actuator
+from assetbuild.robot.pose import Array
+from assetbuild.simulators.experiments import Motion, Sine
+from assetbuild.simulators.mujoco import Data, Model, caught_warnings, name_of
+
+HELD_KG = 1e12
+"""Inertia added to the six coordinates of a floating base to hold it. It then moves by less than
+float64 shows, and the joints' own rows of the mass matrix stay as they are."""
+
+
+def held_sine(
+    model: Model, sine: Sine, timestep: float, *, contacts: bool, rubbing: bool, every: int = 1
+) -> Motion:
+    """All joints follow `sine`, the base held at the origin. The model is changed: load it anew.
+
+    contacts: False switches them off; rubbing: False takes joint friction and damping.
+    """
+    import mujoco
+
+    model.opt.timestep = timestep
+    if not contacts:
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    if not rubbing:
+        model.dof_frictionloss[:] = 0.0
+        model.dof_damping[:] = 0.0
+    free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+    for joint in free:
+        first = int(model.jnt_dofadr[joint])
+        model.dof_armature[first : first + 6] = HELD_KG
+    data = mujoco.MjData(model)
+    for joint in free:
+        at = int(model.jnt_qposadr[joint])
+        data.qpos[at : at + 7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    for name, middle in sine.middle.items():
+        data.qpos[int(model.joint(name).qposadr[0])] = middle
+    steps = round(sine.seconds / timestep)
+    with caught_warnings():
+        mujoco.mj_forward(model, data)
+        return _track(model, data, steps, every, sine)
+
+
+def keyframe_motion(
+    model: Model,
+    keyframe: str,
+    steps: int,
+    *,
+    raised_m: float = 0.0,
+    every: int = 1,
+    servos: Mapping[str, Actuator] | None = None,
+) -> Motion:
+    """From a keyframe, lifted by `raised_m`, under its own controls.
+
+    servos: see `drive_as`; the keyframe knows no controls for them, so they hold its positions.
+    """
+    import mujoco
+
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key(keyframe).id)
+    for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
+        data.qpos[int(model.jnt_qposadr[joint]) + 2] += raised_m
+    for index in range(model.nu):
+        joint = int(model.actuator_trnid[index, 0])
+        if name_of(model, "joint", joint) in (servos or {}):
+            data.ctrl[index] = data.qpos[int(model.jnt_qposadr[joint])]
+    with caught_warnings():
+        mujoco.mj_forward(model, data)
+        return _track(model, data, steps, every, None)
+
+
+def joint_numbers(model: Model, joint: str) -> dict[str, float]:
+    """kp, kd, damping, effort, armature, friction of a joint; an infinite effort = no limit."""
+    index = int(model.joint(joint).id)
+    dof = int(model.jnt_dofadr[index])
+    numbers = {
+        "kp": 0.0,
+        "kd": 0.0,
+        "damping": float(model.dof_damping[dof]),
+        "effort": math.inf,
+        "armature": float(model.dof_armature[dof]),
+        "friction": float(model.dof_frictionloss[dof]),
+    }
+    for actuator in np.flatnonzero(model.actuator_trnid[:, 0] == index):
+        numbers["kp"] += -float(model.actuator_biasprm[actuator, 1])
+        numbers["kd"] += -float(model.actuator_biasprm[actuator, 2])
+        if model.actuator_forcelimited[actuator]:
+            numbers["effort"] = float(model.actuator_forcerange[actuator, 1])
+        elif model.actuator_ctrllimited[actuator] and not model.actuator_biastype[actuator]:
+            numbers["effort"] = float(model.actuator_ctrlrange[actuator, 1])
+    return numbers
+
+
+def drive_as(model: Model, gains: Mapping[str, Actuator]) -> None:
+    """Turn actuators of some joints into position servos inside of the simulator.
+
+    For models whose law runs outside (`ideal_pd`, `motor`, ...): both engines then integrate it.
+    """
+    import mujoco
+
+    for index in range(model.nu):
+        actuator = gains.get(name_of(model, "joint", int(model.actuator_trnid[index, 0])))
+        if actuator is None:
+            continue
+        model.actuator_gaintype[index] = mujoco.mjtGain.mjGAIN_FIXED
+        model.actuator_biastype[index] = mujoco.mjtBias.mjBIAS_AFFINE
+        model.actuator_gainprm[index, :3] = (actuator.kp, 0.0, 0.0)
+        model.actuator_biasprm[index, :3] = (0.0, -actuator.kp, -actuator.kd)
+        model.actuator_ctrllimited[index] = 0
+        if actuator.effort is not None:
+            model.actuator_forcelimited[index] = 1
+            model.actuator_forcerange[index] = (-actuator.effort, actuator.effort)
+
+
+def _track(model: Model, data: Data, steps: int, every: int, sine: Sine | None) -> Motion:
+    import mujoco
+
+    times: list[float] = []
+    rows: list[Array] = []
+    roots: list[Array] = []
+    coms: list[Array] = []
+    driven = {}
+    if sine is not None:
+        for index in range(model.nu):
+            joint = name_of(model, "joint", int(model.actuator_trnid[index, 0]))
+            if joint in sine.middle:
+                driven[index] = joint
+    for step in range(steps + 1):
+        if step:
+            for index, joint in driven.items():
+                assert sine is not None  # noqa: S101 - for the type checker: driven is empty then
+                data.ctrl[index] = sine.target(joint, step * model.opt.timestep)
+            mujoco.mj_step(model, data)
+        if step % every and step != steps:
+            continue
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        times.append(step * float(model.opt.timestep))
+        rows.append(np.array(data.qpos))
+        roots.append(np.concatenate([data.xpos[1], data.xquat[1]]))
+        coms.append(np.array(data.subtree_com[0]))
+    q, root = np.array(rows), np.array(roots)
+    joints = {
+        name_of(model, "joint", j): q[:, int(model.jnt_qposadr[j])]
+        for j in range(model.njnt)
+        if model.jnt_type[j] in (2, 3)  # slide, hinge
+    }
+    return Motion(np.array(times), joints, root[:, :3], root[:, 3:], np.array(coms))

@@ -1,0 +1,329 @@
+"""PhysX as checks use it: `ovphysx` on the CPU, in a child process of its own.
+
+The extra `physx` brings it. Its licence forbids to publish its figures: they may stand in the
+user's own bundle, never in the repository or on a public page.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from assetbuild.robot.pose import IDENTITY, Array, Pose
+from assetbuild.simulators._physx_scene import Names, Setting, write_world
+from assetbuild.simulators.experiments import FreeFall, Motion, Sine
+
+REQUIRES: Mapping[str, str] = {"ovphysx": "physx", "physx_usd_schemas": "physx"}
+"""Modules of the extra, for `Check.requires`."""
+UNLIMITED = 3.0e38
+"""PhysX writes the largest float32 where nothing limits."""
+CLEARANCE_M = 1e-3
+"""How far above the floor a standing pose starts: a sole that starts inside of it by the smallest
+amount is thrown out with all of `maxDepenetrationVelocity` in the first step."""
+_PROGRAM = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
+    "from assetbuild.simulators import _physx_child; _physx_child.main()"
+)
+_KEPT = ("PATH", "LD_LIBRARY_PATH", "HOME", "TMPDIR")
+
+
+@dataclass(frozen=True)
+class HeldLink:
+    """One body as PhysX holds it. inertia: (3, 3) about the centre of mass, kg m2.
+
+    com_m: (3,) in the body; shapes: number of collision shapes. The inertia's axes are those of
+    the body. surfaces: (static friction, dynamic friction, restitution) of each shape.
+    """
+
+    mass_kg: float
+    com_m: Array
+    inertia: Array
+    shapes: int
+    surfaces: tuple[tuple[float, float, float], ...]
+
+
+@dataclass(frozen=True)
+class HeldJoint:
+    """One joint as PhysX holds it. SI and radians; None = unlimited.
+
+    drive: 0 none, 1 force, 2 acceleration.
+    """
+
+    position: float
+    target: float
+    lower: float | None
+    upper: float | None
+    kp: float
+    kd: float
+    effort: float | None
+    velocity: float | None
+    armature: float
+    static_friction: float
+    dynamic_friction: float
+    viscous_friction: float
+    drive: int
+
+
+@dataclass(frozen=True)
+class Held:
+    """What PhysX holds after loading a stage. loose: bodies that belong to no articulation."""
+
+    articulations: int
+    fixed_base: bool
+    dof: int
+    links: Mapping[str, HeldLink]
+    joints: Mapping[str, HeldJoint]
+    shapes: int
+    loose: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One stage, loaded and stepped. steps: 0 = only loaded. every: steps between samples.
+
+    start: joint positions, rad or m; joints without one stay where the asset puts them.
+    """
+
+    name: str
+    setting: Setting
+    steps: int = 0
+    every: int = 1
+    start: Mapping[str, float] | None = None
+    sine: Sine | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """held, motion: None where PhysX did not get that far, and `failure` says why."""
+
+    held: Held | None
+    motion: Motion | None
+    failure: str = ""
+
+    @property
+    def finite(self) -> bool:
+        """It got to its end and nothing was NaN."""
+        return not self.failure and (self.motion is None or self.motion.finite)
+
+
+def clear_of_floor(base: Pose | None) -> Pose:
+    """A standing pose, a hair higher."""
+    base = base or IDENTITY
+    x, y, z = base.xyz
+    return Pose((x, y, z + CLEARANCE_M), base.quat)
+
+
+def perform(
+    main: Path, experiments: Sequence[Experiment], seconds: float = 240.0
+) -> dict[str, Outcome]:
+    """Run experiments on the asset `main`, by name. A crash or a NaN ends only its own.
+
+    seconds: wall-clock limit of the whole.
+    """
+    with _workplace() as folder:
+        # A copy: inputs are links into the store, and a resolver that follows them gets lost.
+        shutil.copytree(main.parent, folder / "asset")
+        asset = folder / "asset" / main.name
+        jobs = {}
+        for experiment in experiments:
+            stage = folder / f"{experiment.name}.usda"
+            names = write_world(stage, asset, experiment.setting)
+            jobs[experiment.name] = (experiment, names, _job(experiment, names, stage))
+        waiting = list(jobs)
+        failures: dict[str, str] = {}
+        while waiting:
+            died = _start([jobs[name][2] for name in waiting], folder, seconds)
+            done = [n for n in waiting if (folder / f"{n}.done").exists()]
+            waiting = waiting[len(done) :]
+            if waiting and died:
+                failures[waiting.pop(0)] = died
+            elif not done and waiting:
+                failures |= dict.fromkeys(waiting, "it stopped without a word")
+                waiting = []
+        return {
+            name: _outcome(folder, names, experiment, failures.get(name, ""))
+            for name, (experiment, names, _) in jobs.items()
+        }
+
+
+@contextmanager
+def _workplace() -> Iterator[Path]:
+    with tempfile.TemporaryDirectory(prefix="physx-") as folder:
+        yield Path(folder).resolve()
+
+
+def _job(experiment: Experiment, names: Names, stage: Path) -> dict[str, object]:
+    sine, dt = experiment.sine, experiment.setting.timestep
+    paths = {name: path for path, name in names.joints.items()}
+    drives = {}
+    if sine is not None:
+        drives = {
+            paths[name]: (
+                _shown(name, sine.middle[name], names),
+                _shown(name, sine.swing[name], names),
+            )
+            for name in sine.middle
+            if name in paths
+        }
+    start = {n: v for n, v in (experiment.start or {}).items() if n in paths}
+    if sine is None:  # servos that the asset does not know have no target there: hold the start
+        held = {n: v for n, v in start.items() if n in (experiment.setting.drives or {})}
+        drives = {paths[n]: (_shown(n, v, names), 0.0) for n, v in held.items()}
+    return {
+        "name": experiment.name,
+        "stage": str(stage),
+        "dt": dt,
+        "steps": experiment.steps,
+        "every": experiment.every,
+        "start": {paths[n]: _shown(n, v, names) for n, v in start.items()},
+        "targets": {"frequency": sine.frequency_hz if sine else 0.0, "joints": drives},
+    }
+
+
+def _shown(joint: str, value: float, names: Names) -> float:
+    """A coordinate in the unit of the interface: degrees or metres."""
+    return math.degrees(value) if joint in names.angular else value
+
+
+def _start(runs: list[dict[str, object]], folder: Path, seconds: float) -> str:
+    """Run the child on some jobs; how it died, or "" when it ended well."""
+    job = folder / "job.json"
+    job.write_text(json.dumps({"answers": str(folder), "runs": runs}), encoding="utf-8")
+    path = json.dumps([os.path.abspath(p) for p in sys.path if p])  # noqa: PTH100
+    fixed = {"PYTHONHASHSEED": "0", "PYTHONUTF8": "1", "TZ": "UTC", "LC_ALL": "C"}
+    child = subprocess.Popen(
+        [sys.executable, "-P", "-s", "-c", _PROGRAM, path, str(job)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        env={name: os.environ[name] for name in _KEPT if name in os.environ} | fixed,
+        cwd=folder,
+    )
+    try:
+        said, _ = child.communicate(timeout=seconds)
+    except subprocess.TimeoutExpired:
+        return f"PhysX took more than {seconds:g} s and was stopped"
+    finally:
+        if child.poll() is None:
+            child.kill()
+            child.communicate()
+    if child.returncode == 0:
+        return ""
+    if child.returncode < 0:
+        return f"PhysX crashed with signal {-child.returncode}"
+    last = said.decode("utf-8", "replace").strip().rpartition("\n")[2][:300]
+    return f"PhysX failed: {last}"
+
+
+def _outcome(folder: Path, names: Names, experiment: Experiment, failure: str) -> Outcome:
+    held, motion = None, None
+    answer = folder / f"{experiment.name}.json"
+    if answer.exists():
+        held = _held(json.loads(answer.read_bytes()), names)
+    track = folder / f"{experiment.name}.npz"
+    if track.exists():
+        with np.load(track) as data:
+            motion = _motion({key: data[key] for key in data.files}, names)
+        if not failure and not motion.finite:
+            failure = f"PhysX lost its numbers (NaN) after {motion.time[-1]:.3g} s"
+    return Outcome(held, motion, failure)
+
+
+# --- from the interface's units to ours -----------------------------------------------------
+
+
+def _held(raw: dict[str, Any], names: Names) -> Held:  # Any: JSON of the child
+    roots = list(raw["articulations"].values())
+    first = roots[0] if roots else {}
+    return Held(
+        articulations=len(roots),
+        fixed_base=bool(first.get("isFixedBase", [0.0])[0]),
+        dof=int(sum(root["dofCount"][0] for root in roots)),
+        links={names.bodies.get(p, p): _link(row) for p, row in raw["links"].items()},
+        joints={
+            names.joints.get(p, p): _joint(row, names.joints.get(p) in names.angular)
+            for p, row in raw["joints"].items()
+        },
+        shapes=int(sum(root["shapeCount"][0] for root in roots)),
+        loose=tuple(sorted(names.bodies.get(p, p) for p in raw["loose"])),
+    )
+
+
+def _link(row: dict[str, list[float]]) -> HeldLink:
+    shapes = int(row["shapeCount"][0])
+    columns = [row.get(key, []) for key in ("staticFriction", "dynamicFriction", "restitution")]
+    return HeldLink(
+        mass_kg=row["mass"][0],
+        com_m=np.array(row["centerOfMassPosition"]),
+        inertia=np.array(row["inertia"]).reshape(3, 3),
+        shapes=shapes,
+        surfaces=tuple(zip(*(column[:shapes] for column in columns), strict=True)),  # padded
+    )
+
+
+def _joint(row: dict[str, list[float]], angular: bool) -> HeldJoint:
+    one = math.radians(1.0) if angular else 1.0
+    lower, upper = row["jointLimit"]
+    return HeldJoint(
+        position=row["jointPosition"][0] * one,
+        target=row["jointPositionTarget"][0] * one,
+        lower=_limited(lower, one),
+        upper=_limited(upper, one),
+        kp=row["jointStiffness"][0] / one,
+        kd=row["jointDamping"][0] / one,
+        effort=_limited(row["jointMaxForce"][0], 1.0),
+        velocity=_limited(row["jointMaxVelocity"][0], one),
+        armature=row["jointArmature"][0],
+        static_friction=row["jointStaticFriction"][0],
+        dynamic_friction=row["jointDynamicFriction"][0],
+        viscous_friction=row["jointViscousFriction"][0] / one,
+        drive=int(row["jointDriveType"][0]),
+    )
+
+
+def _limited(value: float, one: float) -> float | None:
+    return None if abs(value) >= UNLIMITED else value * one
+
+
+def _motion(data: dict[str, Array], names: Names) -> Motion:
+    joints = {}
+    for column, path in enumerate(data["names"]):
+        name = names.joints.get(str(path), str(path))
+        one = math.radians(1.0) if name in names.angular else 1.0
+        joints[name] = data["joints"][:, column] * one
+    turn = data["turn"][:, [3, 0, 1, 2]]  # xyzw to wxyz
+    return Motion(data["time"], joints, data["root"], turn, data["com"])
+
+
+# --- the experiments ------------------------------------------------------------------------
+
+
+def free_fall_of(outcome: Outcome, setting: Setting, iterations: int) -> FreeFall:
+    """The drop of the centre of mass against PhysX's own integrator.
+
+    TGS applies gravity in each of N position iterations, so n steps of h from rest fall
+    g/2 t (t + h / N), t = n h.
+    """
+    gravity = np.asarray(setting.gravity)
+    g = float(np.linalg.norm(gravity))
+    down = gravity / g if g else np.array([0.0, 0.0, -1.0])
+    motion = outcome.motion
+    if motion is None or not outcome.finite:
+        return FreeFall(0.0, math.nan, math.nan, math.nan, finite=False)
+    t, moved = float(motion.time[-1]), motion.com[-1] - motion.com[0]
+    drop = float(moved @ down)
+    expected = g / 2 * t * (t + setting.timestep / iterations)
+    sideways = float(np.linalg.norm(moved - drop * down))
+    return FreeFall(t, drop, expected, sideways, finite=True)

@@ -1,0 +1,1 @@
+"""MJCF as a source: flattened and named first, then compiled by MuJoCo and taken over."""

@@ -1,0 +1,98 @@
+"""An MJCF's elements: which line they come from, which class speaks for them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from assetbuild.errors import SourceError, Where
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
+
+AT = "_at"
+"""Attribute that carries `file:line` of an element while it is worked on."""
+BODY_PARTS = ("joint", "freejoint", "geom", "site", "camera", "light", "inertial")
+SPATIAL = ("body", "frame")
+_DEFAULT_TAG = {"spatial": "tendon", "fixed": "tendon", "freejoint": None}
+"""Element -> the element of `<default>` that speaks for it, where the two differ."""
+
+
+def where_of(element: _Element) -> Where:
+    """File and line of an element."""
+    file, _, line = element.get(AT, "").rpartition(":")
+    return Where(file, int(line or 0))
+
+
+def error_at(element: _Element, message: str, hint: str = "") -> SourceError:
+    """An error about an element, ready to be raised."""
+    return SourceError(message, where=where_of(element), hint=hint)
+
+
+def parts(body: _Element, *tags: str) -> Iterator[_Element]:
+    """A body's own elements of these kinds, in file order; those in `<frame>`s too."""
+    waiting = list(body.iterchildren("*"))[::-1]
+    while waiting:
+        element = waiting.pop()
+        if element.tag in tags:
+            yield element
+        elif element.tag == "frame":
+            waiting += list(element.iterchildren("*"))[::-1]
+
+
+def bodies(world: _Element) -> Iterator[tuple[_Element, str]]:
+    """(body, name of its parent body or "world") of all bodies, depth first in file order."""
+    waiting = [(child, "world") for child in parts(world, "body")][::-1]
+    while waiting:
+        body, parent = waiting.pop()
+        yield body, parent
+        waiting += [(child, body.get("name", "")) for child in parts(body, "body")][::-1]
+
+
+class Classes:
+    """The default classes: what an element says together with the classes that speak for it."""
+
+    def __init__(self, root: _Element) -> None:
+        self._said: dict[str, dict[str, dict[str, str]]] = {"main": {}}
+        self.elements: dict[tuple[str, str], list[_Element]] = {}
+        for top in root.iterchildren("default"):
+            self._read(top, "main", {})
+
+    def _read(self, node: _Element, name: str, above: Mapping[str, dict[str, str]]) -> None:
+        waiting = [(node, name, dict(above))]
+        while waiting:
+            node, name, inherited = waiting.pop()
+            name = node.get("class", name)
+            own = self._said.setdefault(name, {})
+            for tag, attributes in inherited.items():
+                own[tag] = {**attributes, **own.get(tag, {})}
+            for child in node.iterchildren("*"):
+                if child.tag != "default":
+                    stated = {k: v for k, v in child.attrib.items() if k != AT}
+                    own[str(child.tag)] = {**own.get(str(child.tag), {}), **stated}
+            for child in node.iterchildren("default"):
+                if not child.get("class"):
+                    raise error_at(child, "a <default> inside another without a `class`")
+                waiting.append((child, "", own))
+
+    def attributes(self, element: _Element) -> dict[str, str]:
+        """All that is said of an element, its classes included; without its name and class."""
+        tag = str(element.tag)
+        default_tag = _DEFAULT_TAG.get(tag, tag)
+        parent = element.getparent()
+        if parent is not None and parent.tag == "equality":
+            default_tag = "equality"
+        name = element.get("class") or _child_class(element)
+        if name not in self._said:
+            raise error_at(element, f"no default class `{name}`")
+        said = self._said[name].get(default_tag, {}) if default_tag else {}
+        stated = {k: v for k, v in element.attrib.items() if k not in (AT, "class", "name")}
+        return {**said, **stated}
+
+
+def _child_class(element: _Element) -> str:
+    """The `childclass` of the nearest body or frame around an element, else `main`."""
+    for around in element.iterancestors(*SPATIAL):
+        if around.get("childclass"):
+            return str(around.get("childclass"))
+    return "main"

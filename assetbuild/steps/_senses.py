@@ -1,0 +1,193 @@
+"""Surfaces, sensors and cameras of the recipe on this robot's links, joints and shapes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from assetbuild.errors import did_you_mean
+from assetbuild.recipe.sensing import Camera, Feet, Imu, Sensor
+from assetbuild.recipe.surface import Contact, Surface
+from assetbuild.robot import model
+from assetbuild.robot.actuators import RowError
+from assetbuild.robot.motors import Key
+from assetbuild.robot.pose import Pose, quat_multiply, quat_of_rpy
+
+IMU_NAMES: Mapping[str, str] = {
+    "gyro": "imu_ang_vel",
+    "accelerometer": "imu_lin_acc",
+    "velocimeter": "imu_lin_vel",
+    "framequat": "imu_quat",
+    "framezaxis": "imu_upvector",
+    "magnetometer": "imu_magnetic_field",
+}
+"""Names of an IMU's sensors, as mjlab and its tasks spell them."""
+_ABOUT_X = (0.0, 1.0, 0.0, 0.0)
+
+
+# --- surfaces -------------------------------------------------------------------------------
+
+
+def surface(contact: Contact) -> model.Contact:
+    """The surface of all that no rule of `contact.links` changes."""
+    return model.Contact(
+        contact.friction,
+        contact.condim,
+        contact.priority,
+        contact.solref,
+        contact.solimp,
+        contact.margin,
+        contact.gap,
+        contact.mask,
+        contact.partners,
+    )
+
+
+def contacts(shapes: model.Shapes, contact: Contact) -> tuple[tuple[str, model.Contact], ...]:
+    """The surfaces that differ, by collision shape. RowError: a pattern without a shape."""
+    common, links = surface(contact), [shape.link for shape in shapes.of("collision")]
+    for pattern in contact.links:
+        if not any(re.fullmatch(pattern, link) for link in links):
+            raise RowError(
+                f"contact.links: pattern `{pattern}` matches no link with a collision shape",
+                key=("contact", "links", pattern),
+                hint=did_you_mean(pattern, links),
+            )
+    found = []
+    for shape in shapes.of("collision"):
+        own = changed(common, contact.links, shape.link)
+        if own != common:
+            found.append((shape.name, own))
+    return tuple(found)
+
+
+def changed(common: model.Contact, rules: Mapping[str, Surface], link: str) -> model.Contact:
+    """The surface of a link by the first rule that matches it."""
+    for pattern, rule in rules.items():
+        if re.fullmatch(pattern, link):
+            said = {k: getattr(rule, k) for k in type(rule).model_fields}
+            return replace(common, **{k: v for k, v in said.items() if v is not None})
+    return common
+
+
+# --- sensors --------------------------------------------------------------------------------
+
+
+def check_sensors(
+    tree: model.Tree, imu: Imu | None, sensors: Mapping[str, Sensor], cameras: Mapping[str, Camera]
+) -> None:
+    """Raise the RowError of a link or joint that is not there; for a plan that knows the tree."""
+    list(_imu_sensors(tree, imu))
+    list(_named_sensors(tree, sensors))
+    placed_cameras(tree, cameras)
+
+
+def placed_sensors(
+    tree: model.Tree,
+    shapes: model.Shapes,
+    imu: Imu | None,
+    feet: Feet | None,
+    sensors: Mapping[str, Sensor],
+) -> tuple[model.Sensor, ...]:
+    """The IMU's, one per sole, and the named ones. RowError: no such link, or two of one name."""
+    made = [*_imu_sensors(tree, imu), *_named_sensors(tree, sensors), *soles(shapes, feet)]
+    names = [sensor.name for sensor in made]
+    for name in sensors:
+        if names.count(name) > 1:
+            message = f"sensors: the name `{name}` is taken by the IMU or a foot"
+            raise RowError(message, key=("sensors", name), hint="choose another name")
+    return tuple(made)
+
+
+def _imu_sensors(tree: model.Tree, imu: Imu | None) -> Iterator[model.Sensor]:
+    if imu is None:
+        return
+    at = _frame(tree, imu.link, ("imu", "link"))
+    for kind in imu.sensors:
+        yield model.Sensor(IMU_NAMES[kind], kind, at)
+
+
+def soles(shapes: model.Shapes, feet: Feet | None) -> Iterator[model.Sensor]:
+    """A contact sensor for each collision shape of a foot; RowError when no foot has one."""
+    if feet is None:
+        return
+    found = [s for s in shapes.of("collision") if re.fullmatch(feet.links, s.link)]
+    if not found:
+        raise RowError(
+            f"feet.links: pattern `{feet.links}` matches no link with a collision shape",
+            key=("feet", "links"),
+            hint=did_you_mean(feet.links, [s.link for s in shapes.of("collision")]),
+        )
+    if feet.contact_sensors:
+        for shape in found:
+            name = shape.name.replace("_collision", "_contact")
+            yield model.Sensor(name, "contact", model.Place("shape", shape.name))
+
+
+def _named_sensors(tree: model.Tree, sensors: Mapping[str, Sensor]) -> Iterator[model.Sensor]:
+    for name, sensor in sensors.items():
+        yield model.Sensor(
+            name,
+            sensor.kind,
+            _place(tree, name, sensor),
+            _frame(tree, sensor.relative_to, ("sensors", name, "relative_to"))
+            if sensor.relative_to
+            else None,
+            sensor.cutoff,
+            sensor.noise,
+        )
+
+
+def _place(tree: model.Tree, name: str, sensor: Sensor) -> model.Place:
+    if sensor.link is not None:
+        place = _frame(tree, sensor.link, ("sensors", name, "link"))
+        if sensor.kind.startswith("subtree"):
+            return model.Place("body", tree.placement(sensor.link)[0])
+        return place
+    joints = [joint.name for joint in tree.moving_joints]
+    if sensor.joint not in joints:
+        raise RowError(
+            f"sensors.{name}: no moving joint `{sensor.joint}`",
+            key=("sensors", name, "joint"),
+            hint=did_you_mean(str(sensor.joint), joints),
+        )
+    driven = sensor.kind.startswith("actuator")
+    return model.Place("actuator" if driven else "joint", str(sensor.joint))
+
+
+def _frame(tree: model.Tree, link: str, key: Key) -> model.Place:
+    try:
+        tree.placement(link)
+    except KeyError:
+        known = [body.name for body in tree.bodies] + [frame.name for frame in tree.frames]
+        shown = ".".join(map(str, key))
+        hint = did_you_mean(link, known)
+        raise RowError(f"{shown}: no link `{link}`", key=key, hint=hint) from None
+    return model.Place("frame", link)
+
+
+# --- cameras --------------------------------------------------------------------------------
+
+
+def placed_cameras(tree: model.Tree, cameras: Mapping[str, Camera]) -> tuple[model.Camera, ...]:
+    """Cameras with their poses; RowError for a link that is not there."""
+    made = []
+    for name, camera in cameras.items():
+        if camera.link is not None:
+            _frame(tree, camera.link, ("cameras", name, "link"))
+        quat = quat_of_rpy(*camera.rpy)
+        if camera.optical:
+            # An optical frame looks along +z with y down: half a turn about x.
+            quat = quat_multiply(quat, _ABOUT_X)
+        made.append(
+            model.Camera(
+                name,
+                camera.link,
+                Pose(camera.xyz, quat),
+                camera.fovy,
+                camera.resolution,
+                camera.tracking,
+            )
+        )
+    return tuple(made)

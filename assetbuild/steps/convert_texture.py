@@ -1,0 +1,42 @@
+"""A picture that the description itself names -> PNG."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import ClassVar
+
+from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.findings import Finding
+from assetbuild.mesh.picture import png_of
+
+
+class ConvertTexture(Step):
+    """Reads `picture`; writes `texture/texture.png`, or nothing when it is no picture."""
+
+    tools = ("pillow",)
+    outputs = ("texture/",)
+    isolated = True
+    preload = ("numpy", "trimesh", "collada", "lxml.etree", "PIL.Image")  # as convert_mesh
+    limits: ClassVar[Limits] = Limits(wall_s=60.0, memory_mb=2048)
+
+    name: str = "texture"
+    """What findings and errors call it. Part of the key: name no path to share the result."""
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        """Raises StepError for a picture that is too large."""
+        (files.outputs / "texture").mkdir()
+        try:
+            png = png_of((files.inputs / "picture").read_bytes(), self.name)
+        except ValueError as error:
+            return [
+                Finding(
+                    rule="texture.unreadable",
+                    severity="warning",
+                    subject="robot",
+                    message=f"the texture `{self.name}` is not readable as a picture: {error}",
+                    hint="save it again as PNG or JPEG",
+                    data={"texture": self.name},
+                )
+            ]
+        (files.outputs / "texture" / "texture.png").write_bytes(png)
+        return []

@@ -1,0 +1,243 @@
+"""Robots that could exist: the recipe's ranges drawn, and the draws judged."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from typing import TypeVar
+
+import numpy as np
+
+from assetbuild.engine.step import Files, Step
+from assetbuild.errors import StepError, did_you_mean
+from assetbuild.findings import Finding
+from assetbuild.recipe.randomize import Randomize, RandomMatter, RandomPayload
+from assetbuild.robot.actuators import RowError
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.inertia import combine, move_inertial, principal_moments
+from assetbuild.robot.model import Body, Inertial, Tree
+from assetbuild.robot.pose import Array
+from assetbuild.robot.randomize import (
+    BodySample,
+    DoesNotFitError,
+    Draws,
+    Ellipsoid,
+    InertialRanges,
+    JointSample,
+    Rooms,
+    Sample,
+    Samples,
+    draw,
+    homogeneous_box,
+    inconsistent,
+    matrices_of,
+    unit_draws,
+)
+
+FACTORS = ("kp", "kd", "damping", "friction", "armature", "effort")
+WASTEFUL = 0.5
+"""Share of draws that fit into the link, below which the ranges are told to be too wide."""
+NOISES = (0.1, 0.2, 0.3)
+"""Of the independent noise on principal moments that the statistics put beside our draws."""
+
+
+class DrawSamples(Step):
+    """`tree.json`, `rooms.json` -> `samples.json`, `statistics.json`."""
+
+    outputs = ("samples.json", "statistics.json")
+
+    randomize: Randomize
+    keep: int = 16
+    """Samples to write down."""
+    judge: int = 10_000
+    """Samples to draw for the statistics; the kept ones are the first of them."""
+
+    def check(self, tree: Tree) -> None:
+        """Raise RowError, with the key of the recipe, for a pattern that matches nothing."""
+        bodies, frames = list(tree.by_body), [frame.name for frame in tree.frames]
+        moving = [joint.name for joint in tree.moving_joints]
+        for pattern in self.randomize.links:
+            if not any(re.fullmatch(pattern, name) for name in bodies):
+                merged = [name for name in frames if re.fullmatch(pattern, name)]
+                hint = (
+                    f"`{merged[0]}` was merged into `{tree.placement(merged[0])[0]}`"
+                    if merged
+                    else did_you_mean(pattern, bodies)
+                )
+                raise RowError(
+                    f"randomize.links: pattern `{pattern}` matches no body",
+                    key=("randomize", "links", pattern),
+                    hint=hint,
+                )
+        for pattern in self.randomize.joints:
+            if not any(re.fullmatch(pattern, name) for name in moving):
+                raise RowError(
+                    f"randomize.joints: pattern `{pattern}` matches no moving joint",
+                    key=("randomize", "joints", pattern),
+                    hint=did_you_mean(pattern, moving),
+                )
+        for index, payload in enumerate(self.randomize.payloads):
+            if payload.link not in bodies and payload.link not in frames:
+                raise RowError(
+                    f"randomize.payloads[{index}]: no link `{payload.link}`",
+                    key=("randomize", "payloads", index, "link"),
+                    hint=did_you_mean(payload.link, [*bodies, *frames]),
+                )
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Raises StepError where the ranges lead out of a link."""
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        rooms = {
+            room.body: room.ellipsoid
+            for room in decode(Rooms, (files.inputs / "rooms.json").read_bytes()).rooms
+        }
+        draws = dict(self._draws(tree, rooms))
+        samples = tuple(self._sample(tree, draws, index) for index in range(self.keep))
+        (files.outputs / "samples.json").write_bytes(encode(Samples(samples)))
+        rows = [_statistics(tree.by_body[name], drawn) for name, drawn in draws.items()]
+        text = json.dumps({"draws": self._count, "bodies": rows}, sort_keys=True, indent=1)
+        (files.outputs / "statistics.json").write_text(text + "\n", encoding="utf-8")
+        yield from _acceptance(draws)
+
+    @property
+    def _count(self) -> int:
+        return max(self.keep, self.judge)
+
+    def _draws(self, tree: Tree, rooms: Mapping[str, Ellipsoid]) -> Iterator[tuple[str, Draws]]:
+        for body in tree.bodies:
+            matter = _first(self.randomize.links, body.name)
+            if matter is None or body.inertial is None or body.name not in rooms:
+                continue
+            ranges, room = _ranges(matter), rooms[body.name]
+            try:
+                yield (
+                    body.name,
+                    draw(body.inertial, ranges, self._count, self.randomize.seed, body.name, room),
+                )
+            except DoesNotFitError as error:
+                raise StepError(
+                    str(error), hint="narrow `com`, `stretch` or `shear` in `randomize.links`"
+                ) from None
+
+    def _sample(self, tree: Tree, draws: Mapping[str, Draws], index: int) -> Sample:
+        payloads = tuple(
+            self._between(f"payload/{number}", payload.mass, index)
+            for number, payload in enumerate(self.randomize.payloads)
+        )
+        bodies = []
+        for body in tree.bodies:
+            inertial = draws[body.name].inertial(index) if body.name in draws else body.inertial
+            for payload, mass in zip(self.randomize.payloads, payloads, strict=True):
+                inertial = _loaded(tree, body.name, inertial, payload, mass)
+            if inertial is not None and inertial != body.inertial:
+                bodies.append(BodySample(body.name, inertial))
+        joints = [self._joint(joint.name, index) for joint in tree.moving_joints]
+        friction = self.randomize.friction
+        return Sample(
+            bodies=tuple(bodies),
+            joints=tuple(joint for joint in joints if joint is not None),
+            payloads_kg=payloads,
+            friction=None if friction is None else self._between("friction", friction, index),
+        )
+
+    def _joint(self, name: str, index: int) -> JointSample | None:
+        ranges = _first(self.randomize.joints, name)
+        if ranges is None:
+            return None
+        unit = self._unit(f"joint/{name}", index, len(FACTORS) + 2)
+        factors = {
+            key: _scaled(getattr(ranges, key), float(value))
+            for key, value in zip(FACTORS, unit, strict=False)
+        }
+        least, most = ranges.delay
+        delay = min(most, least + int((unit[-2] + 1) / 2 * (most - least + 1)))
+        return JointSample(
+            name, **factors, delay=delay, encoder_bias=ranges.encoder_bias * unit[-1]
+        )
+
+    def _between(self, name: str, pair: tuple[float, float], index: int) -> float:
+        return _scaled(pair, self._unit(name, index, 1)[0])
+
+    def _unit(self, name: str, index: int, width: int) -> list[float]:
+        row = unit_draws(self.randomize.seed, name, 0, index + 1, width)[index]
+        return [float(value) for value in row]
+
+
+Value = TypeVar("Value")
+
+
+def _first(ranges: Mapping[str, Value], name: str) -> Value | None:
+    return next((value for pattern, value in ranges.items() if re.fullmatch(pattern, name)), None)
+
+
+def _ranges(matter: RandomMatter) -> InertialRanges:
+    com = matter.com
+    x, y, z = com if isinstance(com, tuple) else (com, com, com)
+    return InertialRanges(matter.density, (x, y, z), matter.stretch, matter.shear)
+
+
+def _scaled(pair: tuple[float, float], unit: float) -> float:
+    """-1..1 onto a range."""
+    return (pair[0] + pair[1]) / 2 + (pair[1] - pair[0]) / 2 * unit
+
+
+def _loaded(
+    tree: Tree, body: str, inertial: Inertial | None, payload: RandomPayload, mass: float
+) -> Inertial | None:
+    """The body with the payload on it, if it carries it."""
+    carrier, X_body_link = tree.placement(payload.link)
+    if carrier != body or mass == 0.0:
+        return inertial
+    box = move_inertial(homogeneous_box(mass, payload.size, payload.at), X_body_link)
+    return combine([inertial, box]) if inertial else box
+
+
+def _statistics(body: Body, drawn: Draws) -> dict[str, object]:
+    """What the draws of one body are like, beside independent noise on its principal moments."""
+    assert body.inertial is not None  # noqa: S101 # only bodies with mass are drawn
+    rows = drawn.rows
+    moments = np.asarray(principal_moments(body.inertial.inertia_com_kg_m2))
+    return {
+        "body": body.name,
+        "mass_kg": _spread(rows[:, 0]),
+        "com_shift_m": _spread(np.linalg.norm(rows[:, 1:4] - body.inertial.com_m, axis=1)),
+        "largest_moment_kg_m2": _spread(_moments(rows)[:, 2]),
+        "inconsistent": int(inconsistent(rows).sum()),
+        "acceptance": drawn.acceptance,
+        "independent_noise_inconsistent": {
+            f"{noise:g}": _noise_share(moments, noise, len(rows)) for noise in NOISES
+        },
+    }
+
+
+def _spread(values: Array) -> dict[str, object]:
+    low, middle, high = (float(v) for v in np.quantile(values, (0.0, 0.5, 1.0)))
+    counts, _ = np.histogram(values, bins=40, range=(low, high) if low < high else None)
+    histogram = [int(n) for n in counts]
+    return {"least": low, "median": middle, "most": high, "histogram": histogram}
+
+
+def _moments(rows: Array) -> Array:
+    return np.asarray(np.linalg.eigvalsh(matrices_of(rows[:, 4:])))
+
+
+def _noise_share(moments: Array, noise: float, count: int) -> float:
+    """Share of draws that break the triangle inequality when each moment is scaled alone."""
+    factors = 1.0 + noise * unit_draws(0, "independent noise", 0, count, 3)
+    scaled = moments * factors
+    return float((2.0 * scaled.max(axis=1) > scaled.sum(axis=1)).mean())
+
+
+def _acceptance(draws: Mapping[str, Draws]) -> Iterator[Finding]:
+    for name, drawn in draws.items():
+        if drawn.acceptance < WASTEFUL:
+            yield Finding(
+                rule="randomize.acceptance",
+                severity="warning",
+                subject=f"link {name}",
+                message=f"only {drawn.acceptance:.0%} of the draws are matter inside the link: "
+                "what is kept is no longer uniform",
+                hint="narrow `com`, `stretch` or `shear` for it in `randomize.links`",
+                data={"acceptance": round(drawn.acceptance, 4)},
+            )

@@ -1,0 +1,108 @@
+"""The ellipsoid around the geometry of each body: the room that its matter can fill."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from assetbuild.engine.step import Files, Step
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding
+from assetbuild.mesh.hull import convex_hull
+from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.primitives import tessellate
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.inertia import matrix_of
+from assetbuild.robot.model import Inertial, Mesh, Shape, Shapes, Tree
+from assetbuild.robot.pose import Array, vec3
+from assetbuild.robot.randomize import Ellipsoid, Room, Rooms, bounding_ellipsoid
+
+SUSPICIOUS_GROWTH = 1.05
+"""The source's own mass properties need so much more room than its geometry has: told."""
+
+
+class Enclose(Step):
+    """`tree.json`, `shapes.json`, `meshes/` -> `rooms.json`.
+
+    A body whose own mass properties do not fit into its geometry gets the smallest larger
+    ellipsoid of that form; one without geometry that of a homogeneous ellipsoid.
+    """
+
+    outputs = ("rooms.json",)
+    isolated = True
+    preload = ("numpy", "scipy.spatial", "scipy.stats", "embreex.rtcore_scene")
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads each mesh once."""
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        points = _points_by_body(tree, shapes, files.inputs / "meshes")
+        rooms = []
+        for body in tree.bodies:
+            inertial = body.inertial
+            if inertial is None or inertial.mass_kg <= 0.0:
+                continue
+            around = points.get(body.name)
+            if around is None:
+                rooms.append(Room(body.name, _homogeneous(inertial)))
+                continue
+            bounds = bounding_ellipsoid(around)
+            room = bounds.grown_to_hold(inertial)
+            growth = float(np.sqrt(bounds.shape[0][0] / room.shape[0][0]))
+            rooms.append(Room(body.name, room))
+            if growth > SUSPICIOUS_GROWTH:
+                yield _too_small(body.name, growth)
+        (files.outputs / "rooms.json").write_bytes(encode(Rooms(tuple(rooms))))
+
+
+def _too_small(body: str, growth: float) -> Finding:
+    return Finding(
+        rule="randomize.room",
+        severity="warning",
+        subject=f"link {body}",
+        message=f"the ellipsoid around its geometry must be {growth:.2f} times as large before "
+        "any matter inside it can have the stated mass, centre and inertia",
+        hint="check its inertia and the scale of its meshes",
+        data={"growth": round(growth, 4)},
+    )
+
+
+def _points_by_body(tree: Tree, shapes: Shapes, mesh_dir: Path) -> dict[str, Array]:
+    """(n, 3) points of all geometry, visual and collision, in the frame of each body."""
+    files = {asset.name: asset.file for asset in shapes.meshes}
+    read: dict[str, Array] = {}
+    found: dict[str, list[Array]] = {}
+    for shape in shapes.shapes:
+        body, X_body_link = tree.placement(shape.link)
+        points = _points(shape, files, mesh_dir, read)
+        found.setdefault(body, []).append((X_body_link @ shape.X_link_shape).apply(points))
+    return {body: np.vstack(parts) for body, parts in found.items()}
+
+
+def _points(shape: Shape, files: dict[str, str], mesh_dir: Path, read: dict[str, Array]) -> Array:
+    geometry = shape.geometry
+    if not isinstance(geometry, Mesh):
+        return tessellate(geometry).vertices
+    if geometry.mesh not in read:
+        data = (mesh_dir / files[geometry.mesh]).read_bytes()
+        read[geometry.mesh] = _extremes(read_triangles(data, geometry.mesh).vertices)
+    return read[geometry.mesh] * np.asarray(geometry.scale)
+
+
+def _extremes(vertices: Array) -> Array:
+    """The corners of the hull, or all vertices where there is none (flat meshes)."""
+    try:
+        return convex_hull(vertices).vertices
+    except StepError:
+        return vertices
+
+
+def _homogeneous(inertial: Inertial) -> Ellipsoid:
+    """The solid ellipsoid with this mass and inertia, as if matter filled it evenly."""
+    moments, axes = np.linalg.eigh(matrix_of(inertial.inertia_com_kg_m2))
+    second = np.maximum(moments.sum() / 2 - moments, 1e-12 * moments.max() + 1e-300)
+    semi_squared = 5.0 * second / inertial.mass_kg
+    a, b, c = (vec3(row) for row in axes @ np.diag(1.0 / semi_squared) @ axes.T)
+    return Ellipsoid(inertial.com_m, (a, b, c))

@@ -1,0 +1,192 @@
+"""Do meshes whose file names an up axis stand as the rest of the robot says they should?
+
+`<up_axis>` is wrong as often as right, and no viewer agrees with another. What tells is the
+robot itself: collision shapes that name no axis enclose the same part, and the centre of mass
+lies inside of it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from assetbuild.engine.step import Files, Step
+from assetbuild.findings import Finding
+from assetbuild.kinds import ConvertedMesh
+from assetbuild.mesh.read import TO_Z_UP
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import (
+    Body,
+    Box,
+    Capsule,
+    Cylinder,
+    Geometry,
+    Mesh,
+    Shape,
+    Shapes,
+    Sphere,
+    Tree,
+)
+from assetbuild.robot.pose import Array, Pose
+
+CLEARLY = 0.05
+"""Share of the part's size by which the other way must fit better to be worth a word."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Bounds:
+    """An axis-aligned box, corners (3,) m."""
+
+    lower: Array
+    upper: Array
+
+    @staticmethod
+    def of(points: Array) -> _Bounds:
+        return _Bounds(points.min(axis=0), points.max(axis=0))
+
+    @property
+    def corners(self) -> Array:
+        """(8, 3) m."""
+        rows = itertools.product(*zip(self.lower, self.upper, strict=True))
+        return np.array(list(rows), dtype=np.float64)
+
+    @property
+    def size(self) -> float:
+        return float(np.linalg.norm(self.upper - self.lower))
+
+    def outside(self, point: Array) -> float:
+        """How far a point lies outside, m."""
+        gap = np.maximum(self.lower - point, point - self.upper)
+        return float(np.linalg.norm(np.maximum(gap, 0.0)))
+
+    def differs(self, other: _Bounds) -> float:
+        """Largest difference of any side, m."""
+        sides = (self.lower - other.lower, self.upper - other.upper)
+        return float(np.abs(sides).max())
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Misfit of one shape as it is and the other way, as shares of its size."""
+
+    shape: Shape
+    now: float
+    other: float
+    by: str
+
+
+class LintMeshes(Step):
+    """`links.json`, `shapes.json`, `meshes/<number>.json` -> findings only."""
+
+    shapes: tuple[str, ...]
+    """Names of the shapes that `meshes/0.json`, `.../1.json`, ... belong to."""
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """One finding for all meshes of the robot."""
+        tree = decode(Tree, (files.inputs / "links.json").read_bytes())
+        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        records = {
+            name: decode(ConvertedMesh, (files.inputs / "meshes" / f"{number}.json").read_bytes())
+            for number, name in enumerate(self.shapes)
+        }
+        fits = [fit for body in tree.bodies for fit in _fits(body, shapes, records)]
+        better = [fit for fit in fits if fit.other < fit.now - CLEARLY]
+        worse = [fit for fit in fits if fit.now < fit.other - CLEARLY]
+        if len(better) > len(worse):
+            yield _finding(better, worse, records)
+
+
+def _finding(
+    better: list[_Fit], worse: list[_Fit], records: Mapping[str, ConvertedMesh]
+) -> Finding:
+    first = max(better, key=lambda fit: fit.now - fit.other)
+    record, mesh = records[first.shape.name], _path(first.shape)
+    do = "taken as it is" if record.turned else "turned to Z"
+    key = "leave it out of" if record.turned else "name it in"
+    return Finding(
+        rule="mesh.up_axis.fit",
+        severity="warning",
+        subject=f"mesh {mesh}",
+        message=f"it says {record.up_axis} and would fit link `{first.shape.link}` better {do}: "
+        f"{first.by} is off by {100 * first.now:.0f} % of its size, then {100 * first.other:.0f} %"
+        f"; so it is for {len(better)} shapes, the opposite for {len(worse)}",
+        hint=f"{key} `source.honour_up_axis`",
+        data={
+            "better": len(better),
+            "worse": len(worse),
+            "meshes": tuple(sorted({_path(fit.shape) for fit in better})),
+        },
+    )
+
+
+def _path(shape: Shape) -> str:
+    assert isinstance(shape.geometry, Mesh)  # noqa: S101 # only meshes have a record
+    return shape.geometry.mesh
+
+
+def _fits(body: Body, shapes: Shapes, records: Mapping[str, ConvertedMesh]) -> Iterator[_Fit]:
+    own = [shape for shape in shapes.shapes if shape.link == body.name]
+    for role in ("visual", "collision"):
+        doubted = [s for s in own if s.role == role and _says(s, records)]
+        if not doubted:
+            continue
+        # One box for all parts of a role: collision is cut into other pieces than what is seen.
+        witnesses = [s for s in own if s.role != role and not _says(s, records)]
+        sure = [s for s in own if s.role == role and not _says(s, records)]
+        now = _around([*doubted, *sure], records, other=False)
+        other = _around([*doubted, *sure], records, other=True)
+        if witnesses:
+            seen = _around(witnesses, records, other=False)
+            scores = (now.differs(seen), other.differs(seen), "its collision or visual shape")
+        elif body.inertial is not None and any(body.inertial.com_m):  # zero is often made up
+            com = np.array(body.inertial.com_m)
+            scores = (now.outside(com), other.outside(com), "the centre of mass")
+        else:
+            continue
+        yield _Fit(doubted[0], scores[0] / now.size, scores[1] / now.size, scores[2])
+
+
+def _says(shape: Shape, records: Mapping[str, ConvertedMesh]) -> bool:
+    return shape.name in records and records[shape.name].up_axis is not None
+
+
+def _around(shapes: list[Shape], records: Mapping[str, ConvertedMesh], *, other: bool) -> _Bounds:
+    """Bounds of some shapes in the frame of their link; `other`: doubted ones the other way."""
+    points = []
+    for shape in shapes:
+        record = records.get(shape.name)
+        if record is None:
+            box = _of_primitive(shape.geometry)
+        else:
+            box = _Bounds(np.array(record.lower), np.array(record.upper))
+            if other and record.up_axis is not None:
+                box = _otherwise(box, record, shape.geometry)
+        points.append(Pose.apply(shape.X_link_shape, box.corners))
+    return _Bounds.of(np.concatenate(points))
+
+
+def _otherwise(box: _Bounds, record: ConvertedMesh, geometry: Geometry) -> _Bounds:
+    """The box of a mesh if its up axis were honoured, or were not."""
+    turn = np.array(TO_Z_UP[record.up_axis or ""], dtype=np.float64)
+    if record.turned:
+        turn = turn.T
+    scale = np.array(geometry.scale if isinstance(geometry, Mesh) else (1.0, 1.0, 1.0))
+    return _Bounds.of((box.corners / scale) @ turn.T * scale)
+
+
+def _of_primitive(geometry: Geometry) -> _Bounds:
+    match geometry:
+        case Box(size):
+            half = np.array(size) / 2.0
+        case Sphere(radius):
+            half = np.full(3, radius)
+        case Cylinder(radius, length):
+            half = np.array([radius, radius, length / 2.0])
+        case Capsule(radius, length):
+            half = np.array([radius, radius, length / 2.0 + radius])
+        case Mesh():
+            raise TypeError("a mesh has a record")
+    return _Bounds(-half, half)

@@ -1,0 +1,119 @@
+"""Which meshes have the same shape, perhaps mirrored: each class need be decomposed once only.
+
+Exact hashes find no left and right: each side is tessellated apart. So surfaces are sampled and
+compared. A part that is nearly its own mirror image can give a false match, so whoever reuses a
+result measures it again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pydantic import Field
+
+from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.kinds import ConvertedMesh
+from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.triangles import TriangleMesh, merged
+from assetbuild.robot.codec import decode
+
+if TYPE_CHECKING:
+    from assetbuild.robot.pose import Array
+
+SAMPLES = 2000
+SAME = 1.2
+"""Mean distance between two samplings / that of one surface sampled twice: 1 = the same."""
+AREA = 0.03
+EXTENT = 0.02
+"""Of the area, and of the size: candidates differ by no more."""
+MIRRORS = ((1.0, 1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, -1.0))
+
+
+class MatchShapes(Step):
+    """`matches.json`: {folder: {"like": earlier folder, "signs": [3], "shift": [3] m}}.
+
+    A point of the mesh is signs * point of the earlier one + shift, per axis.
+    """
+
+    tools = ("numpy", "scipy")
+    outputs = ("matches.json",)
+    isolated = True
+    limits = Limits(wall_s=600.0, memory_mb=4096)
+
+    folders: tuple[str, ...] = Field(min_length=2)
+    """Input folders with converted meshes, in the order in which they may be reused."""
+
+    def run(self, files: Files) -> tuple[()]:
+        """Compare each mesh with the first of every class before it."""
+        found: dict[str, dict[str, object]] = {}
+        first: list[_Sampled] = []
+        for name in self.folders:
+            this = _Sampled.of(name, _read(files.inputs / name))
+            match = None if this is None else _match(this, first)
+            if match is not None:
+                found[name] = match
+            elif this is not None:
+                first.append(this)
+        text = json.dumps(found, indent=1, sort_keys=True)
+        (files.outputs / "matches.json").write_text(text + "\n", encoding="utf-8")
+        return ()
+
+
+def _read(folder: Path) -> TriangleMesh:
+    record = decode(ConvertedMesh, (folder / "mesh.json").read_bytes())
+    parts = [folder / "parts" / part.file for part in record.parts]
+    return merged([read_triangles(part.read_bytes(), folder.name) for part in parts])
+
+
+@dataclass(frozen=True, eq=False)
+class _Sampled:
+    """Samples about the middle of the bounds. base: mean distance between two samplings, m."""
+
+    name: str
+    middle: Array
+    extents: Array
+    area: float
+    points: Array
+    base: float
+
+    @classmethod
+    def of(cls, name: str, mesh: TriangleMesh) -> _Sampled | None:
+        """None for a mesh without a surface."""
+        import numpy as np
+        from scipy.spatial import cKDTree
+
+        from assetbuild.mesh.quality import surface_samples
+        from assetbuild.mesh.volume import area
+
+        size = area(mesh) if len(mesh.faces) and np.isfinite(mesh.vertices).all() else 0.0
+        if not size > 0.0:
+            return None
+        lower, upper = mesh.bounds
+        middle = (lower + upper) / 2.0
+        points, again = (surface_samples(mesh, SAMPLES, seed)[0] - middle for seed in (0, 1))
+        base = float(np.mean(cKDTree(points).query(again)[0]))
+        return cls(name, middle, upper - lower, size, points, base)
+
+
+def _match(this: _Sampled, known: Sequence[_Sampled]) -> dict[str, object] | None:
+    import numpy as np
+    from scipy.spatial import cKDTree
+
+    for other in known:
+        if abs(this.area - other.area) > AREA * other.area:
+            continue
+        size = float(np.linalg.norm(other.extents))
+        if float(np.linalg.norm(this.extents - other.extents)) > EXTENT * size:
+            continue
+        tree = cKDTree(other.points)
+        apart = [float(np.mean(tree.query(this.points * np.asarray(s))[0])) for s in MIRRORS]
+        best = int(np.argmin(apart))
+        if apart[best] < SAME * this.base:
+            signs = np.asarray(MIRRORS[best])
+            shift = this.middle - signs * other.middle
+            return {"like": other.name, "signs": signs.tolist(), "shift": shift.tolist()}
+    return None

@@ -1,0 +1,136 @@
+"""Sensors, cameras and the sites that they sit on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from assetbuild.errors import StepError
+from assetbuild.robot.model import Camera, Control, Place, Sensor, Tree
+from assetbuild.robot.pose import IDENTITY, Pose
+from assetbuild.targets.mjcf.xml import Element, element, number, pose_attributes
+
+AT_SITE = frozenset(
+    {"accelerometer", "gyro", "velocimeter", "magnetometer", "force", "torque", "touch",
+     "rangefinder"}
+)  # fmt: skip
+_OBJECTS: Mapping[str, str] = {"shape": "geom", "camera": "camera", "body": "body"}
+
+
+@dataclass(frozen=True)
+class Names:
+    """Names in the MJCF of what sensors look at. bodies, actuators: by the Robot's own name."""
+
+    bodies: Mapping[str, str]
+    actuators: Mapping[str, str]
+
+
+def extra_sites(tree: Tree, control: Control) -> tuple[str, ...]:
+    """Bodies that need a site in their origin because a sensor sits there."""
+    places = [sensor.at for sensor in control.sensors if sensor.kind in AT_SITE]
+    wanted = dict.fromkeys(place.name for place in places if place.kind == "frame")
+    return tuple(name for name in wanted if name in tree.by_body)
+
+
+def sensor_section(control: Control, names: Names) -> Element:
+    """`<sensor>`; StepError for one that MJCF does not know in this place."""
+    made = [_sensor(sensor, names) for sensor in control.sensors]
+    return element("sensor", None, made, gap=True)
+
+
+def _sensor(sensor: Sensor, names: Names) -> Element:
+    return element(
+        sensor.kind,
+        {
+            "name": sensor.name,
+            **_at(sensor, names),
+            **_relative(sensor, names),
+            "cutoff": number(sensor.cutoff) if sensor.cutoff else None,
+            "noise": number(sensor.noise) if sensor.noise else None,
+        },
+    )
+
+
+def _at(sensor: Sensor, names: Names) -> dict[str, str]:
+    kind, at = sensor.kind, sensor.at
+    if kind in AT_SITE and at.kind == "frame":
+        return {"site": names.bodies.get(at.name, at.name)}
+    if kind == "contact" and at.kind == "shape":
+        # The strongest contact of the shape, with whatever touches it.
+        return {"geom1": at.name, "data": "found force", "reduce": "maxforce", "num": "1"}
+    if kind.startswith("frame"):
+        objtype, name = _object(at, names)
+        return {"objtype": objtype, "objname": name}
+    if kind.startswith("subtree") and at.kind in ("body", "frame"):
+        return {"body": names.bodies.get(at.name, at.name)}
+    if at.kind == "joint":
+        return {"joint": at.name}
+    if at.kind == "actuator" and at.name in names.actuators:
+        return {"actuator": names.actuators[at.name]}
+    if at.kind == "tendon":
+        return {"tendon": at.name}
+    if at.kind == "camera":
+        return {"camera": at.name}
+    if at.kind == "world":
+        return {}
+    raise StepError(
+        f"sensor {sensor.name}: MJCF has no {kind} at {at.kind} `{at.name}`",
+        hint="an actuator sensor needs a joint with a drive; others a link" if at.name else "",
+    )
+
+
+def _object(place: Place, names: Names) -> tuple[str, str]:
+    """objtype and objname: a body's own frame is `xbody`, its inertial frame `body`."""
+    if place.kind == "world":
+        return "xbody", "world"
+    if place.kind == "frame":
+        is_body = place.name in names.bodies
+        return ("xbody", names.bodies[place.name]) if is_body else ("site", place.name)
+    return _OBJECTS[place.kind], names.bodies.get(place.name, place.name)
+
+
+def _relative(sensor: Sensor, names: Names) -> dict[str, str]:
+    if sensor.relative_to is None or sensor.relative_to.kind == "world":
+        return {}
+    kind, name = _object(sensor.relative_to, names)
+    return {"reftype": kind, "refname": name}
+
+
+def cameras_by_body(tree: Tree, control: Control) -> dict[str | None, list[Element]]:
+    """`<camera>` elements by the body that carries them; None: the world."""
+    found: dict[str | None, list[Element]] = {}
+    for camera in control.cameras:
+        body, X_body_link = tree.placement(camera.link) if camera.link else (None, IDENTITY)
+        found.setdefault(body, []).append(_camera(camera, X_body_link @ camera.X_link_camera))
+    return found
+
+
+def _camera(camera: Camera, X_body_camera: Pose) -> Element:
+    width, height = camera.resolution
+    return element(
+        "camera",
+        {
+            "name": camera.name,
+            "mode": camera.tracking if camera.tracking != "fixed" else None,
+            **pose_attributes(X_body_camera),
+            "fovy": number(to_mjcf_degrees(camera.fovy)),
+            "resolution": f"{width} {height}",
+        },
+    )
+
+
+def to_mjcf_degrees(angle: float) -> float:
+    """A field of view: MJCF counts it in degrees whatever `compiler angle` says."""
+    return math.degrees(angle)
+
+
+def site_elements(
+    tree: Tree, control: Control, bodies: Mapping[str, str]
+) -> Iterator[tuple[str, Element]]:
+    """(body, site): one per kept frame, and one where a sensor sits on a body."""
+    for frame in tree.frames:
+        attributes = {"name": frame.name, **pose_attributes(frame.X_body_frame)}
+        yield frame.body, element("site", attributes)
+    for body in extra_sites(tree, control):
+        yield body, element("site", {"name": bodies[body]})

@@ -1,0 +1,105 @@
+"""A shape or a texture that is lost on the way is counted as missing."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from tiny import run_step
+
+from assetbuild.checks.counts import Counts
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import encode
+from assetbuild.robot.model import Box, Material, Shape, Shapes, Sphere
+
+SOURCE = """<robot name="r">
+  <link name="trunk"><visual/><visual/><collision/></link>
+  <link name="foot"><visual/></link>
+  <link name="frame"/>
+</robot>"""
+MJCF = """<mujoco><asset><texture name="t" type="2d" file="skin-1.png"/>
+  <material name="skin" texture="t"/></asset>
+  <worldbody><body><geom material="skin"/></body></worldbody></mujoco>"""
+WHOLE = Shapes(
+    (
+        Shape("a", "trunk", "visual", Box((1.0, 1.0, 1.0)), material="skin"),
+        Shape("b", "trunk", "visual", Box((1.0, 1.0, 1.0))),
+        Shape("c", "trunk", "collision", Box((1.0, 1.0, 1.0))),
+        Shape("d", "foot", "visual", Sphere(1.0)),
+        Shape("e", "foot", "collision", Sphere(1.0)),
+    ),
+    (Material("skin", texture="skin-1.png"), Material("unused", texture="other-1.png")),
+)
+
+
+def check(
+    tmp_path: Path, shapes: Shapes, mjcf: str = MJCF, rules=((".*", "auto", "auto"),)
+) -> tuple[list[Finding], dict[str, object]]:
+    inputs, outputs = tmp_path / "in", tmp_path / "out"
+    (inputs / "mjcf/assets").mkdir(parents=True)
+    (inputs / "mjcf/assets/skin-1.png").write_bytes(b"a picture")
+    (inputs / "mjcf/r.xml").write_text(mjcf)
+    (inputs / "source.urdf").write_text(SOURCE)
+    (inputs / "shapes.json").write_bytes(encode(shapes))
+    findings = run_step(Counts(robot="r", rules=rules), inputs, outputs)
+    return findings, json.loads((outputs / "figures.json").read_text())
+
+
+def without(name: str) -> Shapes:
+    return replace(WHOLE, shapes=tuple(s for s in WHOLE.shapes if s.name != name))
+
+
+def test_a_whole_robot_passes_with_its_counts(tmp_path: Path):
+    findings, figures = check(tmp_path, WHOLE)
+    assert findings == []
+    assert figures == {
+        "visual_source": 3,
+        "visual_built": 3,
+        "collision_source": 1,
+        "collision_built": 2,
+        "textures": 1,
+        "textures_mjcf": 1,
+    }
+
+
+@pytest.mark.parametrize(
+    ("lost", "rule", "subject"),
+    [
+        ("a", "count.visual", "link trunk"),
+        ("d", "count.visual", "link foot"),
+        ("c", "count.collision", "link trunk"),
+        ("e", "count.collision", "link foot"),  # taken from what is seen
+    ],
+)
+def test_a_lost_shape_is_an_error(tmp_path: Path, lost: str, rule: str, subject: str):
+    findings, _ = check(tmp_path, without(lost))
+    assert (rule, "error", subject) in [(f.rule, f.severity, f.subject) for f in findings]
+
+
+@pytest.mark.parametrize(
+    "rules",
+    [
+        (("foot", "none", "auto"), (".*", "auto", "auto")),
+        ((".*", "hull", "collision"),),
+    ],
+    ids=["no collision wanted", "from collision shapes alone"],
+)
+def test_collision_that_the_recipe_does_not_want_is_not_missed(tmp_path: Path, rules):
+    findings, _ = check(tmp_path, without("e"), rules=rules)
+    assert findings == []
+
+
+@pytest.mark.parametrize(
+    "mjcf",
+    [
+        MJCF.replace(' texture="t"', ""),
+        MJCF.replace('geom material="skin"', "geom"),
+        MJCF.replace("skin-1.png", "lost-1.png"),
+    ],
+    ids=["material is plain", "nothing wears it", "no file"],
+)
+def test_a_lost_texture_is_an_error(tmp_path: Path, mjcf: str):
+    findings, _ = check(tmp_path, WHOLE, mjcf)
+    assert [f.rule for f in findings] == ["count.texture"]

@@ -1,0 +1,111 @@
+"""Effective gains are those of closed forms; each rule has a robot that trips it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import pytest
+from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, write_robot_ports
+
+from assetbuild.checks.gains import Gains
+from assetbuild.findings import Finding
+from assetbuild.robot.model import Actuator, Keyframe, Simulation
+from assetbuild.targets.mjcf import Mjcf
+
+ROD = (0.02**2 + 0.5**2) / 12 + 0.25**2
+"""kg m2 of the pendulum's arm about its hinge."""
+
+
+def arm(timestep: float = 0.002, **fields: object) -> TinyRobot:
+    """The pendulum at 0.5 rad with a position drive."""
+    robot = pendulum()
+    drive = Actuator("swing_joint", **({"model": "pd", "kp": 40.0, "kd": 2.0, "effort": 9.0} | fields))  # fmt: skip # noqa: E501
+    key = Keyframe("home", (("swing_joint", 0.5),))
+    simulation = Simulation(timestep)
+    control = replace(robot.control, actuators=(drive,), keyframes=(key,), simulation=simulation)
+    return replace(robot, control=control)
+
+
+def judged(robot: TinyRobot, folder: Path, **said: object) -> tuple[list[Finding], dict]:
+    write_robot_ports(folder / "in", robot)
+    findings = run_step(Gains(**said), folder / "in", folder / "out")
+    return findings, json.loads((folder / "out/figures.json").read_text())["joints"]
+
+
+def rules(findings: Sequence[Finding]) -> set[str]:
+    return {finding.rule for finding in findings}
+
+
+def test_figures_of_an_arm_are_those_of_the_textbook(tmp_path: Path) -> None:
+    findings, joints = judged(arm(damping=0.1, armature=0.05), tmp_path)
+    one, inertia = joints["swing_joint"], ROD + 0.05
+    assert one["inertia"] == pytest.approx(inertia)
+    assert one["frequency_hz"] == pytest.approx(math.sqrt(40.0 / inertia) / 2 / math.pi)
+    assert one["damping_ratio"] == pytest.approx(2.1 / 2 / math.sqrt(40.0 * inertia))
+    assert one["holding"] == pytest.approx(9.81 * 0.25 * math.sin(0.5))
+    assert one["sag"] == pytest.approx(one["holding"] / 40.0)
+    assert rules(findings) == set()
+
+
+BAD = {
+    "gains.torque": arm(effort=1.0),
+    "gains.sag": arm(kp=3.0),
+    "gains.saturated": arm(kp=400.0, kd=5.0),
+    "gains.unstable": arm(model="ideal_pd", timestep=0.02, kp=40.0, kd=12.0, effort=90.0),
+    "gains.underdamped": arm(kd=0.1),
+    "gains.overdamped": arm(kd=60.0),
+    "gains.damped_twice": arm(damping=1.5),
+}
+
+
+@pytest.mark.parametrize("rule", BAD)
+def test_each_rule_speaks_on_a_bad_arm(rule: str, tmp_path: Path) -> None:
+    findings, _ = judged(BAD[rule], tmp_path)
+    assert rule in rules(findings)
+
+
+def test_gains_of_the_source_are_told(tmp_path: Path) -> None:
+    assert "gains.inherited" in rules(judged(arm(), tmp_path, inherited=True)[0])
+
+
+def test_a_quadruped_with_soft_gains_is_told_what_is_customary(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    found = judged(robot, tmp_path / "a", feet=".*_foot")
+    assert "gains.customary" not in rules(found[0])
+    assert max(one["load"] for one in found[1].values()) < 0.3
+    soft = tuple(replace(a, kp=20.0, kd=0.5) for a in robot.control.actuators)
+    robot = replace(robot, control=replace(robot.control, actuators=soft))
+    assert "gains.customary" in rules(judged(robot, tmp_path / "b", feet=".*_foot")[0])
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+def test_the_margin_is_where_mujoco_diverges(
+    integrator: str, factor: float, tmp_path: Path
+) -> None:
+    """kp and kd grown to just below and just above the limit, without gravity."""
+    soft = arm(timestep=0.01, kp=1000.0, kd=3.0, effort=None)
+    _, joints = judged(soft, tmp_path / "a", integrator=integrator)
+    grow = factor * joints["swing_joint"]["margin"]
+    drive = replace(soft.control.actuators[0], kp=1000.0 * grow, kd=3.0 * grow)
+    if integrator == "implicitfast":  # the margin counts kp only where kd is implicit
+        drive = replace(drive, kd=3.0)
+    control = replace(
+        soft.control, actuators=(drive,), keyframes=(), simulation=Simulation(0.01, 1, (0, 0, 0))
+    )
+    inputs = check_inputs(tmp_path / "b", replace(soft, control=control), Mjcf(robot="r"), "mjcf")
+    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/r.xml"))
+    model.opt.integrator = {"Euler": 0, "implicitfast": 3}[integrator]
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
+    data = mujoco.MjData(model)
+    data.qpos[0] = 1e-3
+    worst = 0.0
+    for _ in range(100):
+        mujoco.mj_step(model, data)
+        worst = max(worst, abs(float(data.qpos[0])))
+    assert (worst < 1.0) == (factor < 1)

@@ -1,0 +1,46 @@
+"""`--executor dask://...`: the same bundle as a build on this machine."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from .conftest import Legs, new_legs
+
+pytest.importorskip("distributed", reason="needs assetbuild[dask]")
+sys.path.insert(0, str(Path(__file__).parents[1] / "engine"))
+from clusters_for_tests import CACHE_KEY, cluster
+from servers_for_tests import serving
+
+
+@pytest.mark.slow
+def test_a_cluster_builds_the_same_bundle(legs: Legs, tmp_path: Path):
+    assert legs.build().returncode == 0
+    gold = (legs.bundle / "manifest.json").read_bytes()
+    other = new_legs(tmp_path / "other")
+    (tmp_path / "cluster").mkdir()
+    with serving() as server, cluster(tmp_path / "cluster") as workers:
+        workers.revive()
+        words = ("--executor", workers.executor, "--remote", server.url, "--cache-write")
+        done = other.build(*words, ASSETBUILD_CACHE_KEY=CACHE_KEY)
+        assert done.returncode == 0, done.stderr
+        assert {path[:4] for verb, path in server.asked if verb == "PUT"} == {"/ac/", "/cas"}
+    assert (other.bundle / "manifest.json").read_bytes() == gold
+    assert set(other.steps().values()) == {"ran"}
+    stores = sorted((tmp_path / "cluster").glob("worker*/v1/ac/*/*.json"))
+    assert len(stores) == 2  # the two steps with a process of their own: read_urdf, urdf_reload
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--executor", "dask://127.0.0.1:9"], "need `--remote URL` and `--cache-write`"),
+        (["--executor", "cluster"], "`cluster` is no executor"),
+    ],
+)
+def test_a_wrong_command_is_told(legs: Legs, words: list[str], told: str):
+    done = legs.build(*words)
+    assert done.returncode == 2
+    assert told in done.stderr

@@ -1,0 +1,55 @@
+"""`assetbuild sample` on the real Go1, read back by MuJoCo."""
+
+import json
+
+import mujoco
+import pytest
+
+RANGES = """
+randomize:
+  links: {".*": {density: [0.8, 1.2], com: 0.01, stretch: 0.1}}
+  payloads: [{link: trunk, mass: [2, 3], size: [0.2, 0.15, 0.1], at: [0, 0, 0.1]}]
+  friction: [0.4, 1.2]
+"""
+
+
+def test_three_robots_load_and_differ_as_drawn(place):
+    place.edit_recipe("\ncontact:", f"{RANGES}\ncontact:")
+    done = place.run("sample", "recipes/go1.yaml", "-n", "3", "--judge", "300", "-o", "drawn")
+    assert done.returncode == 0, done.stderr
+    assert "300 draws" in done.stdout and "trunk" in done.stdout
+    folder = place.folder / "drawn"
+    samples = json.loads((folder / "samples.json").read_text())["samples"]
+    masses = []
+    for index, sample in enumerate(samples):
+        model = mujoco.MjModel.from_xml_path(str(folder / f"go1_{index:03}.xml"))
+        for body in sample["bodies"]:
+            assert model.body(body["body"]).mass[0] == body["inertial"]["mass_kg"]
+        masses.append(model.body_mass.sum())
+        touching = model.geom_friction[model.geom_contype > 0]
+        assert set(touching[:, 0]) == {sample["friction"]}
+    assert len(set(masses)) == 3
+    assert all(0.8 * 13.1 + 2 < mass < 1.2 * 13.2 + 3 for mass in masses)
+    assert (folder / "draws.svg").read_text().startswith("<svg")
+
+
+def test_a_recipe_without_ranges_says_what_to_add(place):
+    done = place.run("sample", "recipes/go1.yaml")
+    assert done.returncode == 2
+    assert "has no `randomize`" in done.stderr and "hint: add" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("ranges", "message"),
+    [
+        ("{links: {trnk: {}}}", "did you mean `trunk`"),
+        ("{links: {FR_foot: {}}}", "merged into `FR_calf`"),
+        ("{friction: [1, 0.5]}", "must not exceed the second"),
+    ],
+)
+def test_wrong_ranges_are_told_with_their_line(place, ranges, message):
+    place.edit_recipe("\ncontact:", f"\nrandomize: {ranges}\ncontact:")
+    done = place.run("sample", "recipes/go1.yaml")
+    assert done.returncode == 2
+    assert message in done.stderr and "recipes/go1.yaml:" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,56 @@
+"""`cache push` and `cache pull`: two machines and one server, nothing built on the second."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from .conftest import new_legs
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "engine"))
+from servers_for_tests import serving
+
+
+@pytest.fixture
+def server():
+    with serving() as server:
+        yield server
+
+
+def test_what_one_machine_pushed_another_pulls_and_builds_nothing(tmp_path: Path, server):
+    first, second = new_legs(tmp_path / "a"), new_legs(tmp_path / "b")
+    assert first.build().returncode == 0
+    assert server.asked == []
+    sent = first.run("cache", "push", "legs.yaml", "--remote", server.url)
+    assert (sent.returncode, sent.stderr) == (0, "")
+    assert sent.stdout == "legs.yaml: 8 of 8 results sent\n"
+    came = second.run("cache", "pull", "legs.yaml", "--remote", server.url)
+    assert (came.returncode, came.stderr) == (0, "")
+    assert came.stdout == "legs.yaml: 8 of 8 results in the store\n"
+    assert second.build().returncode == 0
+    assert set(second.steps().values()) == {"cached"}
+    one, other = (each.bundle / "manifest.json" for each in (first, second))
+    assert one.read_bytes() == other.read_bytes()
+
+
+def test_a_pull_of_what_nobody_built_says_so(tmp_path: Path, server):
+    machine = new_legs(tmp_path / "a")
+    came = machine.run("cache", "pull", "legs.yaml", "--remote", server.url)
+    assert came.returncode == 0
+    assert "0 of " in came.stdout
+    assert "more that is known once these are built" in came.stdout
+
+
+def test_a_server_that_fails_is_an_error_here(tmp_path: Path, server):
+    machine = new_legs(tmp_path / "a")
+    machine.build()
+    server.fault = "500"
+    sent = machine.run("cache", "push", "legs.yaml", "--remote", server.url)
+    assert sent.returncode == 1
+    assert "cannot write the shared cache" in sent.stderr
+
+
+def test_without_an_address_it_is_a_wrong_command(tmp_path: Path):
+    assert new_legs(tmp_path / "a").run("cache", "push", "legs.yaml").returncode == 2

@@ -1,0 +1,184 @@
+"""The ladder: the fewest pieces that meet the tolerances, and what is said when none do."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny import run_step
+
+from assetbuild.collision import Likeness, PlacedSource, ProbeSource
+from assetbuild.collision import auto as ladder
+from assetbuild.collision.auto import Auto
+from assetbuild.collision.coacd import CoAcd
+from assetbuild.collision.hull import Hull
+from assetbuild.collision.vhacd import VHacd
+from assetbuild.kinds import Pieces
+from assetbuild.mesh.cover import union_of
+from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
+from assetbuild.mesh.native import NativeError
+from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.solid import ConvexPiece
+from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.volume import face_areas
+from assetbuild.mesh.weld import cleaned
+from assetbuild.recipe.collision import VHacdOptions
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Box, Sphere
+from assetbuild.robot.pose import Pose
+from assetbuild.steps.convert_mesh import write_converted
+
+MESH = (PlacedSource.of_mesh("shapes/0"),)
+COARSE = VHacdOptions(resolution=30_000)
+TIGHT = {"max_outside": 0.1, "max_missing": 0.02, "max_overcover": 0.05, "vhacd": COARSE}
+
+
+def solid(*boxes: tuple[tuple[float, float, float], tuple[float, float, float]]) -> TriangleMesh:
+    """The union of boxes (size, centre)."""
+    return cleaned(union_of([ConvexPiece(None, Box(s), Pose(at)) for s, at in boxes])[1])
+
+
+L_SHAPE = solid(((2, 1, 1), (1, 0.5, 0.5)), ((1, 2, 1), (0.5, 1, 0.5)))
+GRIPPER = solid(
+    ((1.0, 0.2, 0.2), (0, 0, 0)),
+    ((0.2, 0.2, 0.8), (-0.4, 0, 0.4)),
+    ((0.2, 0.2, 0.8), (0.4, 0, 0.4)),
+)
+GAP = ProbeSource(start=(0, -1, 0.5), end=(0, 1, 0.5), radius=0.2)
+
+
+def fit(tmp_path: Path, method, mesh: TriangleMesh, run: str = "out"):
+    """(number of pieces, findings by rule)."""
+    folder = tmp_path / "in/shapes/0"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    write_converted(folder, [MaterialPart(SurfaceMaterial(), mesh)])
+    findings = {f.rule: f for f in run_step(method, tmp_path / "in", tmp_path / run)}
+    record = decode(Pieces, (tmp_path / run / "pieces.json").read_bytes())
+    return len(record.pieces), findings
+
+
+def test_a_convex_mesh_is_one_hull(tmp_path):
+    count, findings = fit(tmp_path, Auto(sources=MESH, **TIGHT), tessellate(Box((1, 2, 3))))
+    assert count == 1
+    assert set(findings) == {"collision.gap"}
+    assert findings["collision.gap"].data["iou"] == 1.0
+
+
+def test_a_round_mesh_keeps_both_caps_and_its_volume(tmp_path):
+    _, findings = fit(tmp_path, Auto(sources=MESH), tessellate(Sphere(0.5)))
+    data = findings["collision.gap"].data
+    assert data["max_polygons"] <= 64
+    assert data["max_vertices"] <= 64
+    assert data["max_missing"] < 0.04
+    assert data["over"] == pytest.approx(data["max_missing"], abs=0.01)
+
+
+def test_a_wide_tolerance_takes_the_hull_and_a_tight_one_two_pieces(tmp_path):
+    wide = Auto(sources=MESH, max_outside=1.0, max_missing=0.05, max_overcover=0.2)
+    assert fit(tmp_path, wide, L_SHAPE, "wide")[0] == 1
+    count, findings = fit(tmp_path, Auto(sources=MESH, **TIGHT), L_SHAPE, "tight")
+    assert count == 2
+    assert "collision.tolerance" not in findings
+    assert findings["collision.gap"].data["method"] == "CoACD"  # a clean manifold
+
+
+def test_an_open_mesh_is_left_to_vhacd(tmp_path):
+    nub = solid(((2, 1, 1), (1, 0.5, 0.5)), ((1, 2, 1), (0.5, 1, 0.5)), ((0.02,) * 3, (1, 0, 0.5)))
+    smallest = int(np.argmin(face_areas(nub)))
+    hole = nub.select(np.arange(len(nub.faces)) != smallest)
+    count, findings = fit(tmp_path, Auto(sources=MESH, **TIGHT), hole)
+    assert count == 2
+    assert findings["collision.gap"].data["method"] == "V-HACD"
+
+
+def test_a_tolerance_that_cannot_be_met_says_by_how_much_and_what_to_change(tmp_path):
+    method = Auto(sources=MESH, max_hulls=1, **TIGHT)
+    count, findings = fit(tmp_path, method, L_SHAPE)
+    assert count == 1
+    said = findings["collision.tolerance"]
+    assert said.data["max_overcover_found"] == pytest.approx(0.5 / 3.0, abs=1e-3)
+    assert said.data["max_overcover_allowed"] == 0.05
+    assert "`max_overcover` is 16.7 % instead of 5 %" in said.message
+    assert "max_hulls" in said.hint
+
+
+def test_a_hull_closes_the_gripper_and_auto_keeps_it_open(tmp_path):
+    _, closed = fit(tmp_path, Hull(sources=MESH, probes=(GAP,)), GRIPPER, "hull")
+    assert closed["collision.closed"].severity == "error"
+    # The tolerances alone would take the hull.
+    method = Auto(sources=MESH, probes=(GAP,), vhacd=COARSE)
+    count, left = fit(tmp_path, method, GRIPPER, "auto")
+    assert count == 3
+    assert "collision.closed" not in left
+
+
+def test_a_region_may_be_tighter_than_the_rest(tmp_path):
+    region = GAP.model_copy(update={"max_outside": 0.01})
+    _, findings = fit(tmp_path, Hull(sources=MESH, probes=(region,)), GRIPPER)
+    assert findings["collision.region"].data["found_m"] == pytest.approx(0.3, abs=0.05)
+
+
+@pytest.mark.parametrize("cause", ["crash", "time", "memory"])
+def test_a_library_that_fails_leaves_a_finding_and_the_next_rung(tmp_path, monkeypatch, cause):
+    def fails(*_, **__):
+        raise NativeError(cause, "no result")
+
+    monkeypatch.setattr(ladder, "coacd_parts", fails)
+    count, findings = fit(tmp_path, Auto(sources=MESH, **TIGHT), L_SHAPE, "one")
+    assert count == 2
+    said = findings["collision.library_failed"]
+    assert said.data == {"library": "CoACD", "cause": cause, "instead": "vhacd"}
+    monkeypatch.setattr(ladder, "vhacd_parts", fails)
+    count, findings = fit(tmp_path, Auto(sources=MESH, **TIGHT), L_SHAPE, "two")
+    assert count == 1
+    assert findings["collision.library_failed"].data["instead"] == "hull"
+    assert "collision.tolerance" in findings
+
+
+@pytest.mark.parametrize("kind", [VHacd, CoAcd])
+def test_a_library_over_its_time_falls_to_a_hull(tmp_path, kind):
+    busy = {"vhacd": VHacdOptions(resolution=50_000_000)} if kind is VHacd else {}
+    mesh = GRIPPER if kind is VHacd else tangle()
+    method = kind(sources=MESH, cpu_limit=0.5, **busy)
+    count, findings = fit(tmp_path, method, mesh)
+    assert count >= 1
+    assert findings["collision.library_failed"].data["cause"] in ("time", "memory")
+
+
+def tangle() -> TriangleMesh:
+    """500 triangles through one another: no solid, nothing a library likes."""
+    rng = np.random.default_rng(0)
+    return TriangleMesh(rng.random((300, 3)), rng.integers(0, 300, (500, 3)))
+
+
+def test_a_mirrored_shape_takes_the_other_ones_pieces_mirrored(tmp_path):
+    fit(tmp_path, Auto(sources=MESH, **TIGHT), L_SHAPE, "in/like")
+    mirrored = L_SHAPE.mapped(np.diag([-1.0, 1.0, 1.0]), (0.5, 0.0, 0.0))
+    like = Likeness(signs=(-1, 1, 1), shift=(0.5, 0, 0))
+    count, findings = fit(tmp_path, Auto(sources=MESH, like=like, **TIGHT), mirrored)
+    assert count == 2
+    assert findings["collision.gap"].data["method"] == "reused from an equal shape"
+    hulls = [read_triangles(p.read_bytes()) for p in (tmp_path / "out/pieces").iterdir()]
+    assert max(h.vertices[:, 0].max() for h in hulls) == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_false_match_is_found_out_and_decomposed_on_its_own(tmp_path):
+    fit(tmp_path, Auto(sources=MESH, **TIGHT), L_SHAPE, "in/like")
+    like = Likeness(signs=(1, 1, 1), shift=(0, 0, 0))
+    _, findings = fit(tmp_path, Auto(sources=MESH, like=like, **TIGHT), GRIPPER)
+    assert findings["collision.gap"].data["method"] != "reused from an equal shape"
+    assert findings["collision.gap"].data["iou"] > 0.9
+
+
+def test_the_same_bytes_twice(tmp_path):
+    for run in ("a", "b"):
+        fit(tmp_path, Auto(sources=MESH, probes=(GAP,), **TIGHT), GRIPPER, run)
+    files = [
+        {p.relative_to(tmp_path / run): p.read_bytes() for p in (tmp_path / run).rglob("*.*")}
+        for run in ("a", "b")
+    ]
+    assert files[0] == files[1]

@@ -1,0 +1,117 @@
+"""Mass that massless links get from the body beyond them changes no motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from tiny import TinyRobot, ball_inertial, box_inertial, run_step, write_robot_ports
+
+from assetbuild.edits.share_mass import ShareMass
+from assetbuild.engine.step import Files
+from assetbuild.errors import RecipeError
+from assetbuild.findings import Finding
+from assetbuild.robot.inertia import least_second_moment
+from assetbuild.robot.model import Body, Control, Joint, Limits, Shapes, Tree
+from assetbuild.robot.pose import Pose, normalised_quat
+from assetbuild.targets.mjcf import Mjcf
+
+TURNED = normalised_quat((0.9, 0.1, -0.2, 0.3))
+LIMITS = Limits(-1.2, 1.3, 10.0, 5.0)
+
+
+def hip(offset: float = 0.0, kind: str = "revolute") -> Tree:
+    """A ball joint of three hinges; the second is `offset` m away from where the others meet."""
+    names = ["trunk", "yaw", "roll", "leg"]
+    axes = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    poses = (Pose((0.1, 0.2, 0.0), TURNED), Pose((0.0, 0.0, 0.03)), Pose((0.0, offset, 0.0)))
+    joints = tuple(
+        Joint(f"j{i}", kind, names[i], names[i + 1], poses[i], axes[i], LIMITS)  # type: ignore[arg-type] # a literal
+        for i in range(3)
+    )
+    bodies = (
+        Body("trunk", box_inertial(10.0, (0.3, 0.2, 0.1))),
+        Body("yaw"),
+        Body("roll"),
+        Body("leg", box_inertial(2.0, (0.05, 0.06, 0.4), (0.01, 0.0, -0.2))),
+    )
+    return Tree("hip", "floating", bodies, joints)
+
+
+def shared(tree: Tree, link: str = "yaw|roll") -> tuple[Tree, tuple[Finding, ...]]:
+    done = ShareMass(link=link).edit(tree, Shapes(), Files(Path(), Path()))
+    return done.tree, done.findings
+
+
+def dynamics(tree: Tree, folder: Path) -> list[np.ndarray]:
+    """Mass matrix and bias force at random poses and speeds, by MuJoCo on our MJCF."""
+    inputs = write_robot_ports(folder, TinyRobot(tree, tree, Shapes(), Control()))
+    run_step(Mjcf(robot="hip"), inputs, inputs)
+    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/hip.xml"))
+    data, random, found = mujoco.MjData(model), np.random.default_rng(0), []
+    for _ in range(10):
+        data.qpos[7:] = random.uniform(-1.0, 1.0, model.nq - 7)
+        data.qvel[:] = random.uniform(-2.0, 2.0, model.nv)
+        mujoco.mj_forward(model, data)
+        matrix = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, matrix)
+        found += [matrix, data.qfrc_bias.copy()]
+    return found
+
+
+def test_mass_matrix_and_forces_are_the_same(tmp_path: Path):
+    """Before: three joints on one body. After: three bodies with mass."""
+    tree = hip()
+    after, _ = shared(tree)
+    assert all(body.inertial for body in after.bodies)
+    for a, b in zip(dynamics(tree, tmp_path / "a"), dynamics(after, tmp_path / "b"), strict=True):
+        assert b == pytest.approx(a, rel=1e-8, abs=1e-9)
+
+
+def test_nothing_is_gained_and_the_tensor_stays_possible():
+    tree = hip()
+    after, (finding,) = shared(tree)
+    before_kg = sum(b.inertial.mass_kg for b in tree.bodies if b.inertial)
+    assert sum(b.inertial.mass_kg for b in after.bodies if b.inertial) == pytest.approx(before_kg)
+    leg = after.by_body["leg"].inertial
+    assert leg is not None
+    assert least_second_moment(leg.inertia_com_kg_m2) > 0.0
+    assert finding.rule == "edit.share_mass"
+    assert finding.data["before_kg"] == 2.0
+    assert finding.data["after_kg"] == leg.mass_kg
+
+
+def test_one_link_of_two():
+    after, _ = shared(hip(), "yaw")
+    assert after.by_body["yaw"].inertial
+    assert after.by_body["roll"].inertial is None
+
+
+def test_axes_that_do_not_meet_are_refused():
+    shared(hip(offset=0.05), "roll")  # only one axis below it
+    with pytest.raises(RecipeError, match=r"do not meet in a point: `j1` passes it at 0\.025 m"):
+        shared(replace_last(hip(), Pose((0.0, 0.0, 0.05))))
+
+
+def replace_last(tree: Tree, pose: Pose) -> Tree:
+    return replace(tree, joints=(*tree.joints[:2], replace(tree.joints[2], X_parent_joint=pose)))
+
+
+def test_slides_are_refused():
+    with pytest.raises(RecipeError, match="is prismatic: it moves every point"):
+        shared(hip(kind="prismatic"))
+
+
+def test_a_link_that_is_not_between_is_refused():
+    with pytest.raises(RecipeError, match="link `leg` is no massless link"):
+        shared(hip(), "leg")
+
+
+def test_a_body_that_is_not_solid_is_refused():
+    flat = Body("leg", replace(ball_inertial(1.0, 0.1), inertia_com_kg_m2=(1.0, 1.0, 3.0, 0, 0, 0)))
+    tree = replace(hip(), bodies=(*hip().bodies[:3], flat))
+    with pytest.raises(RecipeError, match="not those of a solid body"):
+        shared(tree)

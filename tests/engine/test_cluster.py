@@ -1,0 +1,168 @@
+"""Steps on two workers of dask, each with a store of its own; one server between them."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from servers_for_tests import serving
+from steps_for_tests import Misbehave, MixInChild, Slow, Split
+
+from assetbuild.engine import cluster as cluster_module
+from assetbuild.engine.cluster import Cluster, scheduler_address
+from assetbuild.engine.cluster_worker import run_action
+from assetbuild.engine.execute import NodeResult, execute
+from assetbuild.engine.graph import Planner
+from assetbuild.engine.keys import key_parts
+from assetbuild.engine.remote import Remote
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import Store
+from assetbuild.engine.wire import step_to_json
+from assetbuild.errors import MachineError, StepError, UsageError
+
+pytest.importorskip("distributed", reason="needs assetbuild[dask]")
+from clusters_for_tests import LocalCluster, cluster
+
+
+@pytest.fixture(scope="module")
+def local(tmp_path_factory: pytest.TempPathFactory):
+    with cluster(tmp_path_factory.mktemp("cluster")) as started:
+        yield started
+
+
+@pytest.fixture
+def workers(local: LocalCluster) -> LocalCluster:
+    local.revive()
+    return local
+
+
+@pytest.fixture
+def server():
+    with serving() as server:
+        yield server
+
+
+def build(folder: Path, source: Path, workers=None, server=None, width: int = 4, **options):
+    """`width` slow steps on one source, and one that reads them all: results, and contents."""
+    with Session(Store(folder)) as session:
+        if workers is not None:
+            session.remote = Remote(server.url, key="k", write=True)
+            session.cluster = Cluster(workers.executor, session.remote)
+        planner = Planner(session)
+        split = planner.add("split", Split(), {"in": planner.source(source)})
+        slow = [
+            planner.add(f"slow{n}", Slow(salt=n, seconds=0.3), {"in": split["parts/"] / "one"})
+            for n in range(width)
+        ]
+        inputs = {f"n{n}": node["out"] for n, node in enumerate(slow)} | {"all/": split["parts/"]}
+        planner.add("last", MixInChild(), inputs)
+        results = execute(planner.graph(), session, **options)
+        content = session.read(results["last"]["out"]) if results["last"].outputs else b""
+    return results, content
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    path = tmp_path / "robot"
+    path.write_text("one 1\ntwo 2\n")
+    return path
+
+
+@pytest.fixture(autouse=True)
+def same_secret(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ASSETBUILD_CACHE_KEY", "k")
+
+
+def statuses(results: dict[str, NodeResult]) -> set[str]:
+    return {result.status for result in results.values()}
+
+
+def test_two_workers_make_the_same_bytes(tmp_path, robot, workers, server):
+    gold = build(tmp_path / "gold", robot)
+    results, content = build(tmp_path / "own", robot, workers, server)
+    assert [str(r.error) for r in results.values() if r.error] == []
+    assert content == gold[1]
+    assert {k: r.outputs for k, r in results.items()} == {k: r.outputs for k, r in gold[0].items()}
+    assert statuses(build(tmp_path / "own", robot)[0]) == {"cached"}
+
+
+def test_a_worker_killed_in_the_middle_costs_nothing_but_time(tmp_path, robot, workers, server):
+    gold = build(tmp_path / "gold", robot, width=8)
+    timer = threading.Timer(0.8, workers.workers[0].kill)
+    timer.start()
+    results, content = build(tmp_path / "own", robot, workers, server, width=8)
+    timer.cancel()
+    assert workers.workers[0].wait(10) != 0
+    assert [str(r.error) for r in results.values() if r.error] == []
+    assert content == gold[1]
+
+
+def test_a_step_that_crashes_is_one_failed_step(tmp_path, robot, workers, server):
+    with Session(Store(tmp_path / "own")) as session:
+        session.remote = Remote(server.url, key="k", write=True)
+        session.cluster = Cluster(workers.executor, session.remote)
+        planner = Planner(session)
+        for how in ("nothing", "segfault", "abort", "print"):
+            planner.add(how, Misbehave(how=how))
+        results = execute(planner.graph(), session, keep_going=True)
+    assert {k: r.status for k, r in results.items()} == {
+        "nothing": "ran",
+        "segfault": "failed",
+        "abort": "failed",
+        "print": "ran",
+    }
+    assert isinstance(results["segfault"].error, StepError)
+    assert "step `segfault` crashed with SIGSEGV" in str(results["segfault"].error)
+    assert [worker.poll() for worker in workers.workers] == [None, None]
+
+
+def test_nobody_at_the_address_is_one_error(monkeypatch, server):
+    monkeypatch.setattr(cluster_module, "CONNECT_S", 0.5)
+    began = time.monotonic()
+    with pytest.raises(MachineError, match=r"no scheduler answers at tcp://127\.0\.0\.1:9"):
+        Cluster("dask://127.0.0.1:9", Remote(server.url, write=True))
+    assert time.monotonic() - began < 20
+
+
+def test_a_cache_that_fails_is_told(tmp_path, robot, workers, server):
+    server.fault = "500"
+    results, _ = build(tmp_path / "own", robot, workers, server)
+    errors = [r.error for r in results.values() if r.error]
+    assert errors
+    assert all(isinstance(error, MachineError) for error in errors)
+    assert "the shared cache failed while step `slow" in str(errors[0])
+
+
+def test_a_worker_with_other_versions_refuses_and_names_them(tmp_path, monkeypatch, server):
+    monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "store"))
+    step = MixInChild()
+    parts = key_parts(step, {}) | {"tools": {"mujoco": "3.0"}}
+    spec = {
+        "label": "it",
+        "key": "0" * 64,
+        "parts": parts,
+        "step": step_to_json(step),
+        "inputs": {},
+        "objects": {},
+        "remote": server.url,
+        "sandbox": False,
+    }
+    answer = json.loads(run_action(json.dumps(spec)))
+    assert "is not installed like the machine that builds: " in answer["error"]["message"]
+    assert "mujoco" in answer["error"]["message"]
+
+
+@pytest.mark.parametrize(
+    "wrong", ["dask:/host", "tcp://host:1", "dask://host:port", "dask://host:1/path", "cluster"]
+)
+def test_an_executor_that_is_none_is_refused(wrong):
+    with pytest.raises(UsageError, match="is no executor"):
+        scheduler_address(wrong)
+
+
+def test_addresses():
+    assert scheduler_address("dask://host") == "tcp://host:8786"
+    assert scheduler_address("dask+tls://host:1") == "tls://host:1"

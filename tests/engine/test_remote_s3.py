@@ -1,0 +1,141 @@
+"""The shared cache in a bucket, on moto's server: another implementation of S3's protocol."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from builds_for_tests import Machine
+from servers_for_tests import serving
+
+from assetbuild.engine.remote import Budget, Remote
+from assetbuild.errors import UsageError
+
+pytest.importorskip("obstore", reason="needs assetbuild[remote]")
+QUICK = Budget(request_s=0.5, lost_s=1.0, object_bytes=1 << 20)
+URL = "s3://assets/some/prefix"
+
+
+@pytest.fixture(scope="module")
+def endpoint():
+    server = pytest.importorskip("moto.server", reason="needs moto[server,s3]")
+    running = server.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    running.start()
+    host, port = running.get_host_and_port()
+    yield f"http://{host}:{port}"
+    running.stop()
+
+
+@pytest.fixture
+def bucket(endpoint: str, monkeypatch: pytest.MonkeyPatch):
+    """A fresh bucket `assets` and the variables that lead there."""
+    boto3 = pytest.importorskip("boto3")
+    use(endpoint, monkeypatch)
+    client = boto3.client("s3", endpoint_url=endpoint)
+    client.create_bucket(Bucket="assets")
+    yield client
+    for row in client.list_objects_v2(Bucket="assets").get("Contents", []):
+        client.delete_object(Bucket="assets", Key=row["Key"])
+    client.delete_bucket(Bucket="assets")
+
+
+def use(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in (
+        ("AWS_ENDPOINT_URL", endpoint),
+        ("AWS_ACCESS_KEY_ID", "it"),
+        ("AWS_SECRET_ACCESS_KEY", "secret"),
+        ("AWS_DEFAULT_REGION", "us-east-1"),
+    ):
+        monkeypatch.setenv(name, value)
+
+
+def names(bucket) -> set[str]:
+    return {row["Key"] for row in bucket.list_objects_v2(Bucket="assets").get("Contents", [])}
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    source = tmp_path / "robot"
+    source.write_text("one 1\ntwo 2\n")
+    return source
+
+
+def test_the_second_machine_builds_nothing(tmp_path, robot, bucket):
+    first = Machine(tmp_path / "a", URL, write=True, key="secret")
+    ran = first.build(robot)
+    assert first.warnings == []
+    assert {name.rsplit("/", 1)[0] for name in names(bucket)} == {
+        "some/prefix/ac",
+        "some/prefix/cas",
+    }
+    second = Machine(tmp_path / "b", URL, key="secret")
+    results = second.build(robot)
+    assert [r.status for r in results.values()] == ["cached"] * 3
+    assert [r.outputs for r in results.values()] == [r.outputs for r in ran.values()]
+    assert second.warnings == []
+
+
+def test_nothing_is_written_unless_asked_for(tmp_path, robot, bucket):
+    Machine(tmp_path / "a", URL).build(robot)
+    assert names(bucket) == set()
+
+
+@pytest.mark.parametrize(
+    "spoil", ["cas_flipped", "cas_cut", "cas_gone", "ac_garbage", "ac_swapped"]
+)
+def test_whatever_is_wrong_in_the_bucket_is_a_miss(tmp_path, robot, bucket, spoil):
+    gold = Machine(tmp_path / "a", URL, write=True).build(robot)
+    kind, _, how = spoil.partition("_")
+    own = sorted(name for name in names(bucket) if f"/{kind}/" in name)
+    bodies = [bucket.get_object(Bucket="assets", Key=name)["Body"].read() for name in own]
+    for place, name in enumerate(own):
+        if how == "gone":
+            bucket.delete_object(Bucket="assets", Key=name)
+            continue
+        body = bodies[place - 1] if how == "swapped" else bodies[place]
+        body = {"flipped": body[:-1] + b"\0", "cut": body[:-1], "garbage": b"[" * 10_000}.get(
+            how, body
+        )
+        bucket.put_object(Bucket="assets", Key=name, Body=body)
+    second = Machine(tmp_path / "b", URL)
+    results = second.build(robot)
+    assert [r.outputs for r in results.values()] == [r.outputs for r in gold.values()]
+    assert len(second.warnings) == 1
+    assert "going on without" in second.warnings[0]
+
+
+def test_a_large_object_comes_in_parts(tmp_path, bucket):
+    from urllib.parse import urlsplit
+
+    from assetbuild.engine.remote_s3 import PART, S3Place
+
+    source, dest = tmp_path / "large", tmp_path / "came"
+    source.write_bytes(bytes(range(256)) * (7 * PART // 256) + b"end")
+    exchange = S3Place(urlsplit(URL), 10.0).exchange()
+    exchange.put("cas/large", source)
+    exchange.save("cas/large", source.stat().st_size, dest)
+    assert dest.read_bytes() == source.read_bytes()
+
+
+def test_an_endpoint_that_is_not_there_is_one_warning(tmp_path, robot, monkeypatch):
+    use("http://127.0.0.1:9", monkeypatch)
+    machine = Machine(tmp_path / "a", URL, budget=QUICK)
+    assert [r.status for r in machine.build(robot).values()] == ["ran"] * 3
+    assert len(machine.warnings) == 1
+    assert "\n" not in machine.warnings[0]
+
+
+@pytest.mark.parametrize("fault", ["500", "slow_headers", "garbage", "hang_up", "redirect_to_file"])
+def test_an_endpoint_that_misbehaves_costs_a_bounded_time(tmp_path, robot, monkeypatch, fault):
+    with serving() as server:
+        use(server.url, monkeypatch)
+        server.fault = fault
+        machine = Machine(tmp_path / "a", URL, budget=QUICK)
+        assert [r.status for r in machine.build(robot).values()] == ["ran"] * 3
+        assert machine.seconds < 30
+
+
+@pytest.mark.parametrize("url", ["s3://", "s3://user:secret@bucket", "s3://bucket:80/x", "gs://b"])
+def test_an_address_that_is_none_is_refused(url):
+    with pytest.raises(UsageError):
+        Remote(url)

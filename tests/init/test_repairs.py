@@ -1,0 +1,114 @@
+"""Edits that `init` writes: what they heal, and that the robot then builds."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from assetbuild.cli import main
+from assetbuild.init import propose, write
+from assetbuild.recipe.loader import load_recipe
+
+SOUND = "<inertia ixx='0.01' iyy='0.01' izz='0.01' ixy='0' ixz='0' iyz='0'/>"
+BOX = "<{0}><geometry><box size='0.1 0.1 0.1'/></geometry></{0}>"
+
+
+def inertial(mass: float, tensor: str = SOUND) -> str:
+    return f"<inertial><mass value='{mass}'/>{tensor}</inertial>"
+
+
+def tensor(xx: float, yy: float, zz: float) -> str:
+    return f"<inertia ixx='{xx}' iyy='{yy}' izz='{zz}' ixy='0' ixz='0' iyz='0'/>"
+
+
+def robot(*links: str, limits: str = "lower='-1' upper='1'") -> str:
+    """A base and one link after another, each 0.3 m beyond the last, on a hinge."""
+    text = f"<robot name='bot'><link name='base'>{inertial(5.0)}</link>"
+    for i, content in enumerate(links):
+        parent = f"link{i - 1}" if i else "base"
+        text += (
+            f"<link name='link{i}'>{content}</link><joint name='joint{i}' type='revolute'>"
+            f"<parent link='{parent}'/><child link='link{i}'/><origin xyz='0 0 0.3'/>"
+            f"<axis xyz='{i % 2} {1 - i % 2} 0'/><limit {limits} effort='9' velocity='5'/></joint>"
+        )
+    return text + "</robot>"
+
+
+def edits_for(urdf: str, folder: Path) -> list[dict[str, dict[str, object]]]:
+    (folder / "bot.urdf").write_text(urdf)
+    write(propose(folder / "bot.urdf", folder / "bot.yaml", {}), force=True)
+    return [dict(edit) for edit in load_recipe(folder / "bot.yaml").recipe.edits]
+
+
+def test_a_sound_robot_needs_none(tmp_path: Path):
+    assert edits_for(robot(inertial(1.0)), tmp_path) == []
+
+
+def test_a_tensor_beyond_the_triangle_is_balanced(tmp_path: Path):
+    flat = inertial(1.0, tensor(0.01, 0.01, 0.03))
+    assert edits_for(robot(flat, inertial(1.0), flat), tmp_path) == [
+        {"balance_inertia": {"link": "link[02]"}}
+    ]
+
+
+def test_a_broken_tensor_is_computed_from_the_shapes(tmp_path: Path):
+    zeros = inertial(1.5, tensor(0.0, 0.0, 0.0))
+    seen, solid = zeros + BOX.format("visual"), zeros + BOX.format("collision")
+    assert edits_for(robot(seen, solid), tmp_path) == [
+        {"inertia_from_geometry": {"link": "link0", "mass": 1.5, "open": "hull"}},
+        {
+            "inertia_from_geometry": {
+                "link": "link1", "mass": 1.5, "from": "collision", "open": "hull"
+            }
+        },
+    ]  # fmt: skip
+
+
+def test_a_point_mass_is_computed_from_the_shapes(tmp_path: Path):
+    point = inertial(1.5, tensor(1e-18, 1e-18, 1e-18)) + BOX.format("visual")
+    (edit,) = edits_for(robot(point), tmp_path)
+    assert edit["inertia_from_geometry"]["mass"] == 1.5
+
+
+def test_a_missing_mass_is_a_guess_that_says_so(tmp_path: Path):
+    (edit,) = edits_for(robot(BOX.format("visual")), tmp_path)
+    assert edit == {"inertia_from_geometry": {"link": "link0", "density": 1000, "open": "hull"}}
+    assert "a guess, as the source states no mass" in (tmp_path / "bot.yaml").read_text()
+
+
+def test_without_any_shape_it_becomes_a_ball(tmp_path: Path):
+    """10 g of water: 1.337 cm, 0.4 m r^2 = 7.145e-7 kg m2."""
+    (edit,) = edits_for(robot(""), tmp_path)
+    moments = {"ixx": 7.14e-07, "iyy": 7.14e-07, "izz": 7.14e-07}
+    assert edit == {"set_inertia": {"link": "link0", "mass": 0.01, "inertia": moments}}
+
+
+def test_links_between_joints_get_a_share(tmp_path: Path):
+    assert edits_for(robot("", inertial(1.0)), tmp_path) == [{"share_mass": {"link": "link0"}}]
+
+
+def test_crossed_limits_change_places(tmp_path: Path):
+    edits = edits_for(robot(inertial(1.0), limits="lower='1' upper='-0.5'"), tmp_path)
+    assert edits == [{"set_limits": {"joint": "joint0", "lower": -0.5, "upper": 1.0}}]
+
+
+def test_a_robot_with_all_of_it_builds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "cache"))
+    links = [
+        inertial(1.0, tensor(0.01, 0.01, 0.03)) + BOX.format("visual"),
+        inertial(1.5, tensor(0.0, 0.0, 0.0)) + BOX.format("visual"),
+        BOX.format("collision"),
+        "",
+        inertial(1.0),
+        "",
+    ]
+    edits = edits_for(robot(*links), tmp_path)
+    assert len(edits) == 5
+    out = tmp_path / "bundle"
+    assert main(["build", str(tmp_path / "bot.yaml"), "-o", str(out)]) == 0
+    report = json.loads((out / "report/report.json").read_text())
+    assert report["verdict"]["ready"]
+    told = {f["rule"] for f in report["findings"] if f["rule"].startswith("edit.")}
+    assert told == {f"edit.{name}" for edit in edits for name in edit}

@@ -1,0 +1,118 @@
+"""A native library that crashes, hangs or eats memory loses one result and nothing else."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+
+import numpy as np
+import pytest
+
+from assetbuild.mesh.merge import grown_to, merge_steps
+from assetbuild.mesh.native import NativeError, NativeLimits, run_apart
+from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.volume import signed_volume
+from assetbuild.robot.model import Box
+
+LIMITS = NativeLimits(cpu_s=2.0, memory_mb=256)
+UNIT = tessellate(Box((1.0, 1.0, 1.0)))
+
+
+def test_what_is_computed_apart_comes_back_as_it_was():
+    made = run_apart(lambda: [UNIT, UNIT.select(np.arange(3))], LIMITS)
+    assert np.array_equal(made[0].vertices, UNIT.vertices)
+    assert np.array_equal(made[0].faces, UNIT.faces)
+    assert len(made[1].faces) == 3
+    assert run_apart(list, LIMITS) == []
+
+
+def crash() -> list[TriangleMesh]:
+    os.kill(os.getpid(), signal.SIGSEGV)
+    return []
+
+
+def abort() -> list[TriangleMesh]:
+    os.write(2, b"terminate called after throwing an instance of 'std::length_error'\n")
+    os.abort()
+
+
+def hang() -> list[TriangleMesh]:
+    while True:
+        pass
+
+
+def gorge() -> list[TriangleMesh]:
+    return [TriangleMesh(np.ones((100_000_000, 3)), UNIT.faces)]
+
+
+def refuse() -> list[TriangleMesh]:
+    raise ValueError("no such mesh")
+
+
+@pytest.mark.parametrize(
+    ("work", "cause", "words"),
+    [
+        (crash, "crash", "SIGSEGV"),
+        (abort, "crash", "length_error"),
+        (hang, "time", "2 CPU s"),
+        (gorge, "memory", "256 MB"),
+        (refuse, "error", "no such mesh"),
+    ],
+)
+def test_the_cause_of_a_lost_result_is_told(work, cause, words):
+    with pytest.raises(NativeError, match=words) as caught:
+        run_apart(work, NativeLimits(2.0, 256) if work is hang else LIMITS)
+    assert caught.value.cause == cause
+
+
+def test_work_is_stopped_at_a_word_that_it_prints():
+    def talk() -> list[TriangleMesh]:
+        os.write(1, b"Mesh Manifoldness: false\n")
+        return hang()
+
+    with pytest.raises(NativeError) as caught:
+        run_apart(talk, LIMITS, stop_at=b"Manifoldness: false")
+    assert caught.value.cause == "stopped"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="counts children in /proc")
+def test_no_process_is_left_behind():
+    with pytest.raises(NativeError):
+        run_apart(crash, LIMITS)
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
+
+
+def octants() -> list[TriangleMesh]:
+    half = UNIT.scaled((0.5, 0.5, 0.5))
+    return [
+        half.mapped(np.eye(3), (x, y, z))
+        for x in (-0.25, 0.25)
+        for y in (-0.25, 0.25)
+        for z in (-0.25, 0.25)
+    ]
+
+
+def test_eight_octants_merge_into_the_box_that_they_are():
+    family = list(merge_steps(octants()))
+    assert [len(parts) for parts in family] == [8, 7, 6, 5, 4, 3, 2, 1]
+    (whole,) = family[-1]
+    assert np.ptp(whole, axis=0) == pytest.approx([1.0, 1.0, 1.0])
+    # Halves and slabs add no volume: a pair that leaves the box is never joined.
+    for parts in family:
+        assert all(np.abs(points).max() <= 0.5 + 1e-12 for points in parts)
+
+
+def test_parts_that_nothing_joins_are_merged_in_the_end():
+    far = [UNIT, UNIT.mapped(np.eye(3), (10.0, 0.0, 0.0))]
+    assert [len(parts) for parts in merge_steps(far)] == [2, 1]
+
+
+def test_a_shrunken_part_grows_back_onto_the_surface():
+    small = UNIT.scaled((0.9, 0.9, 0.9))
+    (grown,) = grown_to([small], UNIT.vertices, reach=0.1)
+    assert signed_volume(grown) == pytest.approx(1.0)
+    (left,) = grown_to([small], UNIT.vertices, reach=0.01)
+    assert signed_volume(left) == pytest.approx(0.9**3)

@@ -1,0 +1,172 @@
+"""MJCF texts through the reader, and on to the MJCF target, without a build."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+from tiny import run_step
+
+from assetbuild.findings import Finding
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Base, Control, Mesh, Shapes, Tree
+from assetbuild.robot.source import SourceControl
+from assetbuild.steps.assemble import Assemble, CollisionUse, VisualUse
+from assetbuild.steps.control import ControlStep
+from assetbuild.steps.convert_mesh import ConvertMesh
+from assetbuild.steps.flatten_mjcf import FlattenMjcf
+from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
+from assetbuild.steps.read_mjcf import ReadMjcf
+from assetbuild.targets.mjcf import Mjcf
+
+ROBOTS = Path(__file__).parent / "robots" / "mjcf"
+MAIN = "arm/robot.xml"
+
+
+@dataclass
+class Reading:
+    """What the reader wrote. flat, read: folders of the two steps' outputs."""
+
+    links: Tree
+    shapes: Shapes
+    source: SourceControl
+    lines: dict[str, int | str]
+    meshes: list[dict[str, object]]
+    findings: list[Finding]
+    flat: Path
+    read: Path
+    files: Path
+
+    @property
+    def control(self) -> Control:
+        return self.source.control
+
+    def rules(self) -> set[str]:
+        return {finding.rule for finding in self.findings}
+
+    def only(self, place: str) -> dict[str, str]:
+        """Elements that only MJCF has, by owner."""
+        return {i.owner: i.element for i in self.control.mjcf_only if i.place == place}
+
+
+def read(text: str, folder: Path, *, base: Base | None = None, **files: str | bytes) -> Reading:
+    """files: further files beside the MJCF; `__` stands for a slash, the last `_` for a dot."""
+    tree = folder / "in" / "tree"
+    (tree / MAIN).parent.mkdir(parents=True)
+    (tree / MAIN).write_text(text)
+    for name, content in files.items():
+        path = tree / "arm" / ".".join(name.replace("__", "/").rsplit("_", 1))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+    flat, out, inputs = folder / "flat", folder / "read", folder / "read_in"
+    findings = run_step(FlattenMjcf(file=MAIN), folder / "in", flat)
+    inputs.mkdir()
+    for name in ("source.xml", "lines.json"):
+        shutil.copyfile(flat / name, inputs / name)
+    meshes = json.loads((flat / "meshes.json").read_text())
+    for mesh in meshes:
+        (inputs / "files" / mesh["path"]).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(tree / mesh["path"], inputs / "files" / mesh["path"])
+    findings += run_step(ReadMjcf(base=base), inputs, out)
+    return Reading(
+        decode(Tree, (out / "links.json").read_bytes()),
+        decode(Shapes, (out / "shapes.json").read_bytes()),
+        decode(SourceControl, (out / "source_control.json").read_bytes()),
+        json.loads((flat / "source_map.json").read_text())["lines"],
+        meshes,
+        findings,
+        flat,
+        out,
+        inputs / "files",
+    )
+
+
+def hard_arm(folder: Path) -> Reading:
+    classes = (ROBOTS / "hard_arm_classes.xml").read_text()
+    return read((ROBOTS / "hard_arm.xml").read_text(), folder, hard_arm_classes_xml=classes)
+
+
+@dataclass
+class Written:
+    """inputs: the ports of a check, with `mjcf/robot.xml` and the source."""
+
+    inputs: Path
+    control: Control
+    findings: list[Finding]
+
+    @property
+    def xml(self) -> Path:
+        return self.inputs / "mjcf" / "robot.xml"
+
+
+def write(reading: Reading, folder: Path, **recipe: object) -> Written:
+    """The MJCF of a reading; recipe: further keys of the recipe."""
+    given = {"schema": "assetbuild/v1", "robot": "robot", "source": {"path": ".", "mjcf": MAIN}}
+    asked = Recipe.model_validate({**given, **recipe})
+    ports = folder / "ports"
+    ports.mkdir(parents=True)
+    merged = _run(
+        MergeFixedJoints(keep_source=True),
+        folder / "merge",
+        {"links.json": reading.read / "links.json", "source_control.json": _said(reading)},
+    )
+    shutil.copyfile(merged / "tree.json", ports / "tree.json")
+    _assemble(reading, folder, ports)
+    files = {name: ports / name for name in ("tree.json", "shapes.json", "meshes")}
+    files["source_control.json"] = _said(reading)
+    step = ControlStep.configure(asked)
+    out = folder / "control" / "out"
+    findings = run_step(step, _inputs(folder / "control", files), out)
+    shutil.copyfile(out / "control.json", ports / "control.json")
+    target = folder / "target"
+    findings += run_step(Mjcf.configure(asked), ports, target)
+    shutil.copytree(target / "mjcf", ports / "mjcf")
+    shutil.copyfile(reading.flat / "source.xml", ports / "source.xml")
+    if reading.files.is_dir():
+        shutil.copytree(reading.files, ports / "files")
+    control = decode(Control, (ports / "control.json").read_bytes())
+    return Written(ports, control, findings)
+
+
+def _said(reading: Reading) -> Path:
+    return reading.read / "source_control.json"
+
+
+def _assemble(reading: Reading, folder: Path, ports: Path) -> None:
+    inputs = {"shapes.json": reading.read / "shapes.json"}
+    visuals, collisions = [], []
+    for number, shape in enumerate(reading.shapes.shapes):
+        mesh = None
+        if isinstance(shape.geometry, Mesh):
+            step = ConvertMesh(format=shape.geometry.mesh[-3:], scale=shape.geometry.scale)
+            source = {"mesh": reading.files / shape.geometry.mesh}
+            made = _run(step, folder / f"mesh{number}", source)
+            mesh = f"mesh/{number}"
+            inputs |= {f"{mesh}/{name}": made / name for name in ("parts", "mesh.json")}
+        if shape.role == "visual":
+            visuals.append(VisualUse(shape=shape.name, folder=mesh, stem="mesh"))
+        else:
+            use = CollisionUse(link=shape.link, shape=shape.name, mesh=mesh, stem="mesh")
+            collisions.append(use)
+    step = Assemble(visuals=tuple(visuals), collisions=tuple(collisions), keep_names=True)
+    done = _run(step, folder / "assemble", inputs)
+    shutil.copyfile(done / "shapes.json", ports / "shapes.json")
+    shutil.copytree(done / "meshes", ports / "meshes")
+
+
+def _run(step, folder: Path, files: dict[str, Path]) -> Path:
+    run_step(step, _inputs(folder, files), folder / "out")
+    return folder / "out"
+
+
+def _inputs(folder: Path, files: dict[str, Path]) -> Path:
+    inputs = folder / "in"
+    inputs.mkdir(parents=True)
+    for name, path in files.items():
+        place = inputs / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copytree(path, place) if path.is_dir() else shutil.copyfile(path, place)
+    return inputs

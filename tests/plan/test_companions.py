@@ -1,0 +1,191 @@
+"""Textures on their whole way: named by a mesh in a source, shown by MJCF, USD and URDF."""
+
+from __future__ import annotations
+
+import io
+import json
+import tarfile
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+from pxr import Usd, UsdGeom, UsdShade
+
+from assetbuild.pipeline import Outcome, Request, build
+
+URDF = """<robot name="r">
+  <material name="paper"><color rgba="1 1 0 1"/><texture filename="pictures/check.bmp"/></material>
+  <link name="base">
+    <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual><geometry><mesh filename="meshes/a/tile.obj"/></geometry></visual>
+    <visual><origin xyz="1 0 0"/><geometry><mesh filename="meshes/a/tile.obj" scale="2 2 2"/>
+      </geometry></visual>
+    <visual><origin xyz="2 0 0"/><geometry><mesh filename="meshes/plain.obj"/></geometry>
+      <material name="paper"/></visual>
+    <visual><geometry><box size="1 1 1"/></geometry><material name="paper"/></visual>
+  </link>
+</robot>
+"""
+# A square whose picture is upright when the first row of pixels lies at y = 1.
+TILE = """mtllib ../looks/tile.mtl
+v 0 0 0
+v 1 0 0
+v 1 1 0
+v 0 1 0
+vt 0 0
+vt 1 0
+vt 1 1
+vt 0 1
+usemtl wood
+f 1/1 2/2 3/3 4/4
+"""
+MTL = "newmtl wood\nKd 1 1 1\nmap_Kd wood one.jpg\n"
+RECIPE = """schema: assetbuild/v1
+robot: r
+source: {{{source}, urdf: r.urdf, license: MIT}}
+collision: {{default: {{method: none}}}}
+targets: [mjcf, usd, urdf]
+"""
+
+
+def picture(top: tuple[int, int, int], bottom: tuple[int, int, int], format: str) -> bytes:
+    image, out = Image.new("RGB", (16, 16), bottom), io.BytesIO()
+    image.paste(top, (0, 0, 16, 8))
+    image.save(out, format=format)
+    return out.getvalue()
+
+
+FILES = {
+    "r.urdf": URDF.encode(),
+    "meshes/a/tile.obj": TILE.encode(),
+    "meshes/looks/tile.mtl": MTL.encode(),
+    "meshes/looks/wood one.jpg": picture((250, 0, 0), (0, 0, 250), "JPEG"),
+    "meshes/plain.obj": TILE.replace("mtllib ../looks/tile.mtl\n", "").encode(),
+    "pictures/check.bmp": picture((0, 250, 0), (0, 0, 0), "BMP"),
+}
+
+
+@pytest.fixture(autouse=True)
+def own_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "store"))
+
+
+def laid_out(folder: Path, files: dict[str, bytes]) -> Path:
+    for name, data in files.items():
+        (folder / "robot" / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / "robot" / name).write_bytes(data)
+    recipe = folder / "r.yaml"
+    recipe.write_text(RECIPE.format(source="path: robot"))
+    return recipe
+
+
+def built(recipe: Path) -> tuple[Outcome, Path, dict[str, list[str]]]:
+    """The outcome, its bundle, and the messages of its findings by rule."""
+    out = recipe.parent / "out"
+    outcome = build(Request(recipe=recipe, out=out), lambda _: None, lambda _: None)
+    assert outcome.exit_code == 0, outcome.errors or outcome.report
+    told: dict[str, list[str]] = {}
+    for finding in json.loads((out / "report/report.json").read_text())["findings"]:
+        told.setdefault(finding["rule"], []).append(finding["message"])
+    return outcome, out, told
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> Path:
+    _, out, told = built(laid_out(tmp_path, FILES))
+    assert "mesh.texture" not in told
+    assert len(told["texture.no_coordinates"]) == 1  # the box
+    return out
+
+
+def test_mujoco_shows_both_pictures_where_they_belong(bundle: Path):
+    model = mujoco.MjModel.from_xml_path(str(bundle / "mjcf/r.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    meshes = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)
+    reds, blues, greens = (250, 0, 0), (0, 0, 250), (0, 250, 0)
+    halves = ((reds, blues), (reds, blues), (greens, (0, 0, 0)))
+    for geom, (top, bottom) in zip(meshes, halves, strict=True):
+        for y, colour in corner_colours(model, data, geom):
+            assert colour == pytest.approx(top if y > 0.5 else bottom, abs=10)  # it was a JPEG
+
+
+def corner_colours(model, data, geom):
+    """(world y, colour of the texture there) of each corner of a geom's mesh."""
+    mesh = model.geom_dataid[geom]
+    texture = model.mat_texid[model.geom_matid[geom], mujoco.mjtTextureRole.mjTEXROLE_RGB]
+    width, height = model.tex_width[texture], model.tex_height[texture]
+    start = model.tex_adr[texture]
+    # The first row of the data is t = 0, as OpenGL has it.
+    pixels = model.tex_data[start : start + 3 * width * height].reshape(height, width, 3)
+    first, face = model.mesh_vertadr[mesh], model.mesh_faceadr[mesh]
+    for corners, coordinates in zip(
+        model.mesh_face[face : face + model.mesh_facenum[mesh]],
+        model.mesh_facetexcoord[face : face + model.mesh_facenum[mesh]],
+        strict=True,
+    ):
+        for corner, coordinate in zip(corners, coordinates, strict=True):
+            vertex = model.mesh_vert[first + corner]
+            y = (data.geom_xmat[geom].reshape(3, 3) @ vertex + data.geom_xpos[geom])[1]
+            s, t = model.mesh_texcoord[model.mesh_texcoordadr[mesh] + coordinate]
+            row, column = min(int(t * height), height - 1), min(int(s * width), width - 1)
+            yield y, tuple(int(v) for v in pixels[row, column])
+
+
+def test_usd_reads_the_picture_with_the_mesh_s_coordinates(bundle: Path):
+    stage = Usd.Stage.Open(str(bundle / "usd/r.usda"))
+    files = set()
+    for prim in stage.Traverse():
+        if prim.IsA(UsdShade.Shader) and UsdShade.Shader(prim).GetIdAttr().Get() == "UsdUVTexture":
+            path = Path(UsdShade.Shader(prim).GetInput("file").Get().resolvedPath)
+            assert path.is_file()
+            files.add(path.name.partition("-")[0])
+    assert files == {"wood_one", "check"}
+    meshes = [
+        prim
+        for prim in stage.Traverse(Usd.TraverseInstanceProxies())
+        if prim.IsA(UsdGeom.Mesh) and UsdGeom.PrimvarsAPI(prim).GetPrimvar("st").IsDefined()
+    ]
+    assert len(meshes) == 3
+
+
+def test_a_viewer_of_the_urdf_finds_the_texture_beside_the_mesh(bundle: Path):
+    for path in sorted((bundle / "urdf/meshes").glob("tile*.obj")):
+        mesh = trimesh.load(path, force="mesh", process=False)
+        assert mesh.visual.material.image.size == (16, 16)
+        assert mesh.visual.uv.shape == (4, 2)
+
+
+def test_a_picture_that_appears_later_is_noticed(tmp_path: Path):
+    files = {k: v for k, v in FILES.items() if k != "meshes/looks/wood one.jpg"}
+    recipe = laid_out(tmp_path, files)
+    outcome, _, told = built(recipe)
+    missing = tmp_path / "robot/meshes/looks/wood one.jpg"
+    assert missing in outcome.absent
+    assert "`../looks/wood one.jpg` is not in the source" in told["mesh.texture"][0]
+    missing.write_bytes(FILES["meshes/looks/wood one.jpg"])
+    outcome, _, told = built(recipe)
+    assert "mesh.texture" not in told
+    ran = {label for label, result in outcome.results.items() if result.status == "ran"}
+    assert "convert_mesh tile" in ran
+
+
+def test_a_picture_outside_of_the_source_is_not_followed(tmp_path: Path):
+    (tmp_path / "secret.png").write_bytes(picture((1, 2, 3), (4, 5, 6), "PNG"))
+    outside = MTL.replace("wood one.jpg", "../../../secret.png").encode()
+    _, out, told = built(laid_out(tmp_path, {**FILES, "meshes/looks/tile.mtl": outside}))
+    assert "is not in the source" in told["mesh.texture"][0]
+    assert not list(out.rglob("secret*"))
+
+
+def test_an_archive_gives_the_same_textures(tmp_path: Path, bundle: Path):
+    with tarfile.open(tmp_path / "robot.tar", "w") as archive:
+        archive.add(tmp_path / "robot", ".")
+    recipe = tmp_path / "r.yaml"
+    recipe.write_text(RECIPE.format(source="path: robot.tar"))
+    names = {path.name for path in (bundle / "mjcf/assets").iterdir()}
+    _, out, _ = built(recipe)
+    assert {path.name for path in (out / "mjcf/assets").iterdir()} == names

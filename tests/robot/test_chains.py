@@ -1,0 +1,151 @@
+"""Massless links between joints: which they are, and that one body with all joints moves alike."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from tiny import TinyRobot, ball_inertial, box_inertial, run_step, write_robot_ports
+
+from assetbuild.checks.mjcf_equal import MjcfEqual
+from assetbuild.robot.chains import find_chains
+from assetbuild.robot.model import (
+    Actuator,
+    Body,
+    Control,
+    Frame,
+    Inertial,
+    Joint,
+    Limits,
+    Shape,
+    Shapes,
+    Sphere,
+    Tree,
+)
+from assetbuild.robot.pose import Pose, normalised_quat
+from assetbuild.robot.tree import forward_kinematics, sample_positions
+from assetbuild.targets.mjcf import Mjcf
+
+TURNED = normalised_quat((0.9, 0.1, -0.2, 0.3))
+LIMITS = Limits(-1.2, 1.3, 10.0, 5.0)
+
+
+def hip(kinds: tuple[str, ...] = ("revolute", "prismatic", "revolute")) -> TinyRobot:
+    """A trunk, joints with massless links between them, a leg below, a foot on the leg."""
+    names = ["trunk", *(f"between{i}" for i in range(1, len(kinds))), "leg"]
+    axes = ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (0.6, 0.8, 0.0))
+    joints = [
+        Joint(
+            f"j{i}",
+            kind,  # type: ignore[arg-type] # a literal
+            names[i],
+            names[i + 1],
+            Pose((0.05 * i, 0.1, -0.02), TURNED if i != 1 else (1.0, 0.0, 0.0, 0.0)),
+            axes[i % 3],
+            LIMITS if kind != "planar" else Limits(),
+        )
+        for i, kind in enumerate(kinds)
+    ]
+    joints.append(
+        Joint("ankle", "revolute", "leg", "foot", Pose((0.0, 0.0, -0.4)), axes[1], LIMITS)
+    )
+    leg = box_inertial(2.0, (0.05, 0.06, 0.4), (0.01, 0.0, -0.2))
+    bodies = (
+        Body("trunk", box_inertial(10.0, (0.3, 0.2, 0.1))),
+        *(Body(name) for name in names[1:-1]),
+        Body("leg", leg),
+        Body("foot", ball_inertial(0.3, 0.04)),
+    )
+    tree = Tree("hip", "floating", bodies, tuple(joints))
+    drives = tuple(Actuator(j.name, "pd", 20.0, 1.0, effort=10.0) for j in tree.moving_joints)
+    return TinyRobot(tree, tree, Shapes(), Control(drives, excludes=(("between1", "trunk"),)))
+
+
+def built(robot: TinyRobot, folder: Path) -> mujoco.MjModel:
+    inputs = write_robot_ports(folder / "in", robot)
+    run_step(Mjcf(robot="hip"), inputs, inputs)
+    return mujoco.MjModel.from_xml_path(str(inputs / "mjcf/hip.xml"))
+
+
+def test_several_joints_stand_on_one_body(tmp_path: Path):
+    model = built(hip(), tmp_path)
+    assert [model.body(i).name for i in range(model.nbody)] == ["world", "trunk", "leg", "foot"]
+    assert [model.joint(i).name for i in range(model.njnt)][1:] == ["j0", "j1", "j2", "ankle"]
+
+
+def test_they_move_as_the_robot_does(tmp_path: Path):
+    """MuJoCo's kinematics against the product of the tree's own transforms."""
+    robot = hip()
+    model = built(robot, tmp_path)
+    data = mujoco.MjData(model)
+    for positions in sample_positions(robot.tree, 20, seed=3):
+        for name, value in positions.items():
+            data.joint(name).qpos[0] = value
+        mujoco.mj_kinematics(model, data)
+        expected = forward_kinematics(robot.tree, positions)
+        for body in ("leg", "foot"):
+            assert data.body(body).xpos == pytest.approx(np.array(expected[body].xyz), abs=1e-14)
+            matrix = data.body(body).xmat.reshape(3, 3)
+            assert matrix == pytest.approx(expected[body].rotation, abs=1e-14)
+
+
+@pytest.mark.parametrize("kinds", [("planar", "revolute"), ("continuous",) * 5, ("revolute",) * 6])
+def test_the_check_agrees(kinds: tuple[str, ...], tmp_path: Path):
+    robot = hip(kinds)
+    built(robot, tmp_path)
+    assert run_step(MjcfEqual(robot="hip"), tmp_path / "in", tmp_path / "out") == []
+
+
+def test_the_check_sees_a_joint_in_the_wrong_place(tmp_path: Path):
+    built(hip(), tmp_path)
+    path = tmp_path / "in/mjcf/hip.xml"
+    moved = re.sub(r'(name="j0"[^>]* pos=")[^"]*', r"\g<1>1 2 3", path.read_text())
+    path.write_text(moved)
+    found = run_step(MjcfEqual(robot="hip"), tmp_path / "in", tmp_path / "out")
+    assert "equal.mjcf.anchor" in {f.rule for f in found}
+
+
+def chains_of(tree: Tree, shown: tuple[str, ...] = ()) -> list[tuple[str, tuple[str, ...]]]:
+    return [(chain.body, chain.between) for chain in find_chains(tree, shown)]
+
+
+def test_only_massless_links_that_carry_nothing_are_between():
+    tree = hip().tree
+    assert chains_of(tree) == [("leg", ("between1", "between2"))]
+    assert chains_of(tree, shown=("between2",)) == []
+    heavy = replace(tree, bodies=(*tree.bodies[:1], Body("between1", ball_inertial(0.1, 0.1)),
+                                  *tree.bodies[2:]))  # fmt: skip
+    assert chains_of(heavy) == [("leg", ("between2",))]
+    framed = replace(tree, frames=(Frame("imu", "between1", Pose()),))
+    assert chains_of(framed) == [("leg", ("between2",))]
+    zeros = Body("between1", Inertial(0.0, (0.0, 0.0, 0.0), (0.0,) * 6))
+    stated = replace(tree, bodies=(tree.bodies[0], zeros, *tree.bodies[2:]))
+    assert chains_of(stated) == chains_of(tree)
+
+
+def test_a_link_with_two_joints_below_is_not_between():
+    tree = hip().tree
+    other = Joint("j9", "revolute", "between2", "hand", axis=(0.0, 0.0, 1.0), limits=LIMITS)
+    forked = replace(
+        tree,
+        bodies=(*tree.bodies, Body("hand", ball_inertial(0.1, 0.1))),
+        joints=(*tree.joints, other),
+    )
+    assert chains_of(forked) == []
+
+
+def test_more_than_six_degrees_of_freedom_stay_as_they_are():
+    assert chains_of(hip(("revolute",) * 7).tree) == []
+    assert chains_of(hip(("planar", "planar", "revolute")).tree) == []
+
+
+def test_what_is_shown_is_not_lost(tmp_path: Path):
+    """A massless link with a shape stays a body, which MuJoCo then refuses: loud, not lost."""
+    robot = hip()
+    ball = Shape("ball", "between1", "visual", Sphere(0.01))
+    with pytest.raises(ValueError, match="mass and inertia of moving bodies"):
+        built(replace(robot, shapes=Shapes((ball,))), tmp_path)

@@ -1,0 +1,346 @@
+"""An MJCF is read by MuJoCo's own rules, exactly; what cannot be read is told with its line."""
+
+# ruff: noqa: E501 # one broken file per line reads better than wrapped XML
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mjcfs import Reading, hard_arm, read
+
+from assetbuild.errors import SourceError
+from assetbuild.robot.model import Capsule, Contact, Limits, Mesh, Mimic, Place, Sensor
+from assetbuild.robot.tree import forward_kinematics
+
+TET = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+def robot(body: str, more: str = "", head: str = "") -> str:
+    return f'<mujoco model="r">{head}<worldbody>{body}</worldbody>{more}</mujoco>'
+
+
+ARM = '<body name="a"><geom name="g" size=".1"/><body name="b" pos="0 0 1"><joint name="j"/><geom name="h" size=".1"/></body></body>'
+
+
+def refused(text: str, tmp_path: Path, **files: str) -> str:
+    with pytest.raises(SourceError) as caught:
+        read(text, tmp_path, **files)
+    return str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Reading:
+    return hard_arm(tmp_path_factory.mktemp("arm"))
+
+
+# --- bodies and joints ----------------------------------------------------------------------
+
+
+def test_bodies_keep_their_names_and_only_those_with_mass_stay_bodies(arm: Reading):
+    assert arm.links.base == "fixed"
+    assert arm.links.root == "base"
+    assert arm.source.bodies == ("base", "upper", "lower", "slider", "follower", "welded")
+    assert "mark" in arm.links.by_body, "a body without mass only names a place"
+
+
+def test_several_joints_on_one_body_become_a_row_of_links(arm: Reading):
+    shoulder, twist = (arm.links.by_joint[name] for name in ("shoulder", "twist"))
+    assert (shoulder.parent, shoulder.child) == ("base", "upper_shoulder")
+    assert (twist.parent, twist.child) == ("upper_shoulder", "upper")
+    assert arm.links.by_body["upper_shoulder"].inertial is None
+    assert twist.X_parent_joint.xyz == pytest.approx((0.04, -0.02, -0.03)), "anchor to anchor"
+
+
+def test_a_joint_that_stands_elsewhere_moves_the_frame_and_keeps_the_old_one(arm: Reading):
+    frame = arm.links.joint_above["upper_origin"]
+    assert (frame.kind, frame.parent) == ("fixed", "upper")
+    assert frame.X_parent_joint.xyz == (-0.05, 0.0, 0.0)
+    assert "mjcf.joint_pos" in arm.rules()
+
+
+def test_positions_count_from_ref_and_degrees_become_radians(arm: Reading):
+    elbow = arm.links.by_joint["elbow"]
+    assert elbow.limits.lower == pytest.approx(math.radians(-20), abs=1e-15)
+    assert elbow.limits.upper == pytest.approx(math.radians(80), abs=1e-15)
+    values = dict(arm.control.keyframes[0].joints)
+    assert values["elbow"] == pytest.approx(0.5 - math.radians(20), abs=1e-15)
+    assert values["shoulder"] == 0.1
+    assert arm.control.by_joint["elbow"].ctrl == pytest.approx(
+        (-math.radians(20), 1.5 - math.radians(20))
+    )
+
+
+def test_frames_and_angles_are_those_of_the_file(arm: Reading):
+    """upper stands at (0.3, 0, 0) turned by 90 degrees: lower is 0.1 further along its x."""
+    poses = forward_kinematics(arm.links, {})
+    in_upper = poses["upper_origin"].inverse() @ poses["lower"]
+    assert in_upper.xyz == pytest.approx((0.3, 0.1, 0.0), abs=1e-15)
+    tip = poses["upper_origin"].inverse() @ poses["tip"]
+    assert tip.apply([1.0, 0.0, 0.0]) == pytest.approx([0.3, 1.0, 0.0])
+
+
+def test_a_full_inertia_is_taken_by_its_own_numbers(arm: Reading):
+    inertial = arm.links.by_body["lower"].inertial
+    assert inertial is not None
+    assert inertial.inertia_com_kg_m2 == (0.01, 0.012, 0.009, 0.001, 0.0005, -0.0004)
+
+
+def test_inertia_from_geoms_is_that_of_the_solid(tmp_path: Path):
+    reading = read(
+        robot('<body name="a"><geom type="box" size=".1 .2 .3" density="1000"/></body>'), tmp_path
+    )
+    inertial = reading.links.by_body["a"].inertial
+    assert inertial is not None
+    mass = 0.2 * 0.4 * 0.6 * 1000
+    assert inertial.mass_kg == pytest.approx(mass, rel=1e-15)
+    xx = mass / 12 * (0.4**2 + 0.6**2)
+    assert inertial.inertia_com_kg_m2[0] == pytest.approx(xx, rel=1e-14)
+
+
+def test_a_free_joint_makes_the_base_float_and_the_recipe_may_hold_it(tmp_path: Path):
+    text = robot('<body name="a" pos="0 0 2"><freejoint name="root"/><geom size=".1"/></body>')
+    floating = read(text, tmp_path / "1")
+    assert floating.links.base == "floating"
+    assert floating.only("freejoint") == {"": '<freejoint name="root"/>'}
+    assert floating.only("root") == {"a": '<body pos="0 0 2"/>'}
+    held = read(text, tmp_path / "2", base="fixed")
+    assert held.links.base == "fixed"
+    assert "mjcf.base" in held.rules()
+
+
+def test_a_joint_to_the_world_makes_the_world_the_root(tmp_path: Path):
+    text = robot(
+        '<body name="cart" pos="0 0 1"><joint name="rail" type="slide"/><geom size=".1"/></body>'
+    )
+    reading = read(text, tmp_path)
+    assert reading.links.root == "world"
+    assert reading.links.by_joint["rail"].X_parent_joint.xyz == (0.0, 0.0, 1.0)
+
+
+def test_what_has_no_name_gets_one(tmp_path: Path):
+    text = robot(
+        '<body><geom size=".1"/><geom size=".1"/><geom size=".1" contype="0" conaffinity="0"/><body><joint/><geom size=".1"/><site/></body></body>'
+    )
+    reading = read(text, tmp_path)
+    assert [b.name for b in reading.links.bodies] == ["body", "body_body", "body_body_site"]
+    assert [s.name for s in reading.shapes.shapes] == [
+        "body_collision",
+        "body_collision2",
+        "body_visual",
+        "body_body_collision",
+    ]
+    assert reading.links.moving_joints[0].name == "body_body_joint"
+
+
+def test_a_site_named_like_a_body_is_renamed_aloud(arm: Reading):
+    assert "slider_site" in arm.links.by_body
+    assert "mjcf.renamed" in arm.rules()
+
+
+# --- shapes and surfaces --------------------------------------------------------------------
+
+
+def test_geoms_that_touch_are_collision_the_others_visual(arm: Reading):
+    assert [s.name for s in arm.shapes.of("visual")] == ["base_visual"]
+    names = [s.name for s in arm.shapes.of("collision")]
+    assert names == [
+        "base_collision",
+        "beam",
+        "knob",
+        "tube",
+        "ball",
+        "follower_collision",
+        "welded_collision",
+    ]
+
+
+def test_a_capsule_from_end_to_end_has_its_length(arm: Reading):
+    beam = next(s for s in arm.shapes.shapes if s.name == "beam")
+    assert isinstance(beam.geometry, Capsule)
+    assert (beam.geometry.radius, beam.geometry.length) == pytest.approx((0.03, 0.3))
+    ends = beam.X_link_shape.apply([[0, 0, 0.15], [0, 0, -0.15]])
+    assert sorted(ends[:, 0]) == pytest.approx([-0.05, 0.25]), "counted from the joint at 0.05"
+
+
+def test_surfaces_are_those_of_the_classes(arm: Reading):
+    contacts = dict(arm.control.contacts)
+    rubber = Contact(friction=(0.9, 0.01, 0.001), condim=4)
+    assert arm.control.contact == rubber
+    assert contacts["beam"] == rubber
+    assert contacts["tube"] == Contact()
+    assert contacts["knob"].priority == 2
+
+
+def test_a_shape_that_only_mjcf_has_stays_whole(arm: Reading):
+    assert 'type="ellipsoid"' in arm.only("body")["base"]
+    assert not any(shape.name == "egg" for shape in arm.shapes.shapes)
+
+
+def test_a_turned_and_moved_mesh_lands_where_mujoco_puts_it(tmp_path: Path):
+    """MuJoCo's documentation: refpos is subtracted, refquat undone, then the scale applied."""
+    import mujoco
+
+    head = '<asset><mesh name="m" file="tet.obj" scale="0.1 0.1 0.1" refpos="0.1 0.2 0.3" refquat="1 0.3 0.2 0.1"/></asset>'
+    text = robot(
+        '<body name="a"><geom name="g" type="mesh" mesh="m" pos="1 2 3" euler="10 20 30"/></body>',
+        head=head,
+    )
+    reading = read(text, tmp_path, tet_obj=TET)
+    shape = reading.shapes.shapes[0]
+    assert isinstance(shape.geometry, Mesh)
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]]) * shape.geometry.scale
+    model = mujoco.MjModel.from_xml_string(text, {"tet.obj": TET.encode()})
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.geom_quat[0])
+    expected = model.mesh_vert @ turn.reshape(3, 3).T + model.geom_pos[0]
+    found = shape.X_link_shape.apply(vertices)
+    assert found == pytest.approx(expected, abs=1e-6), "MuJoCo keeps vertices as float32"
+
+
+def test_an_unevenly_scaled_mesh_keeps_its_scale(tmp_path: Path):
+    head = '<asset><mesh file="tet.obj" scale="1 -2 3" refpos="1 1 1"/></asset>'
+    text = robot('<body name="a"><geom type="mesh" mesh="tet"/></body>', head=head)
+    shape = read(text, tmp_path, tet_obj=TET).shapes.shapes[0]
+    assert shape.geometry == Mesh("arm/tet.obj", (1.0, -2.0, 3.0))
+    assert shape.X_link_shape.xyz == pytest.approx((-1.0, 2.0, -3.0))
+
+
+# --- drives, sensors, couplings -------------------------------------------------------------
+
+
+def test_drives_are_the_robots_where_it_has_the_words(arm: Reading):
+    drives = arm.control.by_joint
+    assert (drives["elbow"].model, drives["elbow"].kp, drives["elbow"].kd) == ("pd", 50.0, 2.0)
+    assert (drives["elbow"].effort, drives["elbow"].name) == (20.0, "pull")
+    assert (drives["twist"].model, drives["twist"].kd) == ("velocity", 3.0)
+    assert drives["shoulder"].model == "passive", "a motor with a gear is left to MJCF"
+    assert {d.armature for d in drives.values()} == {0.01}
+    assert 'gear="30 0 0 0 0 0"' in "".join(
+        i.element for i in arm.control.mjcf_only if i.place == "actuator"
+    )
+    assert arm.links.by_joint["elbow"].limits.effort == 20.0
+
+
+@pytest.mark.parametrize(
+    ("element", "model"),
+    [
+        ('<motor joint="j" ctrlrange="-5 5"/>', "motor"),
+        ('<position joint="j" kp="3"/>', "pd"),
+        ('<velocity joint="j" kv="3"/>', "velocity"),
+        ('<general joint="j" gainprm="2" biastype="affine" biasprm="1 -2 0"/>', "general"),
+        ('<intvelocity joint="j" kp="2" actrange="-1 1"/>', "passive"),
+        ('<motor joint="j" ctrlrange="-5 6"/>', "general"),
+        ('<position joint="j" kp="3" forcerange="-1 2"/>', "passive"),
+        ('<motor joint="j" group="2"/>', "passive"),
+    ],
+)
+def test_every_actuator_is_the_robots_or_left_whole(element: str, model: str, tmp_path: Path):
+    reading = read(robot(ARM, f"<actuator>{element}</actuator>"), tmp_path)
+    assert reading.control.by_joint["j"].model == model
+    whole = [item for item in reading.control.mjcf_only if item.place == "actuator"]
+    assert bool(whole) == (model == "passive")
+
+
+def test_a_linear_coupling_is_a_mimic_and_its_softness_stays_with_mjcf(arm: Reading):
+    assert arm.links.by_joint["follow"].mimic == Mimic("slide", -1.0, 0.01)
+    assert arm.only("mimic") == {"follow": '<joint solref="0.005 1" name="couple"/>'}
+    assert 'site2="slider_site"' in arm.only("equality")[""], "under the frame's new name"
+
+
+def test_sensors_are_the_robots_where_it_has_the_words(tmp_path: Path):
+    sensors = '<gyro site="s"/><framepos name="f" objtype="xbody" objname="b" reftype="site" refname="s" cutoff="3"/><jointpos joint="j" noise="0.1"/><framezaxis name="z" objtype="body" objname="world"/><distance name="d" geom1="g" geom2="h" cutoff="1"/>'
+    text = robot(
+        ARM.replace("</body></body>", '<site name="s"/></body></body>'),
+        f"<sensor>{sensors}</sensor>",
+    )
+    reading = read(text, tmp_path)
+    assert reading.control.sensors == (
+        Sensor("s_gyro", "gyro", Place("frame", "s")),
+        Sensor("f", "framepos", Place("frame", "b"), Place("frame", "s"), cutoff=3.0),
+        Sensor("j_jointpos", "jointpos", Place("joint", "j"), noise=0.1),
+        Sensor("z", "framezaxis", Place("world")),
+    )
+    assert [i.element for i in reading.control.mjcf_only if i.place == "sensor"] == [
+        '<distance name="d" cutoff="1" geom1="g" geom2="h"/>'
+    ]
+
+
+def test_excludes_and_cameras(arm: Reading):
+    assert arm.control.excludes == (("base", "lower"),)
+    eye = next(camera for camera in arm.control.cameras if camera.name == "eye")
+    assert (eye.link, eye.resolution) == ("slider", (320, 240))
+    assert eye.fovy == pytest.approx(math.radians(50))
+    assert next(c for c in arm.control.cameras if c.name == "world_cam").link is None
+
+
+def test_limits_of_unlimited_joints_are_not_invented(tmp_path: Path):
+    joint = read(robot(ARM), tmp_path).links.by_joint["j"]
+    assert (joint.kind, joint.limits) == ("continuous", Limits())
+
+
+# --- includes, lines, refusals --------------------------------------------------------------
+
+
+def test_lines_are_those_of_the_files(arm: Reading):
+    from mjcfs import ROBOTS
+
+    text = (ROBOTS / "hard_arm.xml").read_text().splitlines()
+    for subject, needle in {
+        "link lower": 'name="lower"',
+        "joint slide": 'name="slide"',
+        "shape beam": 'name="beam"',
+    }.items():
+        assert needle in text[int(arm.lines[subject]) - 1]
+
+
+def test_an_included_body_is_found_in_its_own_file(tmp_path: Path):
+    inside = f"<mujoco>\n<worldbody>\n{ARM}</worldbody></mujoco>"
+    reading = read('<mujoco><include file="more.xml"/></mujoco>', tmp_path, more_xml=inside)
+    assert reading.lines["link a"] == "arm/more.xml:3"
+
+
+def test_a_comment_changes_only_the_lines(tmp_path: Path):
+    plain, noted = (
+        read(robot(ARM), tmp_path / "1"),
+        read(robot("<!-- a\nb -->" + ARM), tmp_path / "2"),
+    )
+    assert (plain.flat / "source.xml").read_bytes() == (noted.flat / "source.xml").read_bytes()
+    for name in ("links.json", "shapes.json", "source_control.json"):
+        assert (plain.read / name).read_bytes() == (noted.read / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<robot/>", "robot.xml:1: the root element is <robot>, not <mujoco>\nhint: this is URDF: use `source.urdf`"),
+        ("<mujoco/>", "robot.xml:1: an MJCF without <worldbody>"),
+        ("<mujoco><worldbody>", "robot.xml:1: not readable as XML"),
+        ('<!DOCTYPE m [<!ENTITY a "b">]><mujoco/>', "a DOCTYPE is not allowed"),
+        (robot(""), "a robot without bodies"),
+        (robot('<body name="a"><geom size=".1"/>\n<replicate count="3"><geom/></replicate></body>'), "robot.xml:2: <replicate> is not read"),
+        (robot('<body name="a"><geom size=".1"/>\n<body name="b"><joint type="ball"/><geom size=".1"/></body></body>'), "robot.xml:2: body `b`: ball joints are not read\nhint: write it as three hinges"),
+        (robot('<body name="a"><freejoint/><geom size=".1"/></body>\n<body name="c"><freejoint/><geom size=".1"/></body>'), "robot.xml:2: 2 bodies in the world, some of them free"),
+        (robot('<body name="a">\n<geom size=".1" sise="3"/></body>'), "robot.xml:2: MuJoCo does not compile it: Schema violation: unrecognized attribute: 'sise'"),
+        (robot('<body name="a">\n<joint/></body>'), "MuJoCo does not compile it: mass and inertia of moving bodies"),
+        (robot('<body name="a">\n<geom class="no" size=".1"/></body>'), "robot.xml:2: no default class `no`"),
+        (robot(ARM, head='<asset><mesh name="m" file="../../x.stl"/></asset>'), "file `../../x.stl` leads out of the source"),
+        (robot(ARM, head='<asset><mesh name="m" file="/etc/x.stl"/></asset>'), "file `/etc/x.stl` cannot be followed"),
+        (robot(ARM, head='<asset><mesh name="m" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>'), "mesh `m` has no file"),
+        (robot(ARM, head='<asset><mesh file="a.msh"/></asset>'), "is neither STL nor OBJ"),
+        (robot(ARM, head='<include file="no.xml"/>'), "no file `arm/no.xml` to include"),
+        (robot(ARM, head='<include file="../../../etc/passwd"/>'), "leads out of the source"),
+        (robot(ARM, head='<include file="robot.xml"/>'), "is included twice"),
+        (robot('<body name="a"><geom size=".1"/><body name="b"><joint name="j" ref="1"/><geom size=".1"/></body></body>', '<tendon><fixed>\n<joint joint="j" coef="1"/></fixed></tendon>'), "robot.xml:2: tendon over joint `j` with `ref`"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_read_is_one_error_with_its_line(text: str, message: str, tmp_path: Path):
+    assert message in refused(text, tmp_path)
+
+
+def test_what_is_left_out_is_told(arm: Reading):
+    told = {f.data["element"] for f in arm.findings if f.rule == "mjcf.dropped"}
+    assert told == {"geom of worldbody", "visual"}
+    assert {"mjcf.visible_collision", "mjcf.order"} <= arm.rules()

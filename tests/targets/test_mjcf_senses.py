@@ -1,0 +1,138 @@
+"""Sensors, cameras, surfaces and general actuators stand in the MJCF, and the check reads them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
+
+from assetbuild.checks.mjcf_equal import MjcfEqual
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.model import Actuator, Camera, Contact, General, Place, Sensor
+from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.targets.mjcf import Mjcf
+
+FOOT = Contact((1.0, 0.01, 0.001), 6, 1, (0.01, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0), 0.001)
+FEET = tuple((f"{leg}_foot_collision", FOOT) for leg in ("FR", "FL", "RR", "RL"))
+SENSORS = (
+    Sensor("imu_ang_vel", "gyro", Place("frame", "imu"), noise=0.1),
+    Sensor("trunk_gyro", "gyro", Place("frame", "trunk")),
+    Sensor("up", "framezaxis", Place("frame", "trunk"), Place("frame", "imu")),
+    Sensor("root_angmom", "subtreeangmom", Place("body", "trunk")),
+    Sensor("hip", "jointpos", Place("joint", "FR_hip_joint"), cutoff=2.0),
+    Sensor("hip_torque", "actuatorfrc", Place("actuator", "FR_hip_joint")),
+    Sensor("FR_foot_contact", "contact", Place("shape", "FR_foot_collision")),
+)
+CAMERAS = (
+    Camera("front", "imu", Pose((0.1, 0.0, 0.02), quat_of_rpy(1.0, 0.2, -0.4)), 1.2, (320, 240)),
+    Camera("room", None, Pose((0.0, -2.0, 1.0)), tracking="trackcom"),
+)
+
+
+def robot_with_all() -> TinyRobot:
+    robot = tiny_quadruped()
+    control = replace(robot.control, contacts=FEET, sensors=SENSORS, cameras=CAMERAS)
+    return replace(robot, control=control)
+
+
+def built(
+    robot: TinyRobot, folder: Path, spoil: Callable[[str], str] = str
+) -> tuple[mujoco.MjModel, list[Finding], str]:
+    inputs = check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
+    path = inputs / "mjcf/robot.xml"
+    path.write_text(spoil(path.read_text()))
+    findings = run_step(MjcfEqual(robot="robot"), inputs, folder / "out")
+    return mujoco.MjModel.from_xml_path(str(path)), findings, path.read_text()
+
+
+def test_every_sensor_camera_and_surface_is_in_the_compiled_model(tmp_path: Path) -> None:
+    model, findings, text = built(robot_with_all(), tmp_path)
+    assert findings == []
+    assert model.nsensor == len(SENSORS)
+    assert text.count("condim") == text.count("solref") == 1, "said once, in the class"
+    assert '<default class="foot">' in text
+    foot = model.geom("FR_foot_collision")
+    assert (foot.condim[0], foot.priority[0], foot.margin[0]) == (6, 1, 0.001)
+    assert model.geom("trunk_collision").condim[0] == 3
+
+
+def test_a_sensor_on_a_body_gets_a_site_in_its_origin(tmp_path: Path) -> None:
+    model, _, _ = built(robot_with_all(), tmp_path)
+    site = int(model.sensor("trunk_gyro").objid[0])
+    assert model.site(site).name == "trunk"
+    assert np.array_equal(model.site(site).pos, (0.0, 0.0, 0.0))
+
+
+def test_a_foot_contact_sensor_feels_the_weight(tmp_path: Path) -> None:
+    robot = robot_with_all()
+    inputs = check_inputs(tmp_path, robot, Mjcf(robot="robot"), "mjcf")
+    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/scene.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for _ in range(400):
+        mujoco.mj_step(model, data)
+    found, *force = data.sensor("FR_foot_contact").data
+    weight = 9.81 * sum(b.inertial.mass_kg for b in robot.tree.bodies if b.inertial)
+    assert found == 1
+    assert abs(force[0]) == pytest.approx(weight / 4, rel=0.25)
+
+
+def test_a_camera_looks_where_it_is_told(tmp_path: Path) -> None:
+    model, _, _ = built(robot_with_all(), tmp_path)
+    index = model.camera("front").id
+    assert math.radians(model.cam_fovy[index]) == pytest.approx(1.2)
+    assert tuple(model.cam_resolution[index]) == (320, 240)
+
+
+SPOILT = {
+    "contact": ('condim="6"', 'condim="4"'),
+    "sensor": ('<gyro name="trunk_gyro"', '<accelerometer name="trunk_gyro"'),
+    "camera": ('fovy="', 'fovy="1'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", SPOILT)
+def test_the_check_names_what_differs(what: str, tmp_path: Path) -> None:
+    _, findings, _ = built(robot_with_all(), tmp_path, lambda text: text.replace(*SPOILT[what]))
+    assert {f.rule for f in findings} == {f"equal.mjcf.{what}"}
+
+
+def test_a_general_actuator_keeps_its_parameters(tmp_path: Path) -> None:
+    robot = pendulum()
+    general = General("filter", "fixed", "affine", (0.1,), (30.0,), (0.0, -30.0, -2.0))
+    drive = Actuator("swing_joint", "general", effort=5.0, ctrl=(-1.5, 1.5), general=general)
+    robot = replace(robot, control=replace(robot.control, actuators=(drive,)))
+    model, findings, text = built(robot, tmp_path)
+    assert findings == []
+    assert tuple(model.actuator_biasprm[0][:3]) == (0.0, -30.0, -2.0)
+    assert tuple(model.actuator_ctrlrange[0]) == (-1.5, 1.5)
+    assert "gaintype" not in text, "MuJoCo's own default"
+
+
+def test_a_sensor_without_its_place_is_refused(tmp_path: Path) -> None:
+    robot = pendulum()
+    drive = replace(robot.control.actuators[0], model="passive")
+    sensor = Sensor("t", "actuatorfrc", Place("actuator", "swing_joint"))
+    control = replace(robot.control, actuators=(drive,), sensors=(sensor,))
+    with pytest.raises(StepError, match="sensor t: MJCF has no actuatorfrc"):
+        built(replace(robot, control=control), tmp_path)
+
+
+def test_the_options_of_the_recipe_are_in_the_file(tmp_path: Path) -> None:
+    said = {"solver": "CG", "iterations": 7, "ls_iterations": 9, "cone": "elliptic", "impratio": 3}
+    recipe = Recipe.model_validate(
+        {"schema": "assetbuild/v1", "robot": "robot", "source": {"path": "p", "urdf": "r"},
+         "mjcf": said | {"integrator": "Euler"}}
+    )  # fmt: skip
+    inputs = check_inputs(tmp_path, tiny_quadruped(), Mjcf.configure(recipe), "mjcf")
+    option = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/robot.xml")).opt
+    assert (option.iterations, option.ls_iterations, option.impratio) == (7, 9, 3.0)
+    assert (option.solver, option.cone, option.integrator) == (1, 1, 0)
