@@ -16,7 +16,8 @@ from xml.etree.ElementTree import Element
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
-from assetbuild.recipe.models import CollisionRule, Recipe
+from assetbuild.recipe.collision import CollisionRule
+from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Role, Shapes
 

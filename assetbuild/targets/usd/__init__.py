@@ -10,7 +10,7 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.kinds import Target
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.models import Usd as Options
+from assetbuild.recipe.usd import Usd as Options
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Shapes, Tree
 from assetbuild.robot.tree import forward_kinematics

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from assetbuild.findings import Finding
-from assetbuild.recipe.models import UsdRigidBody
+from assetbuild.recipe.usd import UsdRigidBody
 from assetbuild.robot.inertia import Tensor, matrix_of
 from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.pose import Array, Pose, Quat, Vec3, quat_of, vec3

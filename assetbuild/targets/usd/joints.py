@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from assetbuild.errors import StepError
-from assetbuild.recipe.models import Usd as Options
-from assetbuild.recipe.models import UsdArticulation
+from assetbuild.recipe.usd import Usd as Options
+from assetbuild.recipe.usd import UsdArticulation
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import MOVING, Actuator, Control, Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply

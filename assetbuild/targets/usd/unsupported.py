@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from assetbuild.findings import Finding
-from assetbuild.recipe.models import Usd as Options
+from assetbuild.recipe.usd import Usd as Options
 from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.targets.usd.joints import starting_positions
 from assetbuild.targets.usd.units import is_angular, limits
