@@ -26,6 +26,7 @@ from assetbuild.recipe.randomize import Randomize
 from assetbuild.recipe.sensing import Cameras, Feet, Imu, Sensors
 from assetbuild.recipe.surface import Contact as Contact
 from assetbuild.recipe.surface import Simulation as Simulation
+from assetbuild.recipe.trials import TotalMass, Trials
 from assetbuild.recipe.usd import Usd
 
 
@@ -253,6 +254,12 @@ class Validate(Model):
         default_factory=lambda: Sine.model_validate({}),
         description="part of the comparison of two simulators; null = do not run it",
     )
+    trials: Trials | None = Field(
+        default_factory=lambda: Trials.model_validate({}),
+        description="small experiments in MuJoCo: drives, energy, timestep, self-collision, "
+        "balance, settling; null = do not run them",
+    )
+    mass: TotalMass = Field(default_factory=lambda: TotalMass.model_validate({}))
     simulators: tuple[Literal["mujoco", "physx"], ...] = Field(
         ("mujoco",),
         description="engines that run the physical checks; `physx` needs assetbuild[physx]",
