@@ -14,9 +14,9 @@ from pxr import Usd, UsdPhysics
 from tiny import TinyRobot, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.checks.alignment import Alignment, Row, findings_of
-from assetbuild.cli.outputs import WITHHELD, public_message
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Recipe, Sine
+from assetbuild.report.summary import WITHHELD, public_message
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.usd import Usd as UsdTarget
 
