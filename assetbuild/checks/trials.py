@@ -27,7 +27,7 @@ class Trials(Check):
 
     isolated = True
     preload = ("mujoco",)
-    tools = ("mujoco", "scipy")
+    tools = ("mujoco",)
     needs = ("mjcf",)
     reads = ("tree.json", "control.json")
 

@@ -291,19 +291,21 @@ def support(model: Model) -> Support:
 
 
 def polygon_margin(points: Array, inside: Array) -> float | None:
-    """Distance (m) of a point to the border of the convex hull of points (n, 2); None: no area."""
-    from scipy.spatial import ConvexHull, QhullError
+    """Distance (m) of a point to the border of the convex hull of points (n, 2); None: no area.
 
-    if len(points) < 3:
+    A line through two points is a side when all others lie on one side of it: for a few dozen
+    contacts that is quicker than to load a library for it.
+    """
+    if len(points) < 3 or np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] < 1e-3:
         return None
-    try:
-        hull = ConvexHull(points)
-    except QhullError:
-        return None
-    if hull.volume < 1e-6:
-        return None
-    # Outside of a corner the nearest edge line is nearer than the corner: the sign is what counts.
-    return -float((hull.equations[:, :2] @ inside + hull.equations[:, 2]).max())
+    along = points[None, :] - points[:, None]
+    length = np.linalg.norm(along, axis=2, keepdims=True)
+    outward = np.stack([along[..., 1], -along[..., 0]], axis=2) / np.where(length > 0, length, 1.0)
+    beyond = np.einsum("ijc,ijkc->ijk", outward, points[None, None] - points[:, None, None])
+    is_side = (beyond.max(axis=2) <= 1e-9) & (length[..., 0] > 1e-9)
+    distance = np.einsum("ijc,ijc->ij", outward, inside - points[:, None])
+    # Outside of a corner the nearest side's line is nearer than the corner: the sign counts.
+    return -float(distance[is_side].max())
 
 
 @dataclass(frozen=True)
