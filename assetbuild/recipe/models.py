@@ -260,6 +260,9 @@ class Validate(Model):
         "balance, settling; null = do not run them",
     )
     mass: TotalMass = Field(default_factory=lambda: TotalMass.model_validate({}))
+    max_shift: Positive = Field(
+        0.015, description="m: collision geometry beside the visual geometry of its body, warning"
+    )
     simulators: tuple[Literal["mujoco", "physx"], ...] = Field(
         ("mujoco",),
         description="engines that run the physical checks; `physx` needs assetbuild[physx]",
