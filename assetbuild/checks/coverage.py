@@ -6,20 +6,18 @@ from: a kept shape that moved by 3 cm is nobody's result.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from assetbuild.engine.step import Files
-from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
-from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import Primitive, tessellate
-from assetbuild.mesh.solids import distance_to
+from assetbuild.mesh.solids import Distance, distance_to
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Mesh, Shape, Shapes, Tree
@@ -34,7 +32,9 @@ SHARE = 0.08
 @dataclass(frozen=True)
 class Fit:
     """bare: 95 % of the visual vertices stick out of the collision less than this; over: how far
-    collision sticks out of the visual hull; shift: both ends moved alike, by axis. m."""
+    collision sticks out of the visual hulls of its body and of the next ones; shift: both ends
+    moved alike, by axis. m.
+    """
 
     bare_m: float
     over_m: float
@@ -66,11 +66,16 @@ class Coverage(Check):
             asset.name: read_triangles((files.inputs / "meshes" / asset.file).read_bytes()).vertices
             for asset in shapes.meshes
         }
+        seen = {b.name: _points(tree, shapes, clouds, b.name, "visual") for b in tree.bodies}
+        visual = {name: points for name, points in seen.items() if points is not None}
+        hulls = {name: distance_to(points, IDENTITY) for name, points in visual.items()}
         fits = {}
-        for body in tree.bodies:
-            fit = _fit(tree, shapes, clouds, body.name)
-            if fit is not None:
-                fits[body.name] = fit
+        for body in visual:
+            collision = _points(tree, shapes, clouds, body, "collision")
+            if collision is not None:
+                solids = _solids(tree, shapes, clouds, body)
+                beyond = _beyond_robot(tree, hulls, body, collision)
+                fits[body] = _fit(visual[body], collision, solids, beyond)
         rows = [
             {"body": name, "not_covered_mm": 1e3 * f.bare_m, "sticks_out_mm": 1e3 * f.over_m,
              "shift_mm": [1e3 * v for v in f.shift_m]}
@@ -79,7 +84,8 @@ class Coverage(Check):
         write_figures(files, {"bodies": rows})
         for name, fit in fits.items():
             largest = max(map(abs, fit.shift_m))
-            if largest > max(self.max_shift, SHARE * fit.size_m):
+            limit = max(self.max_shift, SHARE * fit.size_m)
+            if largest > limit and fit.over_m > 0.5 * largest:
                 axis = "xyz"[int(np.argmax(np.abs(fit.shift_m)))]
                 yield Finding(
                     "coverage.shift",
@@ -92,35 +98,42 @@ class Coverage(Check):
                 )
 
 
-def _fit(tree: Tree, shapes: Shapes, clouds: Mapping[str, Array], body: str) -> Fit | None:
-    """None for a body without one of the two, or without volume."""
-    visual = _points(tree, shapes, clouds, body, "visual")
-    collision = _points(tree, shapes, clouds, body, "collision")
-    if visual is None or collision is None:
-        return None
-    try:
-        convex_hull(visual)
-    except StepError:
-        return None
-    solids = [
+def _fit(visual: Array, collision: Array, solids: Sequence[Distance], beyond_m: float) -> Fit:
+    some = visual[:: -(-len(visual) // MOST_POINTS)]
+    bare = np.min([distance(some) for distance in solids], axis=0)
+    lower = collision.min(axis=0) - visual.min(axis=0)
+    upper = collision.max(axis=0) - visual.max(axis=0)
+    alike = np.where(lower * upper > 0.0, np.minimum(np.abs(lower), np.abs(upper)), 0.0)
+    x, y, z = (float(v) for v in np.sign(lower) * alike)
+    size = float(np.linalg.norm(visual.max(axis=0) - visual.min(axis=0)))
+    return Fit(max(float(np.percentile(bare, 95)), 0.0), beyond_m, (x, y, z), size)
+
+
+def _beyond_robot(tree: Tree, hulls: Mapping[str, Distance], body: str, collision: Array) -> float:
+    """How far collision sticks out of the visual hulls of its body and of the next ones, m.
+
+    A source may give a motor to one link to be seen and to its neighbour to be hit.
+    """
+    above = tree.joint_above.get(body)
+    poses = {body: IDENTITY}
+    if above is not None:
+        poses[above.parent] = above.X_parent_joint.inverse()
+    poses |= {j.child: j.X_parent_joint for j in tree.joints if j.parent == body}
+    apart = [
+        hulls[name](X_body_other.inverse().apply(collision))
+        for name, X_body_other in poses.items()
+        if name in hulls
+    ]
+    return max(float(np.min(apart, axis=0).max()), 0.0)
+
+
+def _solids(tree: Tree, shapes: Shapes, clouds: Mapping[str, Array], body: str) -> list[Distance]:
+    return [
         distance_to(_solid(shape, clouds), X_body_link @ shape.X_link_shape)
         for shape in shapes.of("collision")
         for owner, X_body_link in (tree.placement(shape.link),)
         if owner == body
     ]
-    some = visual[:: -(-len(visual) // MOST_POINTS)]
-    bare = np.min([distance(some) for distance in solids], axis=0)
-    over = distance_to(visual, IDENTITY)(collision)
-    lower = collision.min(axis=0) - visual.min(axis=0)
-    upper = collision.max(axis=0) - visual.max(axis=0)
-    alike = np.where(lower * upper > 0.0, np.minimum(np.abs(lower), np.abs(upper)), 0.0)
-    x, y, z = (float(v) for v in np.sign(lower) * alike)
-    return Fit(
-        max(float(np.percentile(bare, 95)), 0.0),
-        max(float(over.max()), 0.0),
-        (x, y, z),
-        float(np.linalg.norm(visual.max(axis=0) - visual.min(axis=0))),
-    )
 
 
 def _solid(shape: Shape, clouds: Mapping[str, Array]) -> Primitive | Array:
