@@ -33,6 +33,7 @@ from assetbuild.report.card import model_card
 from assetbuild.report.document import Report
 from assetbuild.report.facts import Subject
 from assetbuild.report.html import Picture, View, html_page
+from assetbuild.report.snapshot import robot_json
 from assetbuild.report.summary import summary
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Shapes, Tree
@@ -163,6 +164,11 @@ def _report_files(
         BundleFile.of_text("report/report.json", "report", json_text(report.to_json())),
         BundleFile.of_text("report/index.html", "report", page),
         BundleFile.of_text("report/report.md", "report", summary(report)),
+        BundleFile.of_text(
+            "report/robot.json",
+            "report",
+            robot_json(subject.tree, subject.shapes, subject.control),
+        ),
         BundleFile.of_text("model_card.md", "report", model_card(subject, report)),
         *files,
     ]
