@@ -131,7 +131,11 @@ def _fixed_joints(robot: Looked, anatomy: Anatomy) -> list[str]:
 def _collision(robot: Looked, anatomy: Anatomy) -> list[str]:
     solid = {shape.link for shape in robot.shapes.of("collision")}
     seen = {shape.link for shape in robot.shapes.of("visual")}
-    lines = ["collision:", "  # auto: a primitive stays as it is, a mesh becomes its convex hull"]
+    lines = [
+        "collision:",
+        "  preset: locomotion   # coarse and fast; `manipulation` stays close to the mesh",
+        "  # auto: a primitive stays as it is, a mesh becomes few convex pieces within tolerances",
+    ]
     if solid:
         idle = len(seen - solid)
         why = f"{idle} links are drawn but hit nothing, as in the source" if idle else "all have it"

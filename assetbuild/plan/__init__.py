@@ -36,6 +36,7 @@ from assetbuild.steps.control import ControlStep
 from assetbuild.steps.lint_bodies import LintBodies
 from assetbuild.steps.lint_links import LintLinks
 from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
+from assetbuild.steps.sample_pairs import SamplePairs
 
 
 @dataclass
@@ -197,6 +198,11 @@ def _control(recipe: Recipe, read: Reading, tree: Node, assembled: Node, p: Plan
     }
     if read.control is not None:
         inputs["source_control.json"] = read.control
+    samples = recipe.collision.exclude.sampled
+    if samples:
+        robot = {name: inputs[name] for name in ("tree.json", "shapes.json", "meshes/")}
+        pairs = p.add("sample_pairs", SamplePairs(samples=samples), robot)
+        inputs["sampled_pairs.json"] = pairs["sampled_pairs.json"]
     return p.add("control", step, inputs)
 
 
