@@ -14,6 +14,9 @@ from assetbuild.robot.actuators import RowError
 from assetbuild.robot.model import Tree
 from assetbuild.steps.control import ControlStep
 
+BY_NAME = frozenset({"rename", "flip_axis"})
+"""Edits that change what an MJCF's own sensors, drives and keyframes are about."""
+
 
 def check_names(loaded: LoadedRecipe) -> None:
     """Plug-in names and cross references inside the recipe."""
@@ -31,7 +34,11 @@ def check_names(loaded: LoadedRecipe) -> None:
     }
     for key, rule in rules.items():
         check_rule(loaded, rule, key)
-    edits_of(loaded)
+    for _, edit, key in edits_of(loaded):
+        if recipe.source.mjcf is not None and edit.step_name() in BY_NAME:
+            message = f"`{edit.step_name()}` of a robot from MJCF: its sensors, drives and poses "
+            hint = "rename and turn joints in the MJCF itself"
+            raise loaded.error(key, message + "would not follow", hint)
     stand = recipe.validate_.stand
     from_mjcf = recipe.source.mjcf is not None  # which has keyframes of its own
     if stand is not None and stand.keyframe not in recipe.keyframes and not from_mjcf:
