@@ -66,8 +66,9 @@ class CollisionMethod(Step):
     isolated = True
     preload = PRELOAD
     limits: ClassVar[Limits] = Limits(wall_s=7200.0, memory_mb=4096)
-    scope: ClassVar[Literal["shape", "link"]] = "shape"
-    """Once per source shape, shared by all links that use it; or once per link."""
+    scope: ClassVar[Literal["shape", "shapes", "link"]] = "shape"
+    """Works on each source shape, shared by all links that use it; on all shapes of a link
+    together (a single one is shared, too); or in the frame of the link, whatever its shapes."""
     hull_tools: ClassVar[tuple[str, ...]] = ("numpy", "scipy", "manifold3d", "embreex")
     """What the reading, hulls and measures here depend on; subclasses add their library."""
 
