@@ -133,7 +133,13 @@ def test_a_mesh_without_a_volume_is_one_clear_error(tmp_path, name):
     assert str(caught.value).startswith(("bad", "0.obj"))
 
 
-@pytest.mark.parametrize("name", WORKS)
+SLOW = ("soup",)
+"""A ray through it crosses hundreds of triangles."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in WORKS]
+)
 def test_a_strange_mesh_still_gets_collision_geometry(tmp_path, name):
     pieces, findings = attempt(tmp_path, WORKS[name])
     assert 1 <= len(pieces) <= 8
