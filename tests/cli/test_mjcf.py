@@ -10,6 +10,7 @@ import zipfile
 from pathlib import Path
 
 import mujoco
+import pytest
 
 ARM = """<mujoco model="arm"><compiler meshdir="assets"/>
 <asset><mesh file="a.obj" scale=".1 .1 .1"/></asset>
@@ -29,6 +30,7 @@ targets: [mjcf]
 """
 
 
+@pytest.mark.slow  # a whole build, pictures and all
 def test_an_mjcf_in_a_zip_builds_and_equals_its_source(tmp_path: Path):
     with zipfile.ZipFile(tmp_path / "arm.zip", "w") as archive:
         archive.writestr("robots/arm.xml", ARM)
