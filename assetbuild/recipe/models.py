@@ -253,6 +253,9 @@ class Validate(Model):
         default_factory=lambda: Sine.model_validate({}),
         description="part of the comparison of two simulators; null = do not run it",
     )
+    linters: tuple[Literal["mjcf_doctor", "simcheck"], ...] = Field(
+        (), description="other people's linters of the MJCF; they need assetbuild[lint]"
+    )
     simulators: tuple[Literal["mujoco", "physx"], ...] = Field(
         ("mujoco",),
         description="engines that run the physical checks; `physx` needs assetbuild[physx]",
