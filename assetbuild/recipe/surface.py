@@ -53,9 +53,8 @@ class Contact(Model):
 
     @model_validator(mode="after")
     def _signs(self) -> Contact:
-        surfaces: tuple[Contact | Surface, ...] = (self, *self.links.values())
-        for surface in surfaces:
-            if surface.solref is not None and (surface.solref[0] > 0) != (surface.solref[1] > 0):
+        for solref in (self.solref, *(surface.solref for surface in self.links.values())):
+            if solref is not None and (solref[0] > 0) != (solref[1] > 0):
                 raise ValueError("`solref`: both positive, or both negative")
         return self
 

@@ -183,10 +183,9 @@ def _files(before: Snapshot, after: Snapshot) -> Iterator[Change]:
     pictures = [p for p in {*before.files, *after.files} if p.startswith("report/images/")]
     other = sorted(p for p in pictures if before.files.get(p) != after.files.get(p))
     for path in other:
-        pair = ["there" if path in s.files else "-" for s in (before, after)]
-        yield Change(
-            "LOW", (path.removeprefix("report/images/"),), "picture", *pair, "look at both"
-        )
+        old_file, new_file = ("there" if path in s.files else "-" for s in (before, after))
+        name = path.removeprefix("report/images/")
+        yield Change("LOW", (name,), "picture", old_file, new_file, "look at both")
     for folder in ("urdf", "mjcf", "usd"):
         old, new = (_size(snapshot, folder) for snapshot in (before, after))
         if max(old, new) and abs(new - old) > 0.02 * max(old, new):
