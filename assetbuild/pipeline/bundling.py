@@ -16,8 +16,9 @@ from assetbuild.engine.keys import tool_version
 from assetbuild.engine.publish import discard, new_staging, publish
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import machine_error
+from assetbuild.errors import StepError
 from assetbuild.lock import GitPin, Lock, lock_path
-from assetbuild.plan import Outline
+from assetbuild.plan import Outline, part_lock
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.report.bundle import (
@@ -32,6 +33,7 @@ from assetbuild.report.card import model_card
 from assetbuild.report.document import Report
 from assetbuild.report.facts import Subject
 from assetbuild.report.html import Picture, View, html_page
+from assetbuild.report.snapshot import robot_json
 from assetbuild.report.summary import summary
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Shapes, Tree
@@ -48,17 +50,21 @@ def bundle_files(
 ) -> list[BundleFile]:
     """Everything that the bundle of one recipe holds, manifest and provenance last."""
     recipe = loaded.recipe
-    pinned: dict[str, object] = {} if lock is None else dict(lock.source.model_dump())
+    pinned = _pinned(lock)
     files = _target_files(outline, results, session) + _licence_files(outline, results, session)
     subject = _subject(loaded, pinned, outline, session, results)
     files += _report_files(subject, outline, report, session, results)
-    files.append(notice(recipe, pinned))
+    files.append(
+        notice([(recipe, pinned), *((p.recipe, _pinned(part_lock(p))) for p in loaded.parts)])
+    )
     if outline.expanded is not None:
         expanded = results[outline.expanded.node][outline.expanded.output]
         size = len(session.read(expanded))
         files.append(BundleFile("report/expanded.urdf", "report", expanded, size))
     files.append(manifest(recipe.robot, files))
     materials = _tools(graph) + _materials(recipe, lock)
+    for part in loaded.parts:
+        materials += _materials(part.recipe, part_lock(part))
     materials += _named(loaded, files_read(loaded, graph, session))
     recipe_digest = session.source_digest(loaded.path)
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
@@ -72,11 +78,15 @@ def bundle_files(
     return files
 
 
+def _pinned(lock: Lock | None) -> dict[str, object]:
+    return {} if lock is None else dict(lock.source.model_dump())
+
+
 def files_read(loaded: LoadedRecipe, graph: Graph, session: Session) -> dict[str, str]:
     """Path -> SHA-256 of every file outside the store that decided the result."""
     paths = [*loaded.files, *(Path(ref.output) for ref in graph.sources if not ref.is_tree)]
-    if loaded.recipe.source.moving:
-        paths.append(lock_path(loaded.path))
+    pinned = [each for each in (loaded, *loaded.parts) if each.recipe.source.moving]
+    paths += [lock_path(each.path) for each in pinned]
     return {str(path): session.source_digest(path) for path in paths}
 
 
@@ -114,12 +124,17 @@ def _materials(recipe: Recipe, lock: Lock | None) -> list[dict[str, object]]:
 def _target_files(
     outline: Outline, results: Mapping[str, NodeResult], session: Session
 ) -> list[BundleFile]:
-    files = []
+    """Files of all targets, each path once; StepError when two targets disagree about one."""
+    files: dict[str, BundleFile] = {}
     for name, node in outline.targets.items():
         tree = session.tree(results[node.label][f"{name}/"])
+        folder = getattr(type(node.step), "folder", None)
+        prefix = f"{name}/" if folder is None else f"{folder}/" if folder else ""
         for path, (digest, size) in sorted(tree.items()):
-            files.append(BundleFile(f"{name}/{path}", name, digest, size))
-    return files
+            file = BundleFile(f"{prefix}{path}", name, digest, size)
+            if files.setdefault(file.path, file).sha256 != digest:
+                raise StepError(f"targets {files[file.path].role} and {name} both write {path}")
+    return list(files.values())
 
 
 def _licence_files(
@@ -149,6 +164,11 @@ def _report_files(
         BundleFile.of_text("report/report.json", "report", json_text(report.to_json())),
         BundleFile.of_text("report/index.html", "report", page),
         BundleFile.of_text("report/report.md", "report", summary(report)),
+        BundleFile.of_text(
+            "report/robot.json",
+            "report",
+            robot_json(subject.tree, subject.shapes, subject.control),
+        ),
         BundleFile.of_text("model_card.md", "report", model_card(subject, report)),
         *files,
     ]

@@ -115,10 +115,9 @@ def _bodies(subject: Subject) -> Table:
 def _joints(subject: Subject) -> Table:
     def row(joint: Joint) -> tuple[object, ...]:
         mimic = f"{joint.mimic.joint} x {joint.mimic.multiplier:g}" if joint.mimic else None
-        limits = (joint.limits.lower, joint.limits.upper)
-        spread = math.degrees(limits[1] - limits[0]) if None not in limits else None
-        if joint.kind == "prismatic":
-            spread = None
+        lower, upper = limits = (joint.limits.lower, joint.limits.upper)
+        turns = joint.kind != "prismatic" and lower is not None and upper is not None
+        spread = math.degrees(upper - lower) if turns else None  # type: ignore[operator] # as `turns` says
         stated = (joint.limits.effort, joint.limits.velocity)
         return (joint.name, joint.kind, joint.parent, joint.axis, *limits, spread, *stated, mimic)
 
