@@ -6,6 +6,7 @@ the checked result. Nothing mutates a graph: when an answer allows more nodes, o
 
 from __future__ import annotations
 
+import copy
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -206,6 +207,13 @@ class Planner:
         self._nodes: dict[str, Node] = {}
         self._sources: dict[Ref, None] = {}
         self._resolver = Resolver(self._nodes, session)
+        self._scope = ""
+
+    def scoped(self, scope: str) -> Planner:
+        """The same plan for one part of it: labels of the nodes it adds begin with `scope`."""
+        part = copy.copy(self)
+        part._scope = self._scope + scope
+        return part
 
     def source(self, path: Path) -> Ref:
         """A file outside the store. SourceError when it cannot be read."""
@@ -225,6 +233,7 @@ class Planner:
 
         A name that ends in a slash takes a folder; names may contain slashes.
         """
+        label = self._scope + label
         if label in self._nodes or not label:
             raise GraphError(f"two steps are labelled `{label}`" if label else "a label is empty")
         if _holds_set(step.model_dump()):

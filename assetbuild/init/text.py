@@ -24,6 +24,7 @@ from assetbuild.init.look import Looked
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.repairs import repairs
 from assetbuild.init.source import Found
+from assetbuild.init.up_axis import turned
 from assetbuild.init.words import flow, plain, quoted, some
 from assetbuild.robot.model import Mesh, Tree
 from assetbuild.robot.pose import Pose
@@ -45,7 +46,7 @@ def recipe_text(robot: Looked, anatomy: Anatomy, source: Found, path: Path) -> s
     pose = home_pose(robot.tree, anatomy.legs)
     sections = (
         _head(robot, anatomy, path),
-        _source(source, path),
+        _source(source, path, turned(source, robot)),
         [f"base: {anatomy.base.kind}   # {anatomy.base.reason}"],
         _fixed_joints(robot, anatomy),
         repairs(robot),
@@ -83,7 +84,7 @@ def _head(robot: Looked, anatomy: Anatomy, path: Path) -> list[str]:
     ]
 
 
-def _source(source: Found, path: Path) -> list[str]:
+def _source(source: Found, path: Path, turned: list[str]) -> list[str]:
     folder = os.path.realpath(path.parent)
     relative = Path(os.path.relpath(source.root, folder)).as_posix()
     lines = [
@@ -97,6 +98,7 @@ def _source(source: Found, path: Path) -> list[str]:
         lines.append(
             f"  packages: {{{pairs}}}   # package:// roots; nothing is searched in a build"
         )
+    lines += turned
     return [*lines, "  # license: MIT   # the SPDX name of the source's licence; please state it"]
 
 

@@ -232,8 +232,8 @@ def _finish(job: _Job, done: _Executed, session: Session, request: Request) -> O
 
 
 def _read(loaded: LoadedRecipe, sources: list[Path]) -> list[Path]:
-    lock = lock_path(loaded.path)
-    return [*loaded.files, *sources, *([lock] if loaded.recipe.source.moving else [])]
+    pinned = [each for each in (loaded, *loaded.parts) if each.recipe.source.moving]
+    return [*loaded.files, *sources, *(lock_path(each.path) for each in pinned)]
 
 
 def default_out(loaded: LoadedRecipe) -> Path:

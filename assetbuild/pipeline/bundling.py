@@ -15,7 +15,7 @@ from assetbuild.engine.session import Session
 from assetbuild.engine.store import machine_error
 from assetbuild.kinds import Target
 from assetbuild.lock import GitPin, Lock
-from assetbuild.plan import Outline
+from assetbuild.plan import Outline, part_lock
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.report.bundle import BundleFile, json_text, manifest, notice, provenance
@@ -38,11 +38,13 @@ def bundle_files(
 ) -> list[BundleFile]:
     """Everything that the bundle of one recipe holds, manifest and provenance last."""
     recipe = loaded.recipe
-    pinned: dict[str, object] = {} if lock is None else dict(lock.source.model_dump())
+    pinned = _pinned(lock)
     files = _target_files(outline, results, session) + _licence_files(outline, results, session)
     subject = _subject(loaded, pinned, outline, session, results)
     files += _report_files(subject, outline, report, session, results)
-    files.append(notice(recipe, pinned))
+    files.append(
+        notice([(recipe, pinned), *((p.recipe, _pinned(part_lock(p))) for p in loaded.parts)])
+    )
     if outline.expanded is not None:
         expanded = results[outline.expanded.node][outline.expanded.output]
         size = len(session.read(expanded))
@@ -50,12 +52,18 @@ def bundle_files(
     files.append(manifest(recipe.robot, files))
     materials: list[dict[str, object]] = [{"name": "assetbuild", "version": __version__}]
     materials += _materials(recipe, lock)
+    for part in loaded.parts:
+        materials += _materials(part.recipe, part_lock(part))
     recipe_digest = session.source_digest(loaded.path)
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     run = {"finishedOn": now, "host": platform.node(), "python": platform.python_version()}
     parameters = {"recipe": loaded.path.name, "variant": loaded.variant}
     files.append(provenance(files, recipe_digest, parameters, materials, run))
     return files
+
+
+def _pinned(lock: Lock | None) -> dict[str, object]:
+    return {} if lock is None else dict(lock.source.model_dump())
 
 
 def _materials(recipe: Recipe, lock: Lock | None) -> list[dict[str, object]]:

@@ -9,8 +9,8 @@ from dataclasses import replace
 from assetbuild.engine.execute import NodeResult
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, Where
-from assetbuild.findings import Finding
 from assetbuild.lock import lock_path, place_of_pin
+from assetbuild.pipeline.licences import licence_findings
 from assetbuild.plan import Outline
 from assetbuild.plan.looks import PICTURE_MODEL
 from assetbuild.recipe.loader import LoadedRecipe
@@ -21,7 +21,7 @@ def judged(
     loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult], session: Session
 ) -> Report:
     """The report of one recipe whose steps all went well."""
-    findings = _licence_findings(loaded, outline)
+    findings = licence_findings(loaded.recipe.source.license, len(outline.licenses))
     for label, result in results.items():
         if label == PICTURE_MODEL:
             continue  # the target `mjcf` has said it already
@@ -38,30 +38,6 @@ def judged(
         checks[name] = CheckResult("fail" if bad else "pass", figures)
     locate = locator(loaded, outline, results, session)
     return make_report(loaded.recipe.robot, findings, checks, loaded.recipe.rules, locate)
-
-
-def _licence_findings(loaded: LoadedRecipe, outline: Outline) -> list[Finding]:
-    found = []
-    if loaded.recipe.source.license is None:
-        found.append(
-            Finding(
-                rule="license.unstated",
-                severity="warning",
-                subject="recipe source",
-                message="the recipe does not say under which licence the robot comes",
-                hint="add `license:` with an SPDX identifier below `source`",
-            )
-        )
-    if not outline.licenses:
-        found.append(
-            Finding(
-                rule="license.no_text",
-                severity="info",
-                subject="recipe source",
-                message="the source brings no licence text, so the bundle has none",
-            )
-        )
-    return found
 
 
 def locator(

@@ -58,8 +58,10 @@ def remote_cache(url: str, say: Callable[[str], None], *, write: bool) -> Remote
 def pin(loaded: LoadedRecipe, *, frozen: bool, say: Callable[[str], None]) -> Lock | None:
     """The lock of a moving source; written when it is missing or pins something else.
 
-    Raises OutOfDateError instead when `frozen`.
+    The locks of parts are looked after as well. Raises OutOfDateError instead when `frozen`.
     """
+    for part in loaded.parts:
+        pin(part, frozen=frozen, say=say)
     if loaded.recipe.source.moving is None:
         return None
     path = lock_path(loaded.path)
