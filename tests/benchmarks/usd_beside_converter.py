@@ -11,6 +11,7 @@ both: no decimation, collision as in the source.
 from __future__ import annotations
 
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -44,20 +45,27 @@ validate: {{free_fall: null}}
 
 @dataclass(frozen=True)
 class Made:
-    """What one tool made. seconds: wall; megabytes: of all files; code: exit."""
+    """What one tool made. seconds: wall; cpu: s; megabytes: of all files; code: exit."""
 
     seconds: float
+    cpu: float
     megabytes: float
     code: int
 
 
 def run(command: list[str], folder: Path, environment: dict[str, str]) -> Made:
     """Run a tool and weigh the folder that it fills."""
-    start = time.monotonic()
+    start, before = time.monotonic(), _cpu()
     done = subprocess.run(command, env=environment, capture_output=True, check=False)
-    seconds = time.monotonic() - start
+    seconds, cpu = time.monotonic() - start, _cpu() - before
     size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
-    return Made(seconds, size / 1e6, done.returncode)
+    return Made(seconds, cpu, size / 1e6, done.returncode)
+
+
+def _cpu() -> float:
+    """CPU seconds of all children so far."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def ours(name: str, root: Path, place: Path) -> Made:
@@ -82,14 +90,15 @@ def main() -> None:
     """Print a table in Markdown."""
     python, names = sys.argv[1], sys.argv[2:] or list(ROBOTS)
     root = Path(os.environ["ASSETBUILD_TEST_DATA"]).resolve() / "example-robot-data"
-    print("| robot | ours, s | theirs, s | ours, MB | theirs, MB | exit codes |")
+    print("| robot | ours, s (CPU) | theirs, s (CPU) | ours, MB | theirs, MB | exit codes |")
     print("| --- | --- | --- | --- | --- | --- |")
     for name in names:
         with tempfile.TemporaryDirectory() as folder:
             place = Path(folder)
             a, b = ours(name, root, place), theirs(name, root, place, python)
         print(
-            f"| {name} | {a.seconds:.1f} | {b.seconds:.1f} | {a.megabytes:.1f} | "
+            f"| {name} | {a.seconds:.1f} ({a.cpu:.1f}) | {b.seconds:.1f} ({b.cpu:.1f}) | "
+            f"{a.megabytes:.1f} | "
             f"{b.megabytes:.1f} | {a.code}, {b.code} |",
             flush=True,
         )
