@@ -202,11 +202,14 @@ def edit_joints(
 class Target(Step):
     """Reads the Robot, writes one format below `<name>/`. It may refuse; it may not repair.
 
-    Subclasses set `outputs = ("<name>/",)`; what they write there appears in the bundle as is.
+    Subclasses set `outputs = ("<name>/",)`; what they write there appears in the bundle as is,
+    below `folder`. Two targets may write one file of the bundle when its bytes are the same.
     """
 
     robot: str
     """Name of the robot: the stem of the main file."""
+    folder: ClassVar[str | None] = None
+    """Folder of the bundle for what it writes; None: its own name, "": the bundle itself."""
     reads: ClassVar[tuple[str, ...]] = ROBOT_PORTS
     """The robot ports that this target really reads; the rest is not linked to it."""
 

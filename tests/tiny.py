@@ -153,7 +153,6 @@ def tiny_quadruped() -> TinyRobot:
     trunk = box_inertial(6.0, (0.4, 0.2, 0.1))
     imu = box_inertial(0.01, (0.01, 0.01, 0.01))
     X_trunk_imu = Pose((0.05, 0.01, 0.02), normalised_quat((1.0, 0.0, 0.0, 1.0)))
-    hip = box_inertial(0.5, (0.06, 0.06, 0.06), (0.0, 0.005, 0.0))
     thigh = box_inertial(0.8, (0.03, 0.03, SEGMENT_M), (0.0, 0.0, -SEGMENT_M / 2))
     calf = box_inertial(0.15, (0.02, 0.02, SEGMENT_M), (0.0, 0.0, -SEGMENT_M / 2))
     foot = ball_inertial(0.05, FOOT_RADIUS_M)
@@ -165,6 +164,7 @@ def tiny_quadruped() -> TinyRobot:
     moving: list[Joint] = []
     frames: list[Frame] = [Frame("imu", "trunk", X_trunk_imu)]
     for leg, front, left in LEGS:
+        hip = box_inertial(0.5, (0.06, 0.06, 0.06), (0.0, left * 0.005, 0.0))
         links += [Body(f"{leg}_hip", hip), Body(f"{leg}_thigh", thigh), Body(f"{leg}_calf", calf)]
         links.append(Body(f"{leg}_foot", foot))
         bodies += [Body(f"{leg}_hip", hip), Body(f"{leg}_thigh", thigh)]

@@ -47,10 +47,8 @@ class Counts(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `source.urdf`, `shapes.json` and `mjcf/<robot>.xml`."""
-        from defusedxml.ElementTree import parse
-
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        source: Element = parse(files.inputs / "source.urdf").getroot()
+        source = _root(files.inputs / "source.urdf")
         stated = {role: _stated(source, role) for role in ("visual", "collision")}
         built = {
             role: Counter(shape.link for shape in shapes.of(role))
@@ -58,7 +56,7 @@ class Counts(Check):
         }
         yield from _visuals(stated["visual"], built["visual"])
         yield from self._collisions(stated, built["collision"])
-        mjcf: Element = parse(files.inputs / "mjcf" / f"{self.robot}.xml").getroot()
+        mjcf = _root(files.inputs / "mjcf" / f"{self.robot}.xml")
         wanted, shown = _textures(shapes), _shown(mjcf, files.inputs / "mjcf/assets")
         for texture in sorted(wanted - shown):
             message = f"the texture `{texture}` is not shown by the MJCF"
@@ -95,6 +93,13 @@ class Counts(Check):
 
 
 _BUG = "a bug: report it with the source"
+
+
+def _root(path: Path) -> Element:
+    from defusedxml.ElementTree import fromstring
+
+    root: Element = fromstring(path.read_bytes())
+    return root
 
 
 def _rule(pattern: str, rule: CollisionRule) -> tuple[str, str, str]:

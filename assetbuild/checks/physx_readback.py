@@ -176,11 +176,11 @@ def _compare(held: physx.Held, tree: Tree, shapes: Shapes, control: Control, boo
             )
     _compare_links(held, tree, book)
     for joint in tree.moving_joints:
-        found = held.joints.get(joint.name)
-        if found is None:
+        theirs = held.joints.get(joint.name)
+        if theirs is None:
             book.differ("missing_joint", f"joint {joint.name}", "PhysX holds no such joint")
         else:
-            _compare_joint(found, joint, control.by_joint.get(joint.name), book)
+            _compare_joint(theirs, joint, control.by_joint.get(joint.name), book)
 
 
 def _compare_links(held: physx.Held, tree: Tree, book: Book) -> None:

@@ -412,6 +412,22 @@ def _compare_shapes(robot: Robot, prims: Prims, book: Book) -> None:
         relative[:3, :3] /= scale
         _compare_pose("shape", subject, relative, X_body_link @ shape.X_link_shape, book)
         _compare_size(subject, shape.geometry, prim, scale, book)
+        if shape.role == "collision":
+            _compare_surface(robot, shape.name, prim, book)
+
+
+def _compare_surface(robot: Robot, shape: str, prim: Usd.Prim, book: Book) -> None:
+    """Static and dynamic friction both are MuJoCo's sliding one; nothing bounces by itself."""
+    expected = dict(robot.control.contacts).get(shape, robot.control.contact)
+    targets = prim.GetRelationship("material:binding:physics").GetTargets()
+    material = prim.GetStage().GetPrimAtPath(targets[0]) if targets else None
+    for name, value in (
+        ("physics:staticFriction", expected.friction[0]),
+        ("physics:dynamicFriction", expected.friction[0]),
+        ("physics:restitution", 0.0),
+    ):
+        found = material.GetAttribute(name).Get() if material else None
+        book.number("surface", f"shape {shape}", name, found, value)
 
 
 def _compare_size(

@@ -13,8 +13,8 @@ from assetbuild import __version__
 from assetbuild.errors import AssetBuildError
 
 VERBS = (
-    "build", "cache", "check", "completion", "diff", "doctor", "explain", "init", "lock", "plan",
-    "report", "sample", "schema", "verify",
+    "bench", "build", "cache", "check", "completion", "diff", "doctor", "explain", "init", "lock",
+    "plan", "report", "sample", "schema", "validate", "verify", "watch",
 )  # fmt: skip
 """Each is a module of this package with `HELP`, `add_arguments(parser)` and `run(arguments)`."""
 

@@ -156,7 +156,7 @@ class CollisionMethod(Step):
     outputs = ("pieces/", "pieces.json", "quality.json")
     isolated = True
     preload = PRELOAD
-    limits: ClassVar[Limits] = Limits(wall_s=7200.0, memory_mb=8192)
+    limits: ClassVar[Limits] = Limits(wall_s=7200.0, memory_mb=4096)
     scope: ClassVar[Literal["shape", "link"]] = "shape"
     """Once per source shape, shared by all links that use it; or once per link."""
     hull_tools: ClassVar[tuple[str, ...]] = ("numpy", "scipy", "manifold3d", "embreex")

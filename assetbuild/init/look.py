@@ -39,7 +39,8 @@ def look(source: Found) -> Looked:
 
 def judge(robot: Looked, base: Base) -> Looked:
     """The robot on this base, with what the lints say of it there."""
-    links, tree = replace(robot.links, base=base), replace(robot.tree, base=base)
+    links = replace(robot.links, base=base)
+    tree, _ = merge_fixed_joints(links, True, ())
     shapes = encode(robot.shapes)
     _, of_links = _run(LintLinks(), {"links.json": encode(links), "shapes.json": shapes})
     _, of_bodies = _run(LintBodies(), {"tree.json": encode(tree), "shapes.json": shapes})

@@ -23,7 +23,7 @@ MOST_FILES = 2000
 """Files of one package that are looked at: a robot description, not a disk."""
 
 _FIND = re.compile(r"\$\(find\s+([^\s)]+)\s*\)|package:/*([A-Za-z][\w-]*)/")
-_XACRO = re.compile(rb"<xacro:|xmlns:xacro")
+_XACRO = re.compile(rb"<xacro:")
 _NAMED = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 
 

@@ -13,9 +13,9 @@ from urllib.parse import unquote
 Naming = Literal["dae", "obj", "mtl", "gltf"]
 """Formats that name other files; STL, PLY and GLB hold all that they show."""
 
-_IMAGE = re.compile(rb"<(?:\w+:)?image\b[^>]*>(.*?)</(?:\w+:)?image>", re.DOTALL)
-_INIT_FROM = re.compile(rb"<(?:\w+:)?init_from\b[^>]*>(.*?)</(?:\w+:)?init_from>", re.DOTALL)
-_TAG = re.compile(rb"<[^>]*>")
+_ELEMENT = re.compile(rb"<(/?)(?:\w{1,32}:)?(image|init_from|ref)\b([^<>]{0,1000})>([^<]{0,4096})")
+"""(closing, name, attributes, text) of what matters in COLLADA. Bounded, so that no file, however
+broken, takes more than a pass."""
 _MTLLIB = re.compile(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", re.MULTILINE)
 _MAP_KD = re.compile(rb"^[ \t]*map_Kd[ \t]+([^\r\n]+)", re.MULTILINE)
 _ELSEWHERE = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:|/")
@@ -36,10 +36,19 @@ def companions_of(data: bytes, format: Naming) -> tuple[str, ...]:
 def relative_name(stated: str) -> str | None:
     """The name in one spelling, `./a\\b.png` -> `a/b.png`; None when it cannot be followed."""
     name = stated.strip().replace("\\", "/")
-    if not name or _ELSEWHERE.match(name) or "\0" in name:
+    if not name or _ELSEWHERE.match(name) or not _is_possible(name):
         return None
     normal = posixpath.normpath(name)
     return None if normal in (".", "..") or name.endswith("/") else normal
+
+
+def _is_possible(name: str) -> bool:
+    """Could a disk hold a file of this name? Others raise odd errors when they are looked for."""
+    try:
+        parts = [part.encode("utf-8") for part in name.split("/")]
+    except UnicodeEncodeError:
+        return False
+    return "\0" not in name and len(name) < 1000 and max(map(len, parts)) <= 255
 
 
 def picture_of_map(words: str) -> str:
@@ -70,11 +79,19 @@ def _stated(data: bytes, format: Naming) -> Iterator[str]:
     elif format == "mtl":
         yield from (picture_of_map(_text(name)) for name in _MAP_KD.findall(data))
     elif format == "dae":
-        for image in _IMAGE.findall(data):
-            for name in _INIT_FROM.findall(image):
-                yield unquote(html.unescape(_text(_TAG.sub(b"", name))))
+        yield from _of_dae(data)
     else:
         yield from _of_gltf(data)
+
+
+def _of_dae(data: bytes) -> Iterator[str]:
+    """`init_from` (1.4) or `init_from/ref` (1.5) of each image; elsewhere it names no file."""
+    inside = False
+    for closing, name, attributes, text in _ELEMENT.findall(data):
+        if name == b"image":
+            inside = not closing and not attributes.endswith(b"/")
+        elif inside and not closing and text.strip():
+            yield unquote(html.unescape(_text(text)))
 
 
 def _of_gltf(data: bytes) -> Iterator[str]:

@@ -13,7 +13,12 @@ import numpy as np
 from assetbuild.errors import StepError, Where
 from assetbuild.findings import Finding
 from assetbuild.mesh.companions import relative_name
-from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, group_by_material
+from assetbuild.mesh.material import (
+    MaterialPart,
+    SurfaceMaterial,
+    colours_finding,
+    group_by_material,
+)
 from assetbuild.mesh.triangles import Indices, TriangleMesh
 from assetbuild.robot.pose import Array
 
@@ -39,17 +44,20 @@ def read_dae(data: bytes, subject: str) -> Dae:
     Raises StepError with the line of a cut-off or broken file, for a geometry that cannot be
     read, and for NaN in positions (which pycollada would turn into zeros).
     """
-    document = _without_lost_materials(_load(data, subject), subject)
+    document = _with_broken_samplers(_load(data, subject), subject)
+    document = _without_lost_materials(document, subject)
     _refuse_lost_geometry(document, subject)
     skipped: dict[str, int] = {}
     placed: list[tuple[SurfaceMaterial, TriangleMesh]] = []
     positions: dict[str, Array] = {}
+    coloured = False
     for geometry, materials, matrix in _instances(document, skipped):
         for primitive in geometry.primitives:
             kind = type(primitive).__name__
             if kind == "LineSet":
                 skipped["lines"] = skipped.get("lines", 0) + 1
                 continue
+            coloured = coloured or bool(primitive.sources.get("COLOR"))
             mesh = _triangles(primitive, positions, subject)
             if len(mesh.faces):
                 material = _material(materials.get(primitive.material))
@@ -67,6 +75,7 @@ def read_dae(data: bytes, subject: str) -> Dae:
         (
             *_skipped_finding(skipped, subject),
             *_unit_finding(unit, subject),
+            *colours_finding(coloured, subject),
             *_ignored_finding(document, subject),
         ),
     )
@@ -89,6 +98,38 @@ def _load(data: bytes, subject: str) -> Any:
     if document.scene is None:
         raise StepError(f"{subject}: the file has no scene, so nothing says where its parts are")
     return document
+
+
+def _with_broken_samplers(document: Any, subject: str) -> Any:
+    """The file with samplers mended whose picture the material itself names.
+
+    `<texture texture="...">` should name a sampler; where it names a picture and the sampler
+    leads nowhere, what is meant is certain. pycollada would leave out the material.
+    """
+    from lxml import etree
+
+    if not document.errors:
+        return document
+    root = document.xmlnode.getroot()
+    pictures = {image.id for image in document.images}
+    broken = False
+    for profile in root.iter(document.tag("profile_COMMON")):
+        params = {param.get("sid"): param for param in profile.findall(document.tag("newparam"))}
+        named = {texture.get("texture") for texture in profile.iter(document.tag("texture"))}
+        for param in params.values():
+            source = param.find(f"{document.tag('sampler2D')}/{document.tag('source')}")
+            if source is None or (source.text or "").strip() in params or len(named) != 1:
+                continue
+            for other in params.values():
+                start = other.find(f"{document.tag('surface')}/{document.tag('init_from')}")
+                if start is not None and (start.text or "").strip() in named & pictures:
+                    source.text = other.get("sid")
+                    broken = True
+    if not broken:
+        return document
+    whole = _load(etree.tostring(root), subject)
+    whole.errors = document.errors
+    return whole
 
 
 def _without_lost_materials(document: Any, subject: str) -> Any:

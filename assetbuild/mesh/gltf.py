@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 from urllib.parse import unquote
 
 import numpy as np
 
 from assetbuild.errors import StepError
+from assetbuild.findings import Finding
 from assetbuild.mesh.companions import relative_name
-from assetbuild.mesh.material import MaterialPart, Rgba, SurfaceMaterial, group_by_material
+from assetbuild.mesh.material import (
+    MaterialPart,
+    Rgba,
+    SurfaceMaterial,
+    colours_finding,
+    group_by_material,
+)
 from assetbuild.mesh.picture import encoded
 from assetbuild.mesh.triangles import TriangleMesh
 
@@ -21,8 +28,8 @@ from assetbuild.mesh.triangles import TriangleMesh
 
 def read_gltf(
     data: bytes, format: Literal["glb", "gltf"], companions: Mapping[str, bytes], subject: str
-) -> tuple[tuple[MaterialPart, ...], dict[str, bytes]]:
-    """(parts by material, pictures as PNG by the name that the materials use).
+) -> tuple[tuple[MaterialPart, ...], dict[str, bytes], list[Finding]]:
+    """(parts by material, pictures as PNG by the name that the materials use, findings).
 
     companions: the buffers and pictures of a glTF, by `relative_name`. StepError for what is no
     glTF, for a buffer that is not there, and for a picture that is too large.
@@ -46,7 +53,10 @@ def read_gltf(
         lost = f"; `{files.missing[0]}` is not in the source" if files.missing else ""
         told = f"{type(error).__name__}: " + " ".join(str(error).split())[:200]
         raise StepError(f"{subject}: not readable as {format}: {told}{lost}") from error
-    return group_by_material(part for part in placed if part is not None), materials.pictures
+    parts = group_by_material(part for part in placed if part is not None)
+    kinds = {getattr(g, "visual", None) and g.visual.kind for g in scene.geometry.values()}
+    colours = bool(kinds & {"vertex", "face"})
+    return parts, materials.pictures, list(colours_finding(colours, subject))
 
 
 def _textured(data: bytes, format: Literal["glb", "gltf"]) -> frozenset[str]:
@@ -60,21 +70,25 @@ def _textured(data: bytes, format: Literal["glb", "gltf"]) -> frozenset[str]:
     )
 
 
-class _Files:
+class _Files(Mapping[str, bytes]):
     """What trimesh asks for other files of a glTF; it looks nowhere else."""
 
     def __init__(self, files: Mapping[str, bytes]) -> None:
         self._files = files
         self.missing: list[str] = []
 
-    def get(self, name: str) -> bytes:
+    def __getitem__(self, name: str) -> bytes:
         found = self._files.get(relative_name(unquote(name)) or "")
         if found is None:
             self.missing.append(name)
-            raise ValueError(f"no file `{name}`")
+            raise KeyError(name)
         return found
 
-    __getitem__ = get
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._files)
+
+    def __len__(self) -> int:
+        return len(self._files)
 
 
 class _Materials:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from assetbuild.findings import Finding
 from assetbuild.mesh.triangles import TriangleMesh, face_normals, merged
 from assetbuild.robot.pose import Array
 
@@ -60,3 +61,16 @@ def _joined(meshes: list[TriangleMesh]) -> TriangleMesh:
 def _flat(mesh: TriangleMesh) -> Array:
     """(m, 3, 3) face normals at every corner: how a part without normals is drawn."""
     return np.repeat(face_normals(mesh)[:, None, :], 3, axis=1)
+
+
+def colours_finding(has_colours: bool, subject: str) -> Iterator[Finding]:
+    """Told once per mesh file with colours of single vertices, which readers leave out."""
+    if has_colours:
+        yield Finding(
+            rule="mesh.vertex_colours",
+            severity="info",
+            subject=subject,
+            message="colours of single vertices or faces are left out: no target has a place "
+            "for them",
+            hint="give the mesh a material, or a texture",
+        )

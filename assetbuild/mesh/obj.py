@@ -111,6 +111,7 @@ class Obj:
     """An OBJ file: tables shared by its groups, which come in order of first appearance.
 
     libraries: names of the MTL files. skipped: counts of elements that are not surfaces.
+    has_colours: do vertices carry colours after their positions?
     """
 
     positions: Array
@@ -119,6 +120,7 @@ class Obj:
     groups: tuple[Group, ...]
     libraries: tuple[str, ...] = ()
     skipped: Mapping[str, int] = field(default_factory=dict)
+    has_colours: bool = False
 
     def mesh_of(self, group: Group) -> TriangleMesh:
         """One group as a mesh over all positions; texture, normals only where all corners agree."""
@@ -163,7 +165,8 @@ def parse_obj(data: bytes, subject: str) -> Obj:
     )
     sizes = (len(positions), len(texture), len(directions))
     groups = tuple(_group(name, rows, sizes, subject) for name, rows in faces.items())
-    return Obj(positions, texture, directions, groups, tuple(libraries), seen)
+    has_colours = bool(tables[b"v"]) and len(tables[b"v"][0].split()) >= 6
+    return Obj(positions, texture, directions, groups, tuple(libraries), seen, has_colours)
 
 
 def _lines(pattern: str, rows: NDArray[np.float64] | Indices) -> str:

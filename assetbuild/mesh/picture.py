@@ -38,6 +38,11 @@ def png_of(data: bytes, name: str) -> bytes:
     return encoded(image, name)
 
 
+def has_holes(png: bytes) -> bool:
+    """Does a PNG of ours have transparent parts? Colour type 6 of its header says so."""
+    return png[25] == 6
+
+
 def encoded(image: Image.Image, name: str) -> bytes:
     """An opened picture as PNG. Raises as `png_of`."""
     from PIL import Image

@@ -15,7 +15,13 @@ from assetbuild.findings import Finding
 from assetbuild.mesh.companions import picture_of_map, relative_name
 from assetbuild.mesh.dae import read_dae
 from assetbuild.mesh.gltf import read_gltf
-from assetbuild.mesh.material import MaterialPart, Rgba, SurfaceMaterial, group_by_material
+from assetbuild.mesh.material import (
+    MaterialPart,
+    Rgba,
+    SurfaceMaterial,
+    colours_finding,
+    group_by_material,
+)
 from assetbuild.mesh.obj import parse_obj
 from assetbuild.mesh.stl import read_stl
 from assetbuild.mesh.triangles import TriangleMesh, fan_triangles
@@ -71,8 +77,7 @@ def read_mesh(
         parts, findings = _read_obj(data, companions or {}, subject)
     elif format in ("glb", "gltf"):
         stated = "Y_UP"  # by definition
-        parts, pictures = read_gltf(data, format, companions or {}, subject)
-        findings = []
+        parts, pictures, findings = read_gltf(data, format, companions or {}, subject)
     elif format == "ply":
         parts, findings = _read_ply(data, subject)
     else:
@@ -142,7 +147,8 @@ def _read_obj(
     for group in obj.groups:
         material = SurfaceMaterial(name=group.material)
         placed.append((found.get(group.material or "", material), obj.mesh_of(group)))
-    return group_by_material(placed), list(_obj_findings(sorted(missing), obj.skipped, subject))
+    findings = list(_obj_findings(sorted(missing), obj.skipped, subject))
+    return group_by_material(placed), [*findings, *colours_finding(obj.has_colours, subject)]
 
 
 def _obj_findings(
@@ -153,8 +159,8 @@ def _obj_findings(
             rule="mesh.no_mtl",
             severity="info",
             subject=subject,
-            message=f"the material library `{missing[0]}` is not in the source: no colours",
-            hint="put it beside the mesh",
+            message=f"colours are not read: `{missing[0]}` is not among the inputs",
+            hint="put it into the source; with an MJCF, which MuJoCo reads without it, ignore this",
             data={"libraries": tuple(missing)},
         )
     if skipped:
@@ -218,19 +224,7 @@ def _read_ply(data: bytes, subject: str) -> tuple[tuple[MaterialPart, ...], list
     fans = fan_triangles(np.full(len(polygons), corners))
     mesh = TriangleMesh(vertices, polygons.reshape(-1)[fans].reshape(-1, 3))
     colours = read.get("vertex_colors") is not None or read.get("face_colors") is not None
-    return (MaterialPart(SurfaceMaterial(), mesh),), list(_colours_finding(colours, subject))
-
-
-def _colours_finding(has_colours: bool, subject: str) -> Iterator[Finding]:
-    if has_colours:
-        yield Finding(
-            rule="mesh.vertex_colours",
-            severity="info",
-            subject=subject,
-            message="colours of single vertices or faces are left out: no target has a place "
-            "for them",
-            hint="give the mesh a material, or a texture",
-        )
+    return (MaterialPart(SurfaceMaterial(), mesh),), list(colours_finding(colours, subject))
 
 
 def _one_line(error: object) -> str:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 
 from assetbuild.engine.execute import NodeResult
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, Where
-from assetbuild.findings import Finding
 from assetbuild.lock import lock_path, place_of_pin
+from assetbuild.pipeline.licences import licence_findings
 from assetbuild.plan import Outline
 from assetbuild.plan.looks import PICTURE_MODEL
 from assetbuild.recipe.loader import LoadedRecipe
@@ -21,7 +22,7 @@ def judged(
     loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult], session: Session
 ) -> Report:
     """The report of one recipe whose steps all went well."""
-    findings = _licence_findings(loaded, outline)
+    findings = licence_findings(loaded.recipe.source.license, len(outline.licenses))
     for label, result in results.items():
         if label == PICTURE_MODEL:
             continue  # the target `mjcf` has said it already
@@ -38,30 +39,6 @@ def judged(
         checks[name] = CheckResult("fail" if bad else "pass", figures)
     locate = locator(loaded, outline, results, session)
     return make_report(loaded.recipe.robot, findings, checks, loaded.recipe.rules, locate)
-
-
-def _licence_findings(loaded: LoadedRecipe, outline: Outline) -> list[Finding]:
-    found = []
-    if loaded.recipe.source.license is None:
-        found.append(
-            Finding(
-                rule="license.unstated",
-                severity="warning",
-                subject="recipe source",
-                message="the recipe does not say under which licence the robot comes",
-                hint="add `license:` with an SPDX identifier below `source`",
-            )
-        )
-    if not outline.licenses:
-        found.append(
-            Finding(
-                rule="license.no_text",
-                severity="info",
-                subject="recipe source",
-                message="the source brings no licence text, so the bundle has none",
-            )
-        )
-    return found
 
 
 def locator(
@@ -84,7 +61,9 @@ def locator(
     def locate(subject: str) -> str:
         if subject.startswith("recipe "):
             keys = subject.removeprefix("recipe ").split(".")
-            return str(loaded.where(tuple(int(k) if k.isdigit() else k for k in keys)))
+            where = loaded.where(tuple(int(k) if k.isdigit() else k for k in keys))
+            # Not as seen from the working folder: the report must not depend on that.
+            return str(replace(where, file=Path(where.file).name))
         line = lines.get(subject) or joints.get(subject)
         if isinstance(line, str):
             return line

@@ -18,10 +18,12 @@ from pathlib import Path
 
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.kinds import Check, Target, load_plugin, plugin_names
-from assetbuild.lock import Lock
+from assetbuild.lock import Lock, lock_path, read_lock
 from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
 from assetbuild.plan.companions import companions
+from assetbuild.plan.compose import Ready, check_parts, compose
 from assetbuild.plan.edits import apply_edits, edit_keys
+from assetbuild.plan.export import lint_density, lint_export
 from assetbuild.plan.geometry import Geometry, assemble, lint_meshes
 from assetbuild.plan.looks import looks
 from assetbuild.plan.reading import Reading, read_description
@@ -34,6 +36,7 @@ from assetbuild.steps.control import ControlStep
 from assetbuild.steps.lint_bodies import LintBodies
 from assetbuild.steps.lint_links import LintLinks
 from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
+from assetbuild.steps.sample_pairs import SamplePairs
 
 
 @dataclass
@@ -63,24 +66,22 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     """Add the graph of one recipe to the planner, as far as the answers reach."""
     recipe, outline = loaded.recipe, Outline()
     check_names(loaded)
-    source = open_source(loaded, lock, p)
-    description = description_of(loaded, source, p)
-    outline.licenses = source.licenses()
-    if description is None:
-        return outline
-
-    read = read_description(recipe, source, description, p)
-    if read is None:
-        return outline
-    p.add("lint_links", LintLinks(), dict(read.robot))
-    outline.source_map = read.source_map
-    outline.expanded = description.ref if recipe.source.xacro else None
-    geometry = _geometry(loaded, source, description, read, p)
-    outline.absent = source.absent
-    edited = apply_edits(loaded, read.robot, geometry, p)
+    check_parts(loaded)
     outline.edits = edit_keys(loaded)
-    if edited is None:
+    ready = _prepare(loaded, lock, outline, p)
+    if ready is None:
         return outline
+    if loaded.parts:
+        parts = [
+            (part, _prepare_part(loaded, index, outline, p))
+            for index, part in enumerate(loaded.parts)
+        ]
+        composite = compose(loaded, ready, parts, p)
+        if composite is None:
+            return outline
+        loaded, ready = composite
+        recipe, outline.source_map = loaded.recipe, ready.source_map
+    read, edited, geometry = ready.read, ready.robot, ready.geometry
     tree = _merge(recipe, read, edited, p)
     links, shapes = p.ask(edited["links.json"]), p.ask(edited["shapes.json"])
     merged = p.ask(tree["tree.json"])
@@ -91,8 +92,8 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     if geometry is None:
         return outline
     geometry.shapes = decode(Shapes, shapes)
-    lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], p)
+    lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     outline.subjects = geometry.subjects
     if assembled is None:
         return outline
@@ -113,6 +114,44 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
 # --- reading and merging --------------------------------------------------------------------
 
 
+def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Planner) -> Ready | None:
+    """One robot, read and edited; None while an answer is missing."""
+    source = open_source(loaded, lock, p)
+    description = description_of(loaded, source, p)
+    outline.licenses = source.licenses()
+    if description is None:
+        return None
+    read = read_description(loaded.recipe, source, description, p)
+    if read is None:
+        return None
+    p.add("lint_links", LintLinks(), dict(read.robot))
+    lint_export(loaded.recipe, source, description, read, p)
+    outline.source_map = read.source_map
+    outline.expanded = description.ref if loaded.recipe.source.xacro else None
+    geometry = _geometry(loaded, source, description, read, p)
+    outline.absent = source.absent
+    if geometry is not None:
+        lint_density(read, geometry, p)
+    edited = apply_edits(loaded, read.robot, geometry, p)
+    return None if edited is None else Ready(read, edited, geometry, read.source_map)
+
+
+def _prepare_part(whole: LoadedRecipe, index: int, outline: Outline, p: Planner) -> Ready | None:
+    """A part of a composite; its licences come with it."""
+    part, prefix = whole.parts[index], whole.recipe.compose[index].as_
+    check_names(part)
+    own = Outline()
+    ready = _prepare(part, part_lock(part), own, p.scoped(f"{prefix} "))
+    outline.licenses |= {f"{prefix}/{path}": ref for path, ref in own.licenses.items()}
+    outline.absent = (*outline.absent, *own.absent)
+    return ready
+
+
+def part_lock(part: LoadedRecipe) -> Lock | None:
+    """The pin of a part's source, which lies beside its own recipe."""
+    return read_lock(lock_path(part.path)) if part.recipe.source.moving else None
+
+
 def _geometry(
     loaded: LoadedRecipe, source: Source, description: Description, read: Reading, p: Planner
 ) -> Geometry | None:
@@ -121,14 +160,18 @@ def _geometry(
     if meshes is None or shapes is None:
         return None
     drawn = decode(Shapes, shapes)
-    files = source.meshes(json.loads(meshes), description.path)
+    files = read.files
+    if files is None:
+        files = source.meshes(json.loads(meshes), description.path)
     textures = source.present("own textures", {m.texture for m in drawn.materials if m.texture})
     if files is None or textures is None:
         return None
-    named = companions(files, source, p)
+    turned = turned_meshes(loaded, files)
+    # MuJoCo takes no material from a mesh file, so an MJCF says all about its looks itself.
+    named = {} if read.urdf is None else companions(files, source, p)
     if named is None:
         return None
-    return Geometry(drawn, files, named, textures, turned_meshes(loaded, files), p)
+    return Geometry(drawn, files, named, textures, turned, p)
 
 
 def _merge(recipe: Recipe, read: Reading, edited: Mapping[str, Ref], p: Planner) -> Node:
@@ -155,6 +198,11 @@ def _control(recipe: Recipe, read: Reading, tree: Node, assembled: Node, p: Plan
     }
     if read.control is not None:
         inputs["source_control.json"] = read.control
+    samples = recipe.collision.exclude.sampled
+    if samples:
+        robot = {name: inputs[name] for name in ("tree.json", "shapes.json", "meshes/")}
+        pairs = p.add("sample_pairs", SamplePairs(samples=samples), robot)
+        inputs["sampled_pairs.json"] = pairs["sampled_pairs.json"]
     return p.add("control", step, inputs)
 
 
@@ -175,11 +223,11 @@ def _sources(recipe: Recipe, outline: Outline, read: Reading) -> dict[str, dict[
     """
     found: dict[str, dict[str, Ref]] = {}
     written = outline.targets.get("urdf")
-    if read.urdf is not None and not recipe.edits:
+    if read.urdf is not None and not recipe.edits and not recipe.compose:
         found["source"] = {"source.urdf": read.urdf}
     elif written is not None:
         found["source"] = {"source.urdf": written["urdf/"] / f"{recipe.robot}.urdf"}
-    if read.mjcf and not recipe.edits:
+    if read.mjcf and not recipe.edits and not recipe.compose:
         found["source_mjcf"] = dict(read.mjcf)
     return found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,14 +17,15 @@ from assetbuild.recipe.collision import PRESETS, CollisionRule, Region, Toleranc
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.model import Mesh, Shape, Shapes, Tree
-from assetbuild.robot.pose import Pose, vec3
+from assetbuild.robot.pose import Pose, Vec3, vec3
 from assetbuild.steps.match_shapes import MatchShapes
 
 BUILT_IN = ("keep", "none")
 """Methods that need no step of their own."""
 DECOMPOSING = ("auto", "coacd", "vhacd", "spheres")
 """Methods whose result is worth the search for an equal shape."""
-TOLERANCES = ("max_outside", "max_missing", "max_overcover")
+BONE_M = 0.02
+"""A joint nearer to the link's frame gives no direction."""
 _NOT_FIELDS = {"method", "from_", "preset", "keep_open", "regions"}
 
 
@@ -91,20 +93,21 @@ def collision_jobs(loaded: LoadedRecipe, links: Tree, meshes: Meshes) -> tuple[J
     """All collision uses of the robot, in the order of its links."""
     jobs: list[Job] = []
     for body in links.bodies:
-        jobs += _jobs_of(loaded, body.name, meshes.shapes)
+        jobs += _jobs_of(loaded, body.name, links, meshes.shapes)
     return tuple(jobs)
 
 
-def _jobs_of(loaded: LoadedRecipe, link: str, shapes: Shapes) -> list[Job]:
+def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: Shapes) -> list[Job]:
     rule, key = _rule_of(loaded.recipe, link)
     own = _source_of(rule, link, shapes)
-    if rule.method in BUILT_IN:
-        _refuse_foreign(loaded, rule, key, known=("from", "preset"))
+    method = check_rule(loaded, rule, key)
+    if method is None:
         return [Job(link, (shape,)) for shape in own] if rule.method == "keep" else []
-    method = collision_method(loaded, rule, key)
     if not own and method.step_name() != "explicit":
         return []
     fields = _fields(rule, loaded.recipe)
+    if "bones" in method.model_fields and fields.get("max_hulls", 1) > 1:
+        fields["bones"] = _bones(links, link)
     if method.scope == "link":
         return [Job(link, own, method, fields, rule.keep_open, rule.regions)]
     return [
@@ -114,6 +117,12 @@ def _jobs_of(loaded: LoadedRecipe, link: str, shapes: Shapes) -> list[Job]:
         else Job(link, (shape,), method, fields, rule.keep_open, rule.regions)
         for shape in own
     ]
+
+
+def _bones(links: Tree, link: str) -> tuple[Vec3, ...]:
+    """From the link's frame to the joints that it carries, m."""
+    ends = [joint.X_parent_joint.xyz for joint in links.joints if joint.parent == link]
+    return tuple(sorted({end for end in ends if math.hypot(*end) > BONE_M}))
 
 
 def _rule_of(recipe: Recipe, link: str) -> tuple[CollisionRule, tuple[str, ...]]:
@@ -133,10 +142,16 @@ def _source_of(rule: CollisionRule, link: str, shapes: Shapes) -> tuple[Shape, .
     return of_link[rule.from_]
 
 
-def collision_method(
+def check_rule(
     loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...]
-) -> type[CollisionMethod]:
-    """The plug-in of a rule; RecipeError for an unknown one, or a key that it does not have."""
+) -> type[CollisionMethod] | None:
+    """The plug-in of a rule, None for `keep` and `none`.
+
+    RecipeError for an unknown one, and for a key that it does not have.
+    """
+    if rule.method in BUILT_IN:
+        _refuse_foreign(loaded, rule, key, known=("from", "preset"))
+        return None
     try:
         method = load_plugin(CollisionMethod, "assetbuild.collision", rule.method)
     except KeyError:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import PurePosixPath
 
 from assetbuild.engine.graph import Node, Planner, Ref
@@ -35,17 +35,29 @@ class Geometry:
         turned: Collection[str],
         p: Planner,
     ) -> None:
-        self.shapes, self.textures = shapes, textures
-        self._files, self._companions, self._p = files, companions, p
-        self._turned = turned
+        self.shapes, self.textures = shapes, dict(textures)
+        self._files, self._companions, self._p = dict(files), dict(companions), p
+        self._turned = set(turned)
         self._converted: dict[tuple[str, tuple[float, float, float]], Node] = {}
         self._decimated: dict[str, Node] = {}
         self.subjects: dict[str, str] = {}
         self._stems = _short_names(tuple(files))
 
+    def mount(self, part: Geometry, path_of: Callable[[str], str]) -> None:
+        """Take in the files of a part; path_of: their paths in the whole."""
+        self._files |= {path_of(path): ref for path, ref in part._files.items()}
+        self._companions |= {path_of(path): named for path, named in part._companions.items()}
+        self.textures |= {path_of(path): ref for path, ref in part.textures.items()}
+        self._turned |= {path_of(path) for path in part._turned}
+        self._stems = _short_names(tuple(self._files)) | self._stems
+
     def stem(self, mesh: Mesh) -> str:
         """The short name of a mesh file: `calf`."""
         return PurePosixPath(mesh.mesh).stem
+
+    def is_converted(self, mesh: Mesh) -> bool:
+        """Has anything asked for this mesh so far?"""
+        return (mesh.mesh, mesh.scale) in self._converted
 
     def converted(self, mesh: Mesh) -> Node:
         """The full mesh, as OBJ per material."""
@@ -106,10 +118,14 @@ def _short_names(paths: tuple[str, ...]) -> dict[str, str]:
 
 
 def lint_meshes(links: Ref, shapes: Ref, geometry: Geometry, p: Planner) -> Node:
-    """Do the meshes stand as the rest of the robot says they should?"""
-    inputs, uses = {"links.json": links, "shapes.json": shapes}, []
+    """Do the meshes stand as the rest of the robot says they should?
+
+    Only those that the build converts: one that nothing uses may be broken.
+    """
+    inputs = {"links.json": links, "shapes.json": shapes}
+    uses: list[str] = []
     for shape in geometry.shapes.shapes:
-        if isinstance(shape.geometry, Mesh):
+        if isinstance(shape.geometry, Mesh) and geometry.is_converted(shape.geometry):
             inputs[f"meshes/{len(uses)}.json"] = geometry.converted(shape.geometry)["mesh.json"]
             uses.append(shape.name)
     return p.add("lint_meshes", LintMeshes(shapes=tuple(uses)), inputs)

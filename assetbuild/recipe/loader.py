@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from assetbuild.errors import AssetBuildError, RecipeError, Where
@@ -20,6 +20,7 @@ class LoadedRecipe:
 
     path: absolute. file: the name for people, relative to the working folder when below it.
     variant: the one that was applied, or None. files: all that was read, absolute.
+    parts: the recipes that `compose` names, in its order.
     """
 
     recipe: Recipe
@@ -28,6 +29,7 @@ class LoadedRecipe:
     variant: str | None
     files: tuple[Path, ...]
     tree: Node = field(repr=False)
+    parts: tuple[LoadedRecipe, ...] = ()
 
     def where(self, key: Key) -> Where:
         """The place of a key such as `("actuators", 2, "kp")`; of the nearest above if absent."""
@@ -63,7 +65,25 @@ def load_recipe(path: Path | str, variant: str | None = None) -> LoadedRecipe:
     if variant is not None:
         tree = trees[variant] if variant in trees else patched(root, variant)
         recipe = recipes[variant]
-    return LoadedRecipe(recipe, absolute, file, variant, (absolute, *library), tree)
+    loaded = LoadedRecipe(recipe, absolute, file, variant, (absolute, *library), tree)
+    return _with_parts(loaded)
+
+
+def _with_parts(loaded: LoadedRecipe) -> LoadedRecipe:
+    """With the recipes of its parts; RecipeError for a part that has parts itself."""
+    parts: list[LoadedRecipe] = []
+    for index, part in enumerate(loaded.recipe.compose):
+        key = ("compose", index, "recipe")
+        path = Path(os.path.normpath(loaded.path.parent / part.recipe))
+        if path in loaded.files or not path.is_file():
+            problem = "is this recipe itself" if path in loaded.files else "there is no such file"
+            raise loaded.error(key, f"`{part.recipe}`: {problem}")
+        if b"\ncompose:" in b"\n" + read_small_file(path, shown_path(path), RecipeError):
+            hint = "list all parts in one recipe"
+            raise loaded.error(key, f"`{part.recipe}` is composed of parts itself", hint)
+        parts.append(load_recipe(path, part.variant))
+    files = dict.fromkeys((*loaded.files, *(file for part in parts for file in part.files)))
+    return replace(loaded, parts=tuple(parts), files=tuple(files))
 
 
 def with_motor_file(root: Node, recipe: Path) -> tuple[Node, tuple[Path, ...]]:

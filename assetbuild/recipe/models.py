@@ -19,6 +19,8 @@ from assetbuild.recipe.base import NonNegative as NonNegative
 from assetbuild.recipe.base import Positive as Positive
 from assetbuild.recipe.base import Real as Real
 from assetbuild.recipe.collision import CollisionRule, Preset
+from assetbuild.recipe.compose import Part
+from assetbuild.recipe.isaaclab import IsaacLab
 from assetbuild.recipe.mjcf import Mjcf, Mjx
 from assetbuild.recipe.names import Name as Name
 from assetbuild.recipe.names import Pattern as Pattern
@@ -293,6 +295,9 @@ class Recipe(Model):
         max_length=1000,
         description="named changes, in order, before merging: `- set_mass: {link: .., mass: ..}`",
     )
+    compose: tuple[Part, ...] = Field(
+        (), max_length=32, description="other robots that are mounted on this one"
+    )
     visual: Visual = Field(default_factory=lambda: Visual.model_validate({}))
     collision: Collision = Field(default_factory=lambda: Collision.model_validate({}))
     motor_file: str | None = Field(
@@ -320,6 +325,7 @@ class Recipe(Model):
     )
     simulation: Simulation = Field(default_factory=lambda: Simulation.model_validate({}))
     usd: Usd = Field(default_factory=lambda: Usd.model_validate({}))
+    isaaclab: IsaacLab = Field(default_factory=lambda: IsaacLab.model_validate({}))
     randomize: Randomize | None = Field(
         None, description="ranges for `assetbuild sample`, dr.yaml and trainers"
     )

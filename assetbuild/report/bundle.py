@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 
@@ -74,20 +74,34 @@ def media_type(path: str) -> str:
     return _MEDIA_TYPES.get(PurePosixPath(path).suffix.lower(), "text/plain")
 
 
-def notice(recipe: Recipe, pin: Mapping[str, object]) -> BundleFile:
-    """Where the robot comes from and that it was converted."""
-    source = recipe.source
-    lines = [
-        f"{recipe.robot}",
-        "",
-        f"Converted by assetbuild {__version__} from {source.origin},",
-        f"file {source.description}.",
-        *(f"{key}: {value}" for key, value in sorted(pin.items())),
-        f"Licence of the source: {source.license or 'not stated in the recipe'}",
+def notice(parts: Sequence[tuple[Recipe, Mapping[str, object]]]) -> BundleFile:
+    """Where the robot comes from and that it was converted.
+
+    parts: recipe and pin of the robot, then of each robot that is mounted on it.
+    """
+    lines = []
+    edits = dict.fromkeys(name for recipe, _ in parts for edit in recipe.edits for name in edit)
+    for recipe, pin in parts:
+        source = recipe.source
+        lines += [
+            f"{recipe.robot}",
+            "",
+            f"Converted by assetbuild {__version__} from {source.origin},",
+            f"file {source.description}.",
+            *(f"{key}: {value}" for key, value in sorted(pin.items())),
+            f"Licence of the source: {source.license or 'not stated in the recipe'}",
+        ]
+    lines += [
         "Changes: meshes converted and simplified, fixed joints merged, collision geometry,",
         "actuators and keyframes added as the recipe says; see model_card.md.",
+        *([f"Edited: {', '.join(edits)}."] if edits else []),
     ]
     return BundleFile.of_text("NOTICE", "licence", "\n".join(lines) + "\n")
+
+
+def package_url(name: str, version: str) -> str:
+    """A distribution of the Python Package Index, as SLSA and others name it."""
+    return f"pkg:pypi/{name.lower()}@{version}"
 
 
 def provenance(
@@ -99,7 +113,8 @@ def provenance(
 ) -> BundleFile:
     """`provenance.json`: in-toto Statement v1 with the SLSA v1 predicate.
 
-    Times and hosts stand here alone. materials: resolved dependencies, each with name and digest.
+    Times and hosts stand here alone. materials: resolved dependencies, each with `uri` or `digest`,
+    as SLSA asks. run: `finishedOn`, and what has no name in SLSA, with the prefix `assetbuild_`.
     """
     statement = {
         "_type": "https://in-toto.io/Statement/v1",
@@ -115,7 +130,7 @@ def provenance(
                 "resolvedDependencies": list(materials),
             },
             "runDetails": {
-                "builder": {"id": f"assetbuild/{__version__}"},
+                "builder": {"id": package_url("assetbuild", __version__)},
                 "metadata": dict(run),
             },
         },

@@ -88,6 +88,7 @@ class Motion:
     """Trajectories, sampled at `time` (n,), s. joints: rad or m by name, each (n,).
 
     root: (n, 3) m; turn: (n, 4) wxyz of the root; com: (n, 3) of the whole robot, m.
+    touched: something touched something on the way; False where nobody looked.
     """
 
     time: Array
@@ -95,6 +96,7 @@ class Motion:
     root: Array
     turn: Array
     com: Array
+    touched: bool = False
 
     @property
     def finite(self) -> bool:

@@ -68,9 +68,9 @@ def keyframe_motion(
     for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
         data.qpos[int(model.jnt_qposadr[joint]) + 2] += raised_m
     for index in range(model.nu):
-        joint = int(model.actuator_trnid[index, 0])
-        if name_of(model, "joint", joint) in (servos or {}):
-            data.ctrl[index] = data.qpos[int(model.jnt_qposadr[joint])]
+        driven = int(model.actuator_trnid[index, 0])
+        if name_of(model, "joint", driven) in (servos or {}):
+            data.ctrl[index] = data.qpos[int(model.jnt_qposadr[driven])]
     with caught_warnings():
         mujoco.mj_forward(model, data)
         return _track(model, data, steps, every, None)
@@ -126,7 +126,8 @@ def _track(model: Model, data: Data, steps: int, every: int, sine: Sine | None) 
     rows: list[Array] = []
     roots: list[Array] = []
     coms: list[Array] = []
-    driven = {}
+    driven: dict[int, str] = {}
+    touched = False
     if sine is not None:
         for index in range(model.nu):
             joint = name_of(model, "joint", int(model.actuator_trnid[index, 0]))
@@ -138,6 +139,7 @@ def _track(model: Model, data: Data, steps: int, every: int, sine: Sine | None) 
                 assert sine is not None  # noqa: S101 - for the type checker: driven is empty then
                 data.ctrl[index] = sine.target(joint, step * model.opt.timestep)
             mujoco.mj_step(model, data)
+            touched = touched or data.ncon > 0
         if step % every and step != steps:
             continue
         mujoco.mj_kinematics(model, data)
@@ -152,4 +154,4 @@ def _track(model: Model, data: Data, steps: int, every: int, sine: Sine | None) 
         for j in range(model.njnt)
         if model.jnt_type[j] in (2, 3)  # slide, hinge
     }
-    return Motion(np.array(times), joints, root[:, :3], root[:, 3:], np.array(coms))
+    return Motion(np.array(times), joints, root[:, :3], root[:, 3:], np.array(coms), touched)

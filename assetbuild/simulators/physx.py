@@ -23,7 +23,7 @@ import numpy as np
 
 from assetbuild.robot.pose import IDENTITY, Array, Pose
 from assetbuild.simulators._physx_scene import Names, write_world
-from assetbuild.simulators._physx_scene import Setting as Setting
+from assetbuild.simulators._physx_scene import Setting as Setting  # checks take it from here
 from assetbuild.simulators.experiments import FreeFall, Motion, Sine
 
 REQUIRES: Mapping[str, str] = {"ovphysx": "physx", "physx_usd_schemas": "physx"}

@@ -119,7 +119,13 @@ def _between(subject: str, chain: Chain) -> Finding:
 
 def _missing(subject: str, worst: Severity) -> Finding:
     message = "it moves but has no <inertial>: no simulator can accelerate it"
-    return Finding("inertia.missing", worst, subject, message, "give it a mass and an inertia")
+    return Finding(
+        "inertia.missing",
+        worst,
+        subject,
+        message,
+        "give it a mass: edit `inertia_from_geometry`, or `set_inertia`",
+    )
 
 
 def _judge(subject: str, inertial: Inertial, bounds: Bounds, worst: Severity) -> Iterator[Finding]:
@@ -127,7 +133,8 @@ def _judge(subject: str, inertial: Inertial, bounds: Bounds, worst: Severity) ->
     moments = principal_moments(tensor)
     data: dict[str, Scalar | tuple[Scalar, ...]] = {"mass_kg": mass, "principal_kg_m2": moments}
     if mass <= 0.0:
-        message, hint = f"mass is {mass:g} kg", "give it its real mass"
+        message = f"mass is {mass:g} kg"
+        hint = "give it its real one: edit `set_mass`, or `inertia_from_geometry` with a density"
         yield Finding("inertia.mass", worst, subject, message, hint, data=data)
         return
     if mass < bounds.small_mass_kg:
@@ -156,13 +163,13 @@ def _broken(
     shown = f"({a:.4g}, {b:.4g}, {c:.4g}) kg m²"
     if a <= SINGULAR * abs(c):
         message = f"principal moments {shown} are not all positive"
-        hint = "was a product of inertia given the wrong sign, or a dummy value left in?"
+        hint = "a product with the wrong sign, or a dummy? edit `inertia_from_geometry`"
         return Finding("inertia.positive", worst, subject, message, hint, data=data)
     violation = triangle_violation(tensor)
     if violation > ROUNDING:
         severity = worst if violation > bounds.triangle_slack else "warning"
         message = f"principal moments A + B < C by {100 * violation:.3g} % of C: {shown}"
-        hint = "was the tensor taken about the centre of mass? MuJoCo refuses any violation"
+        hint = "was it taken about the centre of mass? MuJoCo refuses it: edit `balance_inertia`"
         extra = {**data, "violation": violation}
         return Finding("inertia.triangle", severity, subject, message, hint, data=extra)
     least = least_second_moment(tensor)

@@ -17,7 +17,7 @@ from assetbuild.findings import Finding
 from assetbuild.kinds import ConvertedMesh, MeshPart
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import obj_bytes
-from assetbuild.mesh.picture import png_of
+from assetbuild.mesh.picture import has_holes, png_of
 from assetbuild.mesh.read import Format, UpAxis, read_mesh
 from assetbuild.mesh.triangles import TriangleMesh, bounds_of, face_normals, merged, unit_vectors
 from assetbuild.mesh.volume import area, is_closed, signed_volume
@@ -32,7 +32,7 @@ NORMAL_DECIMALS = 6
 class ConvertMesh(Step):
     """Reads `mesh`, and the files that it names as `companions/<number>`."""
 
-    version = "3"
+    version = "5"
     tools = ("numpy", "pycollada", "trimesh", "pillow")
     outputs = ("parts/", "mesh.json")
     isolated = True
@@ -77,6 +77,7 @@ class ConvertMesh(Step):
         turned = source.up_axis is not None and self.up_axis == "honour"
         write_converted(files.outputs, parts, source.up_axis, turned=turned)
         yield from self._lost(painted.lost)
+        yield from self._opaque(painted.holes)
         yield from self._inside_out(parts)
 
     def _prepared(self, part: MaterialPart) -> TriangleMesh:
@@ -134,6 +135,18 @@ class ConvertMesh(Step):
                 data={"texture": texture},
             )
 
+    def _opaque(self, textures: Sequence[str]) -> Iterator[Finding]:
+        for texture in textures:
+            yield Finding(
+                rule="mesh.texture_alpha",
+                severity="info",
+                subject=self.subject,
+                message=f"the texture `{texture}` has transparent parts: MJCF and USD show them "
+                "opaque",
+                hint="cut the holes into the mesh if they matter",
+                data={"texture": texture},
+            )
+
     def _inside_out(self, parts: Sequence[MaterialPart]) -> Iterator[Finding]:
         for number, part in enumerate(parts):
             mesh = part.mesh
@@ -151,7 +164,7 @@ class ConvertMesh(Step):
 class _Painted:
     """Materials whose textures are PNG files in `folder`, named by their content.
 
-    lost: texture -> why it is not there.
+    lost: texture -> why it is not there. holes: textures with transparent parts.
     """
 
     def __init__(self, pictures: Mapping[str, bytes], folder: Path) -> None:
@@ -159,6 +172,7 @@ class _Painted:
         self._pictures, self._folder = pictures, folder
         self._files: dict[str, str | None] = {}
         self.lost: dict[str, str] = {}
+        self.holes: list[str] = []
 
     def part(self, part: MaterialPart) -> MaterialPart:
         """The part with its texture by file name, or without one."""
@@ -181,6 +195,8 @@ class _Painted:
         except ValueError as error:
             self.lost[texture] = f"is not readable as a picture ({error})"
             return None
+        if has_holes(png):
+            self.holes.append(texture)
         stem = re.sub(r"[^A-Za-z0-9_]+", "_", PurePosixPath(texture).stem)
         name = f"{stem}-{hashlib.sha256(png).hexdigest()[:8]}.png"
         (self._folder / name).write_bytes(png)

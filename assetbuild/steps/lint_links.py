@@ -13,6 +13,7 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Joint, Shapes, Tree
 from assetbuild.robot.tree import PLACEHOLDER_KG
 from assetbuild.steps._inertia_rules import Bounds, inertia_findings
+from assetbuild.steps._mirror_rule import mirror_findings
 
 
 class LintLinks(Step):
@@ -22,7 +23,7 @@ class LintLinks(Step):
     `lint_bodies` judges what will be simulated. Joint limits are final here.
     """
 
-    version = "5"
+    version = "6"
 
     bounds: Bounds = Field(default_factory=Bounds)
 
@@ -31,6 +32,7 @@ class LintLinks(Step):
         tree = decode(Tree, (files.inputs / "links.json").read_bytes())
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
         yield from inertia_findings(tree, shapes, self.bounds, "warning")
+        yield from mirror_findings(tree)
         for joint in tree.moving_joints:
             yield from _range(joint)
             yield from _drive(joint)
@@ -45,11 +47,11 @@ def _range(joint: Joint) -> Iterator[Finding]:
     subject, data = f"joint {joint.name}", {"lower": lower, "upper": upper}
     if lower == upper:
         message = f"both limits are {lower:g} {unit}: taken by their word, the joint is locked"
-        hint = "set the limits if it is meant to move, else make it `fixed`"
+        hint = "if it is meant to move, give it a range: edit `set_limits`; else make it `fixed`"
         yield Finding("joint.locked", "warning", subject, message, hint, data=data)
     elif lower > upper:
         message = f"lower limit {lower:g} {unit} is not below upper limit {upper:g} {unit}"
-        hint = "set both limits, or make the joint `fixed` if it is not meant to move"
+        hint = "edit `set_limits` gives it both; make the joint `fixed` if it is not meant to move"
         yield Finding("joint.limits", "error", subject, message, hint, data=data)
     elif joint.kind == "revolute" and upper - lower > 2 * math.pi * (1 + 1e-6):
         message = f"range {upper - lower:.4g} rad is more than one turn"

@@ -82,7 +82,7 @@ class LintMeshes(Step):
     """`links.json`, `shapes.json`, `meshes/<number>.json` -> findings only."""
 
     shapes: tuple[str, ...]
-    """Names of the shapes that `meshes/0.json`, `.../1.json`, ... belong to."""
+    """Names of the shapes that `meshes/0.json`, `.../1.json`, ... are of; others are left out."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """One finding for all meshes of the robot."""
@@ -92,11 +92,22 @@ class LintMeshes(Step):
             name: decode(ConvertedMesh, (files.inputs / "meshes" / f"{number}.json").read_bytes())
             for number, name in enumerate(self.shapes)
         }
-        fits = [fit for body in tree.bodies for fit in _fits(body, shapes, records)]
-        better = [fit for fit in fits if fit.other < fit.now - CLEARLY]
-        worse = [fit for fit in fits if fit.now < fit.other - CLEARLY]
-        if len(better) > len(worse):
-            yield _finding(better, worse, records)
+        finding = judge_up_axes(tree, shapes, records)
+        if finding is not None:
+            yield finding
+
+
+def judge_up_axes(
+    tree: Tree, shapes: Shapes, records: Mapping[str, ConvertedMesh]
+) -> Finding | None:
+    """One finding for all meshes of the robot, if most would stand better the other way.
+
+    records: by the name of the shape; a mesh without one is no witness.
+    """
+    fits = [fit for body in tree.bodies for fit in _fits(body, shapes, records)]
+    better = [fit for fit in fits if fit.other < fit.now - CLEARLY]
+    worse = [fit for fit in fits if fit.now < fit.other - CLEARLY]
+    return _finding(better, worse, records) if len(better) > len(worse) else None
 
 
 def _finding(
@@ -128,7 +139,12 @@ def _path(shape: Shape) -> str:
 
 
 def _fits(body: Body, shapes: Shapes, records: Mapping[str, ConvertedMesh]) -> Iterator[_Fit]:
-    own = [shape for shape in shapes.shapes if shape.link == body.name]
+    own = [
+        shape
+        for shape in shapes.shapes
+        if shape.link == body.name
+        and (not isinstance(shape.geometry, Mesh) or shape.name in records)
+    ]
     for role in ("visual", "collision"):
         doubted = [s for s in own if s.role == role and _says(s, records)]
         if not doubted:

@@ -13,7 +13,8 @@ import pytest
 from pxr import Usd, UsdPhysics
 from tiny import TinyRobot, run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.checks.alignment import Alignment, Row, findings_of
+from assetbuild.checks.alignment import Alignment
+from assetbuild.checks.alignment.row import Row, findings_of
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Recipe, Sine
 from assetbuild.report.summary import WITHHELD, public_message
@@ -81,6 +82,14 @@ def test_torque_motors_follow_the_sine_too(tmp_path: Path) -> None:
     robot = replace(robot, control=replace(robot.control, actuators=outside))
     assert [f for f in check(robot, tmp_path) if f.severity == "error"] == []
     assert any(row["row"] == "sine" for row in rows_of(tmp_path))
+
+
+def test_mjcf_that_does_not_load_is_an_error(tmp_path: Path) -> None:
+    inputs = write_robot_ports(tmp_path / "inputs", tiny_quadruped())
+    (inputs / "mjcf").mkdir()
+    (inputs / "mjcf/scene.xml").write_text("<mujoco>")
+    found = run_step(Alignment(robot="robot"), inputs, tmp_path / "out")
+    assert [(f.rule, f.severity) for f in found] == [("alignment.physx.load", "error")]
 
 
 def test_rows_are_judged_by_two_limits() -> None:

@@ -27,6 +27,8 @@ from xml.etree.ElementTree import Element, ParseError
 
 from defusedxml.ElementTree import parse
 
+from corpus.xacros import Given, given, xacros
+
 PACKAGE = "example-robot-data==6.0.0"
 ROOT_IN_WHEEL = "cmeel.prefix/share/example-robot-data"
 
@@ -41,7 +43,7 @@ def main() -> int:
     parser.add_argument("--work", type=Path, help="keep recipes and bundles here")
     options = parser.parse_args()
     root = data_root(options.data)
-    names = corpus(root)
+    names = corpus(root) + xacros()
     if options.only:
         names = [name for name in names if any(part in name for part in options.only)]
     state = options.out.with_suffix(".json")
@@ -94,13 +96,13 @@ def corpus(root: Path) -> list[str]:
 
 def one(root: Path, name: str, work: Path) -> dict[str, object]:
     """Init and build; everything that the table says about it."""
-    urdf = root / "robots" / name
     folder = work / re.sub(r"[^A-Za-z0-9_]", "_", name.removesuffix(".urdf"))
     folder.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
     row: dict[str, object] = {"result": "refused", "note": "", "seconds": 0.0}
-    row |= counts_in(urdf, root)
-    done = run("init", str(urdf), "-o", str(folder / "recipe.yaml"), "--force")
+    got = given(name, root, folder) if name in xacros() else Given(root / "robots" / name, {})
+    row |= counts_in(as_urdf(got, folder), root)
+    done = run("init", str(got.file), *got.words, "-o", str(folder / "recipe.yaml"), "--force")
     if done.returncode == 0:
         done = run("build", str(folder / "recipe.yaml"), "-o", str(folder / "bundle"))
         row |= judged(folder, done.returncode)
@@ -121,6 +123,17 @@ def error_of(text: str) -> str:
     """The first error line."""
     lines = [line for line in text.splitlines() if "error" in line.lower()] or text.splitlines()
     return lines[0].removeprefix("error: ")[:200] if lines else ""
+
+
+def as_urdf(got: Given, folder: Path) -> Path:
+    """The description itself, of a xacro what it expands to."""
+    if got.file.suffix == ".urdf":
+        return got.file
+    from assetbuild.init.source import find_source
+
+    expanded = folder / "expanded.urdf"
+    expanded.write_bytes(find_source(got.file, {}, got.args).data)
+    return expanded
 
 
 def counts_in(urdf: Path, root: Path) -> dict[str, object]:
@@ -189,6 +202,9 @@ def judged(folder: Path, code: int) -> dict[str, object]:
         ]
         row["where"] = first["where"]
     row["figures"] = said["checks"].get("oracle", {}).get("figures", {})
+    equal = said["checks"].get("mjcf_equal", {}).get("figures", {})
+    row["inertia_error"] = equal.get("worst_relative_error", {}).get("inertia")
+    row["edits"] = dict(Counter(f["rule"][5:] for f in findings if f["rule"].startswith("edit.")))
     row["lost"] = sorted({f["subject"] for f in findings if f["rule"].startswith("count.")})
     return row | counts_out(bundle)
 
@@ -216,14 +232,16 @@ def counts_out(bundle: Path) -> dict[str, object]:
 
 def table(rows: dict[str, dict]) -> str:
     head = (
-        "| robot | result | mass kg | mass err | kinematics | mass matrix | gravity "
-        "| visual | collision | textures | lost | s | E/W/I | note |"
+        "| robot | result | edits | mass kg | mass err | inertia | kinematics | mass matrix "
+        "| gravity | visual | collision | textures | lost | s | E/W/I | note |"
     )
-    lines = [f"# Corpus: {PACKAGE}", "", summary(rows), "", head, "|" + " --- |" * 14]
+    lines = [f"# Corpus: {PACKAGE}", "", summary(rows), "", head, "|" + " --- |" * 16]
     lines += [line_of(name, rows[name]) for name in sorted(rows)]
     lines += [
         "",
-        "Errors are relative, against pinocchio on the source (50 poses); shapes: in → out.",
+        "Errors are relative. Kinematics, mass matrix, gravity: MJCF against pinocchio on the",
+        "source, of edited robots on the URDF that was written (50 poses). Inertia: MJCF against",
+        "the robot, worst link. Shapes: in → out. Edits: what `init` wrote, counted by link.",
     ]
     return "\n".join(lines) + "\n"
 
@@ -233,8 +251,10 @@ def line_of(name: str, row: dict) -> str:
     cells = [
         name.removesuffix(".urdf"),
         row["result"],
+        ", ".join(f"{count} {name}" for name, count in row.get("edits", {}).items()),
         f"{row.get('mass_source', 0):.4g}",
         number(mass_error(row)),
+        number(row.get("inertia_error")),
         *(
             number(figures.get(f"{kind}_error"))
             for kind in ("kinematics", "mass_matrix", "gravity")
@@ -268,13 +288,18 @@ def summary(rows: dict[str, dict]) -> str:
         )
         for kind in ("kinematics", "mass_matrix", "gravity")
     }
-    masses = [e for e in map(mass_error, rows.values()) if e is not None]
+    alike = [row for row in rows.values() if not row.get("edits")]
+    masses = [e for e in map(mass_error, alike) if e is not None]
+    inertias = [row["inertia_error"] for row in rows.values() if row.get("inertia_error")]
     told = ", ".join(f"{count} {result}" for result, count in sorted(results.items()))
     errors = ", ".join(f"{kind.replace('_', ' ')} {value:.1e}" for kind, value in worst.items())
     seconds = sum(row["seconds"] for row in rows.values())
     mass = f"{max(masses):.1e}" if masses else "-"
     return (
-        f"{len(rows)} robots: {told}. Worst errors: mass {mass}, {errors}. {seconds:.0f} s in all. "
+        f"{len(rows)} robots: {told}. {len(rows) - len(alike)} edited. "
+        f"Worst errors: mass {mass} (not edited), "
+        f"inertia {max(inertias, default=0):.1e}, {errors}. "
+        f"{seconds:.0f} s in all. "
         f"{shapes_summary(rows)}"
     )
 

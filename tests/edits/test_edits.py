@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -268,3 +269,23 @@ def test_every_edit_describes_its_keys(name):
 def test_the_box_of_these_tests_is_closed():
     volume, _, _ = solid_moments(read_triangles(box_obj((0.1, 0.2, 0.3))))
     assert volume == pytest.approx(0.006)
+
+
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (0.0, -1.0, 0.0), (1.0, 0.0, 0.0)])
+def test_perturb_axis_turns_a_plain_axis_by_eps(tmp_path, axis):
+    joint = Joint("j", "revolute", "a", "b", axis=axis)
+    tree = Tree("r", "fixed", (Body("a"), Body("b")), (joint,))
+    made, _, (finding,) = edited(tmp_path, "perturb_axis", tree, joint="j", eps=1e-4)
+    turned = np.array(made.joints[0].axis)
+    assert np.linalg.norm(turned) == pytest.approx(1.0, abs=1e-15)
+    angle = math.acos(float(turned @ np.array(axis)))
+    assert angle == pytest.approx(1e-4, rel=1e-6)
+    assert finding.data["before"] == axis
+
+
+def test_perturb_axis_leaves_a_slanted_axis_alone(tmp_path):
+    joint = Joint("j", "revolute", "a", "b", axis=(0.6, 0.0, 0.8))
+    tree = Tree("r", "fixed", (Body("a"), Body("b")), (joint,))
+    made, _, (finding,) = edited(tmp_path, "perturb_axis", tree, joint="j")
+    assert made.joints[0].axis == (0.6, 0.0, 0.8)
+    assert "left as it is" in finding.message

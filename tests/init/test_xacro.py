@@ -110,3 +110,9 @@ def test_a_xacro_that_calls_itself_urdf_is_one(packages: Path):
     shapes = {"shapes": packages / "elsewhere/my_shapes"}
     proposal = propose(packages / "ws/bot/urdf/bot.urdf", packages / "bot.yaml", shapes)
     assert "xacro: ws/bot/urdf/bot.urdf" in proposal.text
+
+
+def test_a_urdf_that_only_declares_the_namespace_is_none(robots: Path, tmp_path: Path):
+    text = (robots / "four_legs.urdf").read_text()
+    (tmp_path / "dog.urdf").write_text(text.replace("<robot ", f"<robot {NAMESPACE} ", 1))
+    assert "  urdf: dog.urdf" in propose(tmp_path / "dog.urdf", tmp_path / "dog.yaml", {}).text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 
 import pytest
 
@@ -40,6 +41,20 @@ def test_names_are_found_in_one_spelling(format, data, names):
     assert companions_of(data, format) == names
 
 
-@pytest.mark.parametrize("stated", ["/etc/passwd", "C:\\a.png", "http://x/y.png", "", ".", "a/"])
+ELSEWHERE = ["/etc/passwd", "C:\\a.png", "http://x/y.png", "", ".", "a/"]
+IMPOSSIBLE = ["a" * 256, "a/" * 600 + "b", "a\0b", "\ud800"]
+
+
+@pytest.mark.parametrize("stated", [*ELSEWHERE, *IMPOSSIBLE])
 def test_what_leads_elsewhere_is_no_companion(stated):
     assert relative_name(stated) is None
+
+
+@pytest.mark.parametrize(
+    "piece", [b"<image>", b"<image ", b"<init_from>", b"<" + b"a" * 50, b"\n "]
+)
+def test_no_file_takes_more_than_a_pass(piece):
+    started = time.process_time()
+    for format in ("dae", "obj", "mtl", "gltf"):
+        assert companions_of(piece * (3_000_000 // len(piece)), format) == ()
+    assert time.process_time() - started < 5.0  # a quadratic search takes hours

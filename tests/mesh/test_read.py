@@ -144,6 +144,29 @@ def test_a_shape_survives_a_material_that_is_missing():
     assert "mesh.ignored" in {finding.rule for finding in source.findings}
 
 
+TEXTURED = """<newparam sid="w-surface"><surface type="2D"><init_from>w</init_from></surface>
+ </newparam><newparam sid="w-sampler"><sampler2D><source>{surface}</source></sampler2D></newparam>
+ <technique sid="c"><lambert><diffuse><texture texture="{texture}" texcoord="UVSET0"/></diffuse>
+ </lambert></technique>"""
+IMAGE = (
+    b"<library_images><image id='w'><init_from>my%20wood.png</init_from></image></library_images>"
+)
+
+
+@pytest.mark.parametrize(
+    ("texture", "surface"),
+    [("w-sampler", "w-surface"), ("w", "w-surface"), ("w", "lost-surface")],
+    ids=["as the standard says", "names the picture", "and the sampler leads nowhere"],
+)
+def test_a_dae_names_its_texture_in_three_ways(texture, surface):
+    painted = re.compile(rb'<technique sid="c"><lambert><diffuse>\s*<color>0\.1.*?</technique>')
+    text = TEXTURED.format(texture=texture, surface=surface).encode()
+    data = painted.sub(text, dae().replace(b"\n", b" "))
+    source = read_mesh(data.replace(b"<library_effects>", IMAGE + b"<library_effects>"), "dae")
+    assert source.parts[0].material == SurfaceMaterial("材质", None, "my wood.png")
+    assert ("mesh.ignored" in rules(source)) == (surface == "lost-surface")
+
+
 def test_decimal_numbers_of_a_dae_stay_decimal():
     source = read_mesh(dae(positions=CUBE.replace("1", "0.123456789012"), unit="1"), "dae")
     assert source.parts[0].mesh.vertices[:, 1].max() == 0.123456789012
@@ -257,6 +280,18 @@ def test_a_ply_of_quads_has_the_right_shape(split):
     assert abs(signed_volume(source.parts[0].mesh)) == pytest.approx(1.0)
     assert area(source.parts[0].mesh) == pytest.approx(6.0)
     assert rules(source) == {"mesh.vertex_colours": {}}
+
+
+def test_colours_of_vertices_are_told_as_left_out():
+    text = b"v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nf 1 2 3\n"
+    assert "mesh.vertex_colours" in rules(read_mesh(text, "obj"))
+    mesh = trimesh.Trimesh(BOX.vertices, BOX.faces, process=False)
+    mesh.visual.vertex_colors = np.arange(4 * len(BOX.vertices)).reshape(-1, 4) % 255
+    assert "mesh.vertex_colours" in rules(read_mesh(mesh.export(file_type="glb"), "glb"))
+    blue = b'<input semantic="VERTEX" source="#v" offset="0"/><input semantic="COLOR" '
+    blue += b'source="#pos" offset="0"/>'
+    data = dae().replace(b'<input semantic="VERTEX" source="#v" offset="0"/>', blue)
+    assert "mesh.vertex_colours" in rules(read_mesh(data, "dae"))
 
 
 def test_a_glb_arrives_with_nodes_materials_and_colours():

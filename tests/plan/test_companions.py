@@ -14,7 +14,9 @@ import trimesh
 from PIL import Image
 from pxr import Usd, UsdGeom, UsdShade
 
+from assetbuild.errors import RecipeError
 from assetbuild.pipeline import Outcome, Request, build
+from assetbuild.pipeline.checking import check
 
 URDF = """<robot name="r">
   <material name="paper"><color rgba="1 1 0 1"/><texture filename="pictures/check.bmp"/></material>
@@ -181,6 +183,14 @@ def test_a_picture_outside_of_the_source_is_not_followed(tmp_path: Path):
     assert not list(out.rglob("secret*"))
 
 
+def test_a_pattern_of_turned_meshes_that_matches_none_is_an_error_of_the_recipe(tmp_path: Path):
+    recipe = laid_out(tmp_path, FILES)
+    text = recipe.read_text().replace("license:", 'honour_up_axis: ["meshes/tyle.*"], license:')
+    recipe.write_text(text)
+    with pytest.raises(RecipeError, match=r"`meshes/tyle.\*` matches no mesh"):
+        check(recipe)
+
+
 def test_an_archive_gives_the_same_textures(tmp_path: Path, bundle: Path):
     with tarfile.open(tmp_path / "robot.tar", "w") as archive:
         archive.add(tmp_path / "robot", ".")
@@ -189,3 +199,36 @@ def test_an_archive_gives_the_same_textures(tmp_path: Path, bundle: Path):
     names = {path.name for path in (bundle / "mjcf/assets").iterdir()}
     _, out, _ = built(recipe)
     assert {path.name for path in (out / "mjcf/assets").iterdir()} == names
+
+
+MJCF = """<mujoco><compiler meshdir="meshes" texturedir="pictures"/><asset>
+ <texture name="t" type="2d" file="check.png"/><material name="paper" texture="t" rgba="1 1 0 1"/>
+ <material name="dull" rgba="0 1 1 1"/>
+ <mesh name="tile" file="tile.obj"/></asset><worldbody><body name="base">
+ <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+ <geom type="mesh" mesh="tile" material="paper" contype="0" conaffinity="0"/>
+ <geom type="mesh" mesh="tile" material="dull" contype="0" conaffinity="0"/>
+</body></worldbody></mujoco>"""
+# MuJoCo wants a volume.
+BLOCK = (
+    "mtllib looks.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\n"
+    "f 1/1 3/3 2/2\nf 1/1 2/2 4/3\nf 1/1 4/3 3/2\nf 2/1 3/2 4/3\n"
+)
+
+
+def test_an_mjcf_says_all_about_its_looks_itself(tmp_path: Path):
+    files = {
+        "r.xml": MJCF.encode(),
+        "meshes/tile.obj": BLOCK.encode(),
+        "meshes/looks.mtl": b"newmtl red\nKd 1 0 0\n",
+        "pictures/check.png": picture((0, 250, 0), (0, 0, 0), "PNG"),
+    }
+    recipe = laid_out(tmp_path, files)
+    text = recipe.read_text().replace("urdf: r.urdf", "mjcf: r.xml")
+    recipe.write_text(text.replace("targets: [mjcf, usd, urdf]", "targets: [mjcf]"))
+    _, out, _ = built(recipe)
+    model = mujoco.MjModel.from_xml_path(str(out / "mjcf/r.xml"))
+    looks = {model.material(i).name: model.mat_rgba[i].tolist() for i in range(model.nmat)}
+    assert looks == {"paper": [1.0, 1.0, 0.0, 1.0], "dull": [0.0, 1.0, 1.0, 1.0]}
+    assert model.ntex == 1
+    assert model.mesh_texcoordnum.min() > 0

@@ -155,6 +155,24 @@ def test_a_mesh_without_its_texture_is_built_in_one_colour(tmp_path, stated, com
     assert says in finding.message
 
 
+@pytest.mark.parametrize(("alpha", "told"), [(255, []), (254, ["mesh.texture_alpha"])])
+def test_transparent_parts_of_a_texture_are_told(tmp_path, alpha, told):
+    out = io.BytesIO()
+    Image.new("RGBA", (2, 2), (255, 0, 0, alpha)).save(out, format="PNG")
+    files = {"a.mtl": b"newmtl m\nmap_Kd w.png\n", "w.png": out.getvalue()}
+    *_, findings, _ = convert_with(tmp_path, TRIANGLE, files, format="obj")
+    assert [f.rule for f in findings] == told
+
+
+def test_a_picture_of_sixteen_bits_keeps_its_tone(tmp_path):
+    out = io.BytesIO()
+    Image.fromarray(np.full((2, 2), 0x80FF, dtype=np.uint16)).save(out, format="PNG")
+    files = {"a.mtl": b"newmtl m\nmap_Kd w.png\n", "w.png": out.getvalue()}
+    record, *_, written = convert_with(tmp_path, TRIANGLE, files, format="obj")
+    picture = Image.open(io.BytesIO(written[record.parts[0].texture]))
+    assert picture.getpixel((0, 0)) == (128,) * 3  # 0x80FF of 0xFFFF is 128.49 of 255
+
+
 def test_a_texture_without_coordinates_is_told(tmp_path):
     bare = TRIANGLE.replace(b"1/1 2/2 3/1", b"1 2 3")
     files = {"a.mtl": b"newmtl m\nmap_Kd w.png\n", "w.png": png()}
@@ -212,3 +230,15 @@ def test_each_mesh_of_go1_arrives_whole(tmp_path, go1_root, name):
     material = record.parts[0].material
     expected = {"depthCamera": "材质", "trunk": None, "hip": "Material.029"}
     assert material == expected.get(name, material)
+
+
+def test_more_faces_than_mujoco_reads_from_an_stl_arrive(tmp_path):
+    """Its reader of STL stops at 200,000, so what we write is an OBJ."""
+    side = 405
+    x, y = np.meshgrid(np.arange(side + 1), np.arange(side + 1), indexing="ij")
+    points = np.stack([x, y, np.zeros_like(x)], axis=-1).astype(float)
+    a, b, c, d = points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]
+    faces = np.concatenate([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)])
+    record, mesh, _, _ = convert(tmp_path, stl(faces.reshape(-1, 3, 3) * 0.001), format="stl")
+    assert record.faces == len(mesh.faces) == 2 * side * side == 328_050
+    assert record.area_m2 == pytest.approx((0.001 * side) ** 2)

@@ -71,10 +71,18 @@ def test_without_collision_the_centre_of_mass_tells(tmp_path: Path):
         {"says": None, "collision": (UP, MIDDLE)},
         {"turned": True, "collision": (UP, MIDDLE)},
         {"com": (0.0, 0.5, 0.0)},
+        {"com": (0.0, 0.5, 0.0), "collision": (Mesh("broken.stl"), MIDDLE)},
         {"com": (0.0, 0.0, 0.0)},  # what exporters write who know none
         {"collision": (UP, MIDDLE), "pose": Pose(quat=quat_of_rpy(1.5707963267948966, 0.0, 0.0))},
     ],
-    ids=["no axis", "honoured", "mass inside", "no mass", "turned by its origin"],
+    ids=[
+        "no axis",
+        "honoured",
+        "mass inside",
+        "a mesh that is not built",
+        "no mass",
+        "turned by its origin",
+    ],
 )
 def test_what_fits_is_not_told(tmp_path: Path, robot):
     assert lint(tmp_path, **robot) == []

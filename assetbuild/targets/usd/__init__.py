@@ -15,7 +15,11 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Shapes, Tree
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.usd.bodies import apply_rigid_bodies, write_base
-from assetbuild.targets.usd.colliders import apply_filtered_pairs, define_colliders
+from assetbuild.targets.usd.colliders import (
+    apply_filtered_pairs,
+    apply_masks,
+    define_colliders,
+)
 from assetbuild.targets.usd.geometry import write_instances, write_library, write_materials
 from assetbuild.targets.usd.joints import apply_articulation, define_joints
 from assetbuild.targets.usd.layers import (
@@ -81,8 +85,9 @@ class Usd(Target):
         """`physics.usda`: what the variant `physics` adds to the robot."""
         stage = new_layer(folder / "physics.usda", names)
         yield from apply_rigid_bodies(stage, names, tree, self.options.rigid_body)
-        yield from define_colliders(stage, names, shapes, control.contact)
+        yield from define_colliders(stage, names, shapes, control)
         define_joints(stage, names, tree, control, self.options)
         apply_articulation(stage, names, tree, self.options.articulation)
         apply_filtered_pairs(stage, names, tree, shapes, control)
+        apply_masks(stage, names, tree, shapes, control)
         save(stage)

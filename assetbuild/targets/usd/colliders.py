@@ -6,10 +6,12 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Contact, Control, Mesh, Shape, Shapes, Tree
+from assetbuild.robot.model import Control, Mesh, Shape, Shapes, Tree
+from assetbuild.robot.pose import Vec3
+from assetbuild.simulators.usd_names import PHYSICS_MATERIALS
 from assetbuild.targets.usd.geometry import asset_path, define_primitive
 from assetbuild.targets.usd.layers import GEOMETRIES, apply_foreign, label, place
-from assetbuild.targets.usd.names import COLLISIONS, PHYSICS_MATERIALS, Names
+from assetbuild.targets.usd.names import COLLISIONS, Names
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -19,15 +21,22 @@ HULL_VERTICES = 64
 
 
 def define_colliders(
-    stage: Usd.Stage, names: Names, shapes: Shapes, contact: Contact
+    stage: Usd.Stage, names: Names, shapes: Shapes, control: Control
 ) -> Iterator[Finding]:
-    """Collision shapes below their bodies, invisible (purpose guide), all of one surface."""
+    """Collision shapes below their bodies, invisible (purpose guide), each with its surface."""
     from pxr import UsdGeom, UsdPhysics, UsdShade
 
     if not shapes.of("collision"):
         return
-    surface = _define_surface(stage, names, contact)
+    UsdGeom.Scope.Define(stage, f"/{names.root}/{PHYSICS_MATERIALS}")
+    own = dict(control.contacts)
+    surfaces: dict[Vec3, object] = {}
     for shape in shapes.of("collision"):
+        friction = own.get(shape.name, control.contact).friction
+        if friction not in surfaces:
+            surfaces[friction] = _define_surface(
+                stage, names.surface(friction, control.contact.friction), friction
+            )
         body, X_body_link = names.tree.placement(shape.link)
         UsdGeom.Xform.Define(stage, f"{names.body(body)}/{COLLISIONS}")
         pose, geometry = X_body_link @ shape.X_link_shape, shape.geometry
@@ -44,7 +53,7 @@ def define_colliders(
         UsdPhysics.CollisionAPI.Apply(prim)
         UsdGeom.Imageable(prim).CreatePurposeAttr(UsdGeom.Tokens.guide)
         UsdShade.MaterialBindingAPI.Apply(prim).Bind(
-            surface, UsdShade.Tokens.weakerThanDescendants, "physics"
+            surfaces[friction], UsdShade.Tokens.weakerThanDescendants, "physics"
         )
 
 
@@ -84,13 +93,12 @@ def _hull_findings(shape: Shape, geometry: Mesh, shapes: Shapes) -> Iterator[Fin
         )
 
 
-def _define_surface(stage: Usd.Stage, names: Names, contact: Contact) -> object:
+def _define_surface(stage: Usd.Stage, path: str, friction: Vec3) -> object:
     """The physics material: MuJoCo has one sliding friction, so static equals dynamic."""
-    from pxr import UsdGeom, UsdPhysics, UsdShade
+    from pxr import UsdPhysics, UsdShade
 
-    UsdGeom.Scope.Define(stage, f"/{names.root}/{PHYSICS_MATERIALS}")
-    material = UsdShade.Material.Define(stage, names.contact_material)
-    sliding, torsional, rolling = contact.friction
+    material = UsdShade.Material.Define(stage, path)
+    sliding, torsional, rolling = friction
     surface = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
     surface.CreateStaticFrictionAttr(sliding)
     surface.CreateDynamicFrictionAttr(sliding)
@@ -126,6 +134,36 @@ def apply_filtered_pairs(
         if paths:
             api = UsdPhysics.FilteredPairsAPI.Apply(stage.OverridePrim(names.body(body)))
             api.CreateFilteredPairsRel().SetTargets(paths)
+
+
+def apply_masks(
+    stage: Usd.Stage, names: Names, tree: Tree, shapes: Shapes, control: Control
+) -> None:
+    """Filtered pairs of shapes whose MuJoCo bits never meet; USD has no such bits.
+
+    A shape that meets nothing at all, not even a plain floor, does not collide.
+    """
+    from pxr import UsdPhysics
+
+    own = dict(control.contacts)
+    surfaces = [(shape, own.get(shape.name, control.contact)) for shape in shapes.of("collision")]
+    if all(s.mask == s.partners == 1 for _, s in surfaces):
+        return
+    for index, (shape, surface) in enumerate(surfaces):
+        prim = stage.OverridePrim(names.shape(shape))
+        if not surface.mask and not surface.partners:
+            UsdPhysics.CollisionAPI(prim).CreateCollisionEnabledAttr(False)
+            continue
+        apart = [
+            names.shape(other)
+            for other, theirs in surfaces[index + 1 :]
+            if (theirs.mask or theirs.partners)
+            and not (surface.mask & theirs.partners or theirs.mask & surface.partners)
+            and tree.placement(shape.link)[0] != tree.placement(other.link)[0]
+        ]
+        if apart:
+            api = UsdPhysics.FilteredPairsAPI.Apply(prim)
+            api.CreateFilteredPairsRel().SetTargets(apart)
 
 
 def _standing_for(body: str, names: Names, tree: Tree, shapes: Shapes) -> list[str]:

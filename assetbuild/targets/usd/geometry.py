@@ -23,8 +23,9 @@ from assetbuild.robot.model import (
     Sphere,
 )
 from assetbuild.robot.pose import Pose, Vec3
+from assetbuild.simulators.usd_names import LOOKS
 from assetbuild.targets.usd.layers import GEOMETRIES, label, new_layer, new_stage, place, save
-from assetbuild.targets.usd.names import LOOKS, VISUALS, Names
+from assetbuild.targets.usd.names import VISUALS, Names
 
 if TYPE_CHECKING:
     from pxr import Usd

@@ -14,55 +14,24 @@ The composed stage, with `go1` as the robot's name:
 
 from __future__ import annotations
 
-import hashlib
-import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Shape, Shapes, Tree
+from assetbuild.robot.pose import Vec3
+from assetbuild.simulators.usd_names import (
+    JOINTS,
+    LOOKS,
+    PHYSICS_MATERIALS,
+    ROOT_JOINT,
+    body_identifiers,
+    joint_identifiers,
+    usd_identifier,
+    usd_identifiers,
+)
 
-JOINTS, LOOKS, PHYSICS_MATERIALS = "Joints", "Looks", "PhysicsMaterials"
 VISUALS, COLLISIONS = "visuals", "collisions"
-ROOT_JOINT = "root_joint"
-"""The fixed joint that holds a fixed base to the world."""
-
-_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-
-
-def usd_identifier(name: str) -> str:
-    """`name` itself when it is an ASCII identifier of USD, else the nearest one.
-
-    Letters beyond ASCII have no near one: eight hex digits of the name's SHA-256 stand for them.
-    """
-    if _IDENTIFIER.fullmatch(name):
-        return name
-    near = re.sub(r"[^A-Za-z0-9_]", "_", name)
-    if not name.isascii():
-        near = _with_digest(near.strip("_") or "name", name)
-    return near if _IDENTIFIER.fullmatch(near) else f"_{near}"
-
-
-def usd_identifiers(names: Iterable[str], taken: Iterable[str] = ()) -> dict[str, str]:
-    """A different identifier for each of `names`, none of them in `taken`.
-
-    A name that is an identifier keeps itself. Where two would meet, the changed one carries a
-    digest of its own name, so that no name depends on the order or on a neighbour's absence.
-    """
-    wanted = {name: usd_identifier(name) for name in names}
-    reserved = set(taken)
-    kept = {name for name, near in wanted.items() if name == near and name not in reserved}
-    changed = [name for name in wanted if name not in kept]
-    nears = [wanted[name] for name in changed]
-    clash = reserved | kept | {near for near in nears if nears.count(near) > 1}
-    for name in changed:
-        if wanted[name] in clash:
-            wanted[name] = _with_digest(wanted[name], name)
-    return wanted
-
-
-def _with_digest(near: str, name: str) -> str:
-    return f"{near}_{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
 @dataclass(frozen=True)
@@ -83,9 +52,9 @@ class Names:
         """Names for all parts of the robot called `robot`."""
         return cls(
             root=usd_identifier(robot),
-            bodies=usd_identifiers(tree.by_body, (JOINTS, LOOKS, PHYSICS_MATERIALS)),
+            bodies=body_identifiers(tree),
             frames=usd_identifiers((f.name for f in tree.frames), (VISUALS, COLLISIONS)),
-            joints=usd_identifiers(tree.by_joint, (ROOT_JOINT,)),
+            joints=joint_identifiers(tree),
             shapes=usd_identifiers(s.name for s in shapes.shapes),
             materials=usd_identifiers(m.name for m in shapes.materials),
             assets=usd_identifiers(m.name for m in shapes.meshes),
@@ -115,10 +84,12 @@ class Names:
         """Prim path of a material for the eye."""
         return f"/{self.root}/{LOOKS}/{self.materials[name]}"
 
-    @property
-    def contact_material(self) -> str:
-        """Prim path of the physics material of all colliders."""
-        return f"/{self.root}/{PHYSICS_MATERIALS}/contact"
+    def surface(self, friction: Vec3, common: Vec3) -> str:
+        """Prim path of the physics material with this friction; `common` is most colliders'."""
+        name = "contact"
+        if friction != common:
+            name += "_" + "_".join(usd_identifier(repr(float(value)))[1:] for value in friction)
+        return f"/{self.root}/{PHYSICS_MATERIALS}/{name}"
 
     @property
     def root_joint(self) -> str:

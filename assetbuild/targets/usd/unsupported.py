@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from assetbuild.findings import Finding
 from assetbuild.recipe.usd import Usd as Options
-from assetbuild.robot.model import Control, Joint, Tree
+from assetbuild.robot.model import Contact, Control, Joint, Tree
 from assetbuild.targets.usd.joints import starting_positions
 from assetbuild.targets.usd.units import is_angular, limits
 
@@ -23,15 +23,25 @@ def unsupported(tree: Tree, control: Control, options: Options) -> Iterator[Find
     yield from _contact(control)
     yield from _keyframes(control)
     yield from _starts(tree, control)
+    yield from _parallel_axes(tree)
     if len(tree.bodies) > MAX_LINKS:
         yield Finding(
             rule="usd.links",
             severity="warning",
             subject="robot",
-            message=f"{len(tree.bodies)} bodies; older PhysX holds {MAX_LINKS} in an articulation",
-            hint="merge more links: shorten `fixed_joints.keep_bodies`",
+            message=f"{len(tree.bodies)} bodies: older PhysX and Isaac Sim hold {MAX_LINKS} in an "
+            "articulation; unverified on newer ones",
+            hint=f"merge {_mergeable(tree)}: `fixed_joints`",
             data={"bodies": len(tree.bodies), "limit": MAX_LINKS},
         )
+
+
+def _mergeable(tree: Tree) -> str:
+    """The bodies that fixed joints hold, for a hint."""
+    held = [joint.child for joint in tree.joints if joint.kind == "fixed"]
+    if not held:
+        return "what hangs on joints that need not move"
+    return ", ".join(f"`{name}`" for name in held[:6]) + (", ..." if len(held) > 6 else "")
 
 
 def _limits(joint: Joint) -> Iterator[Finding]:
@@ -115,20 +125,34 @@ def _actuators(control: Control) -> Iterator[Finding]:
 
 
 def _contact(control: Control) -> Iterator[Finding]:
-    if control.contact.condim != 3:
-        _, torsional, rolling = control.contact.friction
-        yield Finding(
-            rule="usd.contact",
-            severity="info",
-            subject="robot",
-            message=f"condim {control.contact.condim}: PhysX has sliding friction only",
-            hint="Newton reads torsional and rolling friction from the physics material",
-            data={
-                "condim": control.contact.condim,
-                "torsional_m": torsional,
-                "rolling_m": rolling,
-            },
-        )
+    """One finding for each kind of MuJoCo's contact values that PhysX does not hold."""
+    surfaces = (control.contact, *(surface for _, surface in control.contacts))
+    plain = Contact()
+    kinds: tuple[tuple[str, Callable[[Contact], object], object, str], ...] = (
+        ("condim", lambda s: s.condim, 3, "PhysX has sliding friction only"),
+        (
+            "torsional and rolling friction",
+            lambda s: s.friction[1:] if s.condim > 3 else 0,
+            0,
+            "Newton reads them from the physics material, PhysX does not",
+        ),
+        ("priority", lambda s: s.priority, 0, "PhysX takes the mean of two frictions"),
+        ("solref", lambda s: s.solref, None, "PhysX's contacts are hard"),
+        ("solimp", lambda s: s.solimp, None, "PhysX's contacts are hard"),
+        ("margin", lambda s: s.margin, plain.margin, "PhysX has contact offsets of its own"),
+        ("gap", lambda s: s.gap, plain.gap, "PhysX has contact offsets of its own"),
+    )
+    for name, value_of, usual, why in kinds:
+        values = sorted({repr(value_of(s)) for s in surfaces if value_of(s) != usual})
+        if values:
+            yield Finding(
+                rule="usd.contact",
+                severity="info",
+                subject="robot",
+                message=f"{name} {', '.join(values[:4])} is not in the USD: {why}",
+                hint="compare `contact_friction` and the standing height in the alignment form",
+                data={"value": name, "surfaces": len(values)},
+            )
 
 
 def _keyframes(control: Control) -> Iterator[Finding]:
@@ -156,3 +180,16 @@ def _starts(tree: Tree, control: Control) -> Iterator[Finding]:
                 hint="add a keyframe `home`",
                 data={"position": position},
             )
+
+
+def _parallel_axes(tree: Tree) -> Iterator[Finding]:
+    plain = [j.name for j in tree.moving_joints if max(map(abs, j.axis)) >= 1.0 - 1e-12]
+    if plain:
+        yield Finding(
+            rule="usd.parallel_axis",
+            severity="info",
+            subject="robot",
+            message=f"the axes of {len(plain)} joints are exactly axes of their bodies",
+            hint="harmless; should a runtime stumble over it, `edits: perturb_axis` turns them",
+            data={"joints": tuple(plain)},
+        )

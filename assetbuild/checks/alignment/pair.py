@@ -1,24 +1,17 @@
-"""MuJoCo beside PhysX, row by row: the form that people fill in by hand before a sim-to-sim move.
-
-Rows are ranked: CRITICAL ones decide whether the two simulate the same robot, LOW ones inform.
-Each row has two limits: the design's, for a warning, and the coarse one of practice, for an error.
-"""
+"""The two models of one robot: what both engines are asked, and the rows that come of it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 
-from assetbuild.engine.step import Files, Limits
-from assetbuild.findings import Finding
-from assetbuild.kinds import Check, write_figures
-from assetbuild.recipe.models import Recipe
+from assetbuild.checks.alignment.row import NUMBER, Rank, Row
+from assetbuild.engine.step import Files
 from assetbuild.recipe.models import Sine as Wish
-from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.simulators import mujoco, mujoco_motion, physx
@@ -26,143 +19,16 @@ from assetbuild.simulators.experiments import (
     Motion,
     Sine,
     compare_response,
+    phasor,
     sine_of,
 )
 
-Rank = Literal["CRITICAL", "HIGH", "MEDIUM", "LOW"]
 EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor", "general"})
 """Their law runs outside of the simulator; the sine gives both engines the same servo instead."""
 FINE_DT = 0.001
 STAND_S, DROP_S, DROP_M, SLOPE = 2.0, 1.2, 1.0, 0.5
 LANDING_S = math.sqrt(2.0 * DROP_M / 9.81)
 """0.452 s from 1 m under the gravity of the earth; scaled to the recipe's below."""
-NUMBER = (1e-5, 0.01)
-"""Limits of a number that both only hold: float32 and what reads it, then 1 %."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """One line of the form.
-
-    off: what the limits bound; share, m, s or rad as `unit` says; None = only told.
-    """
-
-    name: str
-    rank: Rank
-    subject: str
-    mujoco: float | str
-    physx: float | str
-    off: float | None = None
-    warn: float = math.inf
-    error: float = math.inf
-    unit: str = ""
-
-    @property
-    def verdict(self) -> Literal["ok", "warning", "error", "told"]:
-        """By the two limits; what is not a number is over both."""
-        if self.off is None:
-            return "told"
-        if not self.off <= self.error:
-            return "error"
-        return "ok" if self.off <= self.warn else "warning"
-
-    def shown(self) -> dict[str, object]:
-        """For the figures: no NaN, which JSON lacks."""
-        values = {"mujoco": self.mujoco, "physx": self.physx, "off": self.off}
-        plain = {
-            key: None if isinstance(value, float) and not math.isfinite(value) else value
-            for key, value in values.items()
-        }
-        head = {"rank": self.rank, "row": self.name, "of": self.subject}
-        return head | plain | {"unit": self.unit, "verdict": self.verdict}
-
-
-class Alignment(Check):
-    """`mjcf/` in MuJoCo and `usd/` in PhysX: what they hold, how they fall, follow, stand, land."""
-
-    needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
-    reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
-    requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
-    tools: ClassVar[tuple[str, ...]] = (
-        "usd-core",
-        "ovphysx",
-        "ovstage",
-        "physx-usd-schemas",
-        "mujoco",
-    )
-    isolated: ClassVar[bool] = True
-    preload: ClassVar[tuple[str, ...]] = (
-        "pxr.Usd",
-        "pxr.UsdGeom",
-        "pxr.UsdPhysics",
-        "pxr.UsdShade",
-    )
-    limits: ClassVar[Limits] = Limits(wall_s=900.0, memory_mb=16384)
-
-    robot: str
-    """Name of the robot: the stem of the main files."""
-    sine: Wish | None = Wish.model_validate({})
-    iterations: int = 8
-    """Position iterations of PhysX's solver."""
-
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self | None:
-        """None unless the recipe names both simulators."""
-        if set(recipe.validate_.simulators) != {"mujoco", "physx"}:
-            return None
-        return cls(
-            robot=recipe.robot,
-            sine=recipe.validate_.sine,
-            iterations=recipe.usd.articulation.solver_position_iterations,
-        )
-
-    def run(self, files: Files) -> Iterator[Finding]:
-        """Figures: all rows, worst first within their rank."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
-        pair = Pair(files, self.robot, tree, control, self.sine, self.iterations)
-        outcomes = physx.perform(files.inputs / f"usd/{self.robot}.usda", pair.experiments())
-        broken = {name: done for name, done in outcomes.items() if not done.finite}
-        rows = tuple(pair.rows(outcomes))
-        write_figures(files, {"rows": [row.shown() for row in rows]})
-        for name, done in broken.items():
-            yield Finding(
-                "alignment.physx.run",
-                "error",
-                "robot",
-                f"no comparison of `{name}`: {done.failure}",
-                data={"simulator": "physx"},
-            )
-        yield from findings_of(rows)
-
-
-def findings_of(rows: Sequence[Row]) -> Iterator[Finding]:
-    """One finding for each kind of row that is off: about the worst of its joints."""
-    for name in dict.fromkeys(row.name for row in rows):
-        bad = [row for row in rows if row.name == name and row.verdict in ("warning", "error")]
-        if not bad:
-            continue
-        worst = max(bad, key=lambda row: math.inf if math.isnan(row.off or 0.0) else row.off or 0.0)
-        more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
-        limit = worst.error if worst.verdict == "error" else worst.warn
-        yield Finding(
-            f"alignment.physx.{name}",
-            "error" if worst.verdict == "error" else "warning",
-            worst.subject,
-            f"{worst.rank}: MuJoCo {_text(worst.mujoco)}, PhysX {_text(worst.physx)}: "
-            f"{worst.off:.3g} {worst.unit} apart, more than {limit:.3g}{more}",
-            hint="the report's table of `alignment` has every row",
-            data={"rank": worst.rank, "off": _finite(worst.off), "rows": len(bad)},
-        )
-
-
-def _finite(value: float | None) -> float | None:
-    """JSON has no NaN and no infinity."""
-    return value if value is not None and math.isfinite(value) else None
-
-
-def _text(value: float | str) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 @dataclass
@@ -509,6 +375,8 @@ def _response_row(
     name: str, sine: Sine, joint: str, ours: Motion, theirs: Motion, warn: float
 ) -> Row:
     response = compare_response(sine, joint, ours, theirs)
+    # After a touch two motions have nothing more to do with one another: told, not judged.
+    limits = (math.inf, math.inf) if ours.touched else (warn, 0.20)
     return Row(
         name,
         "HIGH",
@@ -516,15 +384,12 @@ def _response_row(
         f"swing {_swing(sine, joint, ours):.5g}",
         f"swing x {response.gain:.5f}, {response.lag_rad:+.4f} rad later",
         response.rms,
-        warn,
-        0.20,
-        "of the swing, RMS",
+        *limits,
+        "of the swing, RMS" + ("; the robot touches itself" if ours.touched else ""),
     )
 
 
 def _swing(sine: Sine, joint: str, motion: Motion) -> float:
-    from assetbuild.simulators.experiments import phasor
-
     start = len(motion.time) // 3
     omega = 2.0 * math.pi * sine.frequency_hz
     return abs(phasor(motion.time[start:], motion.joints[joint][start:], omega))

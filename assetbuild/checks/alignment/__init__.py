@@ -1,0 +1,89 @@
+"""MuJoCo beside PhysX, row by row: the form that people fill in by hand before a sim-to-sim move.
+
+Rows are ranked: CRITICAL ones decide whether the two simulate the same robot, LOW ones inform.
+Each row has two limits: the design's, for a warning, and the coarse one of practice, for an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import ClassVar, Self
+
+from assetbuild.checks.alignment.pair import Pair
+from assetbuild.checks.alignment.row import findings_of
+from assetbuild.engine.step import Files, Limits
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding
+from assetbuild.kinds import Check, write_figures
+from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.models import Sine as Wish
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Control, Tree
+from assetbuild.simulators import mujoco, physx
+
+
+class Alignment(Check):
+    """`mjcf/` in MuJoCo and `usd/` in PhysX: what they hold, how they fall, follow, stand, land."""
+
+    needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
+    reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
+    requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
+    tools: ClassVar[tuple[str, ...]] = (
+        "usd-core",
+        "ovphysx",
+        "ovstage",
+        "physx-usd-schemas",
+        "mujoco",
+    )
+    isolated: ClassVar[bool] = True
+    preload: ClassVar[tuple[str, ...]] = (
+        "pxr.Usd",
+        "pxr.UsdGeom",
+        "pxr.UsdPhysics",
+        "pxr.UsdShade",
+    )
+    limits: ClassVar[Limits] = Limits(wall_s=900.0, memory_mb=16384)
+
+    robot: str
+    """Name of the robot: the stem of the main files."""
+    sine: Wish | None = Wish.model_validate({})
+    iterations: int = 8
+    """Position iterations of PhysX's solver."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self | None:
+        """None unless the recipe names both simulators."""
+        if set(recipe.validate_.simulators) != {"mujoco", "physx"}:
+            return None
+        return cls(
+            robot=recipe.robot,
+            sine=recipe.validate_.sine,
+            iterations=recipe.usd.articulation.solver_position_iterations,
+        )
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Figures: all rows, worst first within their rank."""
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        try:
+            mujoco.load(files.inputs / "mjcf" / "scene.xml")
+        except StepError as error:
+            write_figures(files, {"skipped": "the MJCF does not load"})
+            yield Finding(
+                "alignment.physx.load", "error", "robot", f"nothing to compare: {error.message}"
+            )
+            return
+        pair = Pair(files, self.robot, tree, control, self.sine, self.iterations)
+        outcomes = physx.perform(files.inputs / f"usd/{self.robot}.usda", pair.experiments())
+        broken = {name: done for name, done in outcomes.items() if not done.finite}
+        rows = tuple(pair.rows(outcomes))
+        write_figures(files, {"rows": [row.shown() for row in rows]})
+        for name, done in broken.items():
+            yield Finding(
+                "alignment.physx.run",
+                "error",
+                "robot",
+                f"no comparison of `{name}`: {done.failure}",
+                data={"simulator": "physx"},
+            )
+        yield from findings_of(rows)

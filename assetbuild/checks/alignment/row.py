@@ -1,0 +1,90 @@
+"""Rows of the form: two values, how far apart they are, two limits, one verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from assetbuild.findings import Finding
+
+Rank = Literal["CRITICAL", "HIGH", "MEDIUM", "LOW"]
+NUMBER = (1e-5, 0.01)
+"""Limits of a number that both only hold: float32 and what reads it, then 1 %."""
+
+HINTS: Mapping[str, str] = {
+    "sine_as_is": "where kd dt is large beside the joint's inertia, PhysX's joint friction sticks: "
+    "give the joint its motor's armature, or raise `usd.articulation.solver_position_iterations`",
+    "stand_height": "do the soles start inside of the floor, or does a body touch another?",
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the form.
+
+    off: what the limits bound; share, m, s or rad as `unit` says; None = only told.
+    """
+
+    name: str
+    rank: Rank
+    subject: str
+    mujoco: float | str
+    physx: float | str
+    off: float | None = None
+    warn: float = math.inf
+    error: float = math.inf
+    unit: str = ""
+
+    @property
+    def verdict(self) -> Literal["ok", "warning", "error", "told"]:
+        """By the two limits; what is not a number is over both."""
+        if self.off is None or (self.warn == math.inf and not math.isnan(self.off)):
+            return "told"
+        if not self.off <= self.error:
+            return "error"
+        return "ok" if self.off <= self.warn else "warning"
+
+    def shown(self) -> dict[str, object]:
+        """For the figures: no NaN, which JSON lacks."""
+        values: dict[str, float | str | None] = {
+            "mujoco": self.mujoco,
+            "physx": self.physx,
+            "off": self.off,
+        }
+        plain = {
+            key: None if isinstance(value, float) and not math.isfinite(value) else value
+            for key, value in values.items()
+        }
+        head: dict[str, object] = {"rank": self.rank, "row": self.name, "of": self.subject}
+        return head | plain | {"unit": self.unit, "verdict": self.verdict}
+
+
+def findings_of(rows: Sequence[Row]) -> Iterator[Finding]:
+    """One finding for each kind of row that is off: about the worst of its joints."""
+    for name in dict.fromkeys(row.name for row in rows):
+        bad = [row for row in rows if row.name == name and row.verdict in ("warning", "error")]
+        if not bad:
+            continue
+        worst = max(bad, key=lambda row: math.inf if math.isnan(row.off or 0.0) else row.off or 0.0)
+        more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
+        limit = worst.error if worst.verdict == "error" else worst.warn
+        yield Finding(
+            f"alignment.physx.{name}",
+            "error" if worst.verdict == "error" else "warning",
+            worst.subject,
+            f"{worst.rank}: MuJoCo {_text(worst.mujoco)}, PhysX {_text(worst.physx)}: "
+            f"{worst.off:.3g} {worst.unit} apart, more than {limit:.3g}{more}",
+            hint=HINTS.get(name, "the report's table of `alignment` has every row"),
+            data={"rank": worst.rank, "off": _finite(worst.off), "rows": len(bad)},
+        )
+
+
+def _finite(value: float | None) -> float | None:
+    """JSON has no NaN and no infinity."""
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _text(value: float | str) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,57 @@
+"""`perturb_axis: {joint, eps}`: a joint axis that is no longer exactly a body axis."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from pydantic import Field
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import RecipeError
+from assetbuild.findings import Finding
+from assetbuild.kinds import Edit, Edited, edit_joints
+from assetbuild.recipe.models import Pattern
+from assetbuild.robot.model import MOVING, Joint, Shapes, Tree
+from assetbuild.robot.pose import Vec3
+
+
+class PerturbAxis(Edit):
+    """For runtimes that treat an axis along x, y or z of its body as a special case.
+
+    Only axes that are parallel to one are turned; the others stay as they are.
+    """
+
+    joint: Pattern = Field(description="joints, by whole name")
+    eps: float = Field(1e-6, gt=1e-8, le=1e-3, description="rad by which the axis is turned")
+
+    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+        """See `Edit`."""
+        tree, findings = edit_joints(tree, self.joint, self._turned)
+        return Edited(tree, shapes, findings)
+
+    def _turned(self, joint: Joint) -> tuple[Joint, Finding]:
+        if joint.kind not in MOVING:
+            raise RecipeError(f"perturb_axis: joint `{joint.name}` is {joint.kind}: it has no axis")
+        axis = self._axis(joint.axis)
+        finding = Finding(
+            rule="edit.perturb_axis",
+            severity="info",
+            subject=f"joint {joint.name}",
+            message=f"axis turned by {self.eps:g} rad"
+            if axis != joint.axis
+            else "axis left as it is: parallel to no axis of its body",
+            data={"before": joint.axis, "after": axis},
+        )
+        return replace(joint, axis=axis), finding
+
+    def _axis(self, axis: Vec3) -> Vec3:
+        """Turned towards the next body axis; exactly unit length to first order in eps."""
+        along = max(range(3), key=lambda i: abs(axis[i]))
+        if abs(axis[along]) < 1.0 - 1e-12:
+            return axis
+        turned = [0.0, 0.0, 0.0]
+        turned[along] = math.copysign(math.cos(self.eps), axis[along])
+        turned[(along + 1) % 3] = math.sin(self.eps)
+        x, y, z = turned
+        return x, y, z

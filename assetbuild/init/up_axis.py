@@ -1,0 +1,73 @@
+"""Which meshes stand as their file says: `honour_up_axis`, where the robot itself tells."""
+
+from __future__ import annotations
+
+from pathlib import PurePosixPath
+from typing import get_args
+
+import numpy as np
+
+from assetbuild.errors import StepError
+from assetbuild.init.look import Looked
+from assetbuild.init.source import Found
+from assetbuild.kinds import ConvertedMesh
+from assetbuild.mesh.read import Format, read_mesh
+from assetbuild.robot.model import Mesh, Shape
+from assetbuild.robot.pose import vec3
+from assetbuild.steps.lint_meshes import judge_up_axes
+
+SAYS = (b">Y_UP<", b">X_UP<")
+HEAD = 1 << 16
+"""Bytes in which a COLLADA file tells its axis: its asset comes first."""
+LARGEST = 16 << 20
+"""A mesh of more bytes is left to the build, which reads it in a process of its own."""
+
+
+def turned(source: Found, robot: Looked) -> list[str]:
+    """The line `honour_up_axis` with its reason; nothing where no mesh needs it."""
+    doubted = [s for s in robot.shapes.shapes if _says_so(source, s)]
+    if not doubted:
+        return []
+    links = {shape.link for shape in doubted}
+    records = {}
+    for shape in robot.shapes.shapes:
+        if shape.link in links and isinstance(shape.geometry, Mesh):
+            record = _bounds(source, shape.geometry)
+            if record is None:
+                return []  # the build says what is wrong with it
+            records[shape.name] = record
+    finding = judge_up_axes(robot.links, robot.shapes, records)
+    if finding is None:
+        return []
+    told = f"{finding.data['better']} shapes fit their links better so, {finding.data['worse']} not"
+    return [f'  honour_up_axis: [".*"]   # meshes stand as their files say: {told}']
+
+
+def _says_so(source: Found, shape: Shape) -> bool:
+    if not isinstance(shape.geometry, Mesh) or not shape.geometry.mesh.lower().endswith(".dae"):
+        return False
+    try:
+        with (source.root / shape.geometry.mesh).open("rb") as file:
+            head = file.read(HEAD)
+    except OSError:
+        return False
+    return any(word in head for word in SAYS)
+
+
+def _bounds(source: Found, mesh: Mesh) -> ConvertedMesh | None:
+    """What `convert_mesh` would say of its bounds; None for one that it would refuse."""
+    path = source.root / mesh.mesh
+    suffix = PurePosixPath(mesh.mesh).suffix.lower().lstrip(".")
+    for format in get_args(Format):
+        if suffix == format:
+            try:
+                if path.stat().st_size > LARGEST:
+                    return None
+                read = read_mesh(path.read_bytes(), format)
+            except (StepError, OSError):
+                return None
+            used = [part.mesh.vertices[np.unique(part.mesh.faces)] for part in read.parts]
+            points = np.concatenate(used) * np.array(mesh.scale)
+            lower, upper = vec3(points.min(axis=0)), vec3(points.max(axis=0))
+            return ConvertedMesh((), 0, 0.0, lower, upper, False, None, read.up_axis)
+    return None

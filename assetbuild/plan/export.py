@@ -1,0 +1,50 @@
+"""What a CAD export leaves beside the URDF, and in its densities."""
+
+from __future__ import annotations
+
+import posixpath
+
+from assetbuild.engine.graph import Planner
+from assetbuild.plan.geometry import Geometry
+from assetbuild.plan.reading import Reading
+from assetbuild.plan.source import Description, Source
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.model import Mesh
+from assetbuild.steps.lint_density import LintDensity
+from assetbuild.steps.lint_export import LintExport
+
+
+def lint_export(
+    recipe: Recipe, source: Source, description: Description, read: Reading, p: Planner
+) -> None:
+    """Add the lint of SolidWorks' and Onshape's exports; nothing for an MJCF or a xacro."""
+    if recipe.source.urdf is None:
+        return
+    path = recipe.source.urdf
+    folder, stem = posixpath.dirname(path), posixpath.splitext(posixpath.basename(path))[0]
+    table = posixpath.join(folder, f"{stem}.csv")
+    config = posixpath.normpath(posixpath.join(folder, "..", "config"))
+    names = posixpath.join(config, f"joint_names_{stem}.yaml")
+    folders = (folder or ".", *(() if config.startswith("..") else (config,)))
+    beside = source.below(folders, (".csv", ".yaml"))
+    if beside is None:
+        return
+    inputs = {"robot.urdf": description.ref, "links.json": read.robot["links.json"]}
+    inputs |= {"table.csv": beside[table]} if table in beside else {}
+    inputs |= {"joint_names.yaml": beside[names]} if names in beside else {}
+    step = LintExport(
+        table=table if table in beside else "", names=names if names in beside else ""
+    )
+    p.add("lint_export", step, inputs)
+
+
+def lint_density(read: Reading, geometry: Geometry, p: Planner) -> None:
+    """Add the lint of densities, over the source's own masses and meshes."""
+    inputs = dict(read.robot)
+    names: list[str] = []
+    for shape in geometry.shapes.of("visual"):
+        if isinstance(shape.geometry, Mesh):
+            inputs[f"meshes/{len(names)}.json"] = geometry.converted(shape.geometry)["mesh.json"]
+            names.append(shape.name)
+    if names:
+        p.add("lint_density", LintDensity(shapes=tuple(names)), inputs)

@@ -1,0 +1,49 @@
+"""Parts that are mounted on the robot of a recipe: `compose` in a recipe."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from assetbuild.recipe.base import Model, Positive, Real
+from assetbuild.recipe.names import Name, Pattern
+
+Prefix = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]
+Three = tuple[Real, Real, Real]
+
+
+class At(Model):
+    """Where the root of a part sits."""
+
+    link: str = Field(description="link of the base robot")
+    xyz: Three = Field((0.0, 0.0, 0.0), description="of the part's root in that link, m")
+    rpy: Three = Field((0.0, 0.0, 0.0), description="roll, pitch, yaw in that link, rad")
+
+
+class Mount(Model):
+    """What holds the part: a homogeneous box, fixed to the same link."""
+
+    mass: Positive = Field(description="kg")
+    size: tuple[Positive, Positive, Positive] = Field(description="edges, m")
+    at: Three = Field(
+        (0.0, 0.0, 0.0), description="its centre, from the part's root, m; its axes are the part's"
+    )
+
+
+class Part(Model):
+    """Another robot, mounted on this one by a fixed joint. All its names get a prefix."""
+
+    recipe: str = Field(description="its recipe, relative to this one")
+    variant: Name | None = Field(None, description="of that recipe")
+    as_: Prefix = Field(alias="as", description="prefix of all its names, such as `arm_`")
+    at: At = Field(description="where its root sits")
+    mount: Mount | None = Field(None, description="the plate or bracket between the two")
+    exclude: tuple[str, ...] = Field(
+        (), description="links of the base robot that nothing of the part collides with"
+    )
+    home: dict[Pattern, Real] = Field(
+        default_factory=dict,
+        description="its joints, by their own names, in keyframe `home`; without it as its "
+        "recipe's own `home`",
+    )

@@ -1,0 +1,61 @@
+"""What USD runtimes call the parts of a robot: identifiers of ASCII letters, digits and `_`."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable
+
+from assetbuild.robot.model import Tree
+
+JOINTS, LOOKS, PHYSICS_MATERIALS = "Joints", "Looks", "PhysicsMaterials"
+"""Groups beside the bodies, below the robot."""
+ROOT_JOINT = "root_joint"
+"""Holds a fixed base to the world."""
+
+_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+def usd_identifier(name: str) -> str:
+    """`name` itself when it is an ASCII identifier of USD, else the nearest one.
+
+    Letters beyond ASCII have no near one: eight hex digits of the name's SHA-256 stand for them.
+    """
+    if _IDENTIFIER.fullmatch(name):
+        return name
+    near = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    if not name.isascii():
+        near = _with_digest(near.strip("_") or "name", name)
+    return near if _IDENTIFIER.fullmatch(near) else f"_{near}"
+
+
+def usd_identifiers(names: Iterable[str], taken: Iterable[str] = ()) -> dict[str, str]:
+    """A different identifier for each of `names`, none of them in `taken`.
+
+    A name that is an identifier keeps itself. Where two would meet, the changed one carries a
+    digest of its own name, so that no name depends on the order or on a neighbour's absence.
+    """
+    wanted = {name: usd_identifier(name) for name in names}
+    reserved = set(taken)
+    kept = {name for name, near in wanted.items() if name == near and name not in reserved}
+    changed = [name for name in wanted if name not in kept]
+    nears = [wanted[name] for name in changed]
+    clash = reserved | kept | {near for near in nears if nears.count(near) > 1}
+    for name in changed:
+        if wanted[name] in clash:
+            wanted[name] = _with_digest(wanted[name], name)
+    return wanted
+
+
+def _with_digest(near: str, name: str) -> str:
+    return f"{near}_{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+
+
+def body_identifiers(tree: Tree) -> dict[str, str]:
+    """Prim name by body name."""
+    return usd_identifiers(tree.by_body, (JOINTS, LOOKS, PHYSICS_MATERIALS))
+
+
+def joint_identifiers(tree: Tree) -> dict[str, str]:
+    """Prim name by joint name: what a training framework matches its patterns against."""
+    return usd_identifiers(tree.by_joint, (ROOT_JOINT,))

@@ -1,0 +1,137 @@
+"""A robot on a robot, from two recipes to one bundle, read back in MuJoCo and USD."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import pytest
+
+CART = """<robot name="cart">
+  <link name="base">
+    <inertial><mass value="20"/>
+      <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><box size="0.6 0.4 0.2"/></geometry></collision>
+    <visual><geometry><box size="0.6 0.4 0.2"/></geometry></visual>
+  </link>
+  <link name="slide">
+    <inertial><mass value="2"/>
+      <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+  </link>
+  <joint name="joint1" type="prismatic"><parent link="base"/><child link="slide"/>
+    <origin xyz="0 0 0.3"/><axis xyz="0 0 1"/>
+    <limit lower="0" upper="0.2" effort="200" velocity="1"/></joint>
+</robot>
+"""
+ARM = """<robot name="arm">
+  <link name="base">
+    <inertial><mass value="1"/>
+      <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><sphere radius="0.04"/></geometry></collision>
+  </link>
+  <link name="hand">
+    <inertial><origin xyz="0.2 0 0"/><mass value="0.5"/>
+      <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><origin xyz="0.2 0 0"/><geometry><sphere radius="0.04"/></geometry></collision>
+  </link>
+  <joint name="joint1" type="revolute"><parent link="base"/><child link="hand"/>
+    <origin xyz="0 0 0.1"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="20" velocity="3"/></joint>
+</robot>
+"""
+RECIPE = """schema: assetbuild/v1
+robot: {name}
+source: {{path: ., urdf: {name}.urdf, license: MIT}}
+actuators:
+  - {{joints: ".*", model: pd, kp: {kp}, kd: 5}}
+keyframes:
+  home: {{joints: {{joint1: {home}}}}}
+"""
+PARTS = """compose:
+  - recipe: arm.yaml
+    as: left_
+    at: {link: slide, xyz: [0.1, 0.1, 0.1]}
+    mount: {mass: 0.25, size: [0.05, 0.05, 0.02], at: [0, 0, -0.01]}
+  - recipe: arm.yaml
+    as: right_
+    at: {link: slide, xyz: [0.1, -0.1, 0.1], rpy: [0, 0, 1.5707963267948966]}
+    home: {joint1: -0.5}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "cart.urdf").write_text(CART)
+    (tmp_path / "arm.urdf").write_text(ARM)
+    (tmp_path / "arm.yaml").write_text(RECIPE.format(name="arm", kp=40, home=0.3))
+    (tmp_path / "cart.yaml").write_text(RECIPE.format(name="cart", kp=900, home=0.1) + PARTS)
+    return tmp_path
+
+
+def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"ASSETBUILD_CACHE": str(folder / "store")}
+    command = [sys.executable, "-m", "assetbuild", *words]
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300
+    )
+
+
+def test_two_arms_on_a_cart_are_one_robot(folder):
+    done = run(folder, "build", "cart.yaml")
+    assert done.returncode == 0, done.stdout + done.stderr
+    model = mujoco.MjModel.from_xml_path(str(folder / "build/cart/mjcf/cart.xml"))
+    assert model.body_mass.sum() == pytest.approx(22 + 2 * 1.5 + 0.25)
+    assert [model.joint(i).name for i in range(model.njnt)] == [
+        "joint1",
+        "left_joint1",
+        "right_joint1",
+    ]
+    assert model.actuator_gainprm[:, 0].tolist() == [900, 40, 40]
+    assert model.key("home").qpos.tolist() == [0.1, 0.3, -0.5]
+
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    assert data.ncon == 0
+    left = data.body("left_hand").xpos
+    assert left == pytest.approx([0.1, 0.1, 0.3 + 0.1 + 0.1 + 0.1])
+
+    from pxr import Usd, UsdPhysics
+
+    stage = Usd.Stage.Open(str(folder / "build/cart/usd/cart.usda"))
+    roots = [p for p in stage.Traverse() if p.HasAPI(UsdPhysics.ArticulationRootAPI)]
+    assert len(roots) == 1
+    assert "cart" in (folder / "build/cart/NOTICE").read_text()
+
+
+def test_a_change_of_the_part_is_a_change_of_the_whole(folder):
+    assert run(folder, "build", "cart.yaml").returncode == 0
+    again = run(folder, "build", "cart.yaml")
+    assert "0 ran" in again.stdout or "nothing" in again.stdout
+    text = (folder / "arm.yaml").read_text().replace("kp: 40", "kp: 41")
+    (folder / "arm.yaml").write_text(text)
+    assert run(folder, "build", "cart.yaml").returncode == 0
+    model = mujoco.MjModel.from_xml_path(str(folder / "build/cart/mjcf/cart.xml"))
+    assert model.actuator_gainprm[:, 0].tolist() == [900, 41, 41]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("link: slide", "link: slid", "did you mean `slide`"),
+        ("as: right_", "as: left_", "begins with that of another part"),
+        ("recipe: arm.yaml", "recipe: legs.yaml", "there is no such file"),
+        ("recipe: arm.yaml", "recipe: cart.yaml", "is this recipe itself"),
+        ("home: {joint1: -0.5}", "home: {wrist: -0.5}", "matches no joint"),
+    ],
+)
+def test_what_does_not_fit_is_told_with_its_line(folder, old, new, message):
+    text = (folder / "cart.yaml").read_text()
+    (folder / "cart.yaml").write_text(text.replace(old, new, 1))
+    done = run(folder, "build", "cart.yaml")
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert message in done.stderr and "cart.yaml:" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,155 @@
+"""Files made to do harm: one clear error, its exit code, and nothing written outside."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from .conftest import Workplace
+
+URDF = """<robot name="r"><link name="base">
+ <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+ <visual><geometry><mesh filename="{mesh}"/></geometry></visual></link></robot>
+"""
+RECIPE = """schema: assetbuild/v1
+robot: r
+source: {{path: {path}, {main}, license: MIT}}
+collision: {{default: {{method: none}}}}
+targets: [urdf]
+"""
+LAUGHS = "".join(f'<!ENTITY e{n + 1} "{f"&e{n};" * 10}">' for n in range(9))
+BOMB = f'<!DOCTYPE x [<!ENTITY e0 "ha">{LAUGHS}]>'
+
+
+def stl(corners: np.ndarray, count: int) -> bytes:
+    record = np.zeros(len(corners), dtype=[("n", "<f4", 3), ("c", "<f4", (3, 3)), ("a", "<u2")])
+    record["c"] = corners
+    return b"solid".ljust(80) + struct.pack("<I", count) + record.tobytes()
+
+
+def picture_bomb() -> bytes:
+    """A PNG of 900 million pixels in 70 bytes."""
+    out = io.BytesIO()
+    Image.new("RGB", (2, 2)).save(out, format="PNG")
+    data = out.getvalue().replace(struct.pack(">II", 2, 2), struct.pack(">II", 30_000, 30_000), 1)
+    return data.replace(data[29:33], struct.pack(">I", zlib.crc32(data[12:29])), 1)
+
+
+CORNERS = np.arange(18.0).reshape(2, 3, 3)
+OBJ = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n"
+CASES: dict[str, tuple[dict[str, bytes], int, str]] = {
+    "a lying face count": (
+        {"r.urdf": URDF.format(mesh="m.stl").encode(), "m.stl": stl(CORNERS, 4_000_000_000)},
+        1,
+        "m.stl: the header promises 4000000000 faces",
+    ),
+    "vertices that are no numbers": (
+        {"r.urdf": URDF.format(mesh="m.stl").encode(), "m.stl": stl(CORNERS * np.nan, 2)},
+        1,
+        "m.stl: vertex 0 is not a finite number",
+    ),
+    "entities in a mesh": (
+        {"r.urdf": URDF.format(mesh="m.dae").encode(), "m.dae": f"{BOMB}<x>&e9;</x>".encode()},
+        1,
+        "m.dae: declares XML entities",
+    ),
+    "entities in a description": (
+        {"r.urdf": f'{BOMB}<robot name="&e9;"/>'.encode()},
+        2,
+        "r.urdf:1: a DOCTYPE is not allowed",
+    ),
+    "a picture without end": (
+        {
+            "r.urdf": URDF.format(mesh="m.obj").encode(),
+            "m.obj": OBJ,
+            "a.mtl": b"newmtl m\nmap_Kd w.png\n",
+            "w.png": picture_bomb(),
+        },
+        1,
+        "the picture `w.png` is too large",
+    ),
+    "a name that no disk holds": (
+        {"r.urdf": URDF.format(mesh="a" * 300 + ".stl").encode()},
+        2,
+        "no file `aaaa",
+    ),
+    "a mesh from elsewhere": (
+        {"r.urdf": URDF.format(mesh="../secret.stl").encode(), "../secret.stl": stl(CORNERS, 2)},
+        2,
+        "leads out of the source",
+    ),
+}
+
+
+@pytest.fixture
+def tiny(tmp_path: Path) -> Workplace:
+    return Workplace(tmp_path / "work", tmp_path / "store")
+
+
+def refused(place: Workplace, code: int, says: str, source: str, main: str) -> None:
+    (place.folder / "r.yaml").write_text(RECIPE.format(path=source, main=main))
+    outside = place.folder.parent / "temporary"
+    outside.mkdir()
+    before = everything(place.folder.parent)
+    done = place.run("build", "r.yaml", TMPDIR=str(outside), HOME=str(outside))
+    assert done.returncode == code, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr + done.stdout
+    assert done.stderr.count("error: ") == 1, done.stderr
+    assert says in done.stderr, done.stderr
+    assert everything(place.folder.parent) == before
+
+
+def everything(folder: Path) -> set[str]:
+    """All paths but those of the store."""
+    return {
+        str(path) for path in folder.rglob("*") if folder / "store" not in (path, *path.parents)
+    }
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_hostile_file_is_one_error(tiny: Workplace, name: str):
+    files, code, says = CASES[name]
+    for path, data in files.items():
+        target = tiny.folder / "robot" / path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(data)
+    refused(tiny, code, says, "robot", "urdf: r.urdf")
+
+
+def test_a_link_out_of_the_source_is_one_error(tiny: Workplace):
+    (tiny.folder / "robot").mkdir(parents=True)
+    (tiny.folder / "secret.stl").write_bytes(stl(CORNERS, 2))
+    (tiny.folder / "robot/r.urdf").write_text(URDF.format(mesh="m.stl"))
+    (tiny.folder / "robot/m.stl").symlink_to("../secret.stl")
+    refused(tiny, 2, "is a link that leads out of the source", "robot", "urdf: r.urdf")
+
+
+def test_an_archive_that_escapes_is_one_error(tiny: Workplace):
+    tiny.folder.mkdir()
+    with zipfile.ZipFile(tiny.folder / "robot.zip", "w") as archive:
+        archive.writestr("r.urdf", URDF.format(mesh="m.stl"))
+        archive.writestr("../../escaped.stl", stl(CORNERS, 2))
+    refused(tiny, 2, "escaped.stl", "robot.zip", "urdf: r.urdf")
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        ('<xacro:include filename="../secret.xacro"/>', "secret.xacro"),
+        ('<link name="$(env HOME)"/>', "HOME"),
+    ],
+    ids=["a file outside", "the environment"],
+)
+def test_a_xacro_that_looks_around_is_one_error(tiny: Workplace, body: str, says: str):
+    (tiny.folder / "robot").mkdir(parents=True)
+    head = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    (tiny.folder / "secret.xacro").write_text(f'{head}<link name="secret"/></robot>')
+    (tiny.folder / "robot/r.xacro").write_text(f"{head}{body}</robot>")
+    refused(tiny, 2, says, "robot", "xacro: r.xacro")

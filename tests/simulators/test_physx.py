@@ -1,0 +1,116 @@
+"""PhysX through its child process: mimics couple, a NaN or a crash ends only its own experiment."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny import TinyRobot, box_inertial, check_inputs, pendulum, tiny_quadruped
+
+from assetbuild.robot.model import (
+    Actuator,
+    Body,
+    Control,
+    Joint,
+    Keyframe,
+    Limits,
+    Mimic,
+    Shapes,
+    Tree,
+)
+from assetbuild.robot.pose import Pose, Vec3
+from assetbuild.simulators import physx
+from assetbuild.simulators.experiments import Motion, Sine, compare_response, sine_of
+from assetbuild.targets.usd import Usd
+
+needs_physx = pytest.mark.skipif(
+    __import__("importlib.util").util.find_spec("ovphysx") is None,
+    reason="needs the extra `physx`",
+)
+GRAVITY = (0.0, 0.0, -9.81)
+
+
+def built(robot: TinyRobot, folder: Path) -> Path:
+    return check_inputs(folder, robot, Usd(robot="robot"), "usd") / "usd/robot.usda"
+
+
+def coupled(axis: Vec3) -> TinyRobot:
+    """Two arms on one base; `follow` = 0.2 - 0.5 `lead`."""
+    arm = box_inertial(1.0, (0.02, 0.02, 0.5), (0.0, 0.0, -0.25))
+    limits = Limits(-2.0, 2.0, 50.0, 10.0)
+    lead = Joint("lead", "revolute", "base", "one", Pose((0, 0, 1)), (0.0, 1.0, 0.0), limits)
+    follow = replace(
+        lead,
+        name="follow",
+        child="two",
+        X_parent_joint=Pose((0.0, 0.3, 1.0)),
+        axis=axis,
+        mimic=Mimic("lead", -0.5, 0.2),
+    )
+    tree = Tree("two", "fixed", (Body("base"), Body("one", arm), Body("two", arm)), (lead, follow))
+    drives = (Actuator("lead", "pd", kp=200.0, kd=10.0, effort=50.0), Actuator("follow", "passive"))
+    home = Keyframe("home", (("lead", 0.0), ("follow", 0.2)))
+    return TinyRobot(tree, tree, Shapes(), Control(drives, (home,)))
+
+
+@needs_physx
+@pytest.mark.parametrize("axis", [(0.0, 1.0, 0.0), (0.0, 0.6, 0.8)])
+def test_a_mimic_follows_whatever_its_axis(tmp_path: Path, axis: Vec3) -> None:
+    sine = Sine({"lead": 0.0, "follow": 0.2}, {"lead": 0.3, "follow": 0.0}, 1.0, 0.5)
+    run = physx.Experiment("m", physx.Setting(0.005, GRAVITY), steps=100, every=10, sine=sine)
+    motion = physx.perform(built(coupled(axis), tmp_path), [run])["m"].motion
+    assert motion is not None
+    lead, follow = motion.joints["lead"], motion.joints["follow"]
+    assert np.ptp(lead) > 0.2
+    assert follow == pytest.approx(0.2 - 0.5 * lead, abs=1e-4)
+
+
+@needs_physx
+def test_a_nan_ends_its_own_experiment_only(tmp_path: Path) -> None:
+    setting = physx.Setting(0.005, GRAVITY)
+    knees = {f"{leg}_calf_joint": 0.5 for leg in ("FR", "FL", "RR", "RL")}  # limit: -0.9
+    runs = [
+        physx.Experiment("bad", setting, steps=40, start=knees),
+        physx.Experiment("good", setting, steps=4),
+    ]
+    done = physx.perform(built(tiny_quadruped(), tmp_path), runs)
+    assert not done["bad"].finite
+    assert done["bad"].failure
+    assert done["good"].finite
+
+
+@needs_physx
+def test_a_run_that_takes_too_long_is_stopped(tmp_path: Path) -> None:
+    run = physx.Experiment("long", physx.Setting(0.001, GRAVITY), steps=10_000_000)
+    done = physx.perform(built(pendulum(), tmp_path), [run], seconds=5.0)["long"]
+    assert "5 s" in done.failure
+    assert not done.finite
+
+
+def test_the_sine_stays_off_the_stops() -> None:
+    robot = tiny_quadruped()
+    sine = sine_of(robot.tree, robot.control, {"FR_calf_joint": -0.9}, 1.0, 3.0)
+    for joint in robot.tree.moving_joints:
+        lower, upper = joint.limits.lower, joint.limits.upper
+        assert lower is not None and upper is not None
+        assert lower < sine.middle[joint.name] - sine.swing[joint.name]
+        assert sine.middle[joint.name] + sine.swing[joint.name] < upper
+
+
+def test_response_finds_gain_and_lag() -> None:
+    time = np.linspace(0.0, 3.0, 601)
+    sine = Sine({"a": 0.0}, {"a": 0.3})
+
+    def motion(values: np.ndarray) -> Motion:
+        zeros = np.zeros((601, 3))
+        return Motion(time, {"a": values}, zeros, np.zeros((601, 4)), zeros)
+
+    first = motion(0.3 * np.sin(2 * math.pi * time))
+    second = motion(0.1 + 0.27 * np.sin(2 * math.pi * time - 0.2))
+    response = compare_response(sine, "a", first, second)
+    assert response.gain == pytest.approx(0.9, abs=1e-9)
+    assert response.lag_rad == pytest.approx(0.2, abs=1e-9)
+    assert compare_response(sine, "a", first, first).rms == 0.0
