@@ -160,7 +160,7 @@ def _points(tree: Tree, shapes: Shapes, files: Files) -> Mapping[str, Array]:
         body, X_body_link = tree.placement(shape.link)
         placed = (X_body_link @ shape.X_link_shape).apply(points)
         by_body.setdefault((body, shape.role), []).append(placed)
-    found = {}
+    found: dict[str, Array] = {}
     for role in ("collision", "visual"):  # the later one stays
         found |= {b: np.concatenate(p) for (b, r), p in by_body.items() if r == role}
     return found

@@ -61,7 +61,7 @@ def html_table(shown: Table) -> str:
     note = f"<caption>{escape(shown.note)}</caption>" if shown.note else ""
     # A part that scrolls must be reachable by the keyboard.
     return (
-        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(shown.title)}">'
+        f'<div class="scroll" tabindex="0" role="group" aria-label="{escape(shown.title)}">'
         f"<table>{note}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
     )
 
