@@ -29,11 +29,9 @@ def check_names(loaded: LoadedRecipe) -> None:
                 where=loaded.where(("targets", index)),
                 hint=did_you_mean(name, targets),
             )
-    rules = {("collision", "default"): recipe.collision.default} | {
-        ("collision", "links", pattern): rule for pattern, rule in recipe.collision.links.items()
-    }
-    for key, rule in rules.items():
-        check_rule(loaded, rule, key)
+    check_rule(loaded, recipe.collision.default, ("collision", "default"))
+    for pattern, rule in recipe.collision.links.items():
+        check_rule(loaded, rule, ("collision", "links", pattern))
     for _, edit, key in edits_of(loaded):
         if recipe.source.mjcf is not None and edit.step_name() in BY_NAME:
             message = f"`{edit.step_name()}` of a robot from MJCF: its sensors, drives and poses "
