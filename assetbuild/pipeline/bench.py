@@ -45,7 +45,8 @@ class BenchRequest:
 class Level:
     """One row. iou: mean over the fitted meshes; outside_mm: the worst; None = nothing fitted.
 
-    build_s: CPU seconds of the steps that made the collision geometry, when they last ran.
+    build_s: CPU seconds of the steps that made the collision geometry; of cached ones the wall
+    clock when they last ran.
     fell: meshes whose library failed, so that another method made their pieces.
     error: why there are no figures.
     """
@@ -114,11 +115,13 @@ def _built(
         error = first_error(results)
         if error is not None:
             raise error
-        for label, result in results.items():
-            took = result.cpu_seconds or result.saved_seconds
-            spent[label] = max(spent.get(label, 0.0), took)
+        for result in results.values():
+            if result.cpu_seconds:
+                spent[result.key] = result.cpu_seconds
+            spent.setdefault(result.key, result.saved_seconds)
         if not planner.questions:
-            seconds = sum(spent.get(node.label, 0.0) for node in outline.fits)
+            keys = {results[node.label].key for node in outline.fits}  # shared results count once
+            seconds = sum(spent.get(key, 0.0) for key in keys)
             fell = sum(
                 any(
                     finding.rule == "collision.library_failed"
