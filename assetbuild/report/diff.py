@@ -183,15 +183,14 @@ def _files(before: Snapshot, after: Snapshot) -> Iterator[Change]:
     pictures = [p for p in {*before.files, *after.files} if p.startswith("report/images/")]
     other = sorted(p for p in pictures if before.files.get(p) != after.files.get(p))
     for path in other:
-        old_file, new_file = ("there" if path in s.files else "-" for s in (before, after))
         name = path.removeprefix("report/images/")
-        yield Change("LOW", (name,), "picture", old_file, new_file, "look at both")
+        old, new = ("there" if path in s.files else "-" for s in (before, after))
+        yield Change("LOW", (name,), "picture", old, new, "look at both")
     for folder in ("urdf", "mjcf", "usd"):
-        old, new = (_size(snapshot, folder) for snapshot in (before, after))
-        if max(old, new) and abs(new - old) > 0.02 * max(old, new):
-            yield Change(
-                "LOW", (f"{folder}/",), "size", f"{old / 1e6:.2f} MB", f"{new / 1e6:.2f} MB"
-            )
+        sizes = [_size(snapshot, folder) for snapshot in (before, after)]
+        if max(sizes) and abs(sizes[1] - sizes[0]) > 0.02 * max(sizes):
+            shown = [f"{size / 1e6:.2f} MB" for size in sizes]
+            yield Change("LOW", (f"{folder}/",), "size", shown[0], shown[1])
 
 
 def _size(snapshot: Snapshot, folder: str) -> int:
