@@ -6,6 +6,8 @@ Every target and check finds the robot under the same input names:
     tree.json      Tree after merging: the bodies that will be simulated
     shapes.json    Shapes; mesh geometry names an asset
     control.json   Control
+    ratings.json   Control with nothing but effort, velocity, damping and friction of the joints;
+                   so that a new gain leaves its readers alone; only where `reads` names it
     meshes/        the assets, `<name>.obj`
 
 A check finds each target that it `needs` as a folder of that name (`mjcf/`, `usd/`), and the
@@ -202,15 +204,16 @@ def edit_joints(
 class Target(Step):
     """Reads the Robot, writes one format below `<name>/`. It may refuse; it may not repair.
 
-    Subclasses set `outputs = ("<name>/",)`; what they write there appears in the bundle as is.
+    Subclasses set `outputs = ("<name>/",)`; what they write there appears in the bundle as is,
+    below `folder`. Two targets may write one file of the bundle when its bytes are the same.
     """
 
     robot: str
     """Name of the robot: the stem of the main file."""
+    folder: ClassVar[str | None] = None
+    """Folder of the bundle for what it writes; None: its own name, "": the bundle itself."""
     reads: ClassVar[tuple[str, ...]] = ROBOT_PORTS
     """The robot ports that this target really reads; the rest is not linked to it."""
-    folder: ClassVar[str] = ""
-    """Where its files stand in the bundle; "" = in a folder of the target's name."""
 
     @classmethod
     def configure(cls, recipe: Recipe) -> Self:

@@ -62,12 +62,13 @@ class TinyRobot:
 
 
 def write_robot_ports(folder: Path, robot: TinyRobot) -> Path:
-    """Writes links.json, tree.json, shapes.json, control.json and meshes/ into `folder`."""
+    """Writes what stands behind the robot ports of `assetbuild.kinds` into `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "links.json").write_bytes(encode(robot.links))
     (folder / "tree.json").write_bytes(encode(robot.tree))
     (folder / "shapes.json").write_bytes(encode(robot.shapes))
-    (folder / "control.json").write_bytes(encode(robot.control))
+    for name in ("control.json", "ratings.json"):
+        (folder / name).write_bytes(encode(robot.control))
     (folder / "meshes").mkdir(exist_ok=True)
     for name, data in robot.meshes.items():
         (folder / "meshes" / name).write_bytes(data)
@@ -153,7 +154,6 @@ def tiny_quadruped() -> TinyRobot:
     trunk = box_inertial(6.0, (0.4, 0.2, 0.1))
     imu = box_inertial(0.01, (0.01, 0.01, 0.01))
     X_trunk_imu = Pose((0.05, 0.01, 0.02), normalised_quat((1.0, 0.0, 0.0, 1.0)))
-    hip = box_inertial(0.5, (0.06, 0.06, 0.06), (0.0, 0.005, 0.0))
     thigh = box_inertial(0.8, (0.03, 0.03, SEGMENT_M), (0.0, 0.0, -SEGMENT_M / 2))
     calf = box_inertial(0.15, (0.02, 0.02, SEGMENT_M), (0.0, 0.0, -SEGMENT_M / 2))
     foot = ball_inertial(0.05, FOOT_RADIUS_M)
@@ -165,6 +165,7 @@ def tiny_quadruped() -> TinyRobot:
     moving: list[Joint] = []
     frames: list[Frame] = [Frame("imu", "trunk", X_trunk_imu)]
     for leg, front, left in LEGS:
+        hip = box_inertial(0.5, (0.06, 0.06, 0.06), (0.0, left * 0.005, 0.0))
         links += [Body(f"{leg}_hip", hip), Body(f"{leg}_thigh", thigh), Body(f"{leg}_calf", calf)]
         links.append(Body(f"{leg}_foot", foot))
         bodies += [Body(f"{leg}_hip", hip), Body(f"{leg}_thigh", thigh)]

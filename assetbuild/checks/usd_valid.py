@@ -313,3 +313,12 @@ def name_of_end(joint: Usd.Prim) -> str:
     """Name of the one body that a world joint holds."""
     ends = _ends(joint)
     return name_of(joint.GetStage().GetPrimAtPath(ends[0])) if ends else ""
+
+
+def lint_file(path: Path) -> Iterator[Finding]:
+    """What can be said about any USD file: does it open, and what do the validators object to?"""
+    stage = _open(path)
+    if stage is None:
+        yield Finding("usd.unreadable", "error", "robot", f"`{path.name}` cannot be opened as USD")
+        return
+    yield from _validation(stage)

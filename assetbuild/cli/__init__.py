@@ -13,8 +13,8 @@ from assetbuild import __version__
 from assetbuild.errors import AssetBuildError
 
 VERBS = (
-    "build", "cache", "check", "explain", "init", "lock", "plan", "report",
-    "sample", "schema", "verify",
+    "bench", "build", "cache", "check", "completion", "diff", "doctor", "explain", "init", "lock",
+    "plan", "report", "sample", "schema", "validate", "verify", "watch",
 )  # fmt: skip
 """Each is a module of this package with `HELP`, `add_arguments(parser)` and `run(arguments)`."""
 
@@ -28,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     _end_as_by_ctrl_c()
     try:
-        return int(_module(arguments.verb).run(arguments))
+        return int(module_of(arguments.verb).run(arguments))
     except AssetBuildError as error:
         print_error(error)
         return error.exit_code
@@ -77,11 +77,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"assetbuild {__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB")
     for verb in VERBS:
-        module = _module(verb)
+        module = module_of(verb)
         sub = verbs.add_parser(verb, help=module.HELP, description=module.HELP)
         module.add_arguments(sub)
     return parser
 
 
-def _module(verb: str):  # type: ignore[no-untyped-def] # noqa: ANN202 # a module, no type for it
+def module_of(verb: str):  # type: ignore[no-untyped-def] # noqa: ANN201 # a module, no type for it
+    """The module of a verb."""
     return importlib.import_module(f"assetbuild.cli.{verb}")

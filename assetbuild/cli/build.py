@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,17 +21,24 @@ HELP = "build the bundle; only stale steps run"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE")
-    parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="default: build/<robot>")
-    parser.add_argument("-j", "--jobs", type=_positive, metavar="N", help="default: all cores")
-    parser.add_argument("-k", "--keep-going", action="store_true", help="build what still can be")
+    add_plain_arguments(parser)
     parser.add_argument("-n", "--dry-run", action="store_true", help="say what would run")
-    parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
-    parser.add_argument("--frozen", action="store_true", help="fail rather than write a lock")
     parser.add_argument("--rehash", action="store_true", help="read every source file again")
     parser.add_argument(
         "--rebuild-check", action="store_true", help="run every step twice and compare"
     )
+    parser.add_argument("--log-json", type=Path, metavar="FILE", help="write events, one per line")
+    parser.add_argument("--report-junit", type=Path, metavar="FILE", help="write JUnit XML")
+
+
+def add_plain_arguments(parser: argparse.ArgumentParser) -> None:
+    """Those that `watch` takes too."""
+    parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE")
+    parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="default: build/<robot>")
+    parser.add_argument("-j", "--jobs", type=_positive, metavar="N", help="default: all cores")
+    parser.add_argument("-k", "--keep-going", action="store_true", help="build what still can be")
+    parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
+    parser.add_argument("--frozen", action="store_true", help="fail rather than write a lock")
     add_remote(parser)
     parser.add_argument(
         "--executor",
@@ -45,8 +53,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="off",
         help="strict: each step that runs may read its inputs only; Linux; default: off",
     )
-    parser.add_argument("--log-json", type=Path, metavar="FILE", help="write events, one per line")
-    parser.add_argument("--report-junit", type=Path, metavar="FILE", help="write JUnit XML")
     parser.add_argument(
         "--fail-on", choices=("error", "warning", "never"), default="error", help="default: error"
     )
@@ -61,12 +67,29 @@ def _positive(text: str) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Build the recipes as one graph; the worst exit code of all."""
+    requests = requests_of(arguments)
+    if arguments.dry_run:
+        return max(_dry_run(request) for request in requests)
+    requests = [
+        replace(request, rehash=arguments.rehash, rebuild_check=arguments.rebuild_check)
+        for request in requests
+    ]
+    outcomes = build_and_print(requests, arguments.log_json, arguments.report_junit)
+    if not (arguments.rebuild_check or arguments.log_json or arguments.report_junit):
+        _remember(outcomes)
+    return max(outcome.exit_code for outcome in outcomes)
+
+
+def requests_of(arguments: argparse.Namespace) -> list[Request]:
+    """One for each recipe. UsageError when the arguments do not fit together."""
     from assetbuild.errors import UsageError
     from assetbuild.pipeline import Request
 
+    if arguments.cache_write and not arguments.remote:
+        raise UsageError("`--cache-write` needs `--remote`: where to?")
     if arguments.out is not None and len(arguments.recipes) > 1:
         raise UsageError("`-o` names one bundle, but several recipes were given")
-    requests = [
+    return [
         Request(
             recipe=recipe,
             out=arguments.out,
@@ -74,8 +97,6 @@ def run(arguments: argparse.Namespace) -> int:
             jobs=arguments.jobs,
             keep_going=arguments.keep_going,
             frozen=arguments.frozen,
-            rehash=arguments.rehash,
-            rebuild_check=arguments.rebuild_check,
             remote=arguments.remote,
             cache_write=arguments.cache_write,
             sandbox=arguments.sandbox,
@@ -84,19 +105,12 @@ def run(arguments: argparse.Namespace) -> int:
         )
         for recipe in arguments.recipes
     ]
-    if arguments.cache_write and not arguments.remote:
-        raise UsageError("`--cache-write` needs `--remote`: where to?")
-    if arguments.dry_run:
-        return max(_dry_run(request) for request in requests)
-    outcomes = _build(requests, arguments.log_json, arguments.report_junit)
-    if not (arguments.rebuild_check or arguments.log_json or arguments.report_junit):
-        _remember(outcomes)
-    return max(outcome.exit_code for outcome in outcomes)
 
 
-def _build(
-    requests: list[Request], log_json: Path | None, report_junit: Path | None
+def build_and_print(
+    requests: list[Request], log_json: Path | None = None, report_junit: Path | None = None
 ) -> list[Outcome]:
+    """Build with progress, and print what came of it. AssetBuildError for wrong input."""
     from assetbuild.cli.outputs import append_step_summary, event_log, write_junit
     from assetbuild.cli.summary import print_differences, print_summary
 

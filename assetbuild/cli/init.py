@@ -11,7 +11,7 @@ HELP = "look at a robot and write a commented recipe that builds"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("robot", type=Path, metavar="ROBOT.urdf|.xacro")
+    parser.add_argument("robot", type=Path, metavar="ROBOT.urdf|.xacro|.xml")
     parser.add_argument(
         "-o", "--out", type=Path, metavar="RECIPE", help="default: <robot>.yaml, - prints it"
     )

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pydantic import Field
 
-from assetbuild.collision import CollisionMethod, Fitted, hulls
+from assetbuild.collision import CollisionMethod, Fitted
 from assetbuild.findings import Finding
 from assetbuild.mesh.coacd import coacd_parts
 from assetbuild.mesh.cover import Quality, Reference, blocked_by, rough
@@ -40,6 +40,8 @@ COACD_FACES = 40_000
 """CoACD's check for self-intersection takes seconds beyond this, its search minutes."""
 COACD_CPU_S = 20.0
 """Most CPU seconds of CoACD here: on a clean link it needs two or three."""
+CORNERS = 20_000
+"""About so many vertices of a mesh, at most, pull V-HACD's parts back onto its surface."""
 TIGHT = 0.02
 """CoACD's threshold / diagonal where the tolerance is wider."""
 SCALED = 1e-3
@@ -79,7 +81,7 @@ class Auto(CollisionMethod):
 
     def fit(self, reference: Reference) -> Fitted:
         """The ladder; a library that fails is a finding, and the next rung is taken."""
-        one = self._judged(reference, (ConvexPiece(reference.hull),), "hull")
+        one = self._judged(reference, [self.verified(ConvexPiece(reference.hull))], "hull")
         if one.badness == 0.0 or (reference.convexity > CONVEX and one.badness < BLOCKED):
             return Fitted(
                 one.pieces, (), "convex: one hull" if one.badness else "one hull is enough"
@@ -129,7 +131,8 @@ class Auto(CollisionMethod):
             return None, [self.fell("V-HACD", failure, "hull")]
         lower, upper = reference.mesh.bounds
         voxel = float(np.prod(upper - lower) / self.vhacd.resolution) ** (1.0 / 3.0)
-        surface = np.concatenate([reference.mesh.vertices, reference.samples])
+        some = reference.mesh.vertices[:: len(reference.mesh.vertices) // CORNERS + 1]
+        surface = np.concatenate([some, reference.samples])
         return self._smallest(reference, grown_to(parts, surface, voxel), "V-HACD"), []
 
     def _smallest(
@@ -145,8 +148,15 @@ class Auto(CollisionMethod):
         family = {len(points): points for points in merge_steps(parts)}
         most = min(self.max_hulls, max(family))
 
+        known: dict[int, ConvexPiece | None] = {}  # members share most of their parts
+
+        def piece(points: Array) -> ConvexPiece | None:
+            if id(points) not in known:
+                known[id(points)] = self.verified(_piece(points))
+            return known[id(points)]
+
         def member(count: int) -> _Candidate:
-            return self._judged(reference, _pieces(family[count]), how)
+            return self._judged(reference, [piece(points) for points in family[count]], how)
 
         best = member(most)
         if best.badness > 0.0:
@@ -181,9 +191,9 @@ class Auto(CollisionMethod):
         )
 
     def _judged(
-        self, reference: Reference, pieces: tuple[ConvexPiece, ...], how: str
+        self, reference: Reference, pieces: Sequence[ConvexPiece | None], how: str
     ) -> _Candidate:
-        capped = tuple(piece for piece in map(self.verified, pieces) if piece is not None)
+        capped = tuple(piece for piece in pieces if piece is not None)
         if not capped:
             return _Candidate((), _NOTHING, np.inf, how)
         quality = rough(reference, capped)
@@ -191,8 +201,7 @@ class Auto(CollisionMethod):
             max(0.0, found / most - 1.0) if most else float(found > 0.0)
             for found, most in self.excesses(quality).values()
         )
-        closed = [place.probe for place in self.probes if place.max_outside is None]
-        badness += BLOCKED * sum(blocked_by(p, probe) for probe in closed for p in capped)
+        badness += BLOCKED * sum(blocked_by(p, c) for c in self.closed_places for p in capped)
         return _Candidate(capped, quality, badness, how)
 
 
@@ -205,9 +214,8 @@ def _rank(candidate: _Candidate) -> tuple[float, float, int]:
     )
 
 
-def _pieces(points: Sequence[Array]) -> tuple[ConvexPiece, ...]:
-    no_faces = np.zeros((0, 3), dtype=np.int64)
-    return hulls(TriangleMesh(corners, no_faces) for corners in points)
+def _piece(corners: Array) -> ConvexPiece:
+    return ConvexPiece(TriangleMesh(corners, np.zeros((0, 3), dtype=np.int64)))
 
 
 _NOTHING = Quality(False, False, 0.0, 0.0, 1.0, 0.0, 0)

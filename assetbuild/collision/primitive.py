@@ -1,26 +1,53 @@
-"""One box, sphere, capsule or cylinder per link: fastest to simulate, exact to differentiate."""
+"""Boxes, spheres, capsules and cylinders: fastest to simulate, exact to differentiate."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
+from pydantic import Field
+
 from assetbuild.collision import CollisionMethod, Fitted
+from assetbuild.findings import Finding
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.fit import KINDS, best_primitive
+from assetbuild.mesh.fit_many import fit_parts
+from assetbuild.mesh.hull import convex_hull
+from assetbuild.mesh.merge import grown_to, merge_steps
+from assetbuild.mesh.native import NativeError
+from assetbuild.mesh.primitives import Primitive
 from assetbuild.mesh.solid import ConvexPiece
+from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.vhacd import vhacd_parts
+from assetbuild.recipe.collision import VHacdOptions
 from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
+from assetbuild.robot.pose import Pose, Vec3
 
 SHAPES = {"box": Box, "sphere": Sphere, "capsule": Capsule, "cylinder": Cylinder}
+WORTH = 0.02
+"""A further primitive must better the score, about 1 - IoU, by this."""
+PARTS = 32
+"""Parts of the decomposition that the primitives are fitted to, before they are merged."""
 
 
 class FitPrimitive(CollisionMethod):
-    """One primitive for all shapes of a link, by a two-sided score: over + 2 missing volume."""
+    """Few primitives for all shapes of a link, by a two-sided score of what is over and missing."""
 
-    scope = "link"
-    tools = CollisionMethod.hull_tools
+    scope = "shapes"
+    tools = (*CollisionMethod.hull_tools, "vhacdx")
 
     shape: Literal["box", "sphere", "capsule", "cylinder"] | None = None
     """Which; None = the one with the best score, the simpler one when two are as good."""
+    max_hulls: int = Field(1, ge=1, le=64)
+    """Most primitives; fewer where one more is hardly better."""
+    bones: tuple[Vec3, ...] = ()
+    """From the link's origin to the next joints, in the output frame, m: directions to try."""
+    vhacd: VHacdOptions = VHacdOptions(resolution=100_000)
+    """How the mesh is cut into parts when there may be several primitives."""
+    cpu_limit: float = Field(60.0, gt=0)
+    """CPU seconds of V-HACD."""
+    memory_limit_mb: int = Field(3072, ge=64)
+    """Memory of V-HACD, MB."""
 
     def exact(self) -> tuple[ConvexPiece, ...] | None:
         """A source that is a single primitive of the asked shape stays exactly as it is."""
@@ -30,7 +57,38 @@ class FitPrimitive(CollisionMethod):
         return known if isinstance(known[0].primitive, SHAPES[self.shape]) else None
 
     def fit(self, reference: Reference) -> Fitted:
-        """Enclosing and least-squares fits of each candidate kind; the best of all."""
+        """One primitive by itself; several by parts, as many as are worth it."""
         kinds = KINDS if self.shape is None else (SHAPES[self.shape],)
-        primitive, pose = best_primitive(reference.mesh, kinds)
-        return Fitted((ConvexPiece(None, primitive, pose),), how="primitive")
+        findings: tuple[Finding, ...] = ()
+        if self.max_hulls == 1:
+            fits = [best_primitive(reference.mesh, kinds)]
+        else:
+            fits, findings = self._several(reference, kinds)
+        pieces = tuple(ConvexPiece(None, primitive, pose) for primitive, pose in fits)
+        return Fitted(pieces, findings, "primitives")
+
+    def _several(
+        self, reference: Reference, kinds: Sequence[type[Primitive]]
+    ) -> tuple[list[tuple[Primitive, Pose]], tuple[Finding, ...]]:
+        parts, findings = self._parts(reference)
+        family = {len(points): points for points in merge_steps(parts)}
+        best, best_score = fit_parts(reference, [reference.hull], kinds, self.bones)
+        for count in range(2, min(self.max_hulls, max(family)) + 1):
+            hulls = [convex_hull(points) for points in family[count]]
+            fits, score = fit_parts(reference, hulls, kinds, self.bones)
+            if score < best_score - WORTH * (count - len(best)):
+                best, best_score = fits, score
+        return best, findings
+
+    def _parts(self, reference: Reference) -> tuple[list[TriangleMesh], tuple[Finding, ...]]:
+        try:
+            parts = vhacd_parts(
+                reference.mesh,
+                self.vhacd,
+                max_hulls=max(PARTS, self.max_hulls),
+                max_vertices=64,
+                limits=self.native_limits,
+            )
+        except NativeError as failure:
+            return [reference.hull], (self.fell("V-HACD", failure, "one primitive"),)
+        return grown_to(parts, reference.samples, 0.0), ()

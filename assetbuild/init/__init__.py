@@ -10,12 +10,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from assetbuild.errors import MachineError, UsageError, Where
+from assetbuild.errors import MachineError, SourceError, UsageError, Where
 from assetbuild.init.anatomy import study
 from assetbuild.init.look import judge, look
+from assetbuild.init.mjcf import find_mjcf, is_mjcf, mjcf_text
 from assetbuild.init.source import find_source
 from assetbuild.init.text import recipe_name, recipe_text
-from assetbuild.recipe.loader import shown_path
+from assetbuild.recipe.loader import read_small_file, shown_path
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,10 @@ def propose(
     upwards from the file. args: of a xacro file. Raises SourceError with file and line for a
     description that no recipe can save.
     """
+    if is_mjcf(file, read_small_file(file, shown_path(file), SourceError)):
+        found = find_mjcf(file)
+        path = out or Path(f"{recipe_name(found.robot.links.name)}.yaml")
+        return Proposal(path, mjcf_text(found, path))
     source = find_source(file, packages, args or {})
     robot = look(source)
     anatomy = study(robot)

@@ -45,7 +45,7 @@ def recipe_text(robot: Looked, anatomy: Anatomy, source: Found, path: Path) -> s
     """The whole recipe, as it will lie at `path`."""
     pose = home_pose(robot.tree, anatomy.legs)
     sections = (
-        _head(robot, anatomy, path),
+        head(robot, anatomy, path),
         _source(source, path, turned(source, robot)),
         [f"base: {anatomy.base.kind}   # {anatomy.base.reason}"],
         _fixed_joints(robot, anatomy),
@@ -53,7 +53,7 @@ def recipe_text(robot: Looked, anatomy: Anatomy, source: Found, path: Path) -> s
         ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],
         _collision(robot, anatomy),
         _actuators(robot, anatomy, pose),
-        _home(robot, anatomy, pose),
+        home(robot, anatomy, pose),
         _simulation(robot, anatomy),
         _variants(robot, anatomy),
     )
@@ -67,7 +67,8 @@ def recipe_text(robot: Looked, anatomy: Anatomy, source: Found, path: Path) -> s
 # --- where from -----------------------------------------------------------------------------
 
 
-def _head(robot: Looked, anatomy: Anatomy, path: Path) -> list[str]:
+def head(robot: Looked, anatomy: Anatomy, path: Path) -> list[str]:
+    """What the robot is, in a comment, and its name."""
     tree = robot.tree
     mass = sum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
     moving = len(tree.moving_joints)
@@ -130,7 +131,11 @@ def _fixed_joints(robot: Looked, anatomy: Anatomy) -> list[str]:
 def _collision(robot: Looked, anatomy: Anatomy) -> list[str]:
     solid = {shape.link for shape in robot.shapes.of("collision")}
     seen = {shape.link for shape in robot.shapes.of("visual")}
-    lines = ["collision:", "  # auto: a primitive stays as it is, a mesh becomes its convex hull"]
+    lines = [
+        "collision:",
+        "  preset: locomotion   # coarse and fast; `manipulation` stays close to the mesh",
+        "  # auto: a primitive stays as it is, a mesh becomes few convex pieces within tolerances",
+    ]
     if solid:
         idle = len(seen - solid)
         why = f"{idle} links are drawn but hit nothing, as in the source" if idle else "all have it"
@@ -227,7 +232,8 @@ def _joints(row: Row) -> str:
     return "1 joint" if len(row.joints) == 1 else f"{len(row.joints)} joints"
 
 
-def _home(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[str]:
+def home(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[str]:
+    """The keyframe `home`."""
     tree = robot.tree
     if not pose and tree.base == "fixed":
         return []

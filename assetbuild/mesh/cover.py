@@ -258,10 +258,10 @@ def blocked_by(piece: ConvexPiece, probe: Probe) -> bool:
     what touches within a hundredth of the radius counts as free.
     """
     radius = probe.radius * 0.99
-    if bool((piece.distance(probe.axis()) <= 0.0).any()):
-        return True
-    surface = piece.surface()
-    return bool((NearestSurface(surface).distance(probe.axis()) < radius).any())
+    least = float(piece.distance(probe.axis()).min())  # outside of a hull a lower bound
+    if least <= 0.0 or least >= radius:
+        return least <= 0.0
+    return bool((NearestSurface(piece.surface()).distance(probe.axis()) < radius).any())
 
 
 # --- solids and rays ------------------------------------------------------------------------
@@ -321,4 +321,5 @@ def _missed(origins: Array, directions: Array, mesh: TriangleMesh) -> NDArray[np
         ((origins - middle) / size).astype(np.float32), directions.astype(np.float32)
     )
     del kept
-    return np.equal(np.asarray(struck), -1)
+    missed: NDArray[np.bool_] = np.asarray(struck, dtype=np.int64) == -1
+    return missed

@@ -42,18 +42,18 @@ def best_primitive(mesh: TriangleMesh, kinds: Sequence[type[Primitive]] = KINDS)
     score = _Score(mesh)
     points = convex_hull(mesh.vertices).vertices
     search = convex_hull(points, max_vertices=SEARCHED)
-    axes = _candidate_axes(mesh, search)
+    axes = candidate_axes(mesh, search)
     samples, _ = surface_samples(mesh, SAMPLES, 0)
     best: tuple[float, Fitted] | None = None
     for kind in kinds:
-        enclosing = _ENCLOSING[kind](points, search.vertices, axes)
+        enclosing = ENCLOSING[kind](points, search.vertices, axes)
         for fitted in (enclosing, _least_squares(enclosing, samples)):
             value = score.of(fitted)
             if best is None or value < best[0] - AS_GOOD:
                 best = (value, fitted)
     if best is None:
         raise ValueError("no kinds of primitives to choose from")
-    return _tidy(best[1])
+    return tidy(best[1])
 
 
 class _Score:
@@ -76,7 +76,7 @@ class _Score:
         return over + 2.0 * (1.0 - covered)
 
 
-def _candidate_axes(mesh: TriangleMesh, hull: TriangleMesh) -> Array:
+def candidate_axes(mesh: TriangleMesh, hull: TriangleMesh) -> Array:
     """(k, 3) unit directions along which a body may lie.
 
     Normals of the largest hull facets, frame axes, principal axes of the surface, and directions
@@ -211,7 +211,7 @@ def _unit(vector: Array) -> Array:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-_ENCLOSING: dict[type[Primitive], Callable[[Array, Array, Array], Fitted]] = {
+ENCLOSING: dict[type[Primitive], Callable[[Array, Array, Array], Fitted]] = {
     Sphere: _enclosing_sphere,
     Box: _Enclosing(_box_along, refined=False),
     Cylinder: _Enclosing(_cylinder_along, refined=True),
@@ -230,11 +230,11 @@ def _least_squares(start: Fitted, samples: Array) -> Fitted:
     primitive, pose = start
     scale = float(np.linalg.norm(np.ptp(samples, axis=0)))
     local = pose.inverse().apply(samples)
-    sizes = np.maximum(np.asarray(_sizes(primitive)), 1e-3 * scale)
+    sizes = np.maximum(np.asarray(sizes_of(primitive)), 1e-3 * scale)
 
     def body(x: Array) -> Fitted:
-        shift = Pose(vec3(x[:3] * scale), _turn(x[3:6]))
-        return _resized(primitive, sizes * np.exp(x[6:])), shift
+        shift = Pose(vec3(x[:3] * scale), turned_by(x[3:6]))
+        return resized(primitive, sizes * np.exp(x[6:])), shift
 
     def cost(x: Array) -> float:
         made, shift = body(x)
@@ -250,7 +250,7 @@ def _least_squares(start: Fitted, samples: Array) -> Fitted:
     return made, pose @ shift
 
 
-def _turn(vector: Array) -> tuple[float, float, float, float]:
+def turned_by(vector: Array) -> tuple[float, float, float, float]:
     """Quaternion of a rotation vector, rad."""
     angle = float(np.linalg.norm(vector))
     if angle < 1e-12:
@@ -259,7 +259,8 @@ def _turn(vector: Array) -> tuple[float, float, float, float]:
     return (math.cos(angle / 2.0), x, y, z)
 
 
-def _sizes(primitive: Primitive) -> tuple[float, ...]:
+def sizes_of(primitive: Primitive) -> tuple[float, ...]:
+    """Edges of a box, else radius and length, m."""
     if isinstance(primitive, Box):
         return primitive.size
     if isinstance(primitive, Sphere):
@@ -267,7 +268,8 @@ def _sizes(primitive: Primitive) -> tuple[float, ...]:
     return (primitive.radius, primitive.length)
 
 
-def _resized(primitive: Primitive, sizes: Array) -> Primitive:
+def resized(primitive: Primitive, sizes: Array) -> Primitive:
+    """The same kind with other sizes, in the order of `sizes_of`."""
     if isinstance(primitive, Box):
         return Box(vec3(sizes))
     if isinstance(primitive, Sphere):
@@ -275,7 +277,7 @@ def _resized(primitive: Primitive, sizes: Array) -> Primitive:
     return type(primitive)(float(sizes[0]), float(sizes[1]))
 
 
-def _tidy(fitted: Fitted) -> Fitted:
+def tidy(fitted: Fitted) -> Fitted:
     """Micrometres, and of the equal descriptions the one whose axes are nearest to the frame's."""
     primitive, pose = fitted
     rotation = pose.rotation
@@ -291,7 +293,7 @@ def _tidy(fitted: Fitted) -> Fitted:
         # Pointing up; a level one along +x, else +y.
         lead = axis[2] if abs(axis[2]) > 1e-6 else axis[0] if abs(axis[0]) > 1e-6 else axis[1]
         rotation = _frame_of(axis if lead > 0.0 else -axis)
-        primitive = _resized(primitive, np.round([primitive.radius, primitive.length], 6))
+        primitive = resized(primitive, np.round([primitive.radius, primitive.length], 6))
     quat = quat_of(rotation)
     snapped = (1.0, 0.0, 0.0, 0.0) if max(map(abs, quat[1:])) < 1e-6 else quat
     return primitive, Pose(vec3(np.round(pose.xyz, 6)), snapped)

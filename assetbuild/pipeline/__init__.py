@@ -16,7 +16,7 @@ from assetbuild.engine.session import Session
 from assetbuild.engine.store import LostObjectError
 from assetbuild.errors import AssetBuildError, MachineError, UsageError
 from assetbuild.lock import Lock, lock_path
-from assetbuild.pipeline.bundling import bundle_files, publish_bundle
+from assetbuild.pipeline.bundling import bundle_files, files_read, publish_bundle
 from assetbuild.pipeline.judging import judged, located, where_of
 from assetbuild.pipeline.opening import open_session, pin, remote_cache
 from assetbuild.plan import Outline, plan
@@ -216,24 +216,18 @@ def _finish(job: _Job, done: _Executed, session: Session, request: Request) -> O
         for label, result in results.items()
         if result.error is not None
     )
+    outcome.read = files_read(loaded, done.graph, session)
+    outcome.absent = (*outline.absent, *((lock_path(loaded.path),) if lock is None else ()))
     if any(result.outputs is None for result in results.values()):
         outcome.exit_code = max((error.exit_code for error in outcome.errors), default=1)
         return outcome
     report = judged(loaded, outline, results, session)
     outcome.exit_code = 1 if fails(report, request.fail_on) else 0
     outcome.out = out.with_name(f"{out.name}.failed") if outcome.exit_code else out
-    files = bundle_files(loaded, lock, outline, report, session, results)
+    files = bundle_files(loaded, lock, outline, report, session, results, done.graph)
     outcome.edited = publish_bundle(files, outcome.out, session)
     outcome.report = report
-    sources = [Path(ref.output) for ref in done.graph.sources if not ref.is_tree]
-    outcome.read = {str(path): session.source_digest(path) for path in _read(loaded, sources)}
-    outcome.absent = (*outline.absent, *((lock_path(loaded.path),) if lock is None else ()))
     return outcome
-
-
-def _read(loaded: LoadedRecipe, sources: list[Path]) -> list[Path]:
-    pinned = [each for each in (loaded, *loaded.parts) if each.recipe.source.moving]
-    return [*loaded.files, *sources, *(lock_path(each.path) for each in pinned)]
 
 
 def default_out(loaded: LoadedRecipe) -> Path:

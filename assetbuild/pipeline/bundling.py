@@ -4,25 +4,36 @@ from __future__ import annotations
 
 import datetime
 import json
+import os
 import platform
 from collections.abc import Mapping
 from pathlib import Path
 
 from assetbuild import __version__
 from assetbuild.engine.execute import NodeResult
+from assetbuild.engine.graph import Graph
+from assetbuild.engine.keys import tool_version
 from assetbuild.engine.publish import discard, new_staging, publish
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import machine_error
-from assetbuild.kinds import Target
-from assetbuild.lock import GitPin, Lock
+from assetbuild.errors import StepError
+from assetbuild.lock import GitPin, Lock, lock_path
 from assetbuild.plan import Outline, part_lock
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
-from assetbuild.report.bundle import BundleFile, json_text, manifest, notice, provenance
+from assetbuild.report.bundle import (
+    BundleFile,
+    json_text,
+    manifest,
+    notice,
+    package_url,
+    provenance,
+)
 from assetbuild.report.card import model_card
 from assetbuild.report.document import Report
 from assetbuild.report.facts import Subject
 from assetbuild.report.html import Picture, View, html_page
+from assetbuild.report.snapshot import robot_json
 from assetbuild.report.summary import summary
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Shapes, Tree
@@ -35,6 +46,7 @@ def bundle_files(
     report: Report,
     session: Session,
     results: Mapping[str, NodeResult],
+    graph: Graph,
 ) -> list[BundleFile]:
     """Everything that the bundle of one recipe holds, manifest and provenance last."""
     recipe = loaded.recipe
@@ -50,13 +62,17 @@ def bundle_files(
         size = len(session.read(expanded))
         files.append(BundleFile("report/expanded.urdf", "report", expanded, size))
     files.append(manifest(recipe.robot, files))
-    materials: list[dict[str, object]] = [{"name": "assetbuild", "version": __version__}]
-    materials += _materials(recipe, lock)
+    materials = _tools(graph) + _materials(recipe, lock)
     for part in loaded.parts:
         materials += _materials(part.recipe, part_lock(part))
+    materials += _named(loaded, files_read(loaded, graph, session))
     recipe_digest = session.source_digest(loaded.path)
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-    run = {"finishedOn": now, "host": platform.node(), "python": platform.python_version()}
+    run = {
+        "finishedOn": now,
+        "assetbuild_host": platform.node(),
+        "assetbuild_python": platform.python_version(),
+    }
     parameters = {"recipe": loaded.path.name, "variant": loaded.variant}
     files.append(provenance(files, recipe_digest, parameters, materials, run))
     return files
@@ -64,6 +80,31 @@ def bundle_files(
 
 def _pinned(lock: Lock | None) -> dict[str, object]:
     return {} if lock is None else dict(lock.source.model_dump())
+
+
+def files_read(loaded: LoadedRecipe, graph: Graph, session: Session) -> dict[str, str]:
+    """Path -> SHA-256 of every file outside the store that decided the result."""
+    paths = [*loaded.files, *(Path(ref.output) for ref in graph.sources if not ref.is_tree)]
+    pinned = [each for each in (loaded, *loaded.parts) if each.recipe.source.moving]
+    paths += [lock_path(each.path) for each in pinned]
+    return {str(path): session.source_digest(path) for path in paths}
+
+
+def _tools(graph: Graph) -> list[dict[str, object]]:
+    """assetbuild, and the libraries whose versions are part of the steps' keys."""
+    names = {name for node in graph.nodes.values() for name in node.step.tools}
+    versions = {name: tool_version(name) for name in names}
+    versions["assetbuild"] = __version__
+    return [{"uri": package_url(*pair)} for pair in sorted(versions.items())]
+
+
+def _named(loaded: LoadedRecipe, read: Mapping[str, str]) -> list[dict[str, object]]:
+    """Files with their digests, named as seen from the recipe's folder."""
+    here = loaded.path.absolute().parent
+    return [
+        {"name": os.path.relpath(path, here), "digest": {"sha256": digest}}
+        for path, digest in sorted(read.items())
+    ]
 
 
 def _materials(recipe: Recipe, lock: Lock | None) -> list[dict[str, object]]:
@@ -83,13 +124,17 @@ def _materials(recipe: Recipe, lock: Lock | None) -> list[dict[str, object]]:
 def _target_files(
     outline: Outline, results: Mapping[str, NodeResult], session: Session
 ) -> list[BundleFile]:
-    files = []
+    """Files of all targets, each path once; StepError when two targets disagree about one."""
+    files: dict[str, BundleFile] = {}
     for name, node in outline.targets.items():
         tree = session.tree(results[node.label][f"{name}/"])
-        folder = (node.step.folder if isinstance(node.step, Target) else "") or name
+        folder = getattr(type(node.step), "folder", None)
+        prefix = f"{name}/" if folder is None else f"{folder}/" if folder else ""
         for path, (digest, size) in sorted(tree.items()):
-            files.append(BundleFile(f"{folder}/{path}", name, digest, size))
-    return files
+            file = BundleFile(f"{prefix}{path}", name, digest, size)
+            if files.setdefault(file.path, file).sha256 != digest:
+                raise StepError(f"targets {files[file.path].role} and {name} both write {path}")
+    return list(files.values())
 
 
 def _licence_files(
@@ -119,6 +164,11 @@ def _report_files(
         BundleFile.of_text("report/report.json", "report", json_text(report.to_json())),
         BundleFile.of_text("report/index.html", "report", page),
         BundleFile.of_text("report/report.md", "report", summary(report)),
+        BundleFile.of_text(
+            "report/robot.json",
+            "report",
+            robot_json(subject.tree, subject.shapes, subject.control),
+        ),
         BundleFile.of_text("model_card.md", "report", model_card(subject, report)),
         *files,
     ]

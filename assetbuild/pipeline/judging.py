@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 
 from assetbuild.engine.execute import NodeResult
 from assetbuild.engine.session import Session
@@ -60,7 +61,9 @@ def locator(
     def locate(subject: str) -> str:
         if subject.startswith("recipe "):
             keys = subject.removeprefix("recipe ").split(".")
-            return str(loaded.where(tuple(int(k) if k.isdigit() else k for k in keys)))
+            where = loaded.where(tuple(int(k) if k.isdigit() else k for k in keys))
+            # Not as seen from the working folder: the report must not depend on that.
+            return str(replace(where, file=Path(where.file).name))
         line = lines.get(subject) or joints.get(subject)
         if isinstance(line, str):
             return line

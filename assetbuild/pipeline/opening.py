@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from assetbuild.engine.folders import cache_root
 from assetbuild.engine.graph import Graph, Planner
-from assetbuild.engine.remote import Remote
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import open_store
 from assetbuild.errors import LockError, OutOfDateError, Where
@@ -18,6 +18,9 @@ from assetbuild.plan.source import repository
 from assetbuild.recipe.loader import LoadedRecipe, load_recipe, shown_path
 from assetbuild.steps.fetch import resolve
 from assetbuild.steps.fetch_git import resolve_git
+
+if TYPE_CHECKING:
+    from assetbuild.engine.remote import Remote
 
 
 def opened(recipe: Path, variant: str | None) -> tuple[LoadedRecipe, Lock | None, Session]:
@@ -52,6 +55,8 @@ def remote_cache(url: str, say: Callable[[str], None], *, write: bool) -> Remote
     """The cache shared with other machines, if there is one; no recipe can name it. UsageError."""
     if not url:
         return None
+    from assetbuild.engine.remote import Remote
+
     return Remote(url, key=os.environ.get("ASSETBUILD_CACHE_KEY", ""), write=write, warn=say)
 
 

@@ -33,9 +33,11 @@ from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Shapes, Tree
 from assetbuild.steps.control import ControlStep
+from assetbuild.steps.keep_ratings import KeepRatings
 from assetbuild.steps.lint_bodies import LintBodies
 from assetbuild.steps.lint_links import LintLinks
 from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
+from assetbuild.steps.sample_pairs import SamplePairs
 
 
 @dataclass
@@ -97,11 +99,13 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     if assembled is None:
         return outline
     control = _control(recipe, read, tree, assembled, p)
+    ratings = p.add("ratings", KeepRatings(), {"control.json": control["control.json"]})
     outline.robot = {
         "links.json": edited["links.json"],
         "tree.json": tree["tree.json"],
         "shapes.json": assembled["shapes.json"],
         "control.json": control["control.json"],
+        "ratings.json": ratings["ratings.json"],
         "meshes/": assembled["meshes/"],
     }
     outline.targets = _targets(recipe, outline.robot, p)
@@ -159,7 +163,9 @@ def _geometry(
     if meshes is None or shapes is None:
         return None
     drawn = decode(Shapes, shapes)
-    files = source.meshes(json.loads(meshes), description.path)
+    files = read.files
+    if files is None:
+        files = source.meshes(json.loads(meshes), description.path)
     textures = source.present("own textures", {m.texture for m in drawn.materials if m.texture})
     if files is None or textures is None:
         return None
@@ -195,6 +201,11 @@ def _control(recipe: Recipe, read: Reading, tree: Node, assembled: Node, p: Plan
     }
     if read.control is not None:
         inputs["source_control.json"] = read.control
+    samples = recipe.collision.exclude.sampled
+    if samples:
+        robot = {name: inputs[name] for name in ("tree.json", "shapes.json", "meshes/")}
+        pairs = p.add("sample_pairs", SamplePairs(samples=samples), robot)
+        inputs["sampled_pairs.json"] = pairs["sampled_pairs.json"]
     return p.add("control", step, inputs)
 
 

@@ -7,12 +7,15 @@ from collections.abc import Collection
 
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.kinds import plugin_names
-from assetbuild.plan.collision import BUILT_IN, collision_method
+from assetbuild.plan.collision import check_rule
 from assetbuild.plan.edits import edits_of
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.model import Tree
 from assetbuild.steps.control import ControlStep
+
+BY_NAME = frozenset({"rename", "flip_axis"})
+"""Edits that change what an MJCF's own sensors, drives and keyframes are about."""
 
 
 def check_names(loaded: LoadedRecipe) -> None:
@@ -26,13 +29,14 @@ def check_names(loaded: LoadedRecipe) -> None:
                 where=loaded.where(("targets", index)),
                 hint=did_you_mean(name, targets),
             )
-    rules = {("collision", "default"): recipe.collision.default} | {
-        ("collision", "links", pattern): rule for pattern, rule in recipe.collision.links.items()
-    }
-    for key, rule in rules.items():
-        if rule.method not in BUILT_IN:
-            collision_method(loaded, rule, key)
-    edits_of(loaded)
+    check_rule(loaded, recipe.collision.default, ("collision", "default"))
+    for pattern, rule in recipe.collision.links.items():
+        check_rule(loaded, rule, ("collision", "links", pattern))
+    for _, edit, place in edits_of(loaded):
+        if recipe.source.mjcf is not None and edit.step_name() in BY_NAME:
+            message = f"`{edit.step_name()}` of a robot from MJCF: its sensors, drives and poses "
+            hint = "rename and turn joints in the MJCF itself"
+            raise loaded.error(place, message + "would not follow", hint)
     stand = recipe.validate_.stand
     from_mjcf = recipe.source.mjcf is not None  # which has keyframes of its own
     if stand is not None and stand.keyframe not in recipe.keyframes and not from_mjcf:

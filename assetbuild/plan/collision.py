@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
+
+import numpy as np
 
 from assetbuild.collision import CollisionMethod, Likeness, PlacedSource, ProbeSource
 from assetbuild.engine.graph import Node, Planner, Ref
@@ -16,14 +19,15 @@ from assetbuild.recipe.collision import PRESETS, CollisionRule, Region, Toleranc
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.model import Mesh, Shape, Shapes, Tree
-from assetbuild.robot.pose import Pose, vec3
+from assetbuild.robot.pose import Pose, Vec3, vec3
 from assetbuild.steps.match_shapes import MatchShapes
 
 BUILT_IN = ("keep", "none")
 """Methods that need no step of their own."""
 DECOMPOSING = ("auto", "coacd", "vhacd", "spheres")
 """Methods whose result is worth the search for an equal shape."""
-TOLERANCES = ("max_outside", "max_missing", "max_overcover")
+BONE_M = 0.02
+"""A joint nearer to the link's frame gives no direction."""
 _NOT_FIELDS = {"method", "from_", "preset", "keep_open", "regions"}
 
 
@@ -43,14 +47,16 @@ class Job:
 
     @property
     def per_link(self) -> bool:
-        """Whether the result is in the frame of the link."""
-        return self.method is not None and self.method.scope == "link"
+        """Whether the result is in the frame of the link; else in that of its one shape."""
+        scope = self.method.scope if self.method else "shape"
+        return scope == "link" or (scope == "shapes" and len(self.shapes) != 1)
 
     @property
     def label(self) -> str:
         """Of its node."""
         name = self.method.step_name() if self.method else "keep"
-        return f"{name} {self.link if self.per_link else self.shapes[0].name}"
+        per_shape = self.method is None or self.method.scope == "shape"
+        return f"{name} {self.shapes[0].name if per_shape else self.link}"
 
     def step(self, like: Likeness | None = None) -> CollisionMethod:
         """The step; poses and places are in the frame of the result."""
@@ -64,16 +70,26 @@ class Job:
             else:
                 sources.append(PlacedSource.of_primitive(shape.geometry, pose))
         given = {"sources": tuple(sources), "probes": self._probes(), **self.fields}
+        if "bones" in given:
+            given["bones"] = tuple(self._direction(bone) for bone in given["bones"])
         return self.method.model_validate(given | ({"like": like} if like else {}))
 
+    @property
+    def _to_output(self) -> Pose:
+        alone = self.shapes and not self.per_link
+        return self.shapes[0].X_link_shape.inverse() if alone else Pose()
+
+    def _direction(self, bone: Vec3) -> Vec3:
+        """A direction of the link in the output frame; rounded, so that four legs share a key."""
+        return vec3(np.round(self._to_output.rotation @ np.asarray(bone), 6) + 0.0)
+
     def _probes(self) -> tuple[ProbeSource, ...]:
-        X_link_out = Pose() if self.per_link or not self.shapes else self.shapes[0].X_link_shape
         places: list[tuple[Region, float | None]]
         places = [(place, None) for place in self.keep_open]
         places += [(place, place.max_outside) for place in self.regions]
         made = []
         for place, most in places:
-            start, end = (vec3(X_link_out.inverse().apply([e])[0]) for e in place.ends)
+            start, end = (vec3(self._to_output.apply(np.asarray([e]))[0]) for e in place.ends)
             made.append(ProbeSource(start=start, end=end, radius=place.radius, max_outside=most))
         return tuple(made)
 
@@ -91,21 +107,22 @@ def collision_jobs(loaded: LoadedRecipe, links: Tree, meshes: Meshes) -> tuple[J
     """All collision uses of the robot, in the order of its links."""
     jobs: list[Job] = []
     for body in links.bodies:
-        jobs += _jobs_of(loaded, body.name, meshes.shapes)
+        jobs += _jobs_of(loaded, body.name, links, meshes.shapes)
     return tuple(jobs)
 
 
-def _jobs_of(loaded: LoadedRecipe, link: str, shapes: Shapes) -> list[Job]:
+def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: Shapes) -> list[Job]:
     rule, key = _rule_of(loaded.recipe, link)
     own = _source_of(rule, link, shapes)
-    if rule.method in BUILT_IN:
-        _refuse_foreign(loaded, rule, key, known=("from", "preset"))
+    method = check_rule(loaded, rule, key)
+    if method is None:
         return [Job(link, (shape,)) for shape in own] if rule.method == "keep" else []
-    method = collision_method(loaded, rule, key)
     if not own and method.step_name() != "explicit":
         return []
     fields = _fields(rule, loaded.recipe)
-    if method.scope == "link":
+    if "bones" in method.model_fields and fields.get("max_hulls", 1) > 1:
+        fields["bones"] = _bones(links, link)
+    if method.scope != "shape":
         return [Job(link, own, method, fields, rule.keep_open, rule.regions)]
     return [
         # The source's primitive is convex and exact already.
@@ -114,6 +131,12 @@ def _jobs_of(loaded: LoadedRecipe, link: str, shapes: Shapes) -> list[Job]:
         else Job(link, (shape,), method, fields, rule.keep_open, rule.regions)
         for shape in own
     ]
+
+
+def _bones(links: Tree, link: str) -> tuple[Vec3, ...]:
+    """From the link's frame to the joints that it carries, m."""
+    ends = [joint.X_parent_joint.xyz for joint in links.joints if joint.parent == link]
+    return tuple(sorted({end for end in ends if math.hypot(*end) > BONE_M}))
 
 
 def _rule_of(recipe: Recipe, link: str) -> tuple[CollisionRule, tuple[str, ...]]:
@@ -133,10 +156,16 @@ def _source_of(rule: CollisionRule, link: str, shapes: Shapes) -> tuple[Shape, .
     return of_link[rule.from_]
 
 
-def collision_method(
+def check_rule(
     loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...]
-) -> type[CollisionMethod]:
-    """The plug-in of a rule; RecipeError for an unknown one, or a key that it does not have."""
+) -> type[CollisionMethod] | None:
+    """The plug-in of a rule, None for `keep` and `none`.
+
+    RecipeError for an unknown one, and for a key that it does not have.
+    """
+    if rule.method in BUILT_IN:
+        _refuse_foreign(loaded, rule, key, known=("from", "preset"))
+        return None
     try:
         method = load_plugin(CollisionMethod, "assetbuild.collision", rule.method)
     except KeyError:
@@ -217,7 +246,7 @@ def equal_shapes(jobs: Sequence[Job], meshes: Meshes, p: Planner) -> Twins | Non
     for (label, options), same in shared.items():
         match = matches.get(folders[label])
         others = shared.get((by_folder[match["like"]], options)) if match else None
-        if others:
+        if others and jobs.index(others[0]) < jobs.index(same[0]):  # else it is not planned yet
             likeness = Likeness(signs=match["signs"], shift=match["shift"])
             twins |= {id(job): Twin(others[0], likeness) for job in same}
     return twins

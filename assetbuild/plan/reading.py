@@ -18,13 +18,15 @@ from assetbuild.steps.read_urdf import ReadUrdf
 class Reading:
     """What a reader made of the description.
 
-    robot: `links.json` and `shapes.json`. meshes: listing of the files it names.
+    robot: `links.json` and `shapes.json`. meshes: listing of the files it names; files: those
+        of an MJCF by path, which its reader has asked for already.
     control: `source_control.json` of an MJCF. urdf: the untouched description, when it is one.
     mjcf: `source.xml` and its meshes as a check finds them, by input name.
     """
 
     robot: Mapping[str, Ref]
     meshes: Ref
+    files: Mapping[str, Ref] | None = field(default=None, kw_only=True)
     source_map: Ref
     control: Ref | None = None
     urdf: Ref | None = None
@@ -69,6 +71,7 @@ def _read_mjcf(
     return Reading(
         robot={port: read[port] for port in ("links.json", "shapes.json")},
         meshes=flat["meshes.json"],
+        files=files,
         source_map=flat["source_map.json"],
         control=read["source_control.json"],
         mjcf=given,

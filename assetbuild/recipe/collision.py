@@ -137,14 +137,19 @@ class CollisionRule(Model):
     )
     vhacd: VHacdOptions | None = Field(None, description="parameters of V-HACD")
     coacd: CoAcdOptions | None = Field(None, description="parameters of CoACD")
+    margin: Share | None = Field(
+        None,
+        le=0.5,
+        description="of `spheres`: how far one may stick out, share of the mesh's size",
+    )
     pieces: tuple[ExplicitPiece, ...] | None = Field(
         None, min_length=1, max_length=1024, description="of `explicit`: the geometry itself"
     )
     cpu_limit: Positive | None = Field(
-        None, le=86_400, description="CPU seconds of one run of a native library"
+        None, le=1800, description="CPU seconds of one run of a native library"
     )
     memory_limit_mb: int | None = Field(
-        None, ge=64, le=1_048_576, description="memory of one run of a native library, MB"
+        None, ge=64, le=4096, description="memory of one run of a native library, MB"
     )
 
 

@@ -28,6 +28,7 @@ from assetbuild.recipe.randomize import Randomize
 from assetbuild.recipe.sensing import Cameras, Feet, Imu, Sensors
 from assetbuild.recipe.surface import Contact as Contact
 from assetbuild.recipe.surface import Simulation as Simulation
+from assetbuild.recipe.trials import TotalMass, Trials
 from assetbuild.recipe.usd import Usd
 
 
@@ -254,6 +255,18 @@ class Validate(Model):
     sine: Sine | None = Field(
         default_factory=lambda: Sine.model_validate({}),
         description="part of the comparison of two simulators; null = do not run it",
+    )
+    linters: tuple[Literal["mjcf_doctor", "simcheck"], ...] = Field(
+        (), description="other people's linters of the MJCF; they need assetbuild[lint]"
+    )
+    trials: Trials | None = Field(
+        default_factory=lambda: Trials.model_validate({}),
+        description="small experiments in MuJoCo: drives, energy, timestep, self-collision, "
+        "balance, settling; null = do not run them",
+    )
+    mass: TotalMass = Field(default_factory=lambda: TotalMass.model_validate({}))
+    max_shift: Positive = Field(
+        0.015, description="m: collision geometry beside the visual geometry of its body, warning"
     )
     simulators: tuple[Literal["mujoco", "physx"], ...] = Field(
         ("mujoco",),

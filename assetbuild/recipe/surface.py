@@ -53,8 +53,8 @@ class Contact(Model):
 
     @model_validator(mode="after")
     def _signs(self) -> Contact:
-        for surface in (self, *self.links.values()):
-            if surface.solref is not None and (surface.solref[0] > 0) != (surface.solref[1] > 0):
+        for solref in (self.solref, *(surface.solref for surface in self.links.values())):
+            if solref is not None and (solref[0] > 0) != (solref[1] > 0):
                 raise ValueError("`solref`: both positive, or both negative")
         return self
 

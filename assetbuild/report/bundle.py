@@ -99,6 +99,11 @@ def notice(parts: Sequence[tuple[Recipe, Mapping[str, object]]]) -> BundleFile:
     return BundleFile.of_text("NOTICE", "licence", "\n".join(lines) + "\n")
 
 
+def package_url(name: str, version: str) -> str:
+    """A distribution of the Python Package Index, as SLSA and others name it."""
+    return f"pkg:pypi/{name.lower()}@{version}"
+
+
 def provenance(
     files: Iterable[BundleFile],
     recipe_digest: str,
@@ -108,7 +113,8 @@ def provenance(
 ) -> BundleFile:
     """`provenance.json`: in-toto Statement v1 with the SLSA v1 predicate.
 
-    Times and hosts stand here alone. materials: resolved dependencies, each with name and digest.
+    Times and hosts stand here alone. materials: resolved dependencies, each with `uri` or `digest`,
+    as SLSA asks. run: `finishedOn`, and what has no name in SLSA, with the prefix `assetbuild_`.
     """
     statement = {
         "_type": "https://in-toto.io/Statement/v1",
@@ -124,7 +130,7 @@ def provenance(
                 "resolvedDependencies": list(materials),
             },
             "runDetails": {
-                "builder": {"id": f"assetbuild/{__version__}"},
+                "builder": {"id": package_url("assetbuild", __version__)},
                 "metadata": dict(run),
             },
         },

@@ -60,7 +60,7 @@ def _identity(subject: Subject) -> Table:
         ("base", subject.tree.base),
         ("targets", ", ".join(recipe.targets)),
     ]
-    return table("Identity", ("", ""), rows)
+    return table("Identity", ("what", "value"), rows)
 
 
 def _counts(subject: Subject) -> Table:
@@ -82,7 +82,7 @@ def _counts(subject: Subject) -> Table:
         ("decimation", control.simulation.decimation),
         ("friction: sliding, torsional m, rolling m", control.contact.friction),
     ]
-    return table("Counts", ("", ""), rows)
+    return table("Counts", ("what", "value"), rows)
 
 
 def _quality(subject: Subject, report: Report) -> Table:
@@ -115,10 +115,10 @@ def _bodies(subject: Subject) -> Table:
 def _joints(subject: Subject) -> Table:
     def row(joint: Joint) -> tuple[object, ...]:
         mimic = f"{joint.mimic.joint} x {joint.mimic.multiplier:g}" if joint.mimic else None
-        limits = (joint.limits.lower, joint.limits.upper)
-        spread = math.degrees(limits[1] - limits[0]) if None not in limits else None
-        if joint.kind == "prismatic":
-            spread = None
+        lower, upper = joint.limits.lower, joint.limits.upper
+        limits, spread = (lower, upper), None
+        if lower is not None and upper is not None and joint.kind != "prismatic":
+            spread = math.degrees(upper - lower)
         stated = (joint.limits.effort, joint.limits.velocity)
         return (joint.name, joint.kind, joint.parent, joint.axis, *limits, spread, *stated, mimic)
 

@@ -51,7 +51,7 @@ def tables_of(name: str, value: object) -> Iterator[Table]:
     title = words(name)
     if isinstance(value, Mapping) and value:
         if all(isinstance(v, Mapping) for v in value.values()):
-            yield _of_rows(title, [{"": key, **row} for key, row in value.items()])
+            yield _of_rows(title, [{"name": key, **row} for key, row in value.items()])
         elif any(isinstance(v, Mapping) or _is_rows(v) for v in value.values()):
             for key, inner in value.items():
                 yield from tables_of(f"{name}: {key}", inner)
@@ -63,7 +63,8 @@ def tables_of(name: str, value: object) -> Iterator[Table]:
         lists = [v if isinstance(v, Sequence) and not isinstance(v, str) else [v] for v in value]
         width = max(map(len, lists))
         rows = [tuple(map(_flat, row)) + ("",) * (width - len(row)) for row in lists]
-        yield table(title, tuple("" for _ in range(width)), rows)
+        head = ("value",) if width == 1 else tuple(f"value {n + 1}" for n in range(width))
+        yield table(title, head, rows)
     else:
         yield table(title, ("value",), [(_flat(value),)])
 

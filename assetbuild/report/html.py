@@ -20,10 +20,11 @@ from assetbuild.report.view import view_data
 ASSETS = Path(__file__).parent / "assets"
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("equality", "The same robot in every format",
-     ("oracle", "urdf_reload", "mjcf_equal", "mjcf_compiles", "usd_equal", "usd_valid", "names")),
+     ("oracle", "urdf_reload", "mjcf_equal", "mjcf_source", "mjcf_compiles",
+      "usd_equal", "usd_valid", "counts")),
     ("alignment", "Simulators agree", ("alignment", "physx", "free_fall")),
-    ("gains", "Drives and their effect", ("effective_gains", "stand", "trials")),
-    ("collision", "Collision quality", ("collision",)),
+    ("gains", "Drives and their effect", ("gains", "stand", "trials")),
+    ("collision", "Collision quality", ("coverage", "collision")),
 )  # fmt: skip
 """Anchor, title and the beginnings of the checks' names; all others come last."""
 

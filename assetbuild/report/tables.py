@@ -56,20 +56,31 @@ def html_table(shown: Table) -> str:
     """With a caption for screen readers; numbers to the right; wide ones scroll by themselves."""
     if not shown.rows:
         return f"<p>{escape(shown.empty)}</p>"
-    head = "".join(f'<th scope="col">{escape(text)}</th>' for text in shown.head)
+    head = "".join(
+        f'<th scope="col"{_number_style(shown, column)}>{escape(text)}</th>'
+        for column, text in enumerate(shown.head)
+    )
     rows = "".join(f"<tr>{''.join(_html_cells(row))}</tr>" for row in shown.rows)
     note = f"<caption>{escape(shown.note)}</caption>" if shown.note else ""
     # A part that scrolls must be reachable by the keyboard.
     return (
-        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(shown.title)}">'
+        f'<div class="scroll" tabindex="0" role="group" aria-label="{escape(shown.title)}">'
         f"<table>{note}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>"
     )
 
 
+def _number_style(shown: Table, column: int) -> str:
+    """The head of a column of numbers stands over them."""
+    return ' class="number"' if any(_is_number(row[column]) for row in shown.rows) else ""
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 def _html_cells(row: Sequence[object]) -> Iterable[str]:
     for value in row:
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        style = ' class="number"' if number else ""
+        style = ' class="number"' if _is_number(value) else ""
         text = text_of(value)
         if text in ("pass", "fail", "skip", "error", "warning"):
             style = f' class="{text}"'

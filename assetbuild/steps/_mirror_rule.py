@@ -50,10 +50,10 @@ def mirror_findings(tree: Tree) -> Iterator[Finding]:
 def _judge(left: Joint, right: Joint, a: Array, b: Array) -> Iterator[Finding]:
     image = a * (1.0, -1.0, 1.0)
     cosine = float(image @ b)
-    ranges = _range(left), _range(right)
-    if abs(cosine) < ALIGNED or ranges[0] is None or ranges[1] is None:
+    own, other = _range(left), _range(right)
+    if abs(cosine) < ALIGNED or own is None or other is None:
         return
-    (low, high), (other_low, other_high) = ranges
+    (low, high), (other_low, other_high) = own, other
     equal = max(abs(low - other_low), abs(high - other_high)) <= RANGE_RAD
     opposite = max(abs(low + other_high), abs(high + other_low)) <= RANGE_RAD
     if equal == opposite:  # as wide to both sides, or no mirror image at all

@@ -70,7 +70,7 @@ def join(
     bodies = _Bodies(tree, findings)
     contact, contacts = _contacts(control.contact, said, shapes, stated, findings)
     actuators = _actuators(control, said, tree, stated)
-    mjcf_only = tuple(_kept(said.mjcf_only, bodies, shapes, stated.keys, findings))
+    mjcf_only = tuple(_kept(said, bodies, shapes, stated.keys, findings))
     if "actuators" not in stated.keys:
         mjcf_only += tuple(_commands(source))
     joined = replace(
@@ -90,9 +90,9 @@ def join(
 
 def _by_name(own: tuple[T, ...], said: Sequence[T]) -> tuple[T, ...]:
     """The source's, then those of the recipe; one with the same name takes its place."""
-    anew = {thing.name: thing for thing in own}
-    kept = [anew.pop(thing.name, thing) for thing in said]
-    return (*kept, *anew.values())
+    anew: dict[str, T] = {thing.name: thing for thing in own}
+    kept: list[T] = [anew.pop(thing.name, thing) for thing in said]
+    return tuple(kept + list(anew.values()))
 
 
 # --- drives and poses -----------------------------------------------------------------------
@@ -194,24 +194,31 @@ def _new_shapes(names: list[str]) -> Finding:
 
 
 def _kept(
-    items: tuple[MjcfOnly, ...],
+    said: Control,
     bodies: _Bodies,
     shapes: Shapes,
     stated: Collection[str],
     findings: list[Finding],
 ) -> Iterator[MjcfOnly]:
     """All but what the recipe replaced, and what names a body that was merged away."""
-    shown = {shape.name for shape in shapes.shapes}
+    shown = [shape.name for shape in shapes.shapes]
+    named = {item.owner for item in said.mjcf_only if item.place == "shape"} | dict(
+        said.contacts
+    ).keys()
     materials = {material.name for material in shapes.materials}
     gone = []
-    for item in items:
+    for item in said.mjcf_only:
         if item.place in ("actuator", "drive") and "actuators" in stated:
             continue
         if item.place == "sensor" and "actuator=" in item.element and "actuators" in stated:
             findings.append(_sensor_of_drive(item))
             continue
-        if item.place == "shape" and item.owner not in shown:
-            gone.append(item.owner)
+        if item.place == "shape":
+            pieces = [
+                n for n in shown if _is_piece(n, item.owner) and (n == item.owner or n not in named)
+            ]
+            yield from (replace(item, owner=name) for name in pieces)
+            gone += [] if pieces else [item.owner]
         elif item.place == "material" and item.owner not in materials:
             continue
         elif item.place == "option":
@@ -240,6 +247,11 @@ def _sensor_of_drive(item: MjcfOnly) -> Finding:
         "name a sensor of the joint under `sensors:`",
         data={"element": "sensor", "count": 1},
     )
+
+
+def _is_piece(name: str, source: str) -> bool:
+    """Whether a shape is one of the source or a piece of it: `trunk`, `trunk_2`."""
+    return name == source or re.fullmatch(re.escape(source) + r"_\d+", name) is not None
 
 
 def _gone(names: list[str]) -> Finding:

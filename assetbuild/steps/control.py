@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -139,6 +141,7 @@ class ControlStep(Step):
             joined = join(control, source, tree, shapes, stated)
             control = joined.control
             yield from joined.findings
+        control = _with_sampled(control, files.inputs / "sampled_pairs.json")
         yield from _actuator_findings(tree, control.actuators, has_table=bool(self.rows))
         (files.outputs / "control.json").write_bytes(encode(control))
 
@@ -377,6 +380,15 @@ def _bodies(tree: model.Tree, index: int, pair: tuple[str, str]) -> tuple[str, s
                 hint=did_you_mean(link, known),
             ) from None
     return _sorted(*bodies)
+
+
+def _with_sampled(control: model.Control, path: Path) -> model.Control:
+    """The excludes and the pairs that sampling found, where it ran."""
+    if not path.is_file():
+        return control
+    sampled = json.loads(path.read_bytes())
+    pairs = {_sorted(*pair) for kind in ("always", "never") for pair in sampled[kind]}
+    return replace(control, excludes=tuple(sorted({*control.excludes, *pairs})))
 
 
 def _same_body_findings(tree: model.Tree, exclude: Exclude) -> Iterator[Finding]:

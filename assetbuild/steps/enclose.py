@@ -88,7 +88,8 @@ def _points(shape: Shape, files: dict[str, str], mesh_dir: Path, read: dict[str,
     if geometry.mesh not in read:
         data = (mesh_dir / files[geometry.mesh]).read_bytes()
         read[geometry.mesh] = _extremes(read_triangles(data, geometry.mesh).vertices)
-    return read[geometry.mesh] * np.asarray(geometry.scale)
+    points: Array = read[geometry.mesh] * np.asarray(geometry.scale)
+    return points
 
 
 def _extremes(vertices: Array) -> Array:

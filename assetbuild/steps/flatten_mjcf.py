@@ -66,7 +66,7 @@ class FlattenMjcf(Step):
         source_map = {"file": self.file, "lines": _source_map(root, self.file)}
         (files.outputs / "source_map.json").write_text(_json(source_map), encoding="ascii")
         for element in root.iter("*"):
-            element.attrib.pop(AT, None)
+            element.attrib.pop(AT, "")
         (files.outputs / "source.xml").write_bytes(etree.tostring(root, method="c14n"))
         return iter(())
 
@@ -142,8 +142,8 @@ def _resolve_files(root: _Element, folder: str) -> None:
     said: dict[str, str] = {}
     for compiler in root.iterchildren("compiler"):
         for key in ("assetdir", "meshdir", "texturedir", "strippath"):
-            if (value := compiler.attrib.pop(key, None)) is not None:
-                said[key] = str(value)
+            if key in compiler.attrib:
+                said[key] = str(compiler.attrib.pop(key))
     shared = said.get("assetdir", "")
     folders = {
         "mesh": said.get("meshdir", shared),
@@ -152,7 +152,7 @@ def _resolve_files(root: _Element, folder: str) -> None:
     }
     for asset in root.iterchildren("asset"):
         for element in asset.iterchildren(*folders):
-            for key in [k for k in element.attrib if str(k).startswith("file")]:
+            for key in [str(k) for k in element.attrib if str(k).startswith("file")]:
                 name = str(element.get(key))
                 if said.get("strippath") == "true":
                     name = posixpath.basename(name)

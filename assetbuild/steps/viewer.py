@@ -8,18 +8,16 @@ import io
 import json
 import re
 import zipfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.engine.step import Files, Step
-from assetbuild.errors import StepError
 from assetbuild.findings import Finding
-from assetbuild.mesh.hull import convex_hull, hull_planes
 from assetbuild.mesh.obj import read_triangles
-from assetbuild.mesh.primitives import signed_distance
+from assetbuild.mesh.solids import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Box, Geometry, Mesh, Shape, Shapes, Sphere, Tree
@@ -27,8 +25,6 @@ from assetbuild.robot.pose import Array, Pose
 
 SPAN_M = 0.03
 """Distances between visual and collision geometry are told up to this; beyond it, all is one."""
-CHUNK = 2_000_000
-"""Numbers per block of the distance computation: 16 MB."""
 LIBRARY = re.compile(r'/\*\*\s*\* @license.*?"__esModule",\{value:!0\}\)\}\)\);', re.DOTALL)
 """three.js with its licence line, as trimesh ships it inside its notebook viewer (MIT)."""
 
@@ -116,10 +112,12 @@ def _shapes(
     tree: Tree, shapes: Shapes, meshes: Mapping[str, TriangleMesh]
 ) -> list[dict[str, object]]:
     colours = {material.name: material.rgba for material in shapes.materials}
-    solids: dict[str, list[Callable[[Array], Array]]] = {}
+    solids: dict[str, list[Distance]] = {}
     for shape in shapes.of("collision"):
         body, X_body_shape = _placed(tree, shape)
-        solids.setdefault(body, []).append(_solid(shape.geometry, X_body_shape, meshes))
+        geometry = shape.geometry
+        solid = meshes[geometry.mesh].vertices if isinstance(geometry, Mesh) else geometry
+        solids.setdefault(body, []).append(distance_to(solid, X_body_shape))
     rows = []
     for shape in shapes.shapes:
         body, X_body_shape = _placed(tree, shape)
@@ -160,31 +158,3 @@ def _described(geometry: Geometry) -> dict[str, object]:
     if isinstance(geometry, Sphere):
         return {"kind": "sphere", "dims": [geometry.radius]}
     return {"kind": type(geometry).__name__.lower(), "dims": [geometry.radius, geometry.length]}
-
-
-def _solid(
-    geometry: Geometry, X_body_shape: Pose, meshes: Mapping[str, TriangleMesh]
-) -> Callable[[Array], Array]:
-    """Signed distance of points (n, 3) of the body from one collision shape, m.
-
-    A mesh counts as its hull, as it does in the simulators; outside an edge of the hull the
-    nearest plane is told, which is less than the distance.
-    """
-    X_shape_body = X_body_shape.inverse()
-    if not isinstance(geometry, Mesh):
-        return lambda points: signed_distance(geometry, X_shape_body.apply(points))
-    try:
-        planes = hull_planes(convex_hull(meshes[geometry.mesh].vertices))
-    except StepError:  # flat: no inside
-        return lambda points: np.full(len(points), np.inf)
-    return lambda points: beyond(planes, X_shape_body.apply(points))
-
-
-def beyond(planes: Array, points: Array) -> Array:
-    """(n,) largest distance of each point over the planes (k, 4), in blocks."""
-    rows = max(1, CHUNK // max(len(planes), 1))
-    blocks: Sequence[Array] = [
-        (points[start : start + rows] @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-        for start in range(0, len(points), rows)
-    ]
-    return np.concatenate(blocks) if blocks else np.zeros(0)

@@ -50,7 +50,7 @@ class IsaacLab(Target):
 
     outputs = ("isaaclab/",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
-    folder: ClassVar[str] = "python"
+    folder = "python"
 
     options: Options = Options.model_validate({})
     """The recipe's `isaaclab`."""

@@ -70,7 +70,7 @@ def test_a_locked_joint_is_held_where_its_limits_meet(tmp_path: Path) -> None:
     ("rule", "subject", "pattern", "new"),
     [
         ("mass", "link FR_hip", r'mass="0.5"', 'mass="0.500000001"'),
-        ("com", "link FR_hip", r'pos="0 0.005 0"', 'pos="0 0.00500000001 0"'),
+        ("com", "link FR_hip", r'pos="0 -0.005 0"', 'pos="0 -0.00500000001 0"'),
         (
             "inertia",
             "link FR_hip",

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from .conftest import Workplace, new_workplace
 
-CONTROL_READERS = {"control", "mjcf", "usd", "urdf", "pose"}
+CONTROL_READERS = {"control", "mjcf", "mjx", "mjlab", "usd", "pose", "ratings"}
 
 
 def test_the_bundle_is_whole_and_matches_its_manifest(place: Workplace):
@@ -50,6 +50,7 @@ def test_a_new_gain_runs_only_what_reads_actuators(place: Workplace):
     ran = place.ran()
     assert {"control", "mjcf", "usd"} <= ran
     assert all(name in CONTROL_READERS or name.startswith("check ") for name in ran), ran
+    assert "check urdf_reload" not in ran
     told = place.run("explain", "recipes/go1.yaml", "control").stdout
     assert re.search(r"rows\[0\]\.kp: 80(\.0)? -> 90", told), told
 
@@ -61,7 +62,7 @@ def test_a_comment_in_the_urdf_runs_only_the_reader_and_moves_the_lines(place: W
     place.urdf.write_text("\n".join([lines[0], "<!-- a remark -->", *lines[1:]]))
     done = place.build()
     assert done.returncode == 0, done.stdout + done.stderr
-    assert place.ran() == {"read_urdf"}
+    assert place.ran() == {"read_urdf", "lint_export"}  # both read the text
     after = _lines_of_findings(place)
     assert before and all(after[key] == line + 1 for key, line in before.items())
 
@@ -74,7 +75,8 @@ def test_a_mesh_saved_anew_with_the_same_geometry_runs_only_its_conversion(place
                            text) + "\n<!-- saved anew -->\n", encoding="utf-8")  # fmt: skip
     done = place.build()
     assert done.returncode == 0, done.stdout + done.stderr
-    assert place.ran() == {"convert_mesh hip"}
+    companions = "mesh_companions robots/go1_description/meshes/hip.dae"
+    assert place.ran() == {"convert_mesh hip", companions}  # both read the file
 
 
 def test_two_folders_seeds_zones_and_job_counts_give_the_same_manifest(

@@ -12,18 +12,22 @@ from tiny import run_step
 
 from assetbuild.collision import CollisionMethod, PlacedSource, PrimitiveSource
 from assetbuild.collision.coacd import CoAcd
+from assetbuild.collision.explicit import Explicit
 from assetbuild.collision.hull import Hull
 from assetbuild.collision.primitive import FitPrimitive
+from assetbuild.collision.spheres import Spheres
 from assetbuild.collision.vhacd import VHacd
 from assetbuild.errors import StepError
 from assetbuild.kinds import Pieces, load_plugin, plugin_names
+from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.primitives import signed_distance, tessellate
+from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.volume import is_closed, signed_volume
-from assetbuild.recipe.collision import VHacdOptions
+from assetbuild.recipe.collision import ExplicitPiece, VHacdOptions
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Box, Capsule, Cylinder, Mesh, Sphere
 from assetbuild.robot.pose import Pose, quat_of_rpy
@@ -70,8 +74,10 @@ def test_the_methods_are_found_by_their_file_names():
     assert plugin_names("assetbuild.collision") == (
         "auto",
         "coacd",
+        "explicit",
         "hull",
         "primitive",
+        "spheres",
         "vhacd",
     )
     assert load_plugin(CollisionMethod, "assetbuild.collision", "hull") is Hull
@@ -262,3 +268,52 @@ def test_the_volume_of_a_ball_fitted_by_a_box_is_not_the_enclosing_box(tmp_path)
     (piece,), _, findings, _ = fit(tmp_path, FitPrimitive(sources=MESH, shape="box"), ball)
     assert math.prod(piece.geometry.size) <= 1.0 + 1e-6
     assert findings["collision.gap"].data["iou"] >= math.pi / 6 - 0.02
+
+
+def two_bars() -> TriangleMesh:
+    """A T of two boxes, as one solid: 0.4 x 0.1 x 0.1 m on a post of 0.1 x 0.1 x 0.3 m."""
+    pieces = [
+        ConvexPiece(None, Box((0.4, 0.1, 0.1)), Pose((0.0, 0.0, 0.2))),
+        ConvexPiece(None, Box((0.1, 0.1, 0.3)), Pose((0.0, 0.0, 0.0))),
+    ]
+    return union_of(pieces)[1]
+
+
+def test_two_boxes_are_found_in_a_t(tmp_path):
+    method = FitPrimitive(sources=MESH, max_hulls=3, shape="box")
+    pieces, _, findings, _ = fit(tmp_path, method, two_bars())
+    assert len(pieces) == 2
+    assert findings["collision.gap"].data["iou"] > 0.9
+
+
+def test_one_more_primitive_must_be_worth_it(tmp_path):
+    pieces, _, _, _ = fit(tmp_path, FitPrimitive(sources=MESH, max_hulls=3), BOX)
+    assert len(pieces) == 1
+
+
+def test_spheres_fill_a_bar_without_sticking_out_far(tmp_path):
+    bar = tessellate(Capsule(0.1, 0.8))
+    method = Spheres(sources=MESH, max_hulls=12, max_outside=0.02)
+    pieces, _, findings, _ = fit(tmp_path, method, bar)
+    assert all(isinstance(piece.geometry, Sphere) for piece in pieces)
+    assert 4 <= len(pieces) <= 12
+    data = findings["collision.gap"].data
+    assert data["max_outside_mm"] <= 20.5
+    assert data["max_missing"] < 0.15
+
+
+def test_explicit_pieces_are_measured_and_left_as_they_are(tmp_path):
+    half = ExplicitPiece(type="box", size=(0.5, 1.0, 1.0), xyz=(-0.25, 0.0, 0.0))
+    (piece,), _, findings, _ = fit(tmp_path, Explicit(sources=MESH, pieces=(half,)), BOX)
+    assert piece.geometry == Box((0.5, 1.0, 1.0))
+    assert findings["collision.gap"].data["max_missing"] == pytest.approx(0.5, abs=1e-6)
+
+
+def test_a_link_without_geometry_may_have_explicit_pieces(tmp_path):
+    (tmp_path / "in").mkdir()
+    ball = ExplicitPiece(type="sphere", radius=0.1, xyz=(0.0, 0.0, 1.0))
+    assert run_step(Explicit(pieces=(ball,)), tmp_path / "in", tmp_path / "out") == []
+    record = decode(Pieces, (tmp_path / "out/pieces.json").read_bytes())
+    assert record.pieces[0].X_frame_piece.xyz == (0.0, 0.0, 1.0)
+    with pytest.raises(ValidationError, match="a box has size"):
+        ExplicitPiece(type="box", radius=0.1)

@@ -34,5 +34,5 @@ def test_init_and_build(name: str, go1_root: Path, tmp_path: Path, monkeypatch: 
     assert row["visual_out"] >= row["visual_in"]  # type: ignore[operator] # as above
     assert row["lost"] == []
     assert row["textures_out"] == row["textures_in"]
-    # Without collision in the source, each visual gives some.
-    assert row["collision_out"] == (row["collision_in"] or row["visual_in"])
+    # Without collision in the source, each visual gives some; a mesh may become several pieces.
+    assert row["collision_out"] >= (row["collision_in"] or row["visual_in"])  # type: ignore[operator] # as above

@@ -61,3 +61,11 @@ def test_a_wrong_edit_is_told_with_its_line(tmp_path, edit, place, said):
         findings(tmp_path, edit)
     assert str(caught.value.where).endswith(f"r.yaml:{place}"), caught.value
     assert said in caught.value.message
+
+
+@pytest.mark.parametrize("edit", ["rename: {links: {a: b}}", "flip_axis: {joint: j}"])
+def test_names_and_axes_of_an_mjcf_change_in_the_mjcf(tmp_path, edit):
+    path = tmp_path / "r.yaml"
+    path.write_text(HEAD.replace("urdf: r.urdf", "mjcf: r.xml") + f"  - {edit}\n")
+    with pytest.raises(RecipeError, match="of a robot from MJCF"):
+        check(path)

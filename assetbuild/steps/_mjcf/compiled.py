@@ -53,7 +53,7 @@ def _compiled(root: _Element, files: Mapping[str, bytes]) -> tuple[Model, tuple[
 
     bare = copy.deepcopy(root)
     for element in bare.iter("*"):
-        element.attrib.pop(AT, None)
+        element.attrib.pop(AT, "")
     etree.indent(bare)
     text = etree.tostring(bare, encoding="unicode")
     with caught_warnings() as said:
@@ -72,7 +72,7 @@ def _told(message: str, text: str, root: _Element) -> SourceError:
     found = _LINE.search(words)
     where = where_of(root)
     if found:
-        lines = [element.sourceline for element in etree.fromstring(text).iter("*")]
+        lines = [int(element.sourceline or 0) for element in etree.fromstring(text).iter("*")]  # type: ignore[call-overload] # the stubs call it a literal
         if int(found[1]) in lines:
             where = where_of(list(root.iter("*"))[lines.index(int(found[1]))])
         words = _LINE.sub("", words)
@@ -85,14 +85,14 @@ def _plain(root: _Element) -> _Element:
     for element in list(plain.iter("texture", "layer", "hfield")):
         _remove(element)
     for element in plain.iter("material", "light"):
-        element.attrib.pop("texture", None)
+        element.attrib.pop("texture", "")
     classes = Classes(plain)
     for geom in list(plain.iter("geom")):
         if not _is_default(geom) and classes.attributes(geom).get("type") == "hfield":
             _remove(geom)
     for compiler in plain.iterchildren("compiler"):
-        compiler.attrib.pop("discardvisual", None)
-        compiler.attrib.pop("fusestatic", None)
+        compiler.attrib.pop("discardvisual", "")
+        compiler.attrib.pop("fusestatic", "")
     return plain
 
 
@@ -107,9 +107,9 @@ def _without_meshes(root: _Element) -> _Element:
     for geom in meshed:
         geom.set("type", "sphere")
         geom.set("size", "0.01")
-        geom.attrib.pop("fitscale", None)
+        geom.attrib.pop("fitscale", "")
     for element in spheres.iter("geom", "site"):
-        element.attrib.pop("mesh", None)
+        element.attrib.pop("mesh", "")
     for mesh in [m for m in spheres.iter("mesh") if not _is_default(m)]:
         _remove(mesh)
     return spheres

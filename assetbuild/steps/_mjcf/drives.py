@@ -53,11 +53,11 @@ def read_drives(root: _Element, links: Links, model: Model) -> Drives:
         driven[joint] = replace(_at_rest(taken, links.rest.get(joint, 0.0)), joint=joint, name=name)
         found.mjcf_only += _unlimited(driven[joint], moving[joint])
         found.names.append((name, joint))
-    for joint in moving.values():
-        own = driven.get(joint.name, Actuator(joint.name, "passive"))
-        found.actuators.append(_of_joint(own, joint, model))
+    for name, moved in moving.items():
+        own = driven.get(name, Actuator(name, "passive"))
+        found.actuators.append(_of_joint(own, moved, model))
         if own.effort is not None:
-            found.limits[joint.name] = replace(joint.limits, effort=own.effort)
+            found.limits[name] = replace(moved.limits, effort=own.effort)
     return found
 
 

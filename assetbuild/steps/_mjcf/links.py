@@ -162,6 +162,7 @@ def _joint(
     ref = float(model.qpos0[int(model.jnt_qposadr[index])])
     if ref:
         links.rest[name] = ref
+        links.findings.append(_counted_from(name, ref, "m" if slide else "rad"))
     limited = bool(model.jnt_limited[index])
     lower, upper = (float(v) - ref for v in model.jnt_range[index])
     kind: JointKind = "prismatic" if slide else "revolute" if limited else "continuous"
@@ -285,6 +286,17 @@ def _other_base(name: str, base: Base) -> Finding:
         f"the recipe says `base: {base}`: the root {now}; in the source it {before}",
         "leave `base` out to keep what the source says",
         data={"base": base},
+    )
+
+
+def _counted_from(joint: str, ref: float, unit: str) -> Finding:
+    return Finding(
+        "mjcf.joint_ref",
+        "info",
+        f"joint {joint}",
+        f"its positions count from `ref` = {ref:g} {unit}: 0 here is {ref:g} {unit} in the source",
+        "subtract it from positions and commands of the source's controllers",
+        data={"ref": ref},
     )
 
 

@@ -153,7 +153,10 @@ def _equality(
         return
     if element.tag == "joint" and _mimic(element, said, model, found):
         return
-    if element.tag in ("connect", "weld"):
+    if element.tag == "connect" and "anchor" in said:
+        x, y, z = (float(word) for word in said["anchor"].split())
+        said["anchor"] = words(names.links.in_link(said["body1"], Pose((x, y, z))).xyz)
+    if element.tag == "weld":
         _refuse_moved(element, said, names)
     found.mjcf_only.append(MjcfOnly("equality", _text(element, said)))
 
@@ -197,7 +200,7 @@ def _tendon(element: _Element, classes: Classes, names: Names, found: Sections) 
     said, missing = _translated(classes.attributes(element), names)
     children = []
     for child in element.iterchildren("*"):
-        own = {key: str(value) for key, value in child.attrib.items() if key != AT}
+        own = {str(key): str(value) for key, value in child.attrib.items() if key != AT}
         inside, lost = _translated(own, names)
         missing = missing or lost
         if inside.get("joint") in names.links.rest:
@@ -238,7 +241,7 @@ _SAID = keys("name cutoff noise objtype objname reftype refname")
 
 
 def _sensor(element: _Element, names: Names, found: Sections) -> None:
-    own = {k: str(v) for k, v in element.attrib.items() if k not in (AT, "name")}
+    own = {str(k): str(v) for k, v in element.attrib.items() if k not in (AT, "name")}
     said, missing = _translated(own, names)
     if missing:
         found.findings.append(_dropped(element, missing))
@@ -343,10 +346,10 @@ def options(root: _Element, model: Model) -> MjcfOnly:
     flags: dict[str, str] = {}
     for option in root.iterchildren("option"):
         said |= {
-            k: str(v) for k, v in option.attrib.items() if k not in (AT, "timestep", "gravity")
+            str(k): str(v) for k, v in option.attrib.items() if k not in (AT, "timestep", "gravity")
         }
         for flag in option.iterchildren("flag"):
-            flags |= {k: str(v) for k, v in flag.attrib.items() if k != AT}
+            flags |= {str(k): str(v) for k, v in flag.attrib.items() if k != AT}
     integrators = ("Euler", "RK4", "implicit", "implicitfast")
     number = int(model.opt.integrator)
     if number < len(integrators):

@@ -95,6 +95,7 @@ class _Reader:
         model = self.compiled.places if kind == MESH else self.full
         X_body_geom = _pose(model.geom_pos, model.geom_quat, int(model.geom(name).id))
         X_link_geom = self.links.in_link(body, X_body_geom)
+        geometry: Geometry
         if kind == MESH:
             geometry, X_geom_mesh = self._mesh(geom, str(said["mesh"]))
             X_link_geom = X_link_geom @ X_geom_mesh

@@ -68,7 +68,7 @@ class Classes:
                 own[tag] = {**attributes, **own.get(tag, {})}
             for child in node.iterchildren("*"):
                 if child.tag != "default":
-                    stated = {k: v for k, v in child.attrib.items() if k != AT}
+                    stated = {str(k): str(v) for k, v in child.attrib.items() if k != AT}
                     own[str(child.tag)] = {**own.get(str(child.tag), {}), **stated}
             for child in node.iterchildren("default"):
                 if not child.get("class"):
@@ -86,7 +86,9 @@ class Classes:
         if name not in self._said:
             raise error_at(element, f"no default class `{name}`")
         said = self._said[name].get(default_tag, {}) if default_tag else {}
-        stated = {k: v for k, v in element.attrib.items() if k not in (AT, "class", "name")}
+        stated = {
+            str(k): str(v) for k, v in element.attrib.items() if k not in (AT, "class", "name")
+        }
         return {**said, **stated}
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from assetbuild.errors import StepError
@@ -26,6 +26,7 @@ from assetbuild.targets.mjcf.sensors import Names as SensorNames
 from assetbuild.targets.mjcf.sensors import (
     cameras_by_body,
     extra_sites,
+    refuse_hidden,
     sensor_section,
     site_elements,
 )
@@ -51,9 +52,20 @@ class RobotXml:
     """The sections of `<robot>.xml`, in Menagerie's order."""
 
     def __init__(
-        self, robot: str, solver: Solver, tree: Tree, shapes: Shapes, control: Control
+        self,
+        robot: str,
+        solver: Solver | None,
+        tree: Tree,
+        shapes: Shapes,
+        control: Control,
+        *,
+        hull_limits: Mapping[str, int] | None = None,
+        sites: Collection[str] = (),
     ) -> None:
-        self.robot, self.solver = robot, solver
+        """solver: None = no `<option>`; hull_limits: most corners of a mesh's hull, by name;
+        sites: bodies that have a site in their origin."""
+        self.robot, self.solver, self.hull_limits = robot, solver, hull_limits or {}
+        self.body_sites = tuple(dict.fromkeys((*extra_sites(tree, control), *sites)))
         self.tree, self.shapes, self.control = tree, shapes, control
         self.order = depth_first(tree)
         self.body_names = body_names(tree)
@@ -72,9 +84,10 @@ class RobotXml:
         self.uses: dict[str, Use] = uses(self.defaults)
         self.geoms = Geoms(shapes, control, roles, names)
         self.cameras = cameras_by_body(tree, control)
+        refuse_hidden(control, self.seats.hidden)
 
-    def element(self) -> Element:
-        """The root element; empty sections are left out."""
+    def element(self, *, bare: bool = False) -> Element:
+        """The root element; empty sections are left out, and keyframes when it is bare."""
         sections = [
             self.compiler(),
             self.option(),
@@ -85,7 +98,7 @@ class RobotXml:
             self.equality(),
             self.actuator(),
             self.sensor(),
-            self.keyframe(),
+            *([] if bare else [self.keyframe()]),
         ]
         kept = [section for section in sections if section.attributes or section.children]
         return element("mujoco", {"model": self.robot}, kept)
@@ -120,6 +133,8 @@ class RobotXml:
     def option(self) -> Element:
         """What the recipe says of the simulation; values of MuJoCo's own are left out."""
         simulation, solver = self.control.simulation, self.solver
+        if solver is None:
+            return element("option")
         gravity = simulation.gravity
         return element(
             "option",
@@ -142,7 +157,7 @@ class RobotXml:
         if self.shapes.meshes:
             # Mass never comes from a mesh; `shell` lets flat and open ones compile.
             first.append(element("mesh", {"inertia": "shell"}))
-        if self.tree.frames or extra_sites(self.tree, self.control):
+        if self.tree.frames or self.body_sites:
             first.append(element("site", {"group": SITE_GROUP}))
         first += self.geoms.classes()
         return element("default", None, [self.defaults.element(tuple(first))], gap=True)
@@ -169,6 +184,7 @@ class RobotXml:
                             "name": asset.name if asset.file != f"{asset.name}.obj" else None,
                             "class": self.robot_class,
                             "file": asset.file,
+                            "maxhullvert": self._hull_limit(asset.name),
                         },
                     )
                     for asset in self.shapes.meshes
@@ -176,6 +192,9 @@ class RobotXml:
             ],
             gap=True,
         )
+
+    def _hull_limit(self, mesh: str) -> str | None:
+        return str(self.hull_limits[mesh]) if mesh in self.hull_limits else None
 
     # --- bodies -----------------------------------------------------------------------------
 
@@ -268,7 +287,7 @@ class RobotXml:
 
     def _sites_by_body(self) -> dict[str, list[Element]]:
         found: dict[str, list[Element]] = {}
-        for body, site in site_elements(self.tree, self.control, self.body_names):
+        for body, site in site_elements(self.tree, self.body_sites, self.body_names):
             found.setdefault(body, []).append(site)
         return found
 

@@ -15,9 +15,12 @@ from assetbuild.targets.mjcf.xml import Element, element, numbers
 SMALLEST_EXTENT_M = 0.5
 
 
-def scene(robot: str, tree: Tree, control: Control, free: Callable[[str], str]) -> Element:
+def scene(
+    robot: str, file: str, tree: Tree, control: Control, free: Callable[[str], str]
+) -> Element:
     """The root element of `scene.xml`.
 
+    file: stem of the robot's own file.
     free: a name of a new geom or material that the robot does not use, from the wanted one.
     """
     center, extent = view(tree, control)
@@ -26,7 +29,7 @@ def scene(robot: str, tree: Tree, control: Control, free: Callable[[str], str]) 
         "mujoco",
         {"model": f"{robot} scene"},
         [
-            element("include", {"file": f"{robot}.xml"}),
+            element("include", {"file": f"{file}.xml"}),
             element(
                 "statistic", {"center": numbers(center), "extent": numbers([extent])}, gap=True
             ),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from assetbuild.errors import StepError
@@ -31,6 +31,20 @@ def extra_sites(tree: Tree, control: Control) -> tuple[str, ...]:
     places = [sensor.at for sensor in control.sensors if sensor.kind in AT_SITE]
     wanted = dict.fromkeys(place.name for place in places if place.kind == "frame")
     return tuple(name for name in wanted if name in tree.by_body)
+
+
+def refuse_hidden(control: Control, hidden: Collection[str]) -> None:
+    """StepError for a sensor or camera on a link that is no body in the MJCF (see `chains`)."""
+    seats = [(f"camera {c.name}", c.link) for c in control.cameras if c.link]
+    for sensor in control.sensors:
+        places = (sensor.at, sensor.relative_to or sensor.at)
+        seats += [(f"sensor {sensor.name}", p.name) for p in places if p.kind in ("frame", "body")]
+    for what, link in seats:
+        if link in hidden:
+            raise StepError(
+                f"{what}: link `{link}` has no mass and is no body in the MJCF",
+                hint="put it on the link that the joints move, or give the link its mass",
+            )
 
 
 def sensor_section(control: Control, names: Names) -> Element:
@@ -126,11 +140,11 @@ def to_mjcf_degrees(angle: float) -> float:
 
 
 def site_elements(
-    tree: Tree, control: Control, bodies: Mapping[str, str]
+    tree: Tree, body_sites: Sequence[str], names: Mapping[str, str]
 ) -> Iterator[tuple[str, Element]]:
-    """(body, site): one per kept frame, and one where a sensor sits on a body."""
+    """(body, site): one per kept frame, and one in the origin of each body of `body_sites`."""
     for frame in tree.frames:
         attributes = {"name": frame.name, **pose_attributes(frame.X_body_frame)}
         yield frame.body, element("site", attributes)
-    for body in extra_sites(tree, control):
-        yield body, element("site", {"name": bodies[body]})
+    for body in body_sites:
+        yield body, element("site", {"name": names[body]})

@@ -1,19 +1,25 @@
-"""Does MuJoCo compile every MJCF file, without a word?"""
+"""Does MuJoCo compile every MJCF file, without a word, and does the file make sense?
+
+The lints need the compiled model too, so they run here: compiling is what costs.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
+from assetbuild.checks.mjcf_compiles import lint_model, lint_xml
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
-from assetbuild.simulators.mujoco import load
+from assetbuild.simulators.mujoco import Loaded, load
 
 
 class MjcfCompiles(Check):
     """Loads each file at the top of `mjcf/`; figures: the sizes of the compiled models."""
 
+    version = "2"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -46,8 +52,27 @@ class MjcfCompiles(Check):
                 "sites": int(model.nsite),
                 "excludes": int(model.nexclude),
             }
-            for warning in loaded.warnings:
-                yield Finding(
-                    "mjcf.warning", "warning", "robot", f"MuJoCo on {path.name}: {warning}"
-                )
+            yield from said_by_mujoco(path.name, loaded)
+            if path.name != "scene.xml":  # the scene includes the robot: nothing twice
+                yield from lint_xml.lint(lint_xml.read(path))
+                yield from lint_model.lint(model)
         write_figures(files, figures)
+
+
+def said_by_mujoco(name: str, loaded: Loaded) -> Iterator[Finding]:
+    """One finding for each warning of the compiler."""
+    for warning in loaded.warnings:
+        yield Finding("mjcf.warning", "warning", "robot", f"MuJoCo on {name}: {warning}")
+
+
+def lint_file(path: Path) -> Iterator[Finding]:
+    """Everything that can be said about one MJCF file, foreign or our own."""
+    root = lint_xml.read(path)
+    yield from lint_xml.lint(root)
+    try:
+        loaded = load(path)
+    except StepError as error:
+        yield Finding("mjcf.load", "error", "robot", f"MuJoCo refuses {path.name}: {error.message}")
+        return
+    yield from said_by_mujoco(path.name, loaded)
+    yield from lint_model.lint(loaded.model)

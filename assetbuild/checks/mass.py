@@ -1,0 +1,209 @@
+"""Could the body be made of matter of its shape? Density, centre and axes against the geometry.
+
+The reference is the convex hull of a body's visual geometry (of its collision geometry where it
+has no other), filled evenly. Real parts are hollow or heavy at one end, so only what no part can
+explain is told: a slip of a factor of ten, a tensor in other axes, a centre outside of the part.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding
+from assetbuild.kinds import Check, write_figures
+from assetbuild.mesh.hull import convex_hull
+from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.volume import solid_moments
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.codec import decode
+from assetbuild.robot.inertia import matrix_of
+from assetbuild.robot.model import Body, Mesh, Shapes, Tree
+from assetbuild.robot.pose import Array
+
+SMALLEST_KG = 0.01
+"""Lighter bodies are screws and sensors: nobody measures them."""
+SLENDER = 2.5
+"""Middle over least principal moment, of body and of hull, from which an axis is meant."""
+BROKEN = 5.0
+"""Times the tolerance of the total mass that is no tolerance any more."""
+
+
+@dataclass(frozen=True)
+class Filled:
+    """A body and its hull. outside_m: centre of mass beyond the hull's box; angle: of long axes."""
+
+    mass_kg: float
+    volume_m3: float
+    density: float
+    outside_m: float
+    size_m: float
+    angle_rad: float | None
+
+
+class Mass(Check):
+    """Findings `mass.total`, `mass.density`, `mass.center`, `mass.axes`."""
+
+    tools = ("numpy", "scipy")
+    isolated = True
+    preload = ("numpy", "scipy.spatial", "fast_simplification")
+    reads = ("tree.json", "shapes.json", "meshes/")
+
+    expected_kg: float | None = None
+    """Of the whole robot, from its datasheet; None = nobody said."""
+    tolerance: float = 0.03
+    """Relative, of the total mass."""
+    lightest: float = 30.0
+    """kg/m3 of the hull: foam and thin shells."""
+    heaviest: float = 5000.0
+    """kg/m3 of the hull: motors have 2000 to 4000."""
+    max_angle: float = math.radians(50.0)
+    """Between the long axes of body and hull."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self:
+        """The datasheet's mass and the bounds come from `validate.mass`."""
+        wish = recipe.validate_.mass
+        return cls(
+            expected_kg=wish.total_kg,
+            tolerance=wish.tolerance,
+            lightest=wish.density[0],
+            heaviest=wish.density[1],
+        )
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads tree, shapes and meshes."""
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        points = _points(tree, shapes, files)
+        found = {b.name: made for b in tree.bodies if (made := _measured(b, points)) is not None}
+        total = math.fsum(b.inertial.mass_kg for b in tree.bodies if b.inertial)
+        rows = [
+            {"body": name, "mass_kg": row.mass_kg, "hull_volume_m3": row.volume_m3,
+             "density_kg_m3": row.density, "center_outside_m": row.outside_m,
+             "long_axes_apart_rad": row.angle_rad}
+            for name, row in found.items()
+        ]  # fmt: skip
+        write_figures(files, {"total_kg": total, "datasheet_kg": self.expected_kg, "bodies": rows})
+        yield from self._judge_total(total)
+        for name, row in found.items():
+            yield from self._judge(name, row)
+
+    def _judge_total(self, total: float) -> Iterator[Finding]:
+        if self.expected_kg is None:
+            return
+        error = abs(total - self.expected_kg) / self.expected_kg
+        if error > self.tolerance:
+            yield Finding(
+                "mass.total",
+                "error" if error > BROKEN * self.tolerance else "warning",
+                "robot",
+                f"the robot has {total:.4g} kg, its datasheet says {self.expected_kg:.4g} kg",
+                hint="look for a body with too little or too much below; `edits: set_mass`",
+                data={"total_kg": total, "datasheet_kg": self.expected_kg, "relative": error},
+            )
+
+    def _judge(self, name: str, row: Filled) -> Iterator[Finding]:
+        if not self.lightest <= row.density <= self.heaviest:
+            yield Finding(
+                "mass.density",
+                "warning",
+                f"link {name}",
+                f"{row.mass_kg:.4g} kg in a hull of {1e3 * row.volume_m3:.3g} litres: "
+                f"{row.density:.4g} kg/m³",
+                hint="is the mass ten times too large or small, or the mesh in other units?",
+                data={"density_kg_m3": row.density, "mass_kg": row.mass_kg},
+            )
+        if row.outside_m > 0.1 * row.size_m:
+            yield Finding(
+                "mass.center",
+                "warning",
+                f"link {name}",
+                f"the centre of mass is {1e3 * row.outside_m:.3g} mm outside of the geometry",
+                hint="was it given in another frame? `edits: set_inertia`",
+                data={"outside_m": row.outside_m, "size_m": row.size_m},
+            )
+        if row.angle_rad is not None and row.angle_rad > self.max_angle:
+            yield Finding(
+                "mass.axes",
+                "warning",
+                f"link {name}",
+                f"the mass is long in a direction {math.degrees(row.angle_rad):.0f} degrees away "
+                "from that of the geometry",
+                hint="was the tensor given in other axes than the link's? `edits: set_inertia`",
+                data={"angle_rad": row.angle_rad},
+            )
+
+
+def _points(tree: Tree, shapes: Shapes, files: Files) -> Mapping[str, Array]:
+    """(n, 3) points of each body's geometry in its frame, m; visual before collision."""
+    assets = {asset.name: asset for asset in shapes.meshes}
+    clouds: dict[str, Array] = {}
+    by_body: dict[tuple[str, str], list[Array]] = {}
+    for shape in shapes.shapes:
+        geometry = shape.geometry
+        if isinstance(geometry, Mesh):
+            name = geometry.mesh
+            if name not in clouds:
+                data = (files.inputs / "meshes" / assets[name].file).read_bytes()
+                clouds[name] = _extreme(read_triangles(data, name).vertices)
+            points = clouds[name]
+        else:
+            points = tessellate(geometry).vertices
+        body, X_body_link = tree.placement(shape.link)
+        placed = (X_body_link @ shape.X_link_shape).apply(points)
+        by_body.setdefault((body, shape.role), []).append(placed)
+    found: dict[str, Array] = {}
+    for role in ("collision", "visual"):  # the later one stays
+        found |= {b: np.concatenate(p) for (b, r), p in by_body.items() if r == role}
+    return found
+
+
+def _extreme(vertices: Array) -> Array:
+    """The hull's vertices alone; all of them when they lie in a plane."""
+    try:
+        return convex_hull(vertices).vertices
+    except StepError:
+        return vertices
+
+
+def _measured(body: Body, points: Mapping[str, Array]) -> Filled | None:
+    """None for what has no mass to speak of or no volume to compare it with."""
+    if body.inertial is None or body.inertial.mass_kg < SMALLEST_KG or body.name not in points:
+        return None
+    try:
+        hull = convex_hull(points[body.name])
+    except StepError:
+        return None
+    volume, _, even = solid_moments(hull)
+    if not volume > 0.0:
+        return None
+    lower, upper = hull.bounds
+    com = np.asarray(body.inertial.com_m)
+    beyond = np.maximum(np.maximum(lower - com, com - upper), 0.0)
+    return Filled(
+        body.inertial.mass_kg,
+        volume,
+        body.inertial.mass_kg / volume,
+        float(np.linalg.norm(beyond)),
+        float(np.linalg.norm(upper - lower)),
+        _angle(matrix_of(body.inertial.inertia_com_kg_m2), even),
+    )
+
+
+def _angle(own: Array, even: Array) -> float | None:
+    """Between the axes of least moment; None where one of the two has no long direction."""
+    axes = []
+    for tensor in (own, even):
+        moments, vectors = np.linalg.eigh(tensor)
+        if not moments[0] > 0.0 or moments[1] < SLENDER * moments[0]:
+            return None
+        axes.append(vectors[:, 0])
+    return math.acos(min(1.0, abs(float(axes[0] @ axes[1]))))

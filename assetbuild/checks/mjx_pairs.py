@@ -1,0 +1,182 @@
+"""Pair by pair: does MJX know every contact of the mjx model, and which are fast on a GPU?
+
+Two engines read the file. MJX (JAX) refuses a model with a pair of shapes that it has no function
+for, even if the two never come near each other; mujoco_warp knows all, some by a fast closed form
+and the rest by a general routine. Tables: MJX 3.17 (`collision_driver._COLLISION_FUNC`) and
+mujoco_warp 4.0 (`collision_driver.MJ_COLLISION_TABLE`).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from itertools import combinations
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding
+from assetbuild.kinds import Check, write_figures
+from assetbuild.simulators import mujoco
+
+KINDS = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
+"""By the number of MuJoCo's geom type; a pair is named in this order."""
+NOT_IN_MJX = frozenset(
+    {("cylinder", "box"), ("cylinder", "mesh"), ("ellipsoid", "box"), ("ellipsoid", "mesh"),
+     ("hfield", "cylinder"), ("hfield", "ellipsoid")}
+)  # fmt: skip
+FAST_ON_WARP = frozenset(
+    {*(("plane", kind) for kind in KINDS[2:]),
+     ("sphere", "sphere"), ("sphere", "capsule"), ("sphere", "cylinder"), ("sphere", "box"),
+     ("capsule", "capsule"), ("capsule", "box")}
+)  # fmt: skip
+SOLVERS = {1: "CG", 2: "Newton"}
+INTEGRATORS = {0: "Euler", 1: "RK4", 3: "implicitfast"}
+NET_FORCE = 3
+"""Reduction of a contact sensor that MJX (JAX) does not do."""
+Pair = tuple[int, int]
+
+
+class MjxPairs(Check):
+    """Findings `mjx.<what>`; figures: pairs by kinds, and how many are fast."""
+
+    isolated = True
+    preload = ("mujoco",)
+    tools = ("mujoco",)
+    needs = ("mjx",)
+    reads = ()
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads `mjx/scene_mjx.xml`."""
+        try:
+            model = mujoco.load(files.inputs / "mjx" / "scene_mjx.xml", visuals=False).model
+        except StepError as error:
+            write_figures(files, {"skipped": "it does not load"})
+            yield Finding("mjx.load", "error", "robot", f"MuJoCo refuses it: {error.message}")
+            return
+        write_figures(files, figures(model))
+        yield from judge(model)
+
+
+def judge(model: mujoco.Model) -> Iterator[Finding]:
+    """What MJX would refuse, and what is slow on mujoco_warp."""
+    yield from _judge_pairs(model)
+    yield from _judge_options(model)
+
+
+def figures(model: mujoco.Model) -> dict[str, object]:
+    """Number of pairs by their kinds, and in all."""
+    counts = Counter(_kinds(model, pair) for pair in pairs(model))
+    fast = sum(count for kinds, count in counts.items() if kinds in FAST_ON_WARP)
+    return {
+        "pairs": sum(counts.values()),
+        "fast_on_warp": fast,
+        "by_kinds": {"-".join(kinds): counts[kinds] for kinds in sorted(counts)},
+    }
+
+
+def pairs(model: mujoco.Model) -> Iterator[Pair]:
+    """Geoms that may touch: what masks, excludes and the parent-child filter let through."""
+    import mujoco as mj
+
+    excluded = {int(signature) for signature in model.exclude_signature}
+    filters_parents = not model.opt.disableflags & mj.mjtDisableBit.mjDSBL_FILTERPARENT
+    solid = [i for i in range(model.ngeom) if model.geom_contype[i] or model.geom_conaffinity[i]]
+    for a, b in combinations(solid, 2):
+        first, second = sorted((int(model.geom_bodyid[a]), int(model.geom_bodyid[b])))
+        if first == second or (first << 16) + second in excluded:
+            continue
+        if _welded_or_related(model, first, second, filters_parents):
+            continue
+        mask = model.geom_contype[a] & model.geom_conaffinity[b]
+        if mask | (model.geom_contype[b] & model.geom_conaffinity[a]):
+            yield (a, b) if model.geom_type[a] <= model.geom_type[b] else (b, a)
+    for i in range(model.npair):
+        yield int(model.pair_geom1[i]), int(model.pair_geom2[i])
+
+
+def _welded_or_related(model: mujoco.Model, a: int, b: int, filters_parents: bool) -> bool:
+    weld_a, weld_b = int(model.body_weldid[a]), int(model.body_weldid[b])
+    if weld_a == weld_b:
+        return True
+    if not filters_parents or 0 in (weld_a, weld_b):
+        return False
+    above_a = int(model.body_weldid[model.body_parentid[weld_a]])
+    above_b = int(model.body_weldid[model.body_parentid[weld_b]])
+    return weld_a == above_b or weld_b == above_a
+
+
+def _kinds(model: mujoco.Model, pair: Pair) -> tuple[str, str]:
+    kinds = sorted(int(model.geom_type[geom]) for geom in pair)
+    return KINDS[kinds[0]], KINDS[kinds[1]]
+
+
+def _judge_pairs(model: mujoco.Model) -> Iterator[Finding]:
+    refused: dict[tuple[str, str], list[Pair]] = {}
+    slow: dict[tuple[str, str], list[Pair]] = {}
+    margins: list[Pair] = []
+    for pair in pairs(model):
+        kinds = _kinds(model, pair)
+        if kinds in NOT_IN_MJX:
+            refused.setdefault(kinds, []).append(pair)
+        elif kinds not in FAST_ON_WARP:
+            slow.setdefault(kinds, []).append(pair)
+        if {"mesh", "hfield"} & set(kinds) and any(model.geom_margin[g] for g in pair):
+            margins.append(pair)
+    for (a, b), found in refused.items():
+        yield Finding(
+            "mjx.pair",
+            "error",
+            f"shape {_name(model, found[0][1])}",
+            f"MJX has no contact of {a} and {b}: {len(found)} pairs, such as "
+            f"{_name(model, found[0][0])} and {_name(model, found[0][1])}",
+            hint="make one a capsule, exclude the pairs, or `mjx: {self_collision: false}`",
+            data={"pairs": len(found), "kinds": f"{a}-{b}"},
+        )
+    if margins:
+        yield Finding(
+            "mjx.margin",
+            "error",
+            f"shape {_name(model, margins[0][1])}",
+            f"MJX takes no margin on a mesh: {len(margins)} pairs have one",
+            hint="leave `contact.margin` at 0, or use a primitive",
+            data={"pairs": len(margins)},
+        )
+    if slow:
+        total = sum(map(len, slow.values()))
+        shown = ", ".join(f"{len(found)} {a}-{b}" for (a, b), found in slow.items())
+        yield Finding(
+            "mjx.slow_pair",
+            "info",
+            "robot",
+            f"mujoco_warp takes its general routine for {total} pairs: {shown}",
+            hint="spheres and capsules have a closed form with planes and boxes",
+            data={"pairs": total},
+        )
+
+
+def _judge_options(model: mujoco.Model) -> Iterator[Finding]:
+    import mujoco as mj
+
+    said = []
+    if int(model.opt.integrator) not in INTEGRATORS:
+        said.append("integrator (Euler, RK4 or implicitfast)")
+    if int(model.opt.solver) not in SOLVERS:
+        said.append("solver (Newton or CG)")
+    if model.nflex:
+        said.append("flexible bodies")
+    for i in range(model.nsensor):
+        is_contact = int(model.sensor_type[i]) == int(mj.mjtSensor.mjSENS_CONTACT)
+        if is_contact and int(model.sensor_intprm[i, 1]) == NET_FORCE:
+            said.append(f"net force of contact sensor {mujoco.name_of(model, 'sensor', i)}")
+    for what in said:
+        yield Finding(
+            "mjx.option",
+            "error",
+            "robot",
+            f"MJX does not do this: {what}",
+            hint="change it in the recipe's `mjx`",
+        )
+
+
+def _name(model: mujoco.Model, geom: int) -> str:
+    return mujoco.name_of(model, "geom", geom)

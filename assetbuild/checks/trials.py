@@ -1,0 +1,195 @@
+"""Small experiments in MuJoCo: do the drives answer, does energy stay, is the timestep fine, which
+bodies run into each other, is the robot balanced, does it come to rest after a drop?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Self
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding
+from assetbuild.kinds import Check, write_figures
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Control, Tree
+from assetbuild.simulators import mujoco, mujoco_motion, mujoco_trials
+from assetbuild.simulators.mujoco_trials import Settled, Support
+
+EXTERNAL = frozenset({"ideal_pd", "dc_motor"})
+"""Models whose PD law runs outside of the simulator: here it is put inside."""
+SHOWN_PAIRS = 40
+
+
+class Trials(Check):
+    """Findings `trials.<what>`; one compilation of `mjcf/scene.xml` serves all experiments."""
+
+    isolated = True
+    preload = ("mujoco",)
+    tools = ("mujoco",)
+    needs = ("mjcf",)
+    reads = ("tree.json", "control.json")
+
+    drift: float = 0.01
+    """m of the settled base in 1000 steps."""
+    drop: float = 0.05
+    """m."""
+    speed: float = 0.05
+    """rad/s or m/s of the fastest joint when it should be at rest."""
+    penetration: float = 0.005
+    """m of the deepest contact when it should be at rest."""
+    energy: float = 0.05
+    """Relative, in one second."""
+    timestep: float = 0.02
+    """rad or m, to a quarter of the timestep."""
+    dead: float = 0.01
+    """rad or m that a joint must move."""
+    poses: int = 200
+    """Random poses for self-collision."""
+    always: float = 0.9
+    """Share of poses from which a pair touches always."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self | None:
+        """None when the recipe does not want trials, or not in MuJoCo."""
+        wish = recipe.validate_.trials
+        if wish is None or "mujoco" not in recipe.validate_.simulators:
+            return None
+        return cls(**wish.model_dump())
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads the robot and `mjcf/scene.xml`."""
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        try:
+            model = mujoco.load(files.inputs / "mjcf" / "scene.xml", visuals=False).model
+        except StepError as error:
+            write_figures(files, {"skipped": error.message})
+            yield Finding("trials.load", "error", "robot", f"nothing to try: {error.message}")
+            return
+        outside = {a.joint: a for a in control.actuators if a.model in EXTERNAL}
+        mujoco_motion.drive_as(model, outside)
+        figures: dict[str, object] = {}
+        yield from self._drives(model, figures)
+        yield from self._numerics(model, figures)
+        yield from self._collisions(model, figures)
+        if tree.base == "floating":
+            yield from self._floor(model, control, figures)
+        write_figures(files, figures)
+
+    def _drives(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
+        answers = mujoco_trials.answers(model)
+        figures["drives"] = [
+            {"joint": joint, "asked": a.asked, "moved": a.moved} for joint, a in answers.items()
+        ]
+        for joint, answer in answers.items():
+            if answer.moved < min(self.dead, 0.2 * answer.asked):
+                yield Finding(
+                    "trials.dead",
+                    "error",
+                    f"actuator {joint}",
+                    f"told to swing by {answer.asked:.3g}, the joint moved by {answer.moved:.3g}",
+                    hint="is kp in other units, the effort limit too small, or kd far too large?",
+                    data={"asked": answer.asked, "moved": answer.moved},
+                )
+
+    def _numerics(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
+        drift = mujoco_trials.energy_drift(model)
+        figures["energy_drift"] = drift if math.isfinite(drift) else "unstable"
+        if not drift <= self.energy:
+            told = f"changed by {drift:.2%}" if math.isfinite(drift) else "went to infinity"
+            yield Finding(
+                "trials.energy",
+                "warning",
+                "robot",
+                f"in one second of free motion the energy {told}",
+                hint="a smaller timestep; look for tiny inertias far from the others",
+                data={"limit": self.energy},
+            )
+        errors = mujoco_trials.timestep_error(model)
+        worst = max(errors, key=lambda joint: errors[joint], default=None)
+        figures["timestep_error"] = {
+            joint: error if math.isfinite(error) else "unstable" for joint, error in errors.items()
+        }
+        if worst is not None and not errors[worst] <= self.timestep:
+            yield Finding(
+                "trials.timestep",
+                "warning",
+                f"actuator {worst}",
+                f"moves otherwise at a quarter of the timestep: by {errors[worst]:.3g} rad or m",
+                hint="a smaller `simulation.timestep`, a smaller kp, or the real armature",
+                data={"timestep_s": float(model.opt.timestep), "limit": self.timestep},
+            )
+
+    def _collisions(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
+        pairs = mujoco_trials.touching_pairs(model, self.poses)
+        figures["self_collision"] = [
+            {"a": a, "b": b, "share_of_poses": share}
+            for (a, b), share in list(pairs.items())[:SHOWN_PAIRS]
+        ]
+        for (a, b), share in pairs.items():
+            if share >= self.always:
+                yield Finding(
+                    "trials.overlap",
+                    "warning",
+                    f"link {a}",
+                    f"runs into {b} in {share:.0%} of {self.poses} random poses",
+                    hint=f"`collision.exclude.pairs: [[{a}, {b}]]`, or smaller shapes",
+                    data={"share": share, "poses": self.poses},
+                )
+
+    def _floor(
+        self, model: mujoco.Model, control: Control, figures: dict[str, object]
+    ) -> Iterator[Finding]:
+        if not control.keyframes:
+            return
+        under = mujoco_trials.support(model)
+        figures["support_margin_m"], figures["support_points"] = under.margin_m, under.points
+        yield from _judge_support(under)
+        settled = mujoco_trials.settle(model, self.drop)
+        figures["settle"] = {
+            "finite": settled.finite,
+            "fastest_joint": settled.speed if settled.finite else None,
+            "deepest_contact_m": settled.penetration_m if settled.finite else None,
+            "drift_m": settled.drift_m if settled.finite else None,
+        }
+        yield from self._judge_settled(settled)
+
+    def _judge_settled(self, settled: Settled) -> Iterator[Finding]:
+        if not settled.finite:
+            yield Finding(
+                "trials.unstable",
+                "error",
+                "robot",
+                f"dropped from {self.drop:g} m, the simulation went to infinity",
+                hint="a smaller timestep; look for tiny inertias and overlapping shapes",
+                data={"drop_m": self.drop},
+            )
+            return
+        for rule, value, limit, what, unit in (
+            ("trials.rest", settled.speed, self.speed, "its fastest joint moves at", "rad/s"),
+            ("trials.sunk", settled.penetration_m, self.penetration, "a contact is deep by", "m"),
+            ("trials.drift", settled.drift_m, self.drift, "in 1000 steps its base wandered", "m"),
+        ):
+            if value > limit:
+                yield Finding(
+                    rule,
+                    "warning",
+                    "robot",
+                    f"two seconds after a drop from {self.drop:g} m {what} {value:.3g} {unit}",
+                    hint="more kd, more kp, or a pose that stands by itself",
+                    data={"value": value, "limit": limit},
+                )
+
+
+def _judge_support(under: Support) -> Iterator[Finding]:
+    if under.margin_m is not None and under.margin_m < 0.0:
+        yield Finding(
+            "trials.balance",
+            "warning",
+            "robot",
+            f"at home the centre of mass is {-1e3 * under.margin_m:.3g} mm outside of its feet",
+            hint="move the feet of the keyframe under the centre of mass",
+            data={"margin_m": under.margin_m},
+        )

@@ -1,0 +1,99 @@
+"""`assetbuild diff`: what changed between two robots, worst first."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from assetbuild.errors import UsageError
+
+if TYPE_CHECKING:
+    from assetbuild.report.snapshot import Snapshot
+
+HELP = "compare two bundles, recipes or MJCF, URDF, USD files: what changed, worst first"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    what = "bundle, recipe, REVISION:RECIPE of git, or an MJCF, URDF or USD file"
+    parser.add_argument("before", metavar="A", help=what)
+    parser.add_argument("after", metavar="B", help="the same, to compare with A")
+    parser.add_argument("--markdown", action="store_true", help="a table for a pull request")
+    parser.add_argument("--exit-code", action="store_true", help="1 when anything differs")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the changes; 0, or with `--exit-code` 1 when there are any."""
+    from assetbuild.report.diff import changes, diff_markdown, diff_text
+
+    with tempfile.TemporaryDirectory(prefix="assetbuild-diff-") as folder:
+        before = snapshot_of(arguments.before, Path(folder, "a"))
+        after = snapshot_of(arguments.after, Path(folder, "b"))
+    found = changes(before, after)
+    write = diff_markdown if arguments.markdown else diff_text
+    print(write(before, after, found), end="")
+    return 1 if arguments.exit_code and found else 0
+
+
+def snapshot_of(name: str, folder: Path) -> Snapshot:
+    """Facts of whatever `name` names; recipes are built below `folder`."""
+    from assetbuild.report.foreign import foreign_snapshot
+    from assetbuild.report.snapshot import bundle_snapshot
+
+    path = Path(name)
+    if path.is_dir():
+        return bundle_snapshot(path)
+    if path.suffix in (".yaml", ".yml") and path.is_file():
+        return _built(path, name, folder)
+    if not path.exists() and ":" in name:
+        revision, _, inside = name.partition(":")
+        return _built(_checked_out(revision, inside, folder), name, folder)
+    if not path.is_file():
+        raise UsageError(f"there is no `{name}`")
+    return foreign_snapshot(path)
+
+
+def _built(recipe: Path, name: str, folder: Path) -> Snapshot:
+    from dataclasses import replace
+
+    from assetbuild.cli.progress import progress
+    from assetbuild.pipeline import Request, build
+    from assetbuild.report.snapshot import bundle_snapshot
+
+    with progress(recipe.name) as shown:
+        request = Request(recipe=recipe, out=folder / "bundle", fail_on="never")
+        outcome = build(request, shown.on_event, shown.say)
+    if outcome.out is None:
+        if outcome.errors:
+            raise outcome.errors[0]
+        raise UsageError(f"`{name}` was not built")
+    return replace(bundle_snapshot(outcome.out), name=name)
+
+
+def _checked_out(revision: str, inside: str, folder: Path) -> Path:
+    """The recipe in a copy of the whole revision, so that its relative paths hold."""
+    git = shutil.which("git")
+    if git is None or revision.startswith("-"):
+        raise UsageError(f"`{revision}:{inside}` needs git and a revision")
+    top = subprocess.run([git, "rev-parse", "--show-toplevel"], capture_output=True, text=True)
+    tree = folder / "revision"
+    tree.mkdir(parents=True)
+    packed = subprocess.run(
+        [git, "archive", "--format=tar", revision],
+        capture_output=True,
+        cwd=top.stdout.strip() or None,
+    )
+    if packed.returncode != 0:
+        told = packed.stderr.decode("utf-8", "replace").strip().splitlines()
+        raise UsageError(f"git has no revision `{revision}`: {told[-1] if told else ''}")
+    subprocess.run(["tar", "-x", "-C", str(tree)], input=packed.stdout, check=True)
+    recipe = tree / inside
+    if not recipe.is_file():
+        raise UsageError(f"revision `{revision}` has no `{inside}`")
+    print(f"{revision}:{inside} is built from a copy of that revision", file=sys.stderr)
+    return recipe

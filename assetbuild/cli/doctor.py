@@ -1,0 +1,174 @@
+"""`assetbuild doctor`: what this machine has and lacks, and how to get it."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.metadata
+import importlib.util
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+HELP = "say what this machine has and lacks, and how to get it"
+
+Level = Literal["ok", "missing", "broken"]
+CORE = (
+    "numpy", "scipy", "pydantic", "trimesh", "pycollada", "fast-simplification", "coacd", "vhacdx",
+    "manifold3d", "mujoco", "usd-core", "yourdfpy", "xacro",
+)  # fmt: skip
+EXTRAS = (
+    ("oracle", "pinocchio", "kinematics and dynamics compared with pinocchio"),
+    ("physx", "ovphysx", "the physical checks in PhysX too"),
+    ("lint", "simcheck", "the lints of simcheck and mjcf-doctor"),
+    ("dask", "distributed", "builds on more than one machine"),
+    ("remote", "obstore", "a shared cache in S3"),
+)
+APT = "apt-get install libegl1 libgl1-mesa-dri"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One thing looked at. broken: builds fail; missing: something is left out."""
+
+    name: str
+    level: Level
+    told: str
+    fix: str = ""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """No arguments."""
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print what was found; 1 when something that every build needs is broken."""
+    rows = list(examine())
+    for row in rows:
+        print(f"{row.level:8} {row.name:18} {row.told}")
+        if row.fix:
+            print(f"{'':8} {'':18} -> {row.fix}")
+    broken = sum(row.level == "broken" for row in rows)
+    missing = sum(row.level == "missing" for row in rows)
+    print(f"{broken} broken, {missing} missing" if broken or missing else "everything is here")
+    return 1 if broken else 0
+
+
+def examine() -> Iterator[Row]:
+    """Everything that a build may want, in the order of a build."""
+    from assetbuild import __version__
+
+    system = f"{platform.system()} {platform.machine()}"
+    yield Row("assetbuild", "ok", f"{__version__}, Python {platform.python_version()}, {system}")
+    yield from _libraries()
+    yield _cache()
+    yield _confinement()
+    yield _program("git", "sources by `git`, and `diff REVISION:RECIPE`")
+    yield from _pictures()
+    for extra, module, use in EXTRAS:
+        if importlib.util.find_spec(module) is not None:
+            yield Row(f"extra {extra}", "ok", use)
+        else:
+            yield Row(f"extra {extra}", "missing", use, f"pip install 'assetbuild[{extra}]'")
+
+
+def _libraries() -> Iterator[Row]:
+    versions, lacking = [], []
+    for name in CORE:
+        try:
+            versions.append(f"{name} {importlib.metadata.version(name)}")
+        except importlib.metadata.PackageNotFoundError:
+            lacking.append(name)
+    if lacking:
+        told = f"not installed: {', '.join(lacking)}"
+        yield Row("libraries", "broken", told, "pip install assetbuild")
+    else:
+        yield Row("libraries", "ok", ", ".join(versions))
+    if importlib.util.find_spec("pxr") and _installed("usd-exchange"):
+        fix = "pip uninstall usd-exchange, then pip install --force-reinstall usd-core"
+        yield Row("pxr", "broken", "usd-exchange and usd-core overwrite each other", fix)
+
+
+def _installed(name: str) -> bool:
+    try:
+        importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return False
+    return True
+
+
+def _cache() -> Row:
+    from assetbuild.engine.folders import cache_root
+
+    root = Path(cache_root())
+    place = next(folder for folder in (root, *root.parents) if folder.exists())
+    free = shutil.disk_usage(place).free / 1e9
+    told = f"{root}, {free:.1f} GB free"
+    if not os.access(place, os.W_OK):
+        fix = "set ASSETBUILD_CACHE to a folder that you may write to"
+        return Row("store", "missing", f"{told}, not writable: builds start from nothing", fix)
+    if free < 2.0:
+        return Row("store", "missing", told, "assetbuild cache gc --max-size 1GB")
+    return Row("store", "ok", told)
+
+
+def _confinement() -> Row:
+    """Landlock holds xacro files; without it a private folder and an empty environment do."""
+    from assetbuild.engine.landlock import version
+
+    kernel, found = platform.release(), version()
+    if found:
+        return Row("Landlock", "ok", f"version {found}, kernel {kernel}: xacro is confined")
+    fix = "Linux 5.13 or newer with Landlock; until then expand only xacro files that you trust"
+    return Row("Landlock", "missing", f"not on this kernel ({kernel})", fix)
+
+
+def _program(name: str, use: str) -> Row:
+    path = shutil.which(name)
+    if path is None:
+        return Row(name, "missing", use, f"apt-get install {name}")
+    return Row(name, "ok", path)
+
+
+def _pictures() -> Iterator[Row]:
+    from assetbuild.simulators.offscreen import renderer
+    from assetbuild.steps.viewer import three_js
+
+    kind = renderer()
+    if kind == "none":
+        told = "no EGL and no OSMesa: reports have no pictures"
+        yield Row("pictures", "missing", told, APT)
+    else:
+        yield _tried(kind)
+    library = three_js()
+    if library is None:
+        fix = "pip install 'trimesh>=4.6'"
+        yield Row("3D view", "missing", "trimesh brings no three.js: reports have no view", fix)
+    else:
+        revision = re.search(r'const e="(\d+)"', library)
+        yield Row("3D view", "ok", f"three.js r{revision.group(1) if revision else '?'} of trimesh")
+
+
+def _tried(kind: str) -> Row:
+    """A context is opened in a child: a bad driver may take its process down."""
+    module = kind.partition(" ")[0]
+    code = (
+        f"from mujoco.{module} import GLContext\nc = GLContext(8, 8)\nc.make_current()\n"
+        "from OpenGL import GL\nprint(GL.glGetString(GL.GL_RENDERER).decode())"
+    )
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, timeout=60
+        )
+    except subprocess.TimeoutExpired:
+        return Row("pictures", "missing", f"OpenGL by {kind} hangs", APT)
+    if done.returncode != 0:
+        last = (done.stderr.strip().splitlines() or ["the process died"])[-1]
+        return Row("pictures", "missing", f"OpenGL by {kind} does not start: {last[:120]}", APT)
+    return Row("pictures", "ok", f"{kind}: {done.stdout.strip()}")

@@ -1,0 +1,39 @@
+"""`assetbuild validate`: checks on a bundle, or on any MJCF, URDF or USD file."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+HELP = "check a bundle, or any MJCF, URDF or USD file"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument("path", type=Path, metavar="FILE_OR_BUNDLE")
+    parser.add_argument("--json", action="store_true", help="findings as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print each finding; 1 when one is an error, else 0."""
+    from assetbuild.pipeline.validating import validate, worst
+
+    found = validate(arguments.path)
+    if arguments.json:
+        rows = [
+            {"file": one.file, "kind": one.kind, "findings": [f.to_json() for f in one.findings]}
+            for one in found
+        ]
+        print(json.dumps(rows, indent=1, sort_keys=True))
+        return 1 if worst(found) else 0
+    for one in found:
+        for finding in one.findings:
+            print(f"{finding.severity} {finding.rule}: {finding.where or one.file}: "
+                  f"{finding.subject}: {finding.message}")  # fmt: skip
+            if finding.hint and finding.severity != "info":
+                print(f"  hint: {finding.hint}")
+        errors = sum(f.severity == "error" for f in one.findings)
+        warnings = sum(f.severity == "warning" for f in one.findings)
+        print(f"{one.file}: {one.kind}, {errors} errors, {warnings} warnings")
+    return 1 if worst(found) else 0

@@ -1,0 +1,77 @@
+"""A set of spheres: the simplest contact there is, and what planners on a GPU take."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from assetbuild.collision import CollisionMethod, Fitted
+from assetbuild.mesh.cover import Reference
+from assetbuild.mesh.solid import ConvexPiece, sobol
+from assetbuild.robot.model import Sphere
+from assetbuild.robot.pose import Array, Pose, vec3
+
+POINTS = 2**13
+CENTRES = 400
+"""Centres tried: seeded points inside the mesh."""
+GROWTH = (0.0, 0.5, 1.0)
+"""Radii tried: to the surface, and beyond it by these shares of `margin`."""
+LEAST = 1e-3
+"""Of the mesh's volume: a sphere that adds less is not worth it."""
+
+
+class Spheres(CollisionMethod):
+    """Spheres of each source shape, chosen one by one: the one that covers most comes next.
+
+    Greedy covering is within 1 - 1/e of the best choice (Nemhauser et al., 1978).
+    """
+
+    tools = CollisionMethod.hull_tools
+
+    max_hulls: int = Field(16, ge=1, le=1024)
+    """Most spheres."""
+    margin: float = Field(0.02, ge=0, le=0.5)
+    """How far a sphere may stick out, share of the mesh's size; `max_outside` bounds it, too."""
+
+    def fit(self, reference: Reference) -> Fitted:
+        """Inner spheres, grown a little; volume outside counts against them."""
+        cloud = sobol(POINTS, *reference.mesh.bounds)
+        inside = reference.solid.contains(cloud)
+        centres = cloud[inside][:CENTRES] if inside.any() else cloud[:CENTRES]
+        deep = reference.surface.distance(centres)
+        beyond = self.margin * reference.diagonal
+        if self.max_outside is not None:
+            beyond = min(beyond, self.max_outside)
+        chosen = _greedy(cloud, inside, centres, deep, beyond, self.max_hulls)
+        pieces = tuple(
+            ConvexPiece(None, Sphere(round(radius, 6)), Pose(vec3(np.round(centre, 6))))
+            for centre, radius in chosen
+        )
+        return Fitted(pieces, how="spheres")
+
+
+def _greedy(
+    cloud: Array,
+    inside: NDArray[np.bool_],
+    centres: Array,
+    deep: Array,
+    beyond: float,
+    most: int,
+) -> list[tuple[Array, float]]:
+    """(centre, radius) of the chosen spheres. cloud: (n, 3); inside: (n,); deep: (k,) m."""
+    radii = np.concatenate([deep + share * beyond for share in GROWTH])
+    middles = np.tile(centres, (len(GROWTH), 1))
+    apart = np.linalg.norm(cloud[None] - centres[:, None], axis=2)
+    holds = np.concatenate([apart <= (deep + share * beyond)[:, None] for share in GROWTH])
+    value = np.where(inside, 1.0, -1.0)
+    left = np.ones(len(cloud), dtype=bool)
+    chosen: list[tuple[Array, float]] = []
+    while len(chosen) < most:
+        gains = holds @ (value * left)
+        best = int(np.argmax(gains))
+        if gains[best] <= LEAST * max(int(inside.sum()), 1):
+            break
+        chosen.append((middles[best], float(radii[best])))
+        left &= ~holds[best]
+    return chosen or [(middles[int(np.argmax(radii))], float(radii.max()))]

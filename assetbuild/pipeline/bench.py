@@ -1,0 +1,187 @@
+"""bench(): one robot with collision geometry of every level, its quality against its speed."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from assetbuild.engine.execute import execute, first_error, restore
+from assetbuild.engine.graph import Planner
+from assetbuild.engine.session import Session
+from assetbuild.errors import AssetBuildError, StepError
+from assetbuild.lock import Lock
+from assetbuild.pipeline import OnEvent
+from assetbuild.pipeline.opening import open_session, pin
+from assetbuild.plan.bench import LEVELS, LevelOutline, Source, plan_level, with_level
+from assetbuild.recipe.loader import LoadedRecipe, load_recipe
+from assetbuild.report.bundle import json_text
+from assetbuild.report.pareto import front, pareto_svg
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Shapes
+
+SECONDS = 900
+"""Wall clock of one simulation."""
+
+
+@dataclass(frozen=True)
+class BenchRequest:
+    """What the user asks for. levels: names of LEVELS, `recipe`; source: meshes to work on."""
+
+    recipe: Path
+    out: Path | None = None
+    variant: str | None = None
+    levels: Sequence[str] = ("recipe", *LEVELS)
+    source: Source = "auto"
+    jobs: int | None = None
+
+
+@dataclass(frozen=True)
+class Level:
+    """One row. iou: mean over the fitted meshes; outside_mm: the worst; None = nothing fitted.
+
+    build_s: CPU seconds of the steps that made the collision geometry, when they last ran.
+    fell: meshes whose library failed, so that another method made their pieces.
+    error: why there are no figures.
+    """
+
+    name: str
+    speed: Any = None  # Any: JSON of simulators.speed.Speed
+    iou: float | None = None
+    outside_mm: float | None = None
+    build_s: float = 0.0
+    fell: int = 0
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """All rows, and the names on the Pareto front of quality and speed."""
+
+    levels: tuple[Level, ...]
+    best: frozenset[str]
+    out: Path
+
+
+def bench(request: BenchRequest, on_event: OnEvent, say: Callable[[str], None]) -> Bench:
+    """Build and measure every level; AssetBuildError when the recipe itself cannot be built."""
+    loaded = load_recipe(request.recipe, request.variant)
+    lock = pin(loaded, frozen=False, say=say)
+    rows = []
+    with open_session(loaded) as session:
+        outline = _built(loaded, lock, session, request, on_event)
+        shapes = decode(Shapes, _read(outline, session))
+        for name in request.levels:
+            say(f"level {name}")
+            level = loaded if name == "recipe" else with_level(loaded, shapes, name, request.source)
+            try:
+                built = _built(level, lock, session, request, on_event)
+                rows.append(_measured(name, built, session, loaded.recipe.robot))
+            except AssetBuildError as error:
+                if name == "recipe":
+                    raise
+                rows.append(Level(name, error=str(error).splitlines()[0]))
+    out = request.out or Path("build") / f"{loaded.recipe.robot}-bench"
+    return _written(loaded.recipe.robot, rows, out)
+
+
+@dataclass(frozen=True)
+class _Built:
+    outline: LevelOutline
+    planner: Planner
+    seconds: float
+    fell: int
+
+
+def _built(
+    loaded: LoadedRecipe,
+    lock: Lock | None,
+    session: Session,
+    request: BenchRequest,
+    on_event: OnEvent,
+) -> _Built:
+    """(plan, execute)* of one level; raises the first error of a step."""
+    spent: dict[str, float] = {}
+    while True:
+        planner = Planner(session)
+        outline = plan_level(loaded, lock, planner)
+        results = execute(planner.graph(), session, jobs=request.jobs, on_event=on_event)
+        error = first_error(results)
+        if error is not None:
+            raise error
+        for label, result in results.items():
+            took = result.cpu_seconds or result.saved_seconds
+            spent[label] = max(spent.get(label, 0.0), took)
+        if not planner.questions:
+            seconds = sum(spent.get(node.label, 0.0) for node in outline.fits)
+            fell = sum(
+                any(
+                    finding.rule == "collision.library_failed"
+                    for finding in results[n.label].findings
+                )
+                for n in outline.fits
+            )
+            return _Built(outline, planner, seconds, fell)
+
+
+def _read(built: _Built, session: Session) -> bytes:
+    assert built.outline.shapes is not None  # noqa: S101 # a plan without questions is whole
+    data = built.planner.ask(built.outline.shapes)
+    assert data is not None  # noqa: S101 # it was executed
+    return data
+
+
+def _measured(name: str, built: _Built, session: Session, robot: str) -> Level:
+    figures = []
+    for node in built.outline.fits:
+        data = built.planner.ask(node["quality.json"])
+        quality = json.loads(data) if data else None
+        if quality is not None:
+            figures.append(quality)
+    assert built.outline.mjcf is not None  # noqa: S101 # as in `_read`
+    with tempfile.TemporaryDirectory() as folder:
+        scene = Path(folder) / "mjcf"
+        restore(built.planner.graph(), session, built.outline.mjcf["mjcf/"], scene)
+        speed = _simulated(scene / "scene.xml")
+    return Level(
+        name,
+        speed,
+        iou=sum(q["iou"] for q in figures) / len(figures) if figures else None,
+        outside_mm=1e3 * max(q["max_outside_m"] for q in figures) if figures else None,
+        build_s=built.seconds,
+        fell=built.fell,
+    )
+
+
+def _simulated(scene: Path) -> dict[str, Any]:  # Any: JSON
+    command = [sys.executable, "-m", "assetbuild.simulators.speed", str(scene)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS)
+    except subprocess.TimeoutExpired:
+        raise StepError(f"the simulation took more than {SECONDS} s") from None
+    if done.returncode != 0:
+        said = done.stderr.strip().splitlines() or ["no message"]
+        raise StepError(f"the simulation failed: {said[-1]}")
+    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def _written(robot: str, rows: Sequence[Level], out: Path) -> Bench:
+    points = {
+        row.name: (row.speed["steps_per_s"], row.iou)
+        for row in rows
+        if row.speed is not None and row.iou is not None
+    }
+    best = front(points)
+    out.mkdir(parents=True, exist_ok=True)
+    data = {"robot": robot, "levels": [asdict(row) for row in rows], "pareto": sorted(best)}
+    (out / "bench.json").write_text(json_text(data), encoding="utf-8")
+    if points:
+        svg = pareto_svg(f"{robot}: collision quality against speed", points)
+        (out / "bench.svg").write_text(svg, encoding="utf-8")
+    return Bench(tuple(rows), best, out)

@@ -1,0 +1,144 @@
+"""validate(): checks on files that we did not build, or did: MJCF, URDF, USD, a whole bundle."""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from assetbuild.engine.step import Files, Step
+from assetbuild.errors import SourceError, UsageError
+from assetbuild.findings import Finding, worst_first
+
+KINDS = {
+    ".xml": "mjcf",
+    ".mjcf": "mjcf",
+    ".urdf": "urdf",
+    ".usd": "usd",
+    ".usda": "usd",
+    ".usdc": "usd",
+}
+LARGEST_MB = 64
+
+
+@dataclass(frozen=True)
+class Validated:
+    """One file and what there is to say about it, worst first."""
+
+    file: str
+    kind: str
+    findings: tuple[Finding, ...]
+
+
+def validate(path: Path) -> list[Validated]:
+    """Every file that can be checked: the one, or those of a bundle. Raises AssetBuildError."""
+    if path.is_dir():
+        files = _of_bundle(path)
+    elif path.is_file():
+        files = [path]
+    else:
+        raise UsageError(f"no such file or folder: `{path}`")
+    return [_validated(file, path) for file in files]
+
+
+def _of_bundle(folder: Path) -> list[Path]:
+    """The robot's own files: scenes include them, payloads belong to the USD."""
+    found = [
+        *sorted(p for p in (folder / "mjcf").glob("*.xml") if not p.stem.startswith("scene")),
+        *sorted((folder / "urdf").glob("*.urdf")),
+        *sorted((folder / "usd").glob("*.usda")),
+    ]
+    if not found:
+        raise UsageError(
+            f"`{folder}` is no bundle: no mjcf/*.xml, urdf/*.urdf or usd/*.usda in it",
+            hint="give a bundle, or one MJCF, URDF or USD file",
+        )
+    return found
+
+
+def _validated(file: Path, asked: Path) -> Validated:
+    name = file.relative_to(asked).as_posix() if asked.is_dir() else str(file)
+    if file.stat().st_size > LARGEST_MB << 20:
+        raise UsageError(f"{name}: larger than {LARGEST_MB} MB")
+    kind = _kind(file, name)
+    run = {"mjcf": _mjcf, "urdf": _urdf, "usd": _usd}[kind]
+    return Validated(name, kind, tuple(worst_first(list(run(file)))))
+
+
+def _kind(file: Path, name: str) -> str:
+    suffix = file.suffix.lower()
+    if suffix not in KINDS:
+        known = ", ".join(KINDS)
+        raise UsageError(
+            f"{name}: not a kind of file that can be validated", hint=f"known: {known}"
+        )
+    if KINDS[suffix] == "mjcf" and b"<robot" in file.read_bytes()[:4096]:
+        return "urdf"
+    return KINDS[suffix]
+
+
+def _mjcf(file: Path) -> Iterator[Finding]:
+    from assetbuild.checks.mjcf_compiles import lint_file
+    from assetbuild.checks.mjx_pairs import judge
+    from assetbuild.simulators.mujoco import load
+
+    findings = list(lint_file(file))
+    yield from findings
+    loads = not any(finding.rule == "mjcf.load" for finding in findings)
+    if loads and "mjx" in file.stem:
+        yield from judge(load(file).model)
+
+
+def _usd(file: Path) -> Iterator[Finding]:
+    from assetbuild.checks.usd_valid import lint_file
+
+    yield from lint_file(file)
+
+
+def _urdf(file: Path) -> Iterator[Finding]:
+    """The reader and both lints; packages are taken by their word, meshes are not opened."""
+    from assetbuild.steps.lint_bodies import LintBodies
+    from assetbuild.steps.lint_links import LintLinks
+    from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
+    from assetbuild.steps.read_urdf import ReadUrdf
+
+    data = file.read_bytes()
+    named = set(re.findall(rb"package:/*([A-Za-z0-9_.-]+)", data))
+    packages = {name.decode(): "." for name in sorted(named)}
+    with tempfile.TemporaryDirectory() as folder:
+        ports = Path(folder)
+        (ports / "robot.urdf").write_bytes(data)
+        steps: tuple[Step, ...] = (
+            ReadUrdf(file=file.name, packages=packages),
+            LintLinks(),
+            MergeFixedJoints(merge=True, keep_bodies=()),
+            LintBodies(),
+        )
+        lines: dict[str, int] = {}
+        for step in steps:
+            try:
+                for finding in step.run(Files(inputs=ports, outputs=ports)):
+                    yield _at(finding, file, lines)
+            except SourceError as error:
+                where = str(error.where or "")
+                yield Finding("urdf.unreadable", "error", "robot", error.message, error.hint, where)
+                return
+            if isinstance(step, ReadUrdf):
+                lines |= _lines(ports)
+
+
+def _lines(ports: Path) -> dict[str, int]:
+    return dict(json.loads((ports / "source_map.json").read_bytes())["lines"])
+
+
+def _at(finding: Finding, file: Path, lines: dict[str, int]) -> Finding:
+    line = lines.get(finding.subject)
+    return replace(finding, where=f"{file.name}:{line}") if line else finding
+
+
+def worst(validated: list[Validated]) -> bool:
+    """Whether any finding is an error."""
+    return any(f.severity == "error" for one in validated for f in one.findings)

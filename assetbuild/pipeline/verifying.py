@@ -1,0 +1,108 @@
+"""verify(): is a bundle what its manifest, its provenance and, with the store, its recipe say?"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from assetbuild.engine.digest import digest_file
+from assetbuild.engine.execute import execute
+from assetbuild.engine.session import Resolver
+from assetbuild.errors import OutOfDateError, UsageError
+from assetbuild.pipeline.bundling import bundle_files
+from assetbuild.pipeline.judging import judged
+from assetbuild.pipeline.opening import opened, planned
+
+OWN = ("manifest.json", "provenance.json")
+"""Files that no manifest lists."""
+STATEMENT, PREDICATE = "https://in-toto.io/Statement/v1", "https://slsa.dev/provenance/v1"
+
+
+def manifest_of(bundle: Path) -> dict[str, str]:
+    """Path -> SHA-256 as the manifest says. UsageError when it is no bundle."""
+    try:
+        manifest = json.loads((bundle / "manifest.json").read_bytes())
+        return {str(row["path"]): str(row["sha256"]) for row in manifest["files"]}
+    except (FileNotFoundError, NotADirectoryError):
+        raise UsageError(f"`{bundle}` has no manifest.json, so it is no bundle") from None
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OSError) as error:
+        raise UsageError(f"{bundle / 'manifest.json'}: not a manifest: {error}") from None
+
+
+def against_manifest(bundle: Path, wanted: Mapping[str, str]) -> Iterator[str]:
+    """Each file that is missing, added or changed."""
+    found = {p.relative_to(bundle).as_posix() for p in bundle.rglob("*") if _is_entry(p)}
+    for path in sorted(wanted.keys() - found):
+        yield f"missing: {path}"
+    for path in sorted(found - wanted.keys() - set(OWN)):
+        yield f"not in the manifest: {path}"
+    for path in sorted(wanted.keys() & found):
+        if not (bundle / path).is_file() or (bundle / path).is_symlink():
+            yield f"not a regular file: {path}"
+        elif digest_file(bundle / path) != wanted[path]:
+            yield f"changed: {path}"
+
+
+def _is_entry(path: Path) -> bool:
+    return path.is_symlink() or not path.is_dir()
+
+
+def against_provenance(bundle: Path, manifest: Mapping[str, str]) -> Iterator[str]:
+    """Is the provenance a statement about these very files?"""
+    try:
+        statement = json.loads((bundle / "provenance.json").read_bytes())
+        kinds = (statement["_type"], statement["predicateType"])
+        rows = {str(row["name"]): str(row["digest"]["sha256"]) for row in statement["subject"]}
+        recipe_of(statement)
+    except FileNotFoundError:
+        yield "missing: provenance.json"
+        return
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OSError):
+        yield "not a provenance: provenance.json"
+        return
+    if kinds != (STATEMENT, PREDICATE):
+        yield f"not an in-toto statement with SLSA's predicate: {', '.join(map(str, kinds))}"
+    wanted = {**manifest, "manifest.json": digest_file(bundle / "manifest.json")}
+    for path in sorted(wanted.keys() | rows.keys()):
+        if rows.get(path) != wanted.get(path):
+            yield f"not as the provenance says: {path}"
+
+
+def recipe_of(statement: Mapping[str, Any]) -> str:  # Any: JSON
+    """SHA-256 of the recipe that a provenance names."""
+    parameters = statement["predicate"]["buildDefinition"]["externalParameters"]
+    return str(parameters["recipe_sha256"])
+
+
+def against_recipe(bundle: Path, recipe: Path, variant: str | None) -> Iterator[str]:
+    """Each file that a build of the recipe would make otherwise; nothing is built.
+
+    OutOfDateError when the store does not hold all results: then nobody can say.
+    """
+    loaded, lock, session = opened(recipe, variant)
+    with session:
+        graph, outline, whole = planned(loaded, lock, session)
+        resolver = Resolver(graph.nodes, session)
+        if not whole or any(resolver.made(label) is None for label in graph.nodes):
+            raise OutOfDateError(
+                f"the store does not hold what {recipe} makes now",
+                hint="run `assetbuild build` first, or `assetbuild cache pull`",
+            )
+        results = execute(graph, session)
+        report = judged(loaded, outline, results, session)
+        files = bundle_files(loaded, lock, outline, report, session, results, graph)
+        made = {file.path: file.sha256 for file in files if file.path != "provenance.json"}
+        wanted = session.source_digest(loaded.path)
+    statement = json.loads((bundle / "provenance.json").read_bytes())
+    if recipe_of(statement) != wanted:
+        yield f"built from another text of the recipe: {recipe.name}"
+    for path, digest in sorted(made.items()):
+        there = bundle / path
+        if not there.is_file():
+            yield f"the recipe makes it, the bundle lacks it: {path}"
+        elif digest_file(there) != digest:
+            yield f"the recipe makes other bytes: {path}"
+    for path in sorted(manifest_of(bundle).keys() - made.keys()):
+        yield f"the recipe does not make it: {path}"

@@ -1,0 +1,50 @@
+"""What a robot is tried with beside the stand: `validate.trials`, `validate.mass` in a recipe."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from assetbuild.recipe.base import Model, Positive
+
+
+class TotalMass(Model):
+    """Masses against what is known of the robot and of matter."""
+
+    total_kg: Positive | None = Field(
+        None, description="kg, of the whole robot from its datasheet; null = not known"
+    )
+    tolerance: Positive = Field(
+        0.03, description="relative, of the total mass; a warning, five times more is an error"
+    )
+    density: tuple[Positive, Positive] = Field(
+        (30.0, 5000.0),
+        description="kg/m3: least and most of a body's mass over the volume of its hull, warning",
+    )
+
+
+class Trials(Model):
+    """Small experiments in MuJoCo, and the limits beyond which they warn."""
+
+    drift: Positive = Field(
+        0.01, description="m: how far a settled base may wander in 1000 steps, warning"
+    )
+    drop: Positive = Field(0.05, description="m: height that the robot is dropped from")
+    speed: Positive = Field(
+        0.05, description="rad/s or m/s: fastest joint after two seconds on the floor, warning"
+    )
+    penetration: Positive = Field(
+        0.005, description="m: deepest contact after two seconds on the floor, warning"
+    )
+    energy: Positive = Field(
+        0.05, description="relative change of energy in 1 s of free motion, warning"
+    )
+    timestep: Positive = Field(
+        0.02, description="rad or m: difference to a quarter of the timestep, warning"
+    )
+    dead: Positive = Field(
+        0.01, description="rad or m: a joint that moves less when its drive is told to, error"
+    )
+    poses: int = Field(200, ge=1, le=100_000, description="random poses for self-collision")
+    always: Positive = Field(
+        0.9, description="share of random poses in which a pair touches that should be excluded"
+    )

@@ -1,0 +1,341 @@
+"""Small experiments that tell a sound robot from one that merely loads.
+
+Each takes a compiled model and leaves it as it was, so that one compilation serves all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from assetbuild.robot.pose import Array
+from assetbuild.simulators.mujoco import Data, Model, caught_warnings, name_of
+from assetbuild.simulators.mujoco_motion import HELD_KG
+
+SWING_RAD, SWING_M = 0.1, 0.02
+"""How far a drive is told to move its joint; less where the range is short."""
+FREQUENCY_HZ = 2.0
+TOUCH_M = 0.005
+"""Shapes nearer than this to the floor count as standing on it."""
+SEED = 20_000
+
+
+@contextmanager
+def unchanged(model: Model) -> Iterator[None]:
+    """Whatever is written into the listed fields inside is put back."""
+    options = ("disableflags", "timestep")
+    arrays = ("dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness", "geom_margin")
+    saved = {name: np.array(getattr(model, name)) for name in arrays}
+    scalars = {name: getattr(model.opt, name) for name in options}
+    gravity = np.array(model.opt.gravity)
+    try:
+        yield
+    finally:
+        for name, values in saved.items():
+            getattr(model, name)[:] = values
+        for name, value in scalars.items():
+            setattr(model.opt, name, value)
+        model.opt.gravity[:] = gravity
+
+
+def disable(model: Model, *flags: str) -> None:
+    """`disable(model, "CONTACT")`: MuJoCo's flags by name."""
+    import mujoco
+
+    for flag in flags:
+        model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
+
+
+def hold_base(model: Model) -> None:
+    """A floating base with the inertia of a mountain."""
+    import mujoco
+
+    for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
+        first = int(model.jnt_dofadr[joint])
+        model.dof_armature[first : first + 6] = HELD_KG
+
+
+def at_first_key(model: Model) -> Data:
+    """The first keyframe with its controls, or zero."""
+    import mujoco
+
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def turning(model: Model) -> list[int]:
+    """Hinges and slides."""
+    import mujoco
+
+    kinds = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+    return [j for j in range(model.njnt) if int(model.jnt_type[j]) in map(int, kinds)]
+
+
+# --- drives -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One joint told to swing by `asked`; it moved by `moved` at most, rad or m."""
+
+    asked: float
+    moved: float
+
+
+def answers(model: Model) -> Mapping[str, Answer]:
+    """Each position servo in turn follows one period of a sine; base held, no gravity or contact.
+
+    A drive that moves its joint the wrong way, hardly or not at all is dead: a gain in other
+    units, an effort limit of nothing, an axis of length zero.
+    """
+    import mujoco
+
+    found = {}
+    with unchanged(model), caught_warnings():
+        disable(model, "CONTACT", "LIMIT")
+        hold_base(model)
+        model.opt.gravity[:] = 0.0
+        steps = max(4, round(1.0 / FREQUENCY_HZ / model.opt.timestep))
+        for actuator in range(model.nu):
+            joint = _servo_joint(model, actuator)
+            if joint is None:
+                continue
+            data = at_first_key(model)
+            asked = _swing(model, joint)
+            at, middle = int(model.jnt_qposadr[joint]), float(data.ctrl[actuator])
+            start, moved = float(data.qpos[at]), 0.0
+            for step in range(steps):
+                wave = math.sin(2.0 * math.pi * (step + 1) / steps)
+                data.ctrl[actuator] = middle + asked * wave
+                mujoco.mj_step(model, data)
+                moved = max(moved, abs(float(data.qpos[at]) - start))
+            found[name_of(model, "joint", joint)] = Answer(asked, moved)
+    return found
+
+
+def _servo_joint(model: Model, actuator: int) -> int | None:
+    """The joint that a position servo drives; None for other actuators and transmissions."""
+    bias = float(model.actuator_biasprm[actuator, 1])
+    is_servo = bias < 0.0 and float(model.actuator_gainprm[actuator, 0]) > 0.0
+    if not is_servo or int(model.actuator_trntype[actuator]) != 0:
+        return None
+    return int(model.actuator_trnid[actuator, 0])
+
+
+def _swing(model: Model, joint: int) -> float:
+    widest = SWING_M if int(model.jnt_type[joint]) == 2 else SWING_RAD
+    if not model.jnt_limited[joint]:
+        return widest
+    lower, upper = (float(v) for v in model.jnt_range[joint])
+    return min(widest, 0.2 * (upper - lower))
+
+
+# --- energy and timestep ------------------------------------------------------------------------
+
+
+def energy_drift(model: Model, seconds: float = 1.0) -> float:
+    """Relative change of the energy of free motion: no drives, contacts, friction or damping.
+
+    The joints start at up to 1 rad/s; the change is against the kinetic energy at the start.
+    nan when the simulation became unstable.
+    """
+    import mujoco
+
+    with unchanged(model), caught_warnings():
+        disable(model, "CONSTRAINT", "ACTUATION")
+        model.opt.gravity[:] = 0.0
+        for name in ("dof_damping", "dof_frictionloss", "jnt_stiffness"):
+            getattr(model, name)[:] = 0.0
+        data = at_first_key(model)
+        random = np.random.default_rng(SEED)
+        data.qvel[:] = 0.0
+        for joint in turning(model):
+            data.qvel[int(model.jnt_dofadr[joint])] = random.uniform(-1.0, 1.0)
+        start = _kinetic(model, data)
+        worst = 0.0
+        for _ in range(max(1, round(seconds / model.opt.timestep))):
+            mujoco.mj_step(model, data)
+            worst = max(worst, abs(_kinetic(model, data) - start))
+        if not np.isfinite(data.qvel).all() or data.time < 0.5 * seconds:
+            return math.nan
+    return worst / start if start > 0.0 else 0.0
+
+
+def _kinetic(model: Model, data: Data) -> float:
+    import mujoco
+
+    mujoco.mj_forward(model, data)
+    product = np.zeros(model.nv)
+    mujoco.mj_mulM(model, data, product, np.array(data.qvel))
+    return 0.5 * float(product @ data.qvel)
+
+
+def timestep_error(model: Model, finer: int = 4) -> Mapping[str, float]:
+    """Largest difference of each joint, told to move, to the same at a finer timestep; rad or m.
+
+    Base held, no contact. inf where one of the two runs became unstable.
+    """
+    coarse, fine = (_commanded(model, n) for n in (1, finer))
+    found = {}
+    for joint in turning(model):
+        at = int(model.jnt_qposadr[joint])
+        error = float(np.abs(coarse[:, at] - fine[:, at]).max())
+        found[name_of(model, "joint", joint)] = error if math.isfinite(error) else math.inf
+    return found
+
+
+def _commanded(model: Model, finer: int, seconds: float = 0.3) -> Array:
+    """(n, nq) positions at the coarse steps, all servos told to move from the first keyframe."""
+    import mujoco
+
+    rows = []
+    with unchanged(model), caught_warnings():
+        disable(model, "CONTACT")
+        hold_base(model)
+        steps = max(2, round(seconds / model.opt.timestep))
+        model.opt.timestep = model.opt.timestep / finer
+        data = at_first_key(model)
+        for actuator in range(model.nu):
+            joint = _servo_joint(model, actuator)
+            if joint is not None:
+                data.ctrl[actuator] += 0.5 * _swing(model, joint)
+        for _ in range(steps):
+            for _ in range(finer):
+                mujoco.mj_step(model, data)
+            rows.append(np.array(data.qpos) if data.time > 0.0 else np.full(model.nq, np.nan))
+    return np.array(rows)
+
+
+# --- self-collision -----------------------------------------------------------------------------
+
+
+def touching_pairs(model: Model, poses: int) -> Mapping[tuple[str, str], float]:
+    """Share of random poses within the limits in which two bodies of the robot touch."""
+    import mujoco
+
+    counts: dict[tuple[str, str], int] = {}
+    random = np.random.default_rng(SEED)
+    data = at_first_key(model)
+    joints = turning(model)
+    for _ in range(poses):
+        for joint in joints:
+            limited = bool(model.jnt_limited[joint])
+            lower, upper = model.jnt_range[joint] if limited else (-math.pi, math.pi)
+            data.qpos[int(model.jnt_qposadr[joint])] = random.uniform(lower, upper)
+        _follow(model, data)
+        mujoco.mj_fwdPosition(model, data)
+        for pair in _own_pairs(model, data):
+            counts[pair] = counts.get(pair, 0) + 1
+    shares = {pair: count / poses for pair, count in counts.items()}
+    return dict(sorted(shares.items(), key=lambda item: (-item[1], item[0])))
+
+
+def _follow(model: Model, data: Data) -> None:
+    """Joints that an equality couples to another take the position that it asks for."""
+    import mujoco
+
+    for index in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_JOINT):
+        follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
+        x = 0.0
+        if leader >= 0:
+            at = int(model.jnt_qposadr[leader])
+            x = float(data.qpos[at] - model.qpos0[at])
+        at = int(model.jnt_qposadr[follower])
+        terms = model.eq_data[index, :5]
+        data.qpos[at] = model.qpos0[at] + sum(float(c) * x**n for n, c in enumerate(terms))
+
+
+def _own_pairs(model: Model, data: Data) -> set[tuple[str, str]]:
+    pairs = set()
+    for contact in data.contact[: data.ncon]:
+        a, b = (int(model.geom_bodyid[int(g)]) for g in (contact.geom1, contact.geom2))
+        if contact.dist < -1e-3 and 0 not in (a, b):
+            first, second = sorted((name_of(model, "body", a), name_of(model, "body", b)))
+            pairs.add((first, second))
+    return pairs
+
+
+# --- on the floor -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Support:
+    """margin_m: of the centre of mass inside the support polygon, negative outside."""
+
+    margin_m: float | None
+    points: int
+
+
+def support(model: Model) -> Support:
+    """Where the centre of mass stands over the feet at the first keyframe of a scene.
+
+    margin None: the robot touches the floor in less than three points that span an area.
+    """
+    with unchanged(model), caught_warnings():
+        model.geom_margin[:] = TOUCH_M
+        data = at_first_key(model)
+        points = [
+            np.array(contact.pos[:2])
+            for contact in data.contact[: data.ncon]
+            if 0 in (model.geom_bodyid[contact.geom1], model.geom_bodyid[contact.geom2])
+        ]
+        com = np.array(data.subtree_com[0][:2])
+    return Support(polygon_margin(np.array(points), com), len(points))
+
+
+def polygon_margin(points: Array, inside: Array) -> float | None:
+    """Distance (m) of a point to the border of the convex hull of points (n, 2); None: no area.
+
+    A line through two points is a side when all others lie on one side of it: for a few dozen
+    contacts that is quicker than to load a library for it.
+    """
+    if len(points) < 3 or np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] < 1e-3:
+        return None
+    along = points[None, :] - points[:, None]
+    length = np.linalg.norm(along, axis=2, keepdims=True)
+    outward = np.stack([along[..., 1], -along[..., 0]], axis=2) / np.where(length > 0, length, 1.0)
+    beyond = np.einsum("ijc,ijkc->ijk", outward, points[None, None] - points[:, None, None])
+    is_side = (beyond.max(axis=2) <= 1e-9) & (length[..., 0] > 1e-9)
+    distance = np.einsum("ijc,ijc->ij", outward, inside - points[:, None])
+    # Outside of a corner the nearest side's line is nearer than the corner: the sign counts.
+    return -float(distance[is_side].max())
+
+
+@dataclass(frozen=True)
+class Settled:
+    """After a drop of a scene's robot: fastest joint, deepest contact, wander of the base."""
+
+    finite: bool
+    speed: float
+    penetration_m: float
+    drift_m: float
+
+
+def settle(model: Model, drop_m: float, seconds: float = 2.0, steps: int = 1000) -> Settled:
+    """Dropped at its first keyframe under its drives; then `steps` more to see it wander."""
+    import mujoco
+
+    with caught_warnings():
+        data = at_first_key(model)
+        for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
+            data.qpos[int(model.jnt_qposadr[joint]) + 2] += drop_m
+        settling = max(1, round(seconds / model.opt.timestep))
+        for _ in range(settling):
+            mujoco.mj_step(model, data)
+        speeds = [abs(float(data.qvel[int(model.jnt_dofadr[j])])) for j in turning(model)]
+        depth = max((-float(c.dist) for c in data.contact[: data.ncon]), default=0.0)
+        place = np.array(data.xpos[1])
+        for _ in range(steps):
+            mujoco.mj_step(model, data)
+        mujoco.mj_forward(model, data)
+        restarted = data.time < (settling + steps - 1) * model.opt.timestep
+        finite = bool(np.isfinite(data.qpos).all()) and not restarted
+        drift = math.dist(place, np.array(data.xpos[1]))
+    return Settled(finite, max(speeds, default=0.0), max(depth, 0.0), drift)

@@ -1,0 +1,140 @@
+"""Pairs of bodies that touch in every pose, or in none: found by sampling the joints.
+
+Every body floats freely in MuJoCo and is put where forward kinematics has it, so only collision
+detection is asked. Poses are seeded, uniform within the limits; joints that mimic others follow.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement, tostring  # only written
+
+import numpy as np
+from pydantic import Field
+
+from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import decode
+from assetbuild.robot.mimic import with_mimics
+from assetbuild.robot.model import Box, Capsule, Cylinder, Mesh, Shape, Shapes, Sphere, Tree
+from assetbuild.robot.pose import IDENTITY, Array, Pose
+from assetbuild.robot.tree import forward_kinematics, sample_positions
+
+SEED = 0
+
+
+class SamplePairs(Step):
+    """`sampled_pairs.json`: {"always": pairs, "never": pairs}, of body names, each sorted.
+
+    Reads `tree.json`, `shapes.json` and the collision files of `meshes/`. The pose in which all
+    joints are 0 counts as one of the samples. Bodies without collision are in no pair.
+    """
+
+    tools = ("mujoco", "numpy")
+    outputs = ("sampled_pairs.json",)
+    isolated = True
+    limits = Limits(wall_s=3600.0, memory_mb=4096)
+
+    samples: int = Field(ge=1)
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Counts contacts of each pair over all poses."""
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        solid = sorted({tree.placement(s.link)[0] for s in shapes.of("collision")})
+        counts = _counts(tree, shapes, files.inputs / "meshes", self.samples)
+        jointed = {tuple(sorted((j.parent, j.child))) for j in tree.joints}
+        pairs = [pair for pair in combinations(solid, 2) if pair not in jointed]
+        always = [pair for pair in pairs if counts.get(pair, 0) == self.samples]
+        never = [pair for pair in pairs if counts.get(pair, 0) == 0]
+        text = json.dumps({"always": always, "never": never}, indent=1)
+        (files.outputs / "sampled_pairs.json").write_text(text + "\n", encoding="utf-8")
+        yield Finding(
+            rule="exclude.sampled",
+            severity="info",
+            subject="recipe collision.exclude.sampled",
+            message=f"of {len(pairs)} pairs, {len(always)} touch in all and {len(never)} in none "
+            f"of {self.samples} poses: they are excluded",
+            hint="more poses find rarer contacts" if never else "",
+            data={"pairs": len(pairs), "always": len(always), "never": len(never)},
+        )
+
+
+def _counts(
+    tree: Tree, shapes: Shapes, meshes: Path, samples: int
+) -> Mapping[tuple[str, str], int]:
+    """Poses in which each pair of bodies touches."""
+    import mujoco
+
+    files = {path.name: path.read_bytes() for path in sorted(meshes.iterdir())}
+    model = mujoco.MjModel.from_xml_string(_floating(tree, shapes), files)
+    data = mujoco.MjData(model)
+    names = [body.name for body in tree.bodies]
+    counts: dict[tuple[str, str], int] = {}
+    poses: list[dict[str, float]] = [{}, *sample_positions(tree, samples - 1, SEED)]
+    for positions in poses:
+        placed = forward_kinematics(tree, with_mimics(tree, positions))
+        data.qpos[:] = np.concatenate([(*placed[n].xyz, *placed[n].quat) for n in names])
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        for pair in _touching(model, data, names):
+            counts[pair] = counts.get(pair, 0) + 1
+    return counts
+
+
+def _touching(model: Any, data: Any, names: list[str]) -> set[tuple[str, str]]:
+    """Pairs in contact. Any: mujoco.MjModel and MjData, which have no types."""
+    geoms: Array = np.asarray(data.contact.geom).reshape(-1, 2)
+    bodies = np.sort(model.geom_bodyid[geoms] - 1, axis=1)
+    found = ((names[a], names[b]) for a, b in np.unique(bodies, axis=0))
+    return {(a, b) if a < b else (b, a) for a, b in found}
+
+
+def _floating(tree: Tree, shapes: Shapes) -> str:
+    """MJCF of the collision geometry, each body with a free joint of its own."""
+    root = Element("mujoco")
+    SubElement(root, "option", {"gravity": "0 0 0"})
+    assets, world = SubElement(root, "asset"), SubElement(root, "worldbody")
+    own: dict[str, list[Shape]] = {body.name: [] for body in tree.bodies}
+    for shape in shapes.of("collision"):
+        own[tree.placement(shape.link)[0]].append(shape)
+    solid = [shape.geometry for shape in shapes.of("collision")]
+    used = {geometry.mesh for geometry in solid if isinstance(geometry, Mesh)}
+    for asset in shapes.meshes:
+        if asset.name in used:
+            SubElement(assets, "mesh", {"name": asset.name, "file": asset.file, "inertia": "shell"})
+    for number, body in enumerate(tree.bodies):
+        element = SubElement(world, "body", {"name": f"b{number}"})
+        SubElement(element, "freejoint")
+        SubElement(element, "inertial", {"pos": "0 0 0", "mass": "1", "diaginertia": "1 1 1"})
+        for shape in own[body.name]:
+            _, X_body_link = tree.placement(shape.link)
+            _add_geom(element, shape, X_body_link @ shape.X_link_shape)
+    return tostring(root, encoding="unicode")
+
+
+def _add_geom(element: Element, shape: Shape, pose: Pose) -> None:
+    geometry = shape.geometry
+    numbers: tuple[float, ...] = ()
+    if isinstance(geometry, Box):
+        kind, numbers = "box", tuple(edge / 2 for edge in geometry.size)
+    elif isinstance(geometry, Sphere):
+        kind, numbers = "sphere", (geometry.radius,)
+    elif isinstance(geometry, Cylinder | Capsule):
+        kind = "cylinder" if isinstance(geometry, Cylinder) else "capsule"
+        numbers = (geometry.radius, geometry.length / 2)
+    else:
+        kind = "mesh"
+    given = {"mesh": geometry.mesh} if isinstance(geometry, Mesh) else {"size": _text(numbers)}
+    attributes = {"type": kind, **given}
+    if pose != IDENTITY:
+        attributes |= {"pos": _text(pose.xyz), "quat": _text(pose.quat)}
+    SubElement(element, "geom", attributes)
+
+
+def _text(numbers: tuple[float, ...]) -> str:
+    return " ".join(map(repr, numbers))

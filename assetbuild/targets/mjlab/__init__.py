@@ -1,0 +1,160 @@
+"""What mjlab 1.6 trains with: a bare MJCF and a module that puts the actuator table on it.
+
+mjlab's contract: no actuators, options or keyframes in the MJCF (its configs bring them), collision
+geoms named `*_collision\\d*`, a site at the IMU and at each foot, the sensors of its velocity task,
+and a root that rests above the ground.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Self
+
+from assetbuild.engine.step import Files
+from assetbuild.findings import Finding
+from assetbuild.kinds import Target
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Actuator, Control, Place, Sensor, Shapes, Tree
+from assetbuild.targets.mjcf.files import (
+    copy_assets,
+    one_per_look,
+    refuse_name,
+    unreadable_textures,
+    without_textures,
+    write_xml,
+)
+from assetbuild.targets.mjcf.opaque import with_opaque
+from assetbuild.targets.mjcf.robot_xml import RobotXml
+from assetbuild.targets.mjlab.module import ModuleFacts, module_text
+
+TASK_SENSORS = {"gyro": "imu_ang_vel", "velocimeter": "imu_lin_vel", "accelerometer": "imu_lin_acc"}
+"""Sensors that mjlab's tasks look for, at the IMU."""
+NOT_BARE = ("actuator", "option", "keyframe")
+"""Sections of the source's own MJCF that mjlab's configs bring."""
+NOT_IN_MJLAB = frozenset({"general"})
+
+
+class Mjlab(Target):
+    """Writes `mjcf/<robot>_bare.xml` with its assets, and `python/<robot>_mjlab.py`."""
+
+    version = "2"
+    outputs = ("mjlab/",)
+    folder = ""
+    reads = ("tree.json", "shapes.json", "control.json", "meshes/")
+
+    feet: str | None = None
+    """Pattern of the source links that the robot stands on."""
+    imu: str | None = None
+    """The IMU's link; None: the root's own frame."""
+    rows: tuple[str, ...] = ()
+    """Patterns of the actuator table, to name joints by."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self:
+        """With the recipe's feet, IMU and the patterns of its actuator table."""
+        return cls(
+            robot=recipe.robot,
+            feet=recipe.feet.links if recipe.feet else None,
+            imu=recipe.imu.link if recipe.imu else None,
+            rows=tuple(row.joints for row in recipe.actuators),
+        )
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Raises StepError for joints that MJCF cannot say."""
+        refuse_name(self.robot)
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        without = unreadable_textures(shapes, files.inputs / "meshes")
+        shapes = one_per_look(without_textures(shapes, without))
+
+        facts = self._facts(tree, shapes, control)
+        sites = [s for s in (*facts.foot_sites, facts.imu_site) if s in tree.by_body]
+        model = RobotXml(
+            self.robot, None, tree, shapes, self._bare(tree, control, facts), sites=sites
+        )
+        folder = files.outputs / "mjlab"
+        opaque = tuple(o for o in control.mjcf_only if o.place not in NOT_BARE)
+        root = with_opaque(model.element(bare=True), opaque, model.body_names)
+        write_xml(folder / "mjcf" / f"{self.robot}_bare.xml", root)
+        copy_assets(files.inputs / "meshes", folder / "mjcf" / "assets", shapes)
+        module = folder / "python" / f"{self.robot.replace('-', '_').replace('.', '_')}_mjlab.py"
+        module.parent.mkdir(parents=True)
+        module.write_text(module_text(facts), encoding="utf-8")
+        yield from self._explain(tree, control, facts)
+
+    def _facts(self, tree: Tree, shapes: Shapes, control: Control) -> ModuleFacts:
+        soles = [s for s in shapes.of("collision") if self.feet and re.fullmatch(self.feet, s.link)]
+        return ModuleFacts(
+            robot=self.robot,
+            tree=tree,
+            control=control,
+            rows=self.rows,
+            foot_sites=tuple(dict.fromkeys(shape.link for shape in soles)),
+            foot_geoms=tuple(shape.name for shape in soles),
+            imu_site=self.imu or tree.root,
+        )
+
+    def _bare(self, tree: Tree, control: Control, facts: ModuleFacts) -> Control:
+        """Without drives; what the module states for driven joints is not in the XML too."""
+        drives = tuple(
+            a if a.model == "passive" else Actuator(a.joint, "passive") for a in control.actuators
+        )
+        return replace(control, actuators=drives, sensors=self._sensors(tree, control, facts))
+
+    def _sensors(self, tree: Tree, control: Control, facts: ModuleFacts) -> tuple[Sensor, ...]:
+        """The robot's own, and those that mjlab's velocity task looks for."""
+        own = [s for s in control.sensors if not _of_mjlab(s)]
+        there = {sensor.name for sensor in own}
+        at = Place("frame", facts.imu_site)
+        wanted = [Sensor(name, kind, at) for kind, name in TASK_SENSORS.items()]
+        wanted.append(Sensor("imu_upvector", "framezaxis", at))
+        wanted.append(Sensor("root_angmom", "subtreeangmom", Place("body", tree.root)))
+        floating = wanted if tree.base == "floating" else []
+        return (*own, *(sensor for sensor in floating if sensor.name not in there))
+
+    def _explain(self, tree: Tree, control: Control, facts: ModuleFacts) -> Iterator[Finding]:
+        if tree.base == "floating" and self.imu is None:
+            yield Finding(
+                "mjlab.imu",
+                "info",
+                "robot",
+                f"the recipe names no IMU: its sensors sit in the frame of `{tree.root}`",
+                hint="add `imu: {link: ...}`",
+            )
+        if tree.base == "floating" and not facts.foot_sites:
+            yield Finding(
+                "mjlab.feet",
+                "info",
+                "robot",
+                "the recipe names no feet: the module has no velocity task",
+                hint="add `feet: {links: ...}`",
+            )
+        lost = [a.joint for a in control.actuators if a.model in NOT_IN_MJLAB]
+        if lost:
+            yield Finding(
+                "mjlab.actuator",
+                "warning",
+                "robot",
+                f"mjlab has no form of the model `general`: {len(lost)} joints have no drive there",
+                hint="use pd, ideal_pd, dc_motor, velocity or motor",
+                data={"joints": tuple(lost)},
+            )
+        gone = [s.name for s in control.sensors if _of_mjlab(s)]
+        if gone:
+            yield Finding(
+                "mjlab.sensors",
+                "info",
+                "robot",
+                f"{len(gone)} contact and drive sensors are not in the bare MJCF: mjlab makes its "
+                "own",
+                data={"sensors": tuple(gone)},
+            )
+
+
+def _of_mjlab(sensor: Sensor) -> bool:
+    """Contacts and drives exist only once mjlab has put the robot together."""
+    return sensor.kind == "contact" or sensor.at.kind in ("actuator", "tendon")

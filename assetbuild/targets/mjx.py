@@ -1,0 +1,147 @@
+"""The MJCF for MJX and mujoco_warp: the same robot, with what is cheap on a GPU.
+
+Bodies, joints, coordinates, drives, sensors and keyframes are those of `<robot>.xml`. What differs
+is said in the recipe under `mjx`: solver options, which links touch anything, whether parts of the
+robot touch one another (else masks let only the world meet it), and how many corners a hull has.
+`mjx_pairs` proves that both engines know every pair that is left.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Self
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
+from assetbuild.findings import Finding
+from assetbuild.kinds import Target
+from assetbuild.recipe.mjcf import Mjx as Options
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Contact, Control, Mesh, Shapes, Tree
+from assetbuild.targets.mjcf.files import (
+    copy_assets,
+    one_per_look,
+    refuse_name,
+    unreadable_textures,
+    without_textures,
+    write_xml,
+)
+from assetbuild.targets.mjcf.opaque import with_opaque
+from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
+from assetbuild.targets.mjcf.scene import scene
+
+
+class Mjx(Target):
+    """Writes `<robot>_mjx.xml`, `scene_mjx.xml` and their assets beside the full MJCF."""
+
+    version = "2"
+    outputs = ("mjx/",)
+    folder = "mjcf"
+    reads = ("tree.json", "shapes.json", "control.json", "meshes/")
+
+    options: Options = Options.model_validate({})
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self:
+        """With the recipe's `mjx`."""
+        return cls(robot=recipe.robot, options=recipe.mjx)
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Raises StepError for joints and actuators that MJCF cannot say."""
+        refuse_name(self.robot)
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        without = unreadable_textures(shapes, files.inputs / "meshes")
+        shapes = one_per_look(without_textures(shapes, without))
+
+        left_out, shapes = self._touching(shapes)
+        control = self._masked(control, shapes)
+        capped = self._capped(shapes)
+        stem = f"{self.robot}_mjx"
+        limits = dict.fromkeys(capped, self.options.max_vertices)
+        model = RobotXml(self.robot, self._solver(), tree, shapes, control, hull_limits=limits)
+        folder = files.outputs / "mjx"
+        there = {shape.name for shape in shapes.shapes}
+        opaque = tuple(
+            o
+            for o in control.mjcf_only
+            if o.place != "option" and (o.place != "shape" or o.owner in there)
+        )
+        root = with_opaque(model.element(), opaque, model.body_names)
+        write_xml(folder / f"{stem}.xml", root)
+        write_xml(folder / "scene_mjx.xml", scene(self.robot, stem, tree, control, model.free_name))
+        copy_assets(files.inputs / "meshes", folder / "assets", shapes)
+        yield from self._explain(left_out, capped)
+
+    def _solver(self) -> Solver:
+        said = self.options
+        impratio = said.impratio or (100.0 if said.cone == "elliptic" else 1.0)
+        return Solver(
+            said.integrator, said.cone, impratio, said.solver, said.iterations, said.ls_iterations
+        )
+
+    def _touching(self, shapes: Shapes) -> tuple[tuple[str, ...], Shapes]:
+        """(links whose collision is left out, the rest)."""
+        out = {
+            s.name: s.link
+            for s in shapes.of("collision")
+            if not re.fullmatch(self.options.touching, s.link)
+        }
+        if out and len(out) == len(shapes.of("collision")):
+            raise StepError(
+                f"mjx.touching: pattern `{self.options.touching}` leaves no collision shape",
+                hint="name the links that stand or grasp, such as `.*_foot`",
+            )
+        kept = tuple(shape for shape in shapes.shapes if shape.name not in out)
+        used = {s.geometry.mesh for s in kept if isinstance(s.geometry, Mesh)}
+        meshes = tuple(mesh for mesh in shapes.meshes if mesh.name in used)
+        return tuple(dict.fromkeys(out.values())), replace(shapes, shapes=kept, meshes=meshes)
+
+    def _masked(self, control: Control, shapes: Shapes) -> Control:
+        """Without self-collision no shape of the robot looks for another: contype 0."""
+        names = {shape.name for shape in shapes.of("collision")}
+        own = tuple((n, self._mask(c)) for n, c in control.contacts if n in names)
+        sensors = tuple(s for s in control.sensors if s.at.kind != "shape" or s.at.name in names)
+        return replace(
+            control,
+            contact=self._mask(control.contact),
+            contacts=own,
+            sensors=sensors,
+            excludes=control.excludes if self.options.self_collision else (),
+        )
+
+    def _mask(self, contact: Contact) -> Contact:
+        return contact if self.options.self_collision else replace(contact, mask=0)
+
+    def _capped(self, shapes: Shapes) -> tuple[str, ...]:
+        """Meshes that collide with more corners than the recipe allows."""
+        used = {s.geometry.mesh for s in shapes.of("collision") if isinstance(s.geometry, Mesh)}
+        return tuple(
+            mesh.name
+            for mesh in shapes.meshes
+            if mesh.name in used and mesh.vertices > self.options.max_vertices
+        )
+
+    def _explain(self, left_out: tuple[str, ...], capped: tuple[str, ...]) -> Iterator[Finding]:
+        if left_out:
+            yield Finding(
+                "mjx.untouchable",
+                "info",
+                "recipe mjx.touching",
+                f"{len(left_out)} links have no collision in the mjx model",
+                data={"links": len(left_out)},
+            )
+        if capped:
+            yield Finding(
+                "mjx.hull",
+                "info",
+                "recipe mjx.max_vertices",
+                f"{len(capped)} collision meshes have more corners: MuJoCo takes a hull of "
+                f"{self.options.max_vertices} inside each",
+                hint="`method: primitive` is faster on a GPU and knows no such loss",
+                data={"meshes": capped, "max_vertices": self.options.max_vertices},
+            )

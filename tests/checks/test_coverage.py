@@ -1,0 +1,57 @@
+"""Collision beside visual geometry: a shift is told, a simplification is not."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from tiny import TinyRobot, box_obj, pendulum, run_step, write_robot_ports
+
+from assetbuild.checks.coverage import Coverage
+from assetbuild.findings import Finding
+from assetbuild.robot.model import Box, Capsule, Geometry, Mesh, MeshAsset, Shape, Shapes
+from assetbuild.robot.pose import Pose
+
+SIZE = (0.05, 0.04, 0.3)
+
+
+def told(collision: Geometry, at: tuple[float, float, float], folder: Path) -> list[Finding]:
+    robot: TinyRobot = pendulum()
+    link = robot.tree.bodies[-1].name
+    asset = MeshAsset("bar-1", "bar-1.obj", 8, 12)
+    shapes = Shapes(
+        (
+            Shape("v", link, "visual", Mesh("bar-1")),
+            Shape("c", link, "collision", collision, Pose(at)),
+        ),
+        (),
+        (asset,),
+    )
+    robot = replace(robot, shapes=shapes, meshes={"bar-1.obj": box_obj(SIZE)})
+    return run_step(Coverage(), write_robot_ports(folder / "in", robot), folder / "out")
+
+
+def test_a_box_in_its_place_is_quiet_and_exact(tmp_path: Path):
+    assert told(Box(SIZE), (0.0, 0.0, 0.0), tmp_path) == []
+    (row,) = json.loads((tmp_path / "out/figures.json").read_text())["bodies"]
+    assert row["not_covered_mm"] == pytest.approx(0.0, abs=1e-6)
+    assert row["sticks_out_mm"] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("collision", [Box(SIZE), Mesh("bar-1")])
+def test_three_centimetres_are_told_with_their_direction(collision: Geometry, tmp_path: Path):
+    (finding,) = told(collision, (0.0, -0.03, 0.0), tmp_path)
+    assert finding.rule == "coverage.shift"
+    assert finding.data["shift_m"] == pytest.approx((0.0, -0.03, 0.0), abs=1e-9)
+    assert " y " in finding.message
+    (row,) = json.loads((tmp_path / "out/figures.json").read_text())["bodies"]
+    assert row["sticks_out_mm"] == pytest.approx(30.0)
+    assert row["not_covered_mm"] == pytest.approx(30.0)
+
+
+def test_a_shorter_and_a_thicker_shape_are_simplifications(tmp_path: Path):
+    assert told(Capsule(0.02, 0.2), (0.0, 0.0, 0.0), tmp_path / "a") == []
+    assert told(Box((0.1, 0.1, 0.35)), (0.0, 0.0, 0.0), tmp_path / "b") == []
+    assert told(Box((0.05, 0.04, 0.1)), (0.0, 0.0, 0.1), tmp_path / "c") == []

@@ -1,0 +1,98 @@
+"""Masses, centres and axes against the geometry: each slip has a robot that makes it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny import TinyRobot, box_inertial, box_obj, pendulum, run_step, write_robot_ports
+
+from assetbuild.checks.mass import Mass
+from assetbuild.findings import Finding
+from assetbuild.robot.inertia import rotate_tensor
+from assetbuild.robot.model import Box, Inertial, Mesh, MeshAsset, Shape, Shapes
+from assetbuild.robot.pose import Pose, normalised_quat
+
+SIZE = (0.05, 0.04, 0.4)
+WEIGHT = 0.05 * 0.04 * 0.4 * 1000.0
+SOUND = box_inertial(WEIGHT, SIZE)
+
+
+def robot(inertial: Inertial = SOUND, role: str = "visual") -> TinyRobot:
+    """A pendulum whose last body is a bar of water."""
+    base = pendulum()
+    name = base.tree.bodies[-1].name
+    bodies = (*base.tree.bodies[:-1], replace(base.tree.bodies[-1], inertial=inertial))
+    shapes = Shapes((Shape("bar", name, role, Box(SIZE)),))
+    return replace(base, tree=replace(base.tree, bodies=bodies), shapes=shapes, meshes={})
+
+
+def told(made: TinyRobot, folder: Path, **fields: object) -> list[Finding]:
+    inputs = write_robot_ports(folder / "in", made)
+    return run_step(Mass(**fields), inputs, folder / "out")
+
+
+def rules(found: list[Finding]) -> list[str]:
+    return [finding.rule for finding in found]
+
+
+@pytest.mark.parametrize("role", ["visual", "collision"])
+def test_a_bar_of_water_is_sound(role: str, tmp_path: Path):
+    assert told(robot(role=role), tmp_path) == []
+    (row,) = json.loads((tmp_path / "out/figures.json").read_text())["bodies"]
+    assert row["density_kg_m3"] == pytest.approx(1000.0)
+    assert row["long_axes_apart_rad"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_mesh_counts_as_its_hull(tmp_path: Path):
+    made = robot()
+    asset = MeshAsset("bar-1", "bar-1.obj", 8, 12)
+    shape = replace(made.shapes.shapes[0], geometry=Mesh("bar-1"))
+    made = replace(made, shapes=Shapes((shape,), (), (asset,)), meshes={"bar-1.obj": box_obj(SIZE)})
+    assert told(made, tmp_path) == []
+
+
+@pytest.mark.parametrize("factor", [10.0, 0.02])
+def test_a_mass_with_a_slipped_point_is_told(factor: float, tmp_path: Path):
+    tensor = tuple(v * factor for v in SOUND.inertia_com_kg_m2)
+    wrong = Inertial(WEIGHT * factor, SOUND.com_m, tensor)
+    assert rules(told(robot(wrong), tmp_path)) == ["mass.density"]
+
+
+def test_a_tensor_in_other_axes_is_told(tmp_path: Path):
+    quarter = normalised_quat((1.0, 1.0, 0.0, 0.0))
+    turned = replace(SOUND, inertia_com_kg_m2=rotate_tensor(SOUND.inertia_com_kg_m2, quarter))
+    found = told(robot(turned), tmp_path)
+    assert rules(found) == ["mass.axes"]
+    assert found[0].data["angle_rad"] == pytest.approx(np.pi / 2)
+
+
+def test_a_centre_outside_of_the_part_is_told(tmp_path: Path):
+    found = told(robot(replace(SOUND, com_m=(0.0, 0.3, 0.0))), tmp_path)
+    assert rules(found) == ["mass.center"]
+    assert found[0].data["outside_m"] == pytest.approx(0.28)
+
+
+def test_the_total_is_compared_with_the_datasheet(tmp_path: Path):
+    total = sum(b.inertial.mass_kg for b in robot().tree.bodies if b.inertial)
+    assert told(robot(), tmp_path / "a", expected_kg=1.02 * total) == []
+    (near,) = told(robot(), tmp_path / "b", expected_kg=1.1 * total)
+    (far,) = told(robot(), tmp_path / "c", expected_kg=2.0 * total)
+    assert (near.rule, near.severity) == ("mass.total", "warning")
+    assert (far.rule, far.severity) == ("mass.total", "error")
+
+
+def test_a_ball_has_no_long_direction_and_a_screw_is_too_small_to_judge(tmp_path: Path):
+    flat = Inertial(WEIGHT, (0.0, 0.0, 0.0), (1e-3, 1e-3, 1e-3, 0.0, 0.0, 0.0))
+    assert "mass.axes" not in rules(told(robot(flat), tmp_path / "a"))
+    tiny = replace(SOUND, mass_kg=1e-3, com_m=(5.0, 0.0, 0.0))
+    assert told(robot(tiny), tmp_path / "b") == []
+
+
+def test_a_placed_shape_counts_where_it_is(tmp_path: Path):
+    made = robot(replace(SOUND, com_m=(1.0, 0.0, 0.0)))
+    shape = replace(made.shapes.shapes[0], X_link_shape=Pose((1.0, 0.0, 0.0)))
+    assert told(replace(made, shapes=Shapes((shape,))), tmp_path) == []

@@ -1,0 +1,113 @@
+"""Our MJCF is compared with the one that it was read from, and a lie in it is found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from mjcfs import Written, hard_arm, read, write
+from tiny import run_step
+
+from assetbuild.checks.mjcf_source import MjcfSource
+from assetbuild.findings import Finding
+from assetbuild.recipe.models import Recipe
+
+TET = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+FLOATING = """<mujoco model="r">
+  <compiler angle="radian"/>
+  <asset><mesh file="tet.obj" scale=".1 .1 .1" refpos=".1 .2 .3" refquat="1 .3 .2 .1"/></asset>
+  <worldbody>
+    <body name="trunk" pos="0 0 .5"><freejoint name="root"/>
+      <geom name="hull" type="mesh" mesh="tet" euler=".1 .2 .3" solref="0.01 1"/>
+      <camera name="view" pos="1 0 0" mode="trackcom"/>
+      <site name="imu" pos="0 0 .1" group="3"/>
+      <body name="leg" pos="0 .2 0"><joint name="hip" axis="0 1 0" range="-1 1" limited="true"/>
+        <geom name="foot" size=".05" condim="6" friction="1.2 .01 .001"/>
+        <body name="toe" pos="0 0 -.1"><joint name="bend" type="slide"/><geom size=".02"/></body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="m" joint="hip" kp="20" kv="1" forcerange="-5 5"/>
+    <general name="g" joint="bend" dyntype="filter" dynprm="0.1" gaintype="affine" gainprm="10 1"/>
+  </actuator>
+  <sensor><gyro name="w" site="imu"/><accelerometer name="a" site="imu"/>
+    <framezaxis name="up" objtype="body" objname="world" reftype="site" refname="imu"/>
+    <subtreeangmom name="L" body="trunk"/><actuatorfrc name="f" actuator="m"/></sensor>
+  <keyframe><key name="home" qpos="0 0 .4 1 0 0 0 .3 .01" ctrl="0.2 0.5"/></keyframe>
+</mujoco>"""
+
+
+def compared(written: Written, **fields: object) -> list[Finding]:
+    out = written.inputs.parent / f"check{len(list(written.inputs.parent.iterdir()))}"
+    return run_step(MjcfSource(robot="robot", **fields), written.inputs, out)  # type: ignore[arg-type] # fields of the test's choice
+
+
+def with_change(written: Written, old: str, new: str) -> Written:
+    text = written.xml.read_text()
+    assert text.count(old) >= 1, old
+    written.xml.write_text(text.replace(old, new, 1))
+    return written
+
+
+def test_a_hard_arm_comes_out_as_it_went_in(tmp_path: Path):
+    assert compared(write(hard_arm(tmp_path / "read"), tmp_path / "out")) == []
+
+
+def test_a_floating_robot_comes_out_as_it_went_in(tmp_path: Path):
+    reading = read(FLOATING, tmp_path / "read", tet_obj=TET)
+    assert compared(write(reading, tmp_path / "out")) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "rule"),
+    [
+        ('mass="', 'mass="1', "mass"),
+        ('pos="0 0.2 0"', 'pos="0 0.2001 0"', "anchor"),
+        ('range="-1 1"', 'range="-1 1.001"', "joint"),
+        ('axis="0 1 0"', 'axis="0 0.6 0.8"', "axis"),
+        ('size="0.05"', 'size="0.0501"', "geom"),
+        ('condim="6"', 'condim="4"', "geom"),
+        ('kp="20"', 'kp="20.001"', "forces"),
+        ('<gyro name="w"', '<gyro name="v"', "missing"),
+        ('name="imu" pos="0 0 0.1"', 'name="imu" pos="0 0 0.11"', "site"),
+        ('integrator="Euler"', 'integrator="RK4"', "option"),
+        ('ctrl="0.2 0.5"', 'ctrl="0.2 0.6"', "key"),
+        ('mode="trackcom"', 'mode="track"', "camera"),
+    ],
+)
+def test_every_lie_is_found(old: str, new: str, rule: str, tmp_path: Path):
+    reading = read(FLOATING, tmp_path / "read", tet_obj=TET)
+    written = with_change(write(reading, tmp_path / "out"), old, new)
+    assert f"equal.source.{rule}" in {finding.rule for finding in compared(written)}
+
+
+def test_a_turned_mesh_is_found(tmp_path: Path):
+    written = write(read(FLOATING, tmp_path / "read", tet_obj=TET), tmp_path / "out")
+    mesh = next((written.inputs / "mjcf" / "assets").glob("*.obj"))
+    first = next(line for line in mesh.read_text().splitlines() if line.startswith("v "))
+    mesh.write_text(mesh.read_text().replace(first, "v 0.5 0.5 0.5", 1))
+    assert {finding.rule for finding in compared(written)} >= {"equal.source.mesh"}
+
+
+def test_what_the_recipe_says_itself_is_not_compared(tmp_path: Path):
+    rows = [
+        {"joints": "hip", "model": "pd", "kp": 7, "kd": 1, "effort": 9},
+        {"joints": "bend", "model": "passive"},
+    ]
+    recipe = {"actuators": rows, "simulation": {"timestep": 0.001}, "mjcf": {"cone": "elliptic"}}
+    written = write(read(FLOATING, tmp_path / "read", tet_obj=TET), tmp_path / "out", **recipe)
+    given = {"schema": "assetbuild/v1", "robot": "robot", "source": {"path": ".", "mjcf": "r.xml"}}
+    check = MjcfSource.configure(Recipe.model_validate({**given, **recipe}))
+    assert check is not None
+    assert {"actuators", "timestep", "cone"} <= set(check.stated)
+    told = {finding.rule for finding in compared(written, stated=check.stated)}
+    assert told <= {"equal.source.missing"}, "the sensor of a drive that is no more"
+    assert written.control.by_joint["hip"].kp == 7
+    assert 'cone="elliptic"' in written.xml.read_text()
+    assert 'timestep="0.001"' in written.xml.read_text()
+
+
+def test_a_robot_from_urdf_has_no_such_check():
+    recipe = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
+    assert MjcfSource.configure(Recipe.model_validate(recipe)) is None

@@ -1,0 +1,103 @@
+"""Every pair that may touch is judged by what MJX and mujoco_warp have."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
+
+from assetbuild.checks.mjx_pairs import FAST_ON_WARP, KINDS, NOT_IN_MJX, MjxPairs, judge, pairs
+from assetbuild.findings import Finding
+from assetbuild.recipe.mjcf import Mjx as Options
+from assetbuild.robot.model import Box, Contact, Control
+from assetbuild.targets.mjcf import Mjcf
+from assetbuild.targets.mjx import Mjx
+
+
+def checked(robot: TinyRobot, folder: Path, **said: object) -> tuple[list[Finding], dict]:
+    target = Mjx(robot="robot", options=Options.model_validate(said))
+    inputs = check_inputs(folder, robot, target, "mjx")
+    findings = run_step(MjxPairs(), inputs, folder / "out")
+    return findings, json.loads((folder / "out/figures.json").read_text())
+
+
+def test_only_the_floor_is_touched_and_every_pair_is_fast(tmp_path: Path) -> None:
+    findings, figures = checked(tiny_quadruped(), tmp_path)
+    assert findings == []
+    assert figures["pairs"] == figures["fast_on_warp"] == 17
+    assert set(figures["by_kinds"]) == {"plane-box", "plane-cylinder", "plane-capsule", "plane-sphere"}  # fmt: skip # noqa: E501
+
+
+def test_with_self_collision_a_cylinder_and_a_box_are_refused(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    control: Control = replace(robot.control, excludes=())
+    loose = replace(robot, control=control)
+    # Hips are cylinders on the trunk's box, but parent and child never touch: so no error yet.
+    findings, figures = checked(loose, tmp_path / "a", self_collision=True)
+    assert [f.rule for f in findings] == ["mjx.slow_pair"]
+    assert figures["pairs"] > 17
+    box = Box((0.02, 0.02, 0.12))
+    shapes = tuple(replace(s, geometry=box) if "calf" in s.name else s for s in loose.shapes.shapes)
+    boxes = replace(loose, shapes=replace(loose.shapes, shapes=shapes))
+    findings, _ = checked(boxes, tmp_path / "b", self_collision=True)
+    assert "mjx.pair" in {f.rule for f in findings}
+
+
+def test_a_margin_on_a_mesh_is_refused(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    shapes = tuple(
+        replace(s, geometry=robot.shapes.shapes[0].geometry) if s.name == "trunk_collision" else s
+        for s in robot.shapes.shapes
+    )
+    control = replace(robot.control, contact=Contact(margin=0.001))
+    bad = replace(robot, shapes=replace(robot.shapes, shapes=shapes), control=control)
+    assert "mjx.margin" in {f.rule for f in checked(bad, tmp_path)[0]}
+
+
+def test_a_solver_that_mjx_lacks_is_refused(tmp_path: Path) -> None:
+    inputs = check_inputs(tmp_path, pendulum(), Mjcf(robot="robot"), "mjcf")
+    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/scene.xml"))
+    model.opt.solver = mujoco.mjtSolver.mjSOL_PGS
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICIT
+    assert [f.rule for f in judge(model)] == ["mjx.option", "mjx.option"]
+
+
+def test_the_pairs_are_those_that_mujoco_finds_in_a_heap(tmp_path: Path) -> None:
+    """All geoms blown up to overlap: every contact is a pair of ours, and every pair touches."""
+    inputs = check_inputs(tmp_path, tiny_quadruped(), Mjcf(robot="robot"), "mjcf")
+    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/scene.xml"))
+    solid = (model.geom_contype != 0) & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
+    model.geom_size[solid] = 3.0
+    model.geom_rbound[solid] = 10.0
+    model.geom_aabb[solid, 3:] = 10.0
+    model.body_conaffinity = model.body_conaffinity
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_collision(model, data)
+    found = {tuple(sorted(map(int, c.geom))) for c in data.contact[: data.ncon]}
+    assert found == {tuple(sorted(pair)) for pair in pairs(model)}
+    assert len(found) > 50
+    assert np.isfinite(data.xpos).all()
+
+
+def test_the_tables_are_those_of_the_engines() -> None:
+    driver = pytest.importorskip("mujoco.mjx._src.collision_driver", reason="needs mujoco-mjx")
+    for a in range(8):
+        for b in range(max(a, 1), 8):
+            known = driver.has_collision_fn(a, b)
+            wanted = (KINDS[a], KINDS[b]) not in NOT_IN_MJX
+            if (a, b) != (1, 1) and a != b != 1:
+                assert known == wanted, (KINDS[a], KINDS[b])
+    assert {kinds for kinds in FAST_ON_WARP if "mesh" in kinds} == {("plane", "mesh")}
+
+
+def test_links_that_are_not_named_touch_nothing(tmp_path: Path) -> None:
+    _, figures = checked(tiny_quadruped(), tmp_path, touching=".*_foot")
+    assert figures["by_kinds"] == {"plane-sphere": 4}

@@ -1,0 +1,136 @@
+"""Small experiments: a sound robot passes them all, and each has a robot on which it speaks."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
+
+from assetbuild.checks.trials import Trials
+from assetbuild.findings import Finding
+from assetbuild.robot.model import Box
+from assetbuild.simulators.mujoco_trials import polygon_margin
+from assetbuild.targets.mjcf import Mjcf
+
+QUADRUPED = tiny_quadruped()
+
+
+def tried(robot: TinyRobot, folder: Path, **fields: object) -> list[Finding]:
+    inputs = write_robot_ports(folder / "in", robot)
+    run_step(Mjcf(robot="tiny"), inputs, folder / "built")
+    (inputs / "mjcf").symlink_to(folder / "built" / "mjcf")
+    return run_step(Trials(poses=50, **fields), inputs, folder / "out")
+
+
+def rules(found: list[Finding]) -> set[str]:
+    return {finding.rule for finding in found}
+
+
+def drives(**values: object) -> TinyRobot:
+    control = QUADRUPED.control
+    changed = tuple(replace(a, **values) for a in control.actuators)
+    return replace(QUADRUPED, control=replace(control, actuators=changed))
+
+
+def timestep(seconds: float) -> TinyRobot:
+    control = QUADRUPED.control
+    simulation = replace(control.simulation, timestep=seconds)
+    return replace(QUADRUPED, control=replace(control, simulation=simulation))
+
+
+def with_trunk(change: Callable) -> TinyRobot:
+    first, *rest = QUADRUPED.tree.bodies
+    bodies = (replace(first, inertial=change(first.inertial)), *rest)
+    return replace(QUADRUPED, tree=replace(QUADRUPED.tree, bodies=bodies))
+
+
+def wide_trunk() -> TinyRobot:
+    """A trunk that reaches down to the calves, with nothing excluded."""
+    shapes = tuple(
+        replace(s, geometry=Box((0.6, 0.6, 0.5))) if s.name == "trunk_collision" else s
+        for s in QUADRUPED.shapes.shapes
+    )
+    control = replace(QUADRUPED.control, excludes=())
+    return replace(QUADRUPED, shapes=replace(QUADRUPED.shapes, shapes=shapes), control=control)
+
+
+def test_a_sound_robot_passes_with_figures_for_every_joint(tmp_path: Path):
+    assert tried(QUADRUPED, tmp_path) == []
+    figures = json.loads((tmp_path / "out/figures.json").read_text())
+    assert len(figures["drives"]) == len(QUADRUPED.control.actuators)
+    assert figures["support_margin_m"] > 0.0
+    assert figures["settle"]["finite"]
+
+
+def test_a_robot_that_hangs_from_the_world_is_not_dropped(tmp_path: Path):
+    tried(pendulum(), tmp_path)
+    assert "settle" not in json.loads((tmp_path / "out/figures.json").read_text())
+
+
+def test_a_gain_in_degrees_is_a_dead_drive(tmp_path: Path):
+    kp, kd = QUADRUPED.control.actuators[0].kp, 4.0
+    found = tried(drives(kp=kp * math.pi / 180 / 5, kd=kd), tmp_path)
+    assert "trials.dead" in rules(found)
+    assert {f.subject for f in found if f.rule == "trials.dead"} == {
+        f"actuator {a.joint}" for a in QUADRUPED.control.actuators
+    }
+
+
+def test_an_effort_limit_of_almost_nothing_is_a_dead_drive(tmp_path: Path):
+    assert "trials.dead" in rules(tried(drives(effort=1e-3, friction=0.05), tmp_path))
+
+
+def test_a_coarse_timestep_is_told(tmp_path: Path):
+    found = rules(tried(timestep(0.1), tmp_path, energy=1e-4))
+    assert "trials.energy" in found
+    assert "trials.timestep" in found
+
+
+def test_bodies_that_always_touch_are_told_with_the_exclude_to_write(tmp_path: Path):
+    found = [f for f in tried(wide_trunk(), tmp_path) if f.rule == "trials.overlap"]
+    assert found
+    assert all("collision.exclude.pairs" in f.hint for f in found)
+
+
+def test_a_centre_of_mass_beyond_the_feet_is_told(tmp_path: Path):
+    found = tried(with_trunk(lambda i: replace(i, com_m=(0.9, 0.0, 0.0))), tmp_path)
+    (balance,) = [f for f in found if f.rule == "trials.balance"]
+    assert balance.data["margin_m"] < 0.0
+
+
+def test_a_robot_without_damping_does_not_come_to_rest(tmp_path: Path):
+    assert "trials.rest" in rules(tried(drives(kd=0.0, damping=0.0, friction=0.0), tmp_path))
+
+
+def test_a_limit_of_penetration_and_of_drift_can_be_broken(tmp_path: Path):
+    found = rules(tried(QUADRUPED, tmp_path, penetration=1e-9, drift=1e-12))
+    assert {"trials.sunk", "trials.drift"} <= found
+
+
+def test_a_simulation_that_explodes_is_an_error(tmp_path: Path):
+    robot = drives(kp=1e12, kd=0.0, effort=None)
+    found = tried(replace(robot, control=replace(robot.control, simulation=replace(
+        robot.control.simulation, timestep=0.05))), tmp_path)  # fmt: skip
+    assert "trials.unstable" in rules(found)
+
+
+def test_an_mjcf_that_does_not_load_is_an_error(tmp_path: Path):
+    inputs = write_robot_ports(tmp_path / "in", QUADRUPED)
+    (inputs / "mjcf").mkdir()
+    (inputs / "mjcf/scene.xml").write_text("<mujoco><worldbody><geom/></worldbody></mujoco>")
+    found = run_step(Trials(), inputs, tmp_path / "out")
+    assert rules(found) == {"trials.load"}
+
+
+def test_the_margin_of_a_square_is_the_distance_to_its_nearest_side():
+    square = np.array([(0, 0), (2, 0), (2, 2), (0, 2), (1, 1)], dtype=float)
+    assert polygon_margin(square, np.array([0.5, 1.0])) == pytest.approx(0.5)
+    assert polygon_margin(square, np.array([-1.0, 1.0])) == pytest.approx(-1.0)
+    assert polygon_margin(square[:2], np.array([0.0, 0.0])) is None
+    assert polygon_margin(np.array([(0, 0), (1, 1), (2, 2.0)]), np.array([0.0, 0.0])) is None

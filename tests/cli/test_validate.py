@@ -1,0 +1,60 @@
+"""`assetbuild validate` on files that nobody built: findings, exit codes, no traceback."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from assetbuild.cli import main
+
+ARM = """<mujoco><worldbody><body name="arm"><joint name="a" range="-1 1"/>
+<geom size="0.1"/></body></worldbody>{}</mujoco>"""
+URDF = """<robot name="r"><link name="a"><inertial><mass value="1"/>
+<inertia ixx="{}" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
+
+
+def ran(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
+    code = main(["validate", *map(str, arguments)])
+    said = capsys.readouterr()
+    assert "Traceback" not in said.err
+    return code, said.out + said.err
+
+
+def test_a_good_and_a_bad_mjcf(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    good, bad = tmp_path / "good.xml", tmp_path / "bad.xml"
+    good.write_text(ARM.format(""))
+    bad.write_text(ARM.format('<actuator><motor joint="a" ctrlrange="2 1"/></actuator>'))
+    assert ran(capsys, good)[0] == 0
+    code, said = ran(capsys, bad)
+    assert code == 1
+    assert "error lint.range" in said
+
+
+def test_a_urdf_with_an_impossible_tensor(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "r.urdf"
+    path.write_text(URDF.format(9))
+    code, said = ran(capsys, path, "--json")
+    assert code == 1
+    rules = {f["rule"] for one in json.loads(said) for f in one["findings"]}
+    assert "inertia.triangle" in rules
+    path.write_text("<robot")
+    assert "urdf.unreadable" in ran(capsys, path)[1]
+
+
+def test_a_file_of_another_kind_or_none_is_a_wrong_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.txt").write_text("x")
+    assert ran(capsys, tmp_path / "a.txt")[0] == 2
+    assert ran(capsys, tmp_path / "missing.xml")[0] == 2
+    assert "is no bundle" in ran(capsys, tmp_path)[1]
+
+
+def test_a_usd_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a.usda").write_text("not usd")
+    code, said = ran(capsys, tmp_path / "a.usda")
+    assert (code, "usd.unreadable" in said) == (1, True)

@@ -1,0 +1,121 @@
+"""`verify`: the bundle against its manifest, its provenance, and what the recipe makes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from .conftest import Legs, new_legs
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Legs:
+    legs = new_legs(tmp_path_factory.mktemp("verify") / "legs")
+    assert legs.build().returncode == 0
+    return legs
+
+
+@pytest.fixture
+def legs(built: Legs) -> Legs:
+    """The built bundle, put right again before each test."""
+    built.recipe.write_text(built.recipe.read_text().replace("kp: 30", "kp: 20"))
+    assert built.build("--rehash").returncode == 0
+    return built
+
+
+def test_a_bundle_is_what_the_recipe_makes(legs: Legs):
+    done = legs.run("verify", "build/legs", "--recipe", "legs.yaml")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "0 differences (manifest, provenance, legs.yaml)" in done.stdout
+
+
+def test_it_does_not_matter_where_one_stands(legs: Legs, tmp_path: Path):
+    there = Legs(tmp_path, legs.store)
+    done = there.run("verify", str(legs.bundle), "--recipe", str(legs.recipe))
+    assert done.returncode == 0, done.stdout
+
+
+def change(path: str, how: Callable[[str], str]) -> Callable[[Legs], None]:
+    def do(legs: Legs) -> None:
+        file = legs.bundle / path
+        file.write_text(how(file.read_text()))
+
+    return do
+
+
+def restate(legs: Legs) -> None:
+    """A forger: another file, with manifest and provenance made to fit."""
+    import hashlib
+
+    model = legs.bundle / "urdf/legs.urdf"
+    old = hashlib.sha256(model.read_bytes()).hexdigest()
+    model.write_text(model.read_text().replace('mass value="6.0"', 'mass value="9.0"'))
+    new = hashlib.sha256(model.read_bytes()).hexdigest()
+    assert new != old
+    size = model.stat().st_size
+    manifest = legs.bundle / "manifest.json"
+    before = hashlib.sha256(manifest.read_bytes()).hexdigest()
+    content = json.loads(manifest.read_text())
+    for row in content["files"]:
+        row |= {"sha256": new, "size": size} if row["path"] == "urdf/legs.urdf" else {}
+    manifest.write_text(json.dumps(content))
+    after = hashlib.sha256(manifest.read_bytes()).hexdigest()
+    change("provenance.json", lambda t: t.replace(old, new).replace(before, after))(legs)
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        (change("urdf/legs.urdf", lambda t: t + " "), "changed: urdf/legs.urdf"),
+        (lambda legs: (legs.bundle / "NOTICE").unlink(), "missing: NOTICE"),
+        (lambda legs: (legs.bundle / "mine").write_text("x"), "not in the manifest: mine"),
+        (lambda legs: (legs.bundle / "mine").symlink_to("/"), "not in the manifest: mine"),
+        (lambda legs: (legs.bundle / "provenance.json").unlink(), "missing: provenance.json"),
+        (change("provenance.json", lambda t: "[" * 99_999), "not a provenance"),
+        (change("provenance.json", lambda t: t.replace("slsa.dev", "x.org")), "SLSA's predicate"),
+        (change("manifest.json", lambda t: t + "\n"), "not as the provenance says: manifest.json"),
+    ],
+)
+def test_each_difference_is_named(legs: Legs, fault: Callable[[Legs], object], told: str):
+    fault(legs)
+    done = legs.run("verify", "build/legs")
+    assert done.returncode == 1
+    assert told in done.stdout
+
+
+def test_a_forged_bundle_whose_papers_fit_is_not_what_the_recipe_makes(legs: Legs):
+    restate(legs)
+    assert legs.run("verify", "build/legs").returncode == 0
+    done = legs.run("verify", "build/legs", "--recipe", "legs.yaml")
+    assert done.returncode == 1
+    assert "the recipe makes other bytes: urdf/legs.urdf" in done.stdout
+
+
+def test_an_edited_recipe_is_told_and_nothing_is_built(legs: Legs):
+    legs.edit("kp: 20", "kp: 30")
+    done = legs.run("verify", "build/legs", "--recipe", "legs.yaml")
+    assert done.returncode == 3
+    assert "run `assetbuild build` first" in done.stderr
+
+
+def test_provenance_names_recipe_source_and_tools_as_slsa_asks(legs: Legs):
+    statement = json.loads((legs.bundle / "provenance.json").read_text())
+    needed = statement["predicate"]["buildDefinition"]["resolvedDependencies"]
+    assert all("uri" in row or "digest" in row for row in needed)
+    assert {row["name"] for row in needed if "name" in row} == {
+        "legs.yaml",
+        "robot/four_legs.urdf",
+    }
+    assert {row["uri"].partition("@")[0] for row in needed if "uri" in row} >= {
+        "pkg:pypi/assetbuild",
+        "pkg:pypi/lxml",
+    }
+    assert statement["predicate"]["runDetails"]["builder"]["id"].startswith("pkg:pypi/assetbuild@")
+
+
+def test_what_is_no_bundle_is_a_wrong_command(legs: Legs):
+    assert legs.run("verify", "robot").returncode == 2
+    assert legs.run("verify", "absent").returncode == 2

@@ -1,0 +1,98 @@
+"""`watch`: builds again when a file changes that the build reads, and ends by Ctrl-C."""
+
+from __future__ import annotations
+
+import queue
+import signal
+import subprocess
+import threading
+from collections.abc import Callable
+
+import pytest
+
+from .conftest import Legs
+
+
+class Watching:
+    """`assetbuild watch` in a process; its lines, both streams together."""
+
+    def __init__(self, legs: Legs) -> None:
+        self.process = subprocess.Popen(
+            legs.command("watch", "legs.yaml"),
+            cwd=legs.folder,
+            env=legs.env(CI="1", PYTHONUNBUFFERED="1"),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self._lines: queue.Queue[str] = queue.Queue()
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def _listen(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self._lines.put(line)
+
+    def until(self, is_it: Callable[[str], bool]) -> str:
+        """All lines up to the first that is it."""
+        text = ""
+        while True:
+            line = self._lines.get(timeout=120)
+            text += line
+            if is_it(line):
+                return text
+
+    def waits(self) -> str:
+        return self.until(lambda line: line.startswith("watching "))
+
+
+@pytest.fixture
+def watching(legs: Legs):
+    started = Watching(legs)
+    yield started
+    started.process.kill()
+    started.process.wait()
+
+
+def test_it_follows_recipe_and_source_and_survives_mistakes(legs: Legs, watching: Watching):
+    assert " ran, 0 cached" in watching.waits()
+    legs.edit("kp: 20", "kp: 30")
+    told = watching.waits()
+    assert "changed: `legs.yaml`" in told
+    assert "ran    control" in told
+    assert "ran    urdf" not in told  # it holds no gain
+    assert "ran    read_urdf" not in told
+    legs.edit("kp: 30", "kpp: 30")
+    told = watching.waits()
+    assert "legs.yaml:7:" in told
+    assert "did you mean `kp`?" in told
+    legs.edit("kpp: 30", "kp: 30")
+    assert " 0 ran, " in watching.waits()
+    legs.urdf.write_text(legs.urdf.read_text().replace('mass value="6"', 'mass value="7"'))
+    told = watching.waits()
+    assert "changed: `four_legs.urdf`" in told
+    assert "ran    read_urdf" in told
+    watching.process.send_signal(signal.SIGINT)
+    assert watching.process.wait(10) == 0
+    assert watching.until(lambda line: "stopped watching" in line)
+
+
+def test_a_source_that_breaks_is_watched_on(legs: Legs, watching: Watching):
+    watching.waits()
+    whole = legs.urdf.read_text()
+    legs.urdf.write_text(whole[:200])
+    assert "error: " in watching.waits()
+    legs.urdf.write_text(whole)
+    assert "ready for training: yes" in watching.waits()
+
+
+def test_ctrl_c_while_it_builds_is_an_interrupted_build(legs: Legs, watching: Watching):
+    watching.until(lambda line: " ran " in line)
+    watching.process.send_signal(signal.SIGINT)
+    assert watching.process.wait(20) == 130
+
+
+def test_sigterm_ends_it(legs: Legs, watching: Watching):
+    watching.waits()
+    watching.process.send_signal(signal.SIGTERM)
+    assert watching.process.wait(10) == 143

@@ -1,0 +1,152 @@
+"""27 meshes that crash, hang or fool decomposers: a result or one clear error, within limits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny import run_step
+
+from assetbuild.collision import PlacedSource
+from assetbuild.collision.auto import Auto
+from assetbuild.errors import StepError
+from assetbuild.kinds import Pieces
+from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
+from assetbuild.mesh.obj import obj_bytes
+from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.triangles import TriangleMesh, merged
+from assetbuild.recipe.collision import VHacdOptions
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Box, Sphere
+from assetbuild.steps.convert_mesh import write_converted
+
+BOX = tessellate(Box((1.0, 1.0, 1.0)))
+BALL = tessellate(Sphere(0.5))
+
+
+def mesh(vertices, faces) -> TriangleMesh:
+    return TriangleMesh(np.asarray(vertices, dtype=float), np.asarray(faces).reshape(-1, 3))
+
+
+def changed(row: int, value: float) -> TriangleMesh:
+    vertices = np.array(BOX.vertices)
+    vertices[row, 0] = value
+    return TriangleMesh(vertices, BOX.faces)
+
+
+def at(offset, part: TriangleMesh = BOX) -> TriangleMesh:
+    return part.mapped(np.eye(3), offset)
+
+
+def soup(points: int, faces: int) -> TriangleMesh:
+    rng = np.random.default_rng(0)
+    return mesh(rng.random((points, 3)), rng.integers(0, points, (faces, 3)))
+
+
+def torus(rings: int = 24, sides: int = 12) -> TriangleMesh:
+    u, v = np.meshgrid(*(2 * np.pi * np.arange(n) / n for n in (rings, sides)), indexing="ij")
+    r = 1.0 + 0.3 * np.cos(v)
+    points = np.stack([r * np.cos(u), r * np.sin(u), 0.3 * np.sin(v)], axis=-1).reshape(-1, 3)
+    i, j = np.meshgrid(np.arange(rings), np.arange(sides), indexing="ij")
+    a, b = i * sides + j, (i + 1) % rings * sides + j
+    c, d = (i + 1) % rings * sides + (j + 1) % sides, i * sides + (j + 1) % sides
+    faces = np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])
+    return mesh(points, faces)
+
+
+def rippled(faces: int) -> TriangleMesh:
+    """A ball with waves, of about so many faces."""
+    n = round((faces / 2) ** 0.5)
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, n), np.linspace(0, np.pi, n), indexing="ij")
+    r = 1.0 + 0.05 * np.sin(9 * u) * np.sin(9 * v)
+    points = np.stack(
+        [r * np.cos(u) * np.sin(v), r * np.sin(u) * np.sin(v), r * np.cos(v)], axis=-1
+    ).reshape(-1, 3)
+    i, j = (g.ravel() for g in np.meshgrid(np.arange(n - 1), np.arange(n - 1), indexing="ij"))
+    a, b = i * n + j, (i + 1) * n + j
+    return mesh(points, np.concatenate([np.stack([a, a + 1, b]), np.stack([b, a + 1, b + 1])], 1).T)
+
+
+STOPS: dict[str, TriangleMesh] = {
+    "empty": mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=int)),
+    "one triangle": mesh(np.eye(3), [0, 1, 2]),
+    "sheet of two triangles": mesh(
+        [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [0, 1, 2, 0, 2, 3]
+    ),
+    "flat grid": mesh(np.column_stack([soup(60, 4).vertices[:, :2], np.zeros(60)]), np.arange(60)),
+    "not a number": changed(3, np.nan),
+    "infinite": changed(3, np.inf),
+    "index too large": mesh(BOX.vertices, np.where(BOX.faces == 7, 99, BOX.faces)),
+    "negative index": mesh(BOX.vertices, np.where(BOX.faces == 7, -99, BOX.faces)),
+    "collinear": mesh(np.outer(np.arange(6.0), (1, 1, 1)), [0, 1, 2, 1, 2, 3, 2, 3, 4, 3, 4, 5]),
+    "one point": mesh(np.zeros((4, 3)), [0, 1, 2, 0, 2, 3, 0, 1, 3, 1, 2, 3]),
+}
+WORKS: dict[str, TriangleMesh] = {
+    "open box": BOX.select(np.arange(10)),
+    "inverted box": BOX.flipped(),
+    "duplicated faces": TriangleMesh(BOX.vertices, np.concatenate([BOX.faces, BOX.faces])),
+    "both sides of each face": merged([BOX, BOX.flipped()]),
+    "not merged": mesh(BOX.corners.reshape(-1, 3), np.arange(36)),
+    "unused vertex": mesh(np.concatenate([BOX.vertices, [(9, 9, 9)]]), BOX.faces),
+    "overlapping boxes": merged([BOX, at((0.5, 0.4, 0.3))]),
+    "a fin on a box": mesh(
+        np.concatenate([BOX.vertices, [(0, 0, 2)]]), np.concatenate([BOX.faces, [(0, 7, 8)]])
+    ),
+    "six balls apart": merged([at((3.0 * k, 0, 0), BALL) for k in range(6)]),
+    "torus": torus(),
+    "thin plate": BOX.scaled((1.0, 1.0, 1e-4)),
+    "thinner plate": BOX.scaled((1.0, 1.0, 1e-6)),
+    "far from its origin": at((1e5, 0.0, 0.0)),
+    "tiny": BOX.scaled((1e-6,) * 3),
+    "huge": BOX.scaled((1e6,) * 3),
+    "soup": soup(300, 500),
+}
+
+
+def attempt(tmp_path: Path, bad: TriangleMesh, cpu_limit: float = 3.0):
+    """(pieces, findings); the file itself is bad, past what the converter would have refused."""
+    folder = tmp_path / "in/shapes/0"
+    folder.mkdir(parents=True)
+    write_converted(folder, [MaterialPart(SurfaceMaterial(), BOX)])
+    text = obj_bytes(bad) if len(bad.faces) else b""
+    (folder / "parts/0.obj").write_bytes(text)
+    method = Auto(
+        sources=(PlacedSource.of_mesh("shapes/0"),),
+        subject="bad",
+        max_outside=0.05,
+        max_missing=0.05,
+        max_overcover=0.2,
+        max_hulls=8,
+        vhacd=VHacdOptions(resolution=20_000),
+        cpu_limit=cpu_limit,
+    )
+    findings = run_step(method, tmp_path / "in", tmp_path / "out")
+    return decode(Pieces, (tmp_path / "out/pieces.json").read_bytes()).pieces, findings
+
+
+@pytest.mark.parametrize("name", STOPS)
+def test_a_mesh_without_a_volume_is_one_clear_error(tmp_path, name):
+    with pytest.raises((StepError, ValueError)) as caught:
+        attempt(tmp_path, STOPS[name])
+    assert isinstance(caught.value, StepError), caught.value
+    assert str(caught.value).startswith(("bad", "0.obj"))
+
+
+@pytest.mark.parametrize("name", WORKS)
+def test_a_strange_mesh_still_gets_collision_geometry(tmp_path, name):
+    pieces, findings = attempt(tmp_path, WORKS[name])
+    assert 1 <= len(pieces) <= 8
+    gap = next(f for f in findings if f.rule == "collision.gap")
+    assert gap.data["max_vertices"] <= 64
+    assert gap.data["max_missing"] < 0.5
+
+
+@pytest.mark.slow
+def test_three_hundred_thousand_faces_stay_within_the_limits(tmp_path):
+    pieces, _ = attempt(tmp_path, rippled(327_000), cpu_limit=20.0)
+    assert 1 <= len(pieces) <= 8
+
+
+def test_there_are_27_of_them():
+    assert len(STOPS) + len(WORKS) + 1 == 27

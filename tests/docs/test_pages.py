@@ -1,0 +1,89 @@
+"""The pages: every command is one that the program takes, every rule and link exists."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import yaml
+
+from assetbuild.cli import main
+from assetbuild.recipe.models import Recipe
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+BLOCK = re.compile(r"^( *)```(\w+)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
+COMMAND = re.compile(r"(?:^|[ ;(])(?:\.venv/bin/)?(assetbuild (?:[a-z]|--)[^\n#;)]*)")
+
+
+def blocks(page: Path, kind: str) -> list[str]:
+    found = [m for m in BLOCK.finditer(page.read_text(encoding="utf-8")) if m.group(2) == kind]
+    return [re.sub(rf"^{m.group(1)}", "", m.group(3), flags=re.MULTILINE) for m in found]
+
+
+def commands() -> list[tuple[str, str]]:
+    found = []
+    for page in PAGES:
+        for block in blocks(page, "sh"):
+            for line in block.replace("\\\n", " ").splitlines():
+                found += [(page.name, c.strip()) for c in COMMAND.findall(line)]
+    return sorted(set(found))
+
+
+@pytest.mark.parametrize(("page", "command"), commands(), ids=lambda v: v[:60])
+def test_the_program_takes_every_command_of_the_pages(page: str, command: str, monkeypatch):
+    """Parsed, not run: what a command does is tested where it lives."""
+    command = re.split(r" (?:&&|\|\|?|>>?|2>) ?", command)[0]
+    words = shlex.split(command)[1:]
+    verb = next((w for w in words if not w.startswith("-")), "")
+    if verb:
+        monkeypatch.setattr(f"assetbuild.cli.{verb}.run", lambda arguments: 0)
+    errors = io.StringIO()
+    with contextlib.redirect_stderr(errors), contextlib.redirect_stdout(io.StringIO()):
+        try:
+            code = main(words)
+        except SystemExit as end:
+            code = end.code
+    assert code == 0, f"{page}: {command}\n{errors.getvalue()}"
+
+
+def test_commands_were_found():
+    assert len(commands()) > 15
+
+
+def test_every_rule_of_the_troubleshooting_page_exists():
+    known = set(re.findall(r"^\| `([a-z_.*]+)` \|", (ROOT / "docs/reference/rules.md").read_text(),
+                           re.MULTILINE))  # fmt: skip
+    for name in ("troubleshooting", "solidworks", "gripper"):
+        text = (ROOT / f"docs/how-to/{name}.md").read_text()
+        named = set(re.findall(r"`([a-z_]+(?:\.[a-z_*]+)+)`", text))
+        rules = {n for n in named if n.split(".")[0] in {k.split(".")[0] for k in known}}
+        rules -= {"collision.links", "collision.exclude", "visual.max_faces"}  # keys of the recipe
+        assert rules
+        assert rules - known == set(), name
+
+
+def test_every_link_between_pages_leads_somewhere():
+    for page in PAGES:
+        if page.name == "rules.md":  # its rows are written where the rules are, pages may follow
+            continue
+        for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+            if "://" not in target:
+                assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+FULL = {
+    "schema": "assetbuild/v1",
+    "robot": "r",
+    "source": {"path": ".", "urdf": "r.urdf", "license": "MIT"},
+}
+
+
+def test_every_piece_of_recipe_on_the_pages_is_one():
+    for name in ("troubleshooting", "solidworks", "gripper"):
+        for block in blocks(ROOT / f"docs/how-to/{name}.md", "yaml"):
+            Recipe.model_validate({**FULL, **yaml.safe_load(block)})

@@ -1,0 +1,45 @@
+"""`init` on an MJCF: a short recipe that builds, since the file says most itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from mjcfs import ROBOTS
+
+from assetbuild.errors import SourceError
+from assetbuild.init import propose, write
+from assetbuild.recipe.loader import load_recipe
+
+LEG = '<mujoco model="one leg"><compiler meshdir="../meshes"/><asset><mesh file="a.obj"/></asset><worldbody><body name="trunk"><freejoint/><geom size=".1"/><geom type="mesh" mesh="a" contype="0" conaffinity="0"/></body></worldbody></mujoco>'  # noqa: E501 # one robot per line
+TET = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+def test_the_recipe_says_what_it_takes_from_the_source(tmp_path: Path):
+    out = tmp_path / "arm.yaml"
+    write(propose(ROBOTS / "hard_arm.xml", out, {}), force=True)
+    recipe, text = load_recipe(out).recipe, out.read_text()
+    assert recipe.source.mjcf == "hard_arm.xml"
+    assert recipe.collision.default.method == "keep"
+    assert "base" not in recipe.model_fields_set, "the source says it"
+    assert "# keyframes: home" in text
+    assert "# Drives of the source: " in text
+    assert not recipe.actuators
+
+
+def test_meshes_beside_the_folder_of_the_mjcf_are_found(tmp_path: Path):
+    (tmp_path / "robot/xml").mkdir(parents=True)
+    (tmp_path / "robot/meshes").mkdir()
+    (tmp_path / "robot/xml/leg.xml").write_text(LEG)
+    (tmp_path / "robot/meshes/a.obj").write_text(TET)
+    out = tmp_path / "leg.yaml"
+    write(propose(tmp_path / "robot/xml/leg.xml", out, {}), force=True)
+    source = load_recipe(out).recipe.source
+    assert (source.path, source.mjcf) == ("robot", "xml/leg.xml")
+
+
+def test_a_missing_mesh_is_named_with_its_line(tmp_path: Path):
+    (tmp_path / "xml").mkdir()
+    (tmp_path / "xml/leg.xml").write_text(LEG)
+    with pytest.raises(SourceError, match=r"no file `meshes/a\.obj`"):
+        propose(tmp_path / "xml/leg.xml", None, {})

@@ -1,0 +1,177 @@
+"""Seven mistakes that people make: each is found by a check that names it, and seen in the report.
+
+The robot is sound before: no check says more than an information. Every check that reads the robot
+and its MJCF takes part, so a new one may find them too.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from tiny import FOOT_RADIUS_M, SEGMENT_M, TinyRobot, run_step, tiny_quadruped, write_robot_ports
+
+from assetbuild.findings import Finding
+from assetbuild.kinds import Check, load_plugin, plugin_names
+from assetbuild.report.document import CheckResult, make_report
+from assetbuild.report.facts import Subject
+from assetbuild.report.html import html_page
+from assetbuild.robot.inertia import rotate_tensor
+from assetbuild.robot.model import Body, Box, Capsule, Joint, Shape, Sphere
+from assetbuild.robot.pose import Pose, normalised_quat
+from assetbuild.targets.mjcf import Mjcf
+
+from .robots_for_tests import recipe
+
+RECIPE = recipe(
+    base="floating",
+    actuators=[{"joints": ".*", "model": "pd", "kp": 100, "kd": 3}],
+    validate={"stand": {"feet": ".*_foot"}, "mass": {"total_kg": 12.01, "tolerance": 0.02}},
+)
+CHECKS = [
+    name
+    for name in plugin_names("assetbuild.checks")
+    if set(load_plugin(Check, "assetbuild.checks", name).needs) <= {"mjcf"}
+    and not any(
+        importlib.util.find_spec(module) is None
+        for module in load_plugin(Check, "assetbuild.checks", name).requires
+    )
+]
+
+
+def sound() -> TinyRobot:
+    """The tiny quadruped with visual boxes of its inertias' size, so that density makes sense."""
+    robot = tiny_quadruped()
+    middle = Pose((0.0, 0.0, -SEGMENT_M / 2))
+    shapes = [s for s in robot.shapes.shapes if s.role == "collision" and "hip" not in s.name]
+    shapes.append(Shape("trunk_visual", "trunk", "visual", Box((0.4, 0.2, 0.1))))
+    for leg in ("FR", "FL", "RR", "RL"):
+        for link, edge in (("thigh", 0.03), ("calf", 0.025)):
+            box = Box((edge, edge, SEGMENT_M))
+            shapes.append(Shape(f"{leg}_{link}_visual", f"{leg}_{link}", "visual", box, middle))
+        shapes.append(Shape(f"{leg}_hip_visual", f"{leg}_hip", "visual", Box((0.06, 0.06, 0.06))))
+        foot = Sphere(FOOT_RADIUS_M)
+        shapes.append(Shape(f"{leg}_foot_visual", f"{leg}_foot", "visual", foot))
+    return replace(robot, shapes=replace(robot.shapes, shapes=tuple(shapes)))
+
+
+def with_joint(robot: TinyRobot, name: str, change: Callable[[Joint], Joint]) -> TinyRobot:
+    joints = tuple(change(j) if j.name == name else j for j in robot.tree.joints)
+    return replace(robot, tree=replace(robot.tree, joints=joints))
+
+
+def with_body(robot: TinyRobot, name: str, change: Callable[[Body], Body]) -> TinyRobot:
+    bodies = tuple(change(b) if b.name == name else b for b in robot.tree.bodies)
+    return replace(robot, tree=replace(robot.tree, bodies=bodies))
+
+
+def knee_reversed(robot: TinyRobot) -> TinyRobot:
+    return with_joint(robot, "FR_calf_joint", lambda j: replace(j, axis=(0.0, -1.0, 0.0)))
+
+
+def inertia_in_wrong_frame(robot: TinyRobot) -> TinyRobot:
+    quarter = normalised_quat((1.0, 1.0, 0.0, 0.0))
+
+    def turn(body: Body) -> Body:
+        assert body.inertial is not None
+        tensor = rotate_tensor(body.inertial.inertia_com_kg_m2, quarter)
+        return replace(body, inertial=replace(body.inertial, inertia_com_kg_m2=tensor))
+
+    return with_body(robot, "FR_thigh", turn)
+
+
+def mass_times_ten(robot: TinyRobot) -> TinyRobot:
+    def heavy(body: Body) -> Body:
+        assert body.inertial is not None
+        tensor = tuple(10.0 * v for v in body.inertial.inertia_com_kg_m2)
+        return replace(body, inertial=replace(
+            body.inertial, mass_kg=10.0 * body.inertial.mass_kg, inertia_com_kg_m2=tensor
+        ))  # fmt: skip
+
+    return with_body(robot, "FR_thigh", heavy)
+
+
+def limits_swapped(robot: TinyRobot) -> TinyRobot:
+    """Hips open to 0.9 rad outwards and 0.4 inwards; two of four got the other side's."""
+    for leg, inwards in (("FR", False), ("RR", False), ("FL", True), ("RL", False)):
+        outside = 1.0 if leg.endswith("L") else -1.0
+        lower, upper = sorted((-0.4 * outside, 0.9 * outside))
+        if inwards:
+            lower, upper = -upper, -lower
+        robot = with_joint(robot, f"{leg}_hip_joint", lambda j, lo=lower, up=upper: replace(
+            j, limits=replace(j.limits, lower=lo, upper=up)))  # fmt: skip
+    return robot
+
+
+def collision_shifted(robot: TinyRobot) -> TinyRobot:
+    shapes = tuple(
+        replace(s, X_link_shape=Pose((0.03, 0.0, -SEGMENT_M / 2)))
+        if s.name == "FR_thigh_collision"
+        else s
+        for s in robot.shapes.shapes
+    )
+    assert isinstance(next(s for s in shapes if s.name == "FR_thigh_collision").geometry, Capsule)
+    return replace(robot, shapes=replace(robot.shapes, shapes=shapes))
+
+
+def gain_in_degrees(robot: TinyRobot) -> TinyRobot:
+    drives = tuple(replace(a, kp=a.kp * math.pi / 180) for a in robot.control.actuators)
+    return replace(robot, control=replace(robot.control, actuators=drives))
+
+
+def feet_above_the_floor(robot: TinyRobot) -> TinyRobot:
+    home, *rest = robot.control.keyframes
+    x, y, z = home.base.xyz
+    home = replace(home, base=Pose((x, y, z + 0.03)))
+    return replace(robot, control=replace(robot.control, keyframes=(home, *rest)))
+
+
+FAULTS = {
+    knee_reversed: ("stand.start", "mirror."),
+    inertia_in_wrong_frame: ("mass.axes",),
+    mass_times_ten: ("mass.density", "mass.total"),
+    limits_swapped: ("mirror.",),
+    collision_shifted: ("coverage.shift",),
+    gain_in_degrees: ("stand.", "trials.dead"),
+    feet_above_the_floor: ("stand.start",),
+}
+
+
+def checked(robot: TinyRobot, folder: Path) -> tuple[list[Finding], str]:
+    """All loud findings, and the page of the report."""
+    inputs = write_robot_ports(folder / "in", robot)
+    run_step(Mjcf(robot="tiny"), inputs, folder / "built")
+    (inputs / "mjcf").symlink_to(folder / "built" / "mjcf")
+    found: list[Finding] = []
+    checks = {}
+    for name in CHECKS:
+        step = load_plugin(Check, "assetbuild.checks", name).configure(RECIPE)
+        if step is not None:
+            own = run_step(step, inputs, folder / name)
+            found += own
+            bad = any(f.severity == "error" for f in own)
+            checks[name] = CheckResult("fail" if bad else "pass")
+    report = make_report("tiny", found, checks, {}, lambda _: "")
+    subject = Subject(RECIPE, {}, robot.tree, robot.shapes, robot.control)
+    return [f for f in found if f.severity != "info"], html_page(report, subject, [], None)
+
+
+def test_the_robot_is_sound_before(tmp_path: Path):
+    found, page = checked(sound(), tmp_path)
+    assert [(f.rule, f.subject, f.message) for f in found] == []
+    assert "Ready for training: yes" in page
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda f: f.__name__)
+def test_each_fault_is_found_by_a_named_check_and_seen_in_the_report(fault, tmp_path: Path):
+    rules = FAULTS[fault]
+    if rules == ("mirror.",) and "mirror" not in CHECKS:
+        pytest.skip("needs the check `mirror`")
+    found, page = checked(fault(sound()), tmp_path)
+    named = [f for f in found if f.rule.startswith(rules)]
+    assert named, [(f.rule, f.message) for f in found]
+    assert all(f"<code>{f.rule}</code>" in page for f in named)

@@ -1,0 +1,104 @@
+"""What an MJCF says holds where the recipe says nothing; what the recipe says wins, aloud."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from mjcfs import Reading, Written, hard_arm, read, write
+
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.model import Contact, Shapes
+
+PAIR = '<mujoco><option timestep="0.003"/><worldbody><body name="a"><geom name="ga" size=".1" friction="2 0.1 0.1" group="3"/><body name="b" pos="0 0 1"><joint name="j" armature="0.2" damping="0.5"/><geom name="gb" size=".1" group="3"/><body name="c"><geom name="gc" size=".1" group="3"/></body></body></body></worldbody><contact><exclude body1="a" body2="c"/></contact><actuator><position name="p" joint="j" kp="5"/></actuator><sensor><actuatorfrc name="f" actuator="p"/></sensor><keyframe><key name="home" qpos="0.5"/></keyframe></mujoco>'  # noqa: E501 # one robot per line
+
+
+def made(folder: Path, text: str = PAIR, **recipe: object) -> Written:
+    return write(read(text, folder / "read"), folder / "out", **recipe)
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Reading:
+    return hard_arm(tmp_path / "arm")
+
+
+def test_the_source_holds_where_the_recipe_is_silent(tmp_path: Path):
+    control = made(tmp_path).control
+    assert control.simulation.timestep == 0.003
+    assert (control.by_joint["j"].kp, control.by_joint["j"].armature) == (5.0, 0.2)
+    assert control.excludes == (("a", "c"),), "no pairs but the source's"
+    assert control.keyframes[0].joints == (("j", 0.5),)
+    assert dict(control.contacts)["ga"] == Contact(friction=(2.0, 0.1, 0.1))
+
+
+def test_the_recipe_wins_key_by_key(tmp_path: Path):
+    control = made(
+        tmp_path,
+        simulation={"gravity": [0, 0, -1]},
+        contact={"condim": 6},
+        collision={"exclude": {"adjacent": True}},
+        keyframes={"home": {"joints": {"j": 0.25}}, "other": {}},
+    ).control
+    assert (control.simulation.timestep, control.simulation.gravity[2]) == (0.003, -1.0)
+    assert dict(control.contacts)["ga"] == Contact(friction=(2.0, 0.1, 0.1), condim=6)
+    assert control.excludes == (("a", "b"), ("a", "c"), ("b", "c"))
+    assert [(key.name, key.joints) for key in control.keyframes] == [
+        ("home", (("j", 0.25),)),
+        ("other", (("j", 0.0),)),
+    ]
+
+
+def test_a_table_of_drives_replaces_them_all_but_leaves_the_armature(tmp_path: Path):
+    row = {"joints": "j", "model": "pd", "kp": 9, "kd": 1, "effort": 3}
+    drive = made(tmp_path / "1", actuators=[row]).control.by_joint["j"]
+    assert (drive.kp, drive.armature, drive.damping) == (9.0, 0.2, 0.5)
+    drive = made(tmp_path / "2", actuators=[{**row, "armature": 0.1}]).control.by_joint["j"]
+    assert drive.armature == 0.1
+
+
+def test_a_rule_for_links_changes_the_surface_of_the_source(tmp_path: Path):
+    control = made(tmp_path, contact={"links": {"a": {"condim": 1}}}).control
+    assert dict(control.contacts)["ga"] == Contact(friction=(2.0, 0.1, 0.1), condim=1)
+
+
+def test_each_kind_of_thing_that_only_mjcf_has_is_told_once(arm: Reading, tmp_path: Path):
+    written = write(arm, tmp_path / "out")
+    told = [f.message.split(":")[0] for f in written.findings if f.rule == "mjcf.only"]
+    assert len(told) == len(set(told))
+    assert "<spatial> of tendon `string`" in told
+    assert "`solreflimit`, `springref`, `stiffness` of joint `elbow`" in told
+
+
+def test_what_stands_on_a_merged_body_is_dropped_aloud(tmp_path: Path):
+    text = PAIR.replace("<sensor>", '<sensor><subtreecom name="s" body="c"/>')
+    reading = read(text, tmp_path / "read")
+    reading.source = reading.source.__class__(reading.source.control, ("a", "b"), ())
+    (reading.read / "source_control.json").write_bytes(encode(reading.source))
+    written = write(reading, tmp_path / "out")
+    dropped = [f for f in written.findings if f.rule == "mjcf.dropped"]
+    assert [f.subject for f in dropped] == ["link c"]
+    assert "keep_bodies" in dropped[0].hint
+    assert written.control.excludes == (("a", "b"),), "the pair follows the merged link"
+
+
+def test_surfaces_of_shapes_made_anew_are_told(tmp_path: Path):
+    reading = read(PAIR, tmp_path / "read")
+    renamed = (reading.read / "shapes.json").read_text().replace('"ga"', '"hull_of_a"')
+    (reading.read / "shapes.json").write_text(renamed)
+    reading.shapes = decode(Shapes, renamed.encode())
+    written = write(reading, tmp_path / "out")
+    assert "mjcf.new_surface" in {f.rule for f in written.findings}
+
+
+def test_commands_of_keyframes_follow_their_drives(arm: Reading, tmp_path: Path):
+    text = write(arm, tmp_path / "out").xml.read_text()
+    names = [
+        line.split('name="')[1].split('"')[0]
+        for line in text.split("<actuator>")[1].split("</actuator>")[0].strip().splitlines()
+    ]
+    ctrl = text.split('ctrl="')[-1].split('"')[0].split()
+    stated = dict(zip(names, map(float, ctrl), strict=True))
+    assert stated["grip"] == 100.0
+    assert stated["geared"] == 0.5
+    assert stated["spin"] == 0.1
+    assert stated["pull"] == pytest.approx(0.4 - 0.3490658503988659), "counted from `ref`"

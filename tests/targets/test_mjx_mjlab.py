@@ -1,0 +1,115 @@
+"""The mjx model has the same joints and poses; the bare one keeps mjlab's contract."""
+
+from __future__ import annotations
+
+import ast
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, write_robot_ports
+
+from assetbuild.checks.mjlab_contract import MjlabContract
+from assetbuild.errors import StepError
+from assetbuild.recipe.mjcf import Mjx as Options
+from assetbuild.robot.model import Actuator, General, Mesh
+from assetbuild.targets.mjcf import Mjcf
+from assetbuild.targets.mjlab import Mjlab
+from assetbuild.targets.mjx import Mjx
+
+
+def built(robot: TinyRobot, folder: Path, target: object) -> Path:
+    inputs = write_robot_ports(folder / "in", robot)
+    run_step(target, inputs, folder / "out")
+    return folder / "out"
+
+
+def test_the_mjx_model_is_the_robot_with_other_options(tmp_path: Path) -> None:
+    full = built(tiny_quadruped(), tmp_path / "a", Mjcf(robot="robot")) / "mjcf/robot.xml"
+    gpu = built(tiny_quadruped(), tmp_path / "b", Mjx(robot="robot")) / "mjx/robot_mjx.xml"
+    a, b = (mujoco.MjModel.from_xml_path(str(path)) for path in (full, gpu))
+    for name in ("qpos0", "key_qpos", "key_ctrl", "body_mass", "dof_armature", "jnt_range",
+                 "actuator_gainprm", "actuator_biasprm", "actuator_forcerange"):  # fmt: skip
+        assert np.array_equal(getattr(a, name), getattr(b, name)), name
+    assert (b.opt.iterations, b.opt.ls_iterations, b.opt.cone) == (4, 8, 0)
+    assert (tmp_path / "b/out/mjx/scene_mjx.xml").exists()
+
+
+def test_a_hull_with_many_corners_is_capped_and_told(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    shapes = tuple(
+        replace(s, geometry=Mesh("trunk_box")) if s.name == "trunk_collision" else s
+        for s in robot.shapes.shapes
+    )
+    inputs = write_robot_ports(
+        tmp_path, replace(robot, shapes=replace(robot.shapes, shapes=shapes))
+    )
+    target = Mjx(robot="robot", options=Options.model_validate({"max_vertices": 4}))
+    findings = run_step(target, inputs, tmp_path / "out")
+    assert [f.rule for f in findings] == ["mjx.hull"]
+    assert 'maxhullvert="4"' in (tmp_path / "out/mjx/robot_mjx.xml").read_text()
+
+
+def test_a_pattern_that_leaves_nothing_to_stand_on_is_refused(tmp_path: Path) -> None:
+    target = Mjx(robot="robot", options=Options.model_validate({"touching": "paw"}))
+    with pytest.raises(StepError, match="leaves no collision shape"):
+        built(tiny_quadruped(), tmp_path, target)
+
+
+MJLAB = Mjlab(robot="robot", feet=".*_foot", imu="imu", rows=(".*_(hip|thigh)_joint", ".*_calf_joint"))  # fmt: skip # noqa: E501
+
+
+def test_the_bare_model_keeps_the_contract(tmp_path: Path) -> None:
+    inputs = check_inputs(tmp_path, tiny_quadruped(), MJLAB, "mjlab")
+    assert run_step(MjlabContract(robot="robot"), inputs, tmp_path / "out") == []
+    model = mujoco.MjModel.from_xml_path(str(inputs / "mjlab/mjcf/robot_bare.xml"))
+    assert (model.nu, model.nkey) == (0, 0)
+    assert not model.dof_armature.any(), "the module states what drives add"
+    assert not model.dof_damping.any()
+    assert not model.dof_frictionloss.any()
+    assert "<option" not in (inputs / "mjlab/mjcf/robot_bare.xml").read_text()
+
+
+SPOILT = {
+    "not called": ('name="FR_foot_collision"', 'name="FR_sole"'),
+    "no sensor `root_angmom`": ('name="root_angmom"', 'name="angmom"'),
+    "rests in the ground": ('<body name="trunk" childclass="robot" pos="', '<body name="trunk" childclass="robot" pos="0 0 -1" user="'),  # noqa: E501
+    "keyframes in the bare MJCF": ("</mujoco>", '<keyframe><key name="home"/></keyframe></mujoco>'),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("message", SPOILT)
+def test_the_check_names_a_broken_promise(message: str, tmp_path: Path) -> None:
+    inputs = check_inputs(tmp_path, tiny_quadruped(), MJLAB, "mjlab")
+    path = inputs / "mjlab/mjcf/robot_bare.xml"
+    path.write_text(re.sub(r' user="[^"]*"', "", path.read_text().replace(*SPOILT[message])))
+    findings = run_step(MjlabContract(robot="robot"), inputs, tmp_path / "out")
+    assert any(message in finding.message for finding in findings)
+
+
+def test_the_module_says_the_table_once_per_row(tmp_path: Path) -> None:
+    text = (built(tiny_quadruped(), tmp_path, MJLAB) / "mjlab/python/robot_mjlab.py").read_text()
+    names = {n.name for n in ast.parse(text).body if isinstance(n, ast.FunctionDef)}
+    assert {"robot_cfg", "velocity_flat_cfg"} <= names
+    assert text.count("BuiltinPositionActuatorCfg(") == 2
+    assert '".*_(hip|thigh)_joint": 0.06,' in text  # 0.25 * 24 / 100
+    constants = {t.id for n in ast.parse(text).body if isinstance(n, ast.Assign) for t in ast.walk(n) if isinstance(t, ast.Name)}  # fmt: skip # noqa: E501
+    assert {"ACTION_SCALE", "ROOT_BODY", "FOOT_SITES", "FOOT_GEOMS", "IMU_SITE"} <= constants
+
+
+def test_a_robot_without_feet_has_no_task_and_is_told(tmp_path: Path) -> None:
+    inputs = write_robot_ports(tmp_path / "in", tiny_quadruped())
+    findings = run_step(Mjlab(robot="robot"), inputs, tmp_path / "out")
+    assert [f.rule for f in findings] == ["mjlab.imu", "mjlab.feet"]
+    assert "velocity" not in (tmp_path / "out/mjlab/python/robot_mjlab.py").read_text()
+
+
+def test_a_general_actuator_is_told_not_dropped(tmp_path: Path) -> None:
+    robot = pendulum()
+    drive = Actuator("swing_joint", "general", general=General(gainprm=(1.0,)))
+    robot = replace(robot, control=replace(robot.control, actuators=(drive,)))
+    findings = run_step(Mjlab(robot="r"), write_robot_ports(tmp_path / "in", robot), tmp_path / "o")
+    assert [f.rule for f in findings] == ["mjlab.actuator"]
