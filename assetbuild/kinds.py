@@ -6,6 +6,8 @@ Every target and check finds the robot under the same input names:
     tree.json      Tree after merging: the bodies that will be simulated
     shapes.json    Shapes; mesh geometry names an asset
     control.json   Control
+    ratings.json   Control with nothing but effort, velocity, damping and friction of the joints;
+                   so that a new gain leaves its readers alone; only where `reads` names it
     meshes/        the assets, `<name>.obj`
 
 A check finds each target that it `needs` as a folder of that name (`mjcf/`, `usd/`), and the

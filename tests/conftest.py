@@ -18,11 +18,13 @@ ROOT_IN_WHEEL = "cmeel.prefix/share/example-robot-data"
 UNPACKED = (
     "go1_",
     "asr_twodof_",
+    "b1_",
     "double_pendulum_",
     "finger_edu_",
     "hector_",
     "hextilt_",
     "quadruped_",
+    "z1_",
 )
 """Robots that tests use: the beginnings of their folders' names."""
 

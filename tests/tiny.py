@@ -62,12 +62,13 @@ class TinyRobot:
 
 
 def write_robot_ports(folder: Path, robot: TinyRobot) -> Path:
-    """Writes links.json, tree.json, shapes.json, control.json and meshes/ into `folder`."""
+    """Writes what stands behind the robot ports of `assetbuild.kinds` into `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "links.json").write_bytes(encode(robot.links))
     (folder / "tree.json").write_bytes(encode(robot.tree))
     (folder / "shapes.json").write_bytes(encode(robot.shapes))
-    (folder / "control.json").write_bytes(encode(robot.control))
+    for name in ("control.json", "ratings.json"):
+        (folder / name).write_bytes(encode(robot.control))
     (folder / "meshes").mkdir(exist_ok=True)
     for name, data in robot.meshes.items():
         (folder / "meshes" / name).write_bytes(data)

@@ -33,7 +33,9 @@ class MjlabContract(Check):
         """Reads `mjlab/mjcf/<robot>_bare.xml` and the module."""
         tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
         try:
-            model = mujoco.load(files.inputs / "mjlab/mjcf" / f"{self.robot}_bare.xml").model
+            model = mujoco.load(
+                files.inputs / "mjlab/mjcf" / f"{self.robot}_bare.xml", visuals=False
+            ).model
         except StepError as error:
             write_figures(files, {"skipped": "it does not load"})
             yield Finding("mjlab.contract", "error", "robot", f"MuJoCo refuses it: {error.message}")

@@ -271,7 +271,8 @@ def _judge_motion(tree: Tree, outcome: physx.Outcome, where: str) -> Iterator[Fi
             "error",
             "robot",
             f"{where}: {outcome.failure or 'its state is not finite'}",
-            hint="look for joints that start outside of their limits, tiny inertias, overlaps",
+            hint="shapes that fight (try `usd.articulation.self_collisions: false`)? "
+            "joint friction on tiny masses? a start outside of limits?",
         )
     elif outcome.motion is not None and tree.base == "fixed":
         drift = float(np.abs(outcome.motion.root - outcome.motion.root[0]).max())

@@ -28,7 +28,7 @@ class UrdfReload(Check):
     isolated: ClassVar = True
     preload: ClassVar = ("yourdfpy",)
     needs: ClassVar = ("urdf",)
-    reads: ClassVar = ("links.json", "control.json")
+    reads: ClassVar = ("links.json", "ratings.json")
 
     robot: str
     samples: int = 10
@@ -39,7 +39,7 @@ class UrdfReload(Check):
         import yourdfpy
 
         links = decode(Tree, (files.inputs / "links.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        control = decode(Control, (files.inputs / "ratings.json").read_bytes())
         folder = files.inputs / "urdf"
         path = folder / f"{self.robot}.urdf"
         figures: dict[str, object] = {"samples": self.samples}

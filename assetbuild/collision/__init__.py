@@ -7,29 +7,34 @@ checking the sources, reuse of equal shapes, measuring, and what is said about t
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import ConvertedMesh, Piece, Pieces
-from assetbuild.mesh.cover import Probe, Quality, Reference, blocked_by, measure, outside_in
+from assetbuild.mesh.cover import Probe, Quality, Reference, blocked_by, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
 from assetbuild.mesh.native import NativeError, NativeLimits
 from assetbuild.mesh.obj import obj_bytes, read_triangles
-from assetbuild.mesh.primitives import Primitive, tessellate
+from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
+from assetbuild.mesh.sources import Likeness as Likeness  # what the fields are made of
+from assetbuild.mesh.sources import PlacedSource as PlacedSource
+from assetbuild.mesh.sources import PrimitiveSource as PrimitiveSource
+from assetbuild.mesh.sources import ProbeSource as ProbeSource
 from assetbuild.mesh.triangles import TriangleMesh, merged
+from assetbuild.mesh.verdict import verdict
 from assetbuild.mesh.weld import cleaned
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Box, Capsule, Cylinder, Mesh, Sphere
-from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_of, vec3
+from assetbuild.robot.model import Mesh
+from assetbuild.robot.pose import IDENTITY, Pose, quat_of, vec3
 
 PRELOAD = (
     "numpy",
@@ -43,106 +48,10 @@ PRELOAD = (
     "coacd",
 )
 """The same for all methods: they share one process that has paid for these imports."""
-MISSING = 0.5
-"""Share of the volume without collision that no tolerance explains: a method went wrong."""
 AS_GOOD_IOU = 0.01
 """A reused result may be worse by this much, the error of sampled volumes."""
 AS_GOOD = 0.01
 """Of the diagonal: the same for distances."""
-
-
-class PrimitiveSource(BaseModel):
-    """A primitive as plain data, tagged so that equal numbers of another kind differ."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    type: Literal["Box", "Sphere", "Cylinder", "Capsule"]
-    size: Vec3 | None = None
-    radius: float | None = Field(None, gt=0)
-    length: float | None = Field(None, ge=0)
-
-    @model_validator(mode="after")
-    def _complete(self) -> PrimitiveSource:
-        needed = {"Box": {"size"}, "Sphere": {"radius"}}.get(self.type, {"radius", "length"})
-        given = {name for name in ("size", "radius", "length") if getattr(self, name) is not None}
-        if given != needed:
-            raise ValueError(f"a {self.type} has {sorted(needed)}, not {sorted(given)}")
-        return self
-
-    @property
-    def geometry(self) -> Primitive:
-        """The primitive of the robot model."""
-        if self.size is not None:
-            return Box(self.size)
-        radius, length = self.radius or 0.0, self.length or 0.0
-        if self.type == "Sphere":
-            return Sphere(radius)
-        return Cylinder(radius, length) if self.type == "Cylinder" else Capsule(radius, length)
-
-
-class PlacedSource(BaseModel):
-    """One source shape: a mesh (its input folder) or a primitive, with its pose.
-
-    xyz, quat: of the shape in the output frame, m and wxyz.
-    """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    folder: str | None = None
-    primitive: PrimitiveSource | None = None
-    xyz: Vec3 = (0.0, 0.0, 0.0)
-    quat: Quat = (1.0, 0.0, 0.0, 0.0)
-
-    @model_validator(mode="after")
-    def _one(self) -> PlacedSource:
-        if (self.folder is None) == (self.primitive is None):
-            raise ValueError("a source is either a mesh folder or a primitive")
-        return self
-
-    @classmethod
-    def of_mesh(cls, folder: str, pose: Pose | None = None) -> PlacedSource:
-        """The converted mesh in the input folder `folder`; no pose = the output frame."""
-        at = pose or IDENTITY
-        return cls(folder=folder, xyz=at.xyz, quat=at.quat)
-
-    @classmethod
-    def of_primitive(cls, geometry: Primitive, pose: Pose | None = None) -> PlacedSource:
-        """A primitive of the source; no pose = the output frame."""
-        at = pose or IDENTITY
-        values = {name: getattr(geometry, name) for name in geometry.__dataclass_fields__}
-        plain = PrimitiveSource.model_validate({"type": type(geometry).__name__, **values})
-        return cls(primitive=plain, xyz=at.xyz, quat=at.quat)
-
-    @property
-    def pose(self) -> Pose:
-        """X_frame_shape."""
-        return Pose(self.xyz, self.quat)
-
-
-class ProbeSource(BaseModel):
-    """A place that pieces must leave open, or follow closely. start, end: output frame, m."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    start: Vec3
-    end: Vec3
-    radius: float = Field(0.0, ge=0)
-    max_outside: float | None = Field(None, ge=0)
-    """m; None: nothing may enter."""
-
-    @property
-    def probe(self) -> Probe:
-        """As the metrics take it."""
-        return Probe(self.start, self.end, self.radius)
-
-
-class Likeness(BaseModel):
-    """Another mesh has the same shape: p = signs * p_other + shift, per axis."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    signs: Vec3
-    shift: Vec3
 
 
 class CollisionMethod(Step):
@@ -157,8 +66,9 @@ class CollisionMethod(Step):
     isolated = True
     preload = PRELOAD
     limits: ClassVar[Limits] = Limits(wall_s=7200.0, memory_mb=4096)
-    scope: ClassVar[Literal["shape", "link"]] = "shape"
-    """Once per source shape, shared by all links that use it; or once per link."""
+    scope: ClassVar[Literal["shape", "shapes", "link"]] = "shape"
+    """Works on each source shape, shared by all links that use it; on all shapes of a link
+    together (a single one is shared, too); or in the frame of the link, whatever its shapes."""
     hull_tools: ClassVar[tuple[str, ...]] = ("numpy", "scipy", "manifold3d", "embreex")
     """What the reading, hulls and measures here depend on; subclasses add their library."""
 
@@ -229,7 +139,16 @@ class CollisionMethod(Step):
             made = pieces, measure(reference, pieces, flat=flat), fitted.how
         pieces, quality, how = made
         write_pieces(files.outputs, pieces, quality)
-        yield from self._findings(reference, pieces, quality, how)
+        yield from verdict(
+            self.subject,
+            reference,
+            pieces,
+            quality,
+            how=how,
+            tolerances=self.excesses(quality),
+            places=self.probes,
+            max_hulls=getattr(self, "max_hulls", None),
+        )
 
     def _mesh(self, files: Files) -> TriangleMesh:
         """All sources welded into one mesh in the output frame, checked."""
@@ -297,7 +216,9 @@ class CollisionMethod(Step):
             carried(piece, folder / "pieces", self.like)
             for piece in decode(Pieces, (folder / "pieces.json").read_bytes()).pieces
         ]
-        if before is None or any(blocked_by(p, s.probe) for s in self._closed for p in pieces):
+        if before is None or any(
+            blocked_by(p, place) for place in self.closed_places for p in pieces
+        ):
             return None
         quality = measure(reference, pieces, flat=before["flat"])
         as_good = (
@@ -308,73 +229,6 @@ class CollisionMethod(Step):
         )
         return (pieces, quality, "reused from an equal shape") if as_good else None
 
-    # --- findings -----------------------------------------------------------------------------
-
-    @property
-    def _closed(self) -> tuple[ProbeSource, ...]:
-        return tuple(probe for probe in self.probes if probe.max_outside is None)
-
-    def _findings(
-        self, reference: Reference, pieces: Sequence[ConvexPiece], quality: Quality, how: str
-    ) -> Iterator[Finding]:
-        if quality.flat:
-            yield self._flat_pieces(quality)
-        yield self._gap(reference, quality, how)
-        if quality.missing > MISSING:
-            yield self._mostly_missing(quality)
-        yield from self._missed(quality)
-        yield from self._places(reference, pieces)
-
-    def _flat_pieces(self, quality: Quality) -> Finding:
-        made = quality.flat + quality.pieces
-        return Finding(
-            rule="collision.flat_piece",
-            severity="warning",
-            subject=self.subject,
-            message=f"{quality.flat} of {made} pieces are flat and left out",
-            data={"flat": quality.flat, "pieces": made},
-        )
-
-    def _gap(self, reference: Reference, quality: Quality, how: str) -> Finding:
-        outside = 1e3 * quality.max_outside_m
-        open_note = " (the mesh is open: its inside is a majority of three rays)"
-        if reference.hollow:
-            open_note = " (the mesh has no inside: compared with its convex hull)"
-        return Finding(
-            rule="collision.gap",
-            severity="info",
-            subject=self.subject,
-            message=f"{how}: {quality.pieces} pieces, up to {outside:.2g} mm outside, "
-            f"{100 * quality.missing:.1f} % of the volume missing, {100 * quality.over:.1f} % too "
-            f"much" + ("" if quality.closed else open_note),
-            data={
-                "method": how,
-                "pieces": quality.pieces,
-                "max_outside_mm": round(outside, 3),
-                "max_missing": round(quality.missing, 4),
-                "over": round(quality.over, 4),
-                "iou": round(quality.iou, 4),
-                "volumes_exact": quality.exact,
-                "closed": quality.closed,
-                "mean_mm": round(1e3 * quality.mean_m, 3),
-                "p99_mm": round(1e3 * quality.p99_m, 3),
-                "max_mm": round(1e3 * quality.max_m, 3),
-                "see_through": round(quality.see_through, 3),
-                "max_vertices": quality.vertices,
-                "max_polygons": quality.polygons,
-            },
-        )
-
-    def _mostly_missing(self, quality: Quality) -> Finding:
-        return Finding(
-            rule="collision.missing",
-            severity="warning",
-            subject=self.subject,
-            message=f"{100 * quality.missing:.0f} % of the volume has no collision",
-            hint="the result may be hollow: use `hull`, or more pieces",
-            data={"max_missing": round(quality.missing, 4)},
-        )
-
     def excesses(self, quality: Quality) -> dict[str, tuple[float, float]]:
         """Key of each stated tolerance -> (found, allowed), both in its unit."""
         stated = {
@@ -384,66 +238,10 @@ class CollisionMethod(Step):
         }
         return {key: (found, most) for key, (found, most) in stated.items() if most is not None}
 
-    def _missed(self, quality: Quality) -> Iterator[Finding]:
-        """One finding for all tolerances that are not met: by how much, and what to change."""
-        over = {k: v for k, v in self.excesses(quality).items() if v[0] > v[1]}
-        if not over:
-            return
-        units = {"max_outside": (1e3, " mm")}
-        said = []
-        for key, (found, most) in over.items():
-            factor, unit = units.get(key, (100.0, " %"))
-            said.append(
-                f"`{key}` is {factor * found:.3g}{unit} instead of {factor * most:.3g}{unit}"
-            )
-        yield Finding(
-            rule="collision.tolerance",
-            severity="warning",
-            subject=self.subject,
-            message="; ".join(said),
-            hint=self._advice(set(over), quality),
-            data={
-                f"{key}_{side}": round(value, 6)
-                for key, pair in over.items()
-                for side, value in zip(("found", "allowed"), pair, strict=True)
-            },
-        )
-
-    def _advice(self, over: set[str], quality: Quality) -> str:
-        most = getattr(self, "max_hulls", None)
-        if most is not None and quality.pieces >= most:
-            return f"raise `max_hulls` (now {most}), or the tolerance"
-        if not quality.closed:
-            return "the mesh is open: close it, raise the tolerance, or use `primitive`"
-        if over == {"max_missing"}:
-            return "raise `max_missing`, or use `hull`, which covers everything"
-        return "raise the tolerance, or give the link another method"
-
-    def _places(self, reference: Reference, pieces: Sequence[ConvexPiece]) -> Iterator[Finding]:
-        for number, place in enumerate(self.probes):
-            if place.max_outside is None:
-                count = sum(blocked_by(piece, place.probe) for piece in pieces)
-                if count:
-                    yield Finding(
-                        rule="collision.closed",
-                        severity="error",
-                        subject=self.subject,
-                        message=f"`keep_open` {number + 1} is closed by {count} pieces",
-                        hint="raise `max_hulls`, lower `max_outside`, or make the probe smaller",
-                        data={"probe": number + 1, "pieces": count},
-                    )
-                continue
-            found = outside_in(reference, pieces, place.probe)
-            if found > place.max_outside:
-                yield Finding(
-                    rule="collision.region",
-                    severity="warning",
-                    subject=self.subject,
-                    message=f"collision sticks out by {1e3 * found:.3g} mm instead of "
-                    f"{1e3 * place.max_outside:.3g} mm in a region",
-                    hint="raise `max_hulls`, or the region's `max_outside`",
-                    data={"found_m": round(found, 6), "allowed_m": place.max_outside},
-                )
+    @property
+    def closed_places(self) -> tuple[Probe, ...]:
+        """Where no piece may be."""
+        return tuple(place.probe for place in self.probes if place.max_outside is None)
 
 
 @dataclass(frozen=True)

@@ -201,8 +201,7 @@ class Auto(CollisionMethod):
             max(0.0, found / most - 1.0) if most else float(found > 0.0)
             for found, most in self.excesses(quality).values()
         )
-        closed = [place.probe for place in self.probes if place.max_outside is None]
-        badness += BLOCKED * sum(blocked_by(p, probe) for probe in closed for p in capped)
+        badness += BLOCKED * sum(blocked_by(p, c) for c in self.closed_places for p in capped)
         return _Candidate(capped, quality, badness, how)
 
 

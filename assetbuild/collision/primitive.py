@@ -33,7 +33,7 @@ PARTS = 32
 class FitPrimitive(CollisionMethod):
     """Few primitives for all shapes of a link, by a two-sided score of what is over and missing."""
 
-    scope = "link"
+    scope = "shapes"
     tools = (*CollisionMethod.hull_tools, "vhacdx")
 
     shape: Literal["box", "sphere", "capsule", "cylinder"] | None = None
@@ -41,7 +41,7 @@ class FitPrimitive(CollisionMethod):
     max_hulls: int = Field(1, ge=1, le=64)
     """Most primitives; fewer where one more is hardly better."""
     bones: tuple[Vec3, ...] = ()
-    """From the frame of the link to the next joints, m: directions to try."""
+    """From the link's origin to the next joints, in the output frame, m: directions to try."""
     vhacd: VHacdOptions = VHacdOptions(resolution=100_000)
     """How the mesh is cut into parts when there may be several primitives."""
     cpu_limit: float = Field(60.0, gt=0)

@@ -33,6 +33,7 @@ from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Shapes, Tree
 from assetbuild.steps.control import ControlStep
+from assetbuild.steps.keep_ratings import KeepRatings
 from assetbuild.steps.lint_bodies import LintBodies
 from assetbuild.steps.lint_links import LintLinks
 from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
@@ -98,11 +99,13 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
     if assembled is None:
         return outline
     control = _control(recipe, read, tree, assembled, p)
+    ratings = p.add("ratings", KeepRatings(), {"control.json": control["control.json"]})
     outline.robot = {
         "links.json": edited["links.json"],
         "tree.json": tree["tree.json"],
         "shapes.json": assembled["shapes.json"],
         "control.json": control["control.json"],
+        "ratings.json": ratings["ratings.json"],
         "meshes/": assembled["meshes/"],
     }
     outline.targets = _targets(recipe, outline.robot, p)

@@ -32,11 +32,11 @@ def check_names(loaded: LoadedRecipe) -> None:
     check_rule(loaded, recipe.collision.default, ("collision", "default"))
     for pattern, rule in recipe.collision.links.items():
         check_rule(loaded, rule, ("collision", "links", pattern))
-    for _, edit, key in edits_of(loaded):
+    for _, edit, place in edits_of(loaded):
         if recipe.source.mjcf is not None and edit.step_name() in BY_NAME:
             message = f"`{edit.step_name()}` of a robot from MJCF: its sensors, drives and poses "
             hint = "rename and turn joints in the MJCF itself"
-            raise loaded.error(key, message + "would not follow", hint)
+            raise loaded.error(place, message + "would not follow", hint)
     stand = recipe.validate_.stand
     from_mjcf = recipe.source.mjcf is not None  # which has keyframes of its own
     if stand is not None and stand.keyframe not in recipe.keyframes and not from_mjcf:

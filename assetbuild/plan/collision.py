@@ -9,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+import numpy as np
+
 from assetbuild.collision import CollisionMethod, Likeness, PlacedSource, ProbeSource
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.errors import RecipeError, did_you_mean
@@ -45,14 +47,16 @@ class Job:
 
     @property
     def per_link(self) -> bool:
-        """Whether the result is in the frame of the link."""
-        return self.method is not None and self.method.scope == "link"
+        """Whether the result is in the frame of the link; else in that of its one shape."""
+        scope = self.method.scope if self.method else "shape"
+        return scope == "link" or (scope == "shapes" and len(self.shapes) != 1)
 
     @property
     def label(self) -> str:
         """Of its node."""
         name = self.method.step_name() if self.method else "keep"
-        return f"{name} {self.link if self.per_link else self.shapes[0].name}"
+        per_shape = self.method is None or self.method.scope == "shape"
+        return f"{name} {self.shapes[0].name if per_shape else self.link}"
 
     def step(self, like: Likeness | None = None) -> CollisionMethod:
         """The step; poses and places are in the frame of the result."""
@@ -66,16 +70,26 @@ class Job:
             else:
                 sources.append(PlacedSource.of_primitive(shape.geometry, pose))
         given = {"sources": tuple(sources), "probes": self._probes(), **self.fields}
+        if "bones" in given:
+            given["bones"] = tuple(self._direction(bone) for bone in given["bones"])
         return self.method.model_validate(given | ({"like": like} if like else {}))
 
+    @property
+    def _to_output(self) -> Pose:
+        alone = self.shapes and not self.per_link
+        return self.shapes[0].X_link_shape.inverse() if alone else Pose()
+
+    def _direction(self, bone: Vec3) -> Vec3:
+        """A direction of the link in the output frame; rounded, so that four legs share a key."""
+        return vec3(np.round(self._to_output.rotation @ np.asarray(bone), 6) + 0.0)
+
     def _probes(self) -> tuple[ProbeSource, ...]:
-        X_link_out = Pose() if self.per_link or not self.shapes else self.shapes[0].X_link_shape
         places: list[tuple[Region, float | None]]
         places = [(place, None) for place in self.keep_open]
         places += [(place, place.max_outside) for place in self.regions]
         made = []
         for place, most in places:
-            start, end = (vec3(X_link_out.inverse().apply([e])[0]) for e in place.ends)
+            start, end = (vec3(self._to_output.apply(np.asarray([e]))[0]) for e in place.ends)
             made.append(ProbeSource(start=start, end=end, radius=place.radius, max_outside=most))
         return tuple(made)
 
@@ -108,7 +122,7 @@ def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: Shapes) -> li
     fields = _fields(rule, loaded.recipe)
     if "bones" in method.model_fields and fields.get("max_hulls", 1) > 1:
         fields["bones"] = _bones(links, link)
-    if method.scope == "link":
+    if method.scope != "shape":
         return [Job(link, own, method, fields, rule.keep_open, rule.regions)]
     return [
         # The source's primitive is convex and exact already.
@@ -232,7 +246,7 @@ def equal_shapes(jobs: Sequence[Job], meshes: Meshes, p: Planner) -> Twins | Non
     for (label, options), same in shared.items():
         match = matches.get(folders[label])
         others = shared.get((by_folder[match["like"]], options)) if match else None
-        if others:
+        if others and jobs.index(others[0]) < jobs.index(same[0]):  # else it is not planned yet
             likeness = Likeness(signs=match["signs"], shift=match["shift"])
             twins |= {id(job): Twin(others[0], likeness) for job in same}
     return twins

@@ -256,6 +256,9 @@ class Validate(Model):
         default_factory=lambda: Sine.model_validate({}),
         description="part of the comparison of two simulators; null = do not run it",
     )
+    linters: tuple[Literal["mjcf_doctor", "simcheck"], ...] = Field(
+        (), description="other people's linters of the MJCF; they need assetbuild[lint]"
+    )
     trials: Trials | None = Field(
         default_factory=lambda: Trials.model_validate({}),
         description="small experiments in MuJoCo: drives, energy, timestep, self-collision, "

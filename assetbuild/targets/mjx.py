@@ -23,6 +23,7 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Contact, Control, Mesh, Shapes, Tree
 from assetbuild.targets.mjcf.files import (
     copy_assets,
+    one_per_look,
     refuse_name,
     unreadable_textures,
     without_textures,
@@ -36,6 +37,7 @@ from assetbuild.targets.mjcf.scene import scene
 class Mjx(Target):
     """Writes `<robot>_mjx.xml`, `scene_mjx.xml` and their assets beside the full MJCF."""
 
+    version = "2"
     outputs = ("mjx/",)
     folder = "mjcf"
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
@@ -53,7 +55,8 @@ class Mjx(Target):
         tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
         control = decode(Control, (files.inputs / "control.json").read_bytes())
-        shapes = without_textures(shapes, unreadable_textures(shapes, files.inputs / "meshes"))
+        without = unreadable_textures(shapes, files.inputs / "meshes")
+        shapes = one_per_look(without_textures(shapes, without))
 
         left_out, shapes = self._touching(shapes)
         control = self._masked(control, shapes)

@@ -43,13 +43,13 @@ class Urdf(Target):
 
     version = "2"
     outputs = ("urdf/",)
-    reads = ("links.json", "shapes.json", "control.json", "meshes/")
+    reads = ("links.json", "shapes.json", "ratings.json", "meshes/")
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Numbers by `repr`, UTF-8, two spaces; same robot, same bytes."""
         tree = decode(Tree, (files.inputs / "links.json").read_bytes())
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        control = decode(Control, (files.inputs / "ratings.json").read_bytes())
         robot = ET.Element("robot", name=tree.name)
         for material in shapes.materials:
             _add_material(robot, material)

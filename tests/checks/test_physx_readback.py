@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,14 @@ def test_quadruped_is_what_it_was(tmp_path: Path) -> None:
 
 def test_fixed_base_does_not_move(tmp_path: Path) -> None:
     assert check(pendulum(), tmp_path) == []
+
+
+def test_kept_feet_are_bodies_on_fixed_joints(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    tree = replace(robot.links, bodies=robot.links.bodies)  # nothing merged: `keep_bodies` for all
+    assert check(replace(robot, tree=tree), tmp_path) == []
+    figures = json.loads((tmp_path / "out/figures.json").read_text())
+    assert (figures["bodies"], figures["dof"], figures["shapes"]) == (18, 12, 17)
 
 
 def test_gains_in_the_wrong_unit_are_caught(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from .conftest import Workplace, new_workplace
 
-CONTROL_READERS = {"control", "mjcf", "mjx", "mjlab", "usd", "urdf", "pose"}
+CONTROL_READERS = {"control", "mjcf", "mjx", "mjlab", "usd", "pose", "ratings"}
 
 
 def test_the_bundle_is_whole_and_matches_its_manifest(place: Workplace):
@@ -50,6 +50,7 @@ def test_a_new_gain_runs_only_what_reads_actuators(place: Workplace):
     ran = place.ran()
     assert {"control", "mjcf", "usd"} <= ran
     assert all(name in CONTROL_READERS or name.startswith("check ") for name in ran), ran
+    assert "check urdf_reload" not in ran
     told = place.run("explain", "recipes/go1.yaml", "control").stdout
     assert re.search(r"rows\[0\]\.kp: 80(\.0)? -> 90", told), told
 

@@ -60,6 +60,7 @@ def test_it_follows_recipe_and_source_and_survives_mistakes(legs: Legs, watching
     told = watching.waits()
     assert "changed: `legs.yaml`" in told
     assert "ran    control" in told
+    assert "ran    urdf" not in told  # it holds no gain
     assert "ran    read_urdf" not in told
     legs.edit("kp: 30", "kpp: 30")
     told = watching.waits()

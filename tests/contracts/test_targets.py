@@ -40,5 +40,5 @@ def test_it_writes_below_its_own_name_and_says_what_it_reads(name: str):
     target = load_plugin(Target, "assetbuild.targets", name)
     assert target.outputs == (f"{name}/",)
     assert set(target.reads) <= {
-        "links.json", "tree.json", "shapes.json", "control.json", "meshes/",
+        "links.json", "tree.json", "shapes.json", "control.json", "ratings.json", "meshes/",
     }  # fmt: skip

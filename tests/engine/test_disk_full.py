@@ -17,8 +17,9 @@ from steps_for_tests import Mix, Split
 from assetbuild.engine.execute import execute, first_error, restore
 from assetbuild.engine.graph import Planner
 from assetbuild.engine.housekeeping import check
+from assetbuild.engine.publish import discard, new_staging, publish
 from assetbuild.engine.session import Session
-from assetbuild.engine.store import Store
+from assetbuild.engine.store import Store, machine_error
 from assetbuild.errors import AssetBuildError, MachineError
 
 
@@ -126,3 +127,41 @@ def test_a_full_disk_at_any_write_is_one_error_that_loses_nothing(tmp_path: Path
         assert build(root, source, dest) == gold, full_at
         assert list((root / "v1/tmp").iterdir()) == []
     assert failed >= writes - 6  # notes such as the journal are given up in silence
+
+
+def fill(out: Path, content: str) -> None:
+    """What a build does with a finished bundle; OSError is its caller's to name."""
+    staging = new_staging(out)
+    try:
+        (staging / "folder").mkdir()
+        for name in ("manifest.json", "a", "folder/b"):
+            with (staging / name).open("w") as file:
+                file.write("{}" if name == "manifest.json" else content)
+        publish(staging, out, {})
+    except OSError as error:
+        raise machine_error(error, out) from error
+    finally:
+        discard(staging)
+
+
+def test_a_disk_that_fills_up_while_a_bundle_is_written_keeps_the_old_one(tmp_path: Path):
+    """The user edited the old one too: that is kept aside, or stays where it is."""
+    failed = 0
+    for full_at in range(1, 40):
+        out = tmp_path / str(full_at) / "out"
+        out.parent.mkdir()
+        fill(out, "old")
+        (out / "mine").write_text("edited by hand")
+        error, writes = attempt(full_at, lambda out=out: fill(out, "new"))
+        is_new = error is None
+        failed += not is_new
+        assert (out / "a").read_text() == (out / "folder/b").read_text()
+        assert (out / "a").read_text() == ("new" if is_new else "old")
+        kept = out / "mine" if (out / "mine").exists() else out.parent / "out.edited/mine"
+        assert kept.read_text() == "edited by hand"
+        fill(out, "newer")
+        assert (out / "a").read_text() == "newer"
+        assert not [p for p in out.parent.iterdir() if ".new-" in p.name or ".old-" in p.name]
+        if is_new and writes < full_at:
+            break
+    assert failed > 5

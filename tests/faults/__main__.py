@@ -21,6 +21,8 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from assetbuild.engine.null import identity
+
 ROOT = Path(__file__).parents[2]
 URDF = ROOT / "tests/robots/four_legs.urdf"
 RECIPE = """\
@@ -105,6 +107,14 @@ def golds(folder: Path) -> tuple[dict[int, bytes], float]:
     return found, min(seconds)
 
 
+CODE = identity()
+
+
+def _check_same_code() -> None:
+    if identity() != CODE:
+        raise SystemExit("assetbuild was edited meanwhile: the gold builds prove nothing now")
+
+
 # --- F1
 
 
@@ -151,6 +161,7 @@ def _kill_once(legs: Legs, chance: random.Random, seconds: float, tally: Tally) 
 
 def _check_next_build(legs: Legs, gold: bytes, tally: Tally) -> None:
     code = legs.build()
+    _check_same_code()
     tally.done["builds after kills"] += 1
     if code != 0:
         tally.bad.append(f"refused with {code}: {legs.log()[-500:]}")
@@ -193,6 +204,7 @@ def at_once(folder: Path, rounds: int, builds: int) -> Tally:
                 tally.bad.append(f"refused with {code}: {legs.log()[-500:]}")
             elif legs.manifest() != gold[mass]:
                 tally.bad.append("wrong: another manifest than the gold build's")
+        _check_same_code()
         runs = Counter(label for legs in places for label in _ran(legs))
         tally.done["steps"] += len(runs)
         tally.done["runs"] += sum(runs.values())

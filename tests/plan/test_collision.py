@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,11 +10,14 @@ from types import SimpleNamespace
 import pytest
 
 from assetbuild.collision.auto import Auto
+from assetbuild.engine.graph import Node, Ref
+from assetbuild.engine.step import Step
 from assetbuild.errors import RecipeError
-from assetbuild.plan.collision import check_rule, collision_jobs
+from assetbuild.plan.collision import check_rule, collision_jobs, equal_shapes
 from assetbuild.recipe.loader import LoadedRecipe, load_recipe
 from assetbuild.robot.model import Body, Box, Joint, Mesh, Shape, Shapes, Tree
 from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.steps.convert_mesh import ConvertMesh
 
 TURNED = Pose((1.0, 0.0, 0.0), quat_of_rpy(0.0, 0.0, math.pi / 2.0))
 LINKS = Tree(
@@ -102,3 +106,70 @@ def test_a_key_that_a_method_does_not_have_is_refused_with_its_line(tmp_path, ru
     with pytest.raises(RecipeError, match=f"has no key `{key}`") as caught:
         check_rule(recipe, recipe.recipe.collision.default, ("collision", "default"))
     assert caught.value.where.line == 5
+
+
+class Answers:
+    """A planner that knows `matches.json`, and meshes that are converted by their names."""
+
+    def __init__(self, matches: dict[str, object] | None) -> None:
+        self.matches, self.shapes, self.inputs = matches, SHAPES, {}
+
+    def converted(self, mesh: Mesh) -> Node:
+        return Node(f"convert_mesh {mesh.mesh}", ConvertMesh(format="stl"), {})
+
+    def add(self, label: str, step: Step, inputs: dict[str, Ref]) -> Node:
+        self.inputs = inputs
+        return Node(label, step, inputs)
+
+    def ask(self, ref: Ref) -> bytes | None:
+        return None if self.matches is None else json.dumps(self.matches).encode()
+
+
+MIRRORED = {"shapes/1": {"like": "shapes/0", "signs": [-1, 1, 1], "shift": [0, 0, 0]}}
+
+
+def test_a_mirrored_mesh_takes_the_result_of_the_other_link(tmp_path):
+    all_jobs = jobs(tmp_path, "  preset: locomotion\n")
+    base, _, arm = all_jobs
+    known = Answers(MIRRORED)
+    twins = equal_shapes(all_jobs, known, known)
+    assert set(twins) == {id(arm)}
+    assert twins[id(arm)].job is base
+    assert sorted(known.inputs)[0] == "shapes/0/mesh.json"
+    assert equal_shapes(all_jobs, known, Answers(None)) is None  # not compared yet
+
+
+def test_other_tolerances_share_no_result(tmp_path):
+    all_jobs = jobs(tmp_path, "  links: {arm: {preset: manipulation}}\n")
+    assert equal_shapes(all_jobs, Answers(MIRRORED), Answers(MIRRORED)) == {}
+
+
+def test_a_place_to_keep_open_is_searched_on_its_own(tmp_path):
+    text = "  links: {arm: {keep_open: [{from: [0, 0, 0], radius: 1 mm}]}}\n"
+    all_jobs = jobs(tmp_path, text)
+    assert equal_shapes(all_jobs, Answers(MIRRORED), Answers(MIRRORED)) == {}
+
+
+def test_a_primitive_of_one_mesh_is_shared_by_all_links_that_turn_it(tmp_path):
+    recipe = loaded(tmp_path, "  default: {method: primitive, max_hulls: 2}\n")
+    turned = Pose((0.1, 0.0, 0.0), quat_of_rpy(math.pi, 0.0, 0.0))
+    ends = {"left": (0.0, 0.08, 0.0), "right": (0.0, -0.08, 0.0)}
+    tree = Tree(
+        "r",
+        "fixed",
+        tuple(Body(name) for name in ("left", "right", "tip_left", "tip_right")),
+        tuple(
+            Joint(side, "revolute", side, f"tip_{side}", Pose(xyz)) for side, xyz in ends.items()
+        ),
+    )
+    shapes = Shapes(
+        (
+            Shape("l", "left", "collision", Mesh("hip.stl")),
+            Shape("r", "right", "collision", Mesh("hip.stl"), turned),
+        )
+    )
+    left, right = collision_jobs(recipe, tree, SimpleNamespace(shapes=shapes))
+    assert left.step() == right.step()
+    assert left.step().bones == ((0.0, 0.08, 0.0),)
+    assert (left.label, right.label) == ("primitive left", "primitive right")
+    assert not left.per_link

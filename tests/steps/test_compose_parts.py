@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -95,13 +94,6 @@ def test_findings_about_a_part_name_its_own_file(tmp_path):
     assert lines["lines"]["link trunk"] == 7
 
 
-def robots() -> Path:
-    data = os.environ.get("ASSETBUILD_TEST_DATA")
-    if not data or not (Path(data) / "example-robot-data/robots/z1_description").is_dir():
-        pytest.skip("set ASSETBUILD_TEST_DATA to the share folder of example-robot-data")
-    return Path(data) / "example-robot-data/robots"
-
-
 def read(urdf: Path, folder: Path, base: str) -> Tree:
     folder.mkdir(parents=True)
     (folder / "robot.urdf").write_bytes(urdf.read_bytes())
@@ -110,9 +102,9 @@ def read(urdf: Path, folder: Path, base: str) -> Tree:
     return decode(Tree, (folder / "links.json").read_bytes())
 
 
-def test_b1_with_z1_is_the_robot_that_somebody_merged_by_hand(tmp_path):
+def test_b1_with_z1_is_the_robot_that_somebody_merged_by_hand(tmp_path, go1_root):
     """Against example-robot-data's own b1-z1.urdf: every link, joint and pose."""
-    folder = robots()
+    folder = go1_root / "robots"
     by_hand = read(folder / "b1_description/urdf/b1-z1.urdf", tmp_path / "hand", "floating")
     read(folder / "b1_description/urdf/b1.urdf", tmp_path / "base", "floating")
     read(folder / "z1_description/urdf/z1.urdf", tmp_path / "arm_", "fixed")

@@ -10,7 +10,14 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
+from tiny import (
+    TinyRobot,
+    check_inputs,
+    pendulum,
+    run_step,
+    tiny_quadruped,
+    write_robot_ports,
+)
 
 from assetbuild.checks.mjcf_equal import MjcfEqual
 from assetbuild.errors import StepError
@@ -136,3 +143,16 @@ def test_the_options_of_the_recipe_are_in_the_file(tmp_path: Path) -> None:
     option = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/robot.xml")).opt
     assert (option.iterations, option.ls_iterations, option.impratio) == (7, 9, 3.0)
     assert (option.solver, option.cone, option.integrator) == (1, 1, 0)
+
+
+def test_materials_that_look_alike_share_one_name(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    grey = robot.shapes.materials[0]
+    twin = replace(grey, name="Face636_001")
+    shapes = tuple(replace(s, material="Face636_001") if s.name == "imu_visual" else s for s in robot.shapes.shapes)  # fmt: skip # noqa: E501
+    alike = replace(robot.shapes, shapes=shapes, materials=(*robot.shapes.materials, twin))
+    inputs = write_robot_ports(tmp_path / "in", replace(robot, shapes=alike))
+    findings = run_step(Mjcf(robot="robot"), inputs, tmp_path / "out")
+    assert "mjcf.looks" in {f.rule for f in findings}
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
+    assert model.nmat == 1

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pxr import Usd as UsdCore
-from pxr import UsdPhysics
+from pxr import UsdGeom, UsdPhysics
 from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, with_mimic
 
 from assetbuild.checks.usd_equal import UsdEqual
@@ -147,3 +148,20 @@ def test_the_recipe_decides_what_only_physx_knows(tmp_path: Path) -> None:
     base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
     recipe = Recipe.model_validate(base | {"usd": options})
     assert Usd.configure(recipe).options == recipe.usd
+
+
+def test_meshes_have_normals_by_the_winding_of_their_faces(tmp_path: Path) -> None:
+    stage, _ = build(tiny_quadruped(), tmp_path)
+    prim = stage.GetPrimAtPath("/robot/trunk/visuals/trunk_visual/mesh")
+    if not prim:  # the instance's own prims are proxies
+        prim = UsdCore.Stage.Open(str(tmp_path / "inputs/usd/payloads/geometries.usdc"))
+        prim = prim.GetPrimAtPath("/Geometries/trunk_box/mesh")
+    mesh = UsdGeom.Mesh(prim)
+    assert mesh.GetNormalsInterpolation() == UsdGeom.Tokens.uniform
+    normals = np.array(mesh.GetNormalsAttr().Get())
+    points = np.array(mesh.GetPointsAttr().Get())
+    faces = np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3)
+    assert len(normals) == len(faces) == 12
+    outward = points[faces].mean(axis=1)  # a box about its own origin
+    assert (np.einsum("ij,ij->i", normals, outward) > 0.0).all()
+    assert np.linalg.norm(normals, axis=1) == pytest.approx(1.0)

@@ -15,6 +15,8 @@ from assetbuild.simulators import mujoco
 
 TOLERANCE = 1e-9
 """Relative to the size of what is compared; sums of sines and cosines round to about 1e-15."""
+ROUGH = 1e-5
+"""The same where an old MuJoCo turned a full inertia to its axes, see `is_rough`."""
 ROUNDING = 1e-11
 """Absolute, SI units."""
 FREE, SLIDE, HINGE = 0, 2, 3
@@ -57,6 +59,7 @@ class Comparison:
     ) -> None:
         self.a, self.b, self.tree, self.stated = Side.of(source), Side.of(ours), tree, stated
         self.names = mujoco.body_names(tree)
+        self.tolerance = TOLERANCE
         self.worst: dict[str, float] = {}
         self.shown: dict[str, int] = {}
         self.compared: dict[str, list[int]] = {}
@@ -67,6 +70,7 @@ class Comparison:
             "compared": dict(self.compared),
             "differences": dict(self.shown),
             "not_compared": sorted(self.stated),
+            "tolerance": self.tolerance,
             "worst_relative_error": dict(self.worst),
         }
 
@@ -136,7 +140,7 @@ class Comparison:
         expected: ArrayLike,
         found: ArrayLike,
         *,
-        tolerance: float = TOLERANCE,
+        tolerance: float | None = None,
         absolute: float = ROUNDING,
     ) -> Iterator[Finding]:
         """A finding when two arrays differ by more than the tolerance, relative to their norm."""
@@ -147,7 +151,8 @@ class Comparison:
         distance, size = float(np.linalg.norm(a - b)), float(np.linalg.norm(a))
         if size > 0.0:
             self.worst[what] = max(distance / size, self.worst.get(what, 0.0))
-        if not distance <= tolerance * size + absolute:
+        slack = self.tolerance if tolerance is None else tolerance
+        if not distance <= slack * size + absolute:
             yield differs(what, subject, words, a.tolist(), b.tolist())
 
 

@@ -21,7 +21,9 @@ from assetbuild.targets.mjcf.chains import explain_chains
 from assetbuild.targets.mjcf.drives import explain_losses
 from assetbuild.targets.mjcf.files import (
     copy_assets,
+    explain_looks,
     explain_textures,
+    one_per_look,
     refuse_name,
     unreadable_textures,
     without_textures,
@@ -35,7 +37,7 @@ from assetbuild.targets.mjcf.scene import scene
 class Mjcf(Target):
     """Writes `mjcf/<robot>.xml`, `mjcf/scene.xml` and `mjcf/assets/`."""
 
-    version = "3"
+    version = "4"
     outputs = ("mjcf/",)
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
 
@@ -56,7 +58,8 @@ class Mjcf(Target):
         control = decode(Control, (files.inputs / "control.json").read_bytes())
 
         without = unreadable_textures(shapes, files.inputs / "meshes")
-        shapes = without_textures(shapes, without)
+        plain = without_textures(shapes, without)
+        shapes = one_per_look(plain)
         folder = files.outputs / "mjcf"
         model = RobotXml(self.robot, self._solver(tree), tree, shapes, control)
         root = with_opaque(model.element(), control.mjcf_only, model.body_names)
@@ -68,6 +71,7 @@ class Mjcf(Target):
         yield from _explain_names(tree)
         yield from _explain_planar(tree)
         yield from explain_chains(tree, shapes)
+        yield from explain_looks(plain, shapes)
         yield from explain_textures(without)
         yield from explain_losses(tree, control)
 

@@ -42,6 +42,31 @@ def without_textures(shapes: Shapes, without: tuple[Material, ...]) -> Shapes:
     return replace(shapes, materials=plain)
 
 
+def one_per_look(shapes: Shapes) -> Shapes:
+    """Materials that look alike under one name, the first: CAD exports name every face."""
+    first: dict[tuple[object, ...], str] = {}
+    names = {m.name: first.setdefault((m.rgba, m.texture), m.name) for m in shapes.materials}
+    worn = tuple(
+        replace(shape, material=names.get(shape.material or "", shape.material))
+        for shape in shapes.shapes
+    )
+    kept = tuple(m for m in shapes.materials if names[m.name] == m.name)
+    return replace(shapes, shapes=worn, materials=kept)
+
+
+def explain_looks(before: Shapes, after: Shapes) -> Iterator[Finding]:
+    """One finding when materials that look alike share a name."""
+    if len(after.materials) < len(before.materials):
+        yield Finding(
+            "mjcf.looks",
+            "info",
+            "robot",
+            f"{len(before.materials)} materials have {len(after.materials)} looks: those that "
+            "look alike share the first one's name",
+            data={"materials": len(before.materials), "looks": len(after.materials)},
+        )
+
+
 def explain_textures(without: tuple[Material, ...]) -> Iterator[Finding]:
     """One finding for each texture that MuJoCo could not read."""
     for material in without:

@@ -20,6 +20,7 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Shapes, Tree
 from assetbuild.targets.mjcf.files import (
     copy_assets,
+    one_per_look,
     refuse_name,
     unreadable_textures,
     without_textures,
@@ -39,6 +40,7 @@ NOT_IN_MJLAB = frozenset({"general"})
 class Mjlab(Target):
     """Writes `mjcf/<robot>_bare.xml` with its assets, and `python/<robot>_mjlab.py`."""
 
+    version = "2"
     outputs = ("mjlab/",)
     folder = ""
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
@@ -66,7 +68,8 @@ class Mjlab(Target):
         tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
         control = decode(Control, (files.inputs / "control.json").read_bytes())
-        shapes = without_textures(shapes, unreadable_textures(shapes, files.inputs / "meshes"))
+        without = unreadable_textures(shapes, files.inputs / "meshes")
+        shapes = one_per_look(without_textures(shapes, without))
 
         facts = self._facts(tree, shapes, control)
         sites = [s for s in (*facts.foot_sites, facts.imu_site) if s in tree.by_body]

@@ -22,7 +22,7 @@ from assetbuild.robot.model import (
     Shapes,
     Sphere,
 )
-from assetbuild.robot.pose import Pose, Vec3
+from assetbuild.robot.pose import Array, Pose, Vec3
 from assetbuild.simulators.usd_names import LOOKS
 from assetbuild.targets.usd.layers import GEOMETRIES, label, new_layer, new_stage, place, save
 from assetbuild.targets.usd.names import VISUALS, Names
@@ -71,10 +71,23 @@ def _define_mesh(stage: Usd.Stage, path: str, triangles: TriangleMesh) -> None:
         kind = Sdf.ValueTypeNames.TexCoord2fArray
         primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", kind, UsdGeom.Tokens.faceVarying)
         primvar.Set(Vt.Vec2fArray.FromNumpy(triangles.uv.astype(np.float32).reshape(-1, 2)))
+    # Polygons without normals are shown flat: one normal per face says the same aloud.
+    normals, kind = face_normals(triangles), UsdGeom.Tokens.uniform
     if triangles.normals is not None:
-        normals = triangles.normals.astype(np.float32).reshape(-1, 3)
-        mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals))
-        mesh.SetNormalsInterpolation(UsdGeom.Tokens.faceVarying)
+        normals, kind = triangles.normals, UsdGeom.Tokens.faceVarying
+    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals.astype(np.float32).reshape(-1, 3)))
+    mesh.SetNormalsInterpolation(kind)
+
+
+def face_normals(triangles: TriangleMesh) -> Array:
+    """(n, 3) unit normals by the winding of the faces; +z for a face without area."""
+    a, b, c = (triangles.vertices[triangles.faces[:, corner]] for corner in range(3))
+    normals = np.cross(b - a, c - a)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    flat = lengths[:, 0] <= 0.0
+    normals[flat], lengths[flat] = (0.0, 0.0, 1.0), 1.0
+    out: Array = normals / lengths
+    return out
 
 
 def write_instances(folder: Path, names: Names, shapes: Shapes, *, instanceable: bool) -> None:

@@ -1,0 +1,65 @@
+"""mjcf-doctor's opinion of the scene (extra `lint`): short simulations, soft contacts, masks."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import ClassVar, Self
+
+from assetbuild.engine.step import Files
+from assetbuild.findings import Finding, Severity
+from assetbuild.kinds import Check, write_figures
+from assetbuild.recipe.models import Recipe
+
+LEVELS: dict[str, Severity] = {"ERROR": "error", "WARN": "warning", "INFO": "info"}
+
+
+class MjcfDoctor(Check):
+    """Findings `doctor.<code>`: its codes, its words."""
+
+    isolated = True
+    tools = ("mjcf-doctor", "mujoco")
+    needs = ("mjcf",)
+    reads = ()
+    requires: ClassVar = {"mjcf_doctor": "lint"}
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self | None:
+        """None when the recipe does not name it."""
+        return cls() if "mjcf_doctor" in recipe.validate_.linters else None
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads `mjcf/scene.xml`; a doctor that breaks is a finding, not a failed build."""
+        command = [sys.executable, "-m", "mjcf_doctor", "check", "scene.xml", "--json", "-q"]
+        done = subprocess.run(
+            command, cwd=files.inputs / "mjcf", capture_output=True, text=True, check=False
+        )
+        findings = _findings(done.stdout)
+        write_figures(files, {"findings": len(findings or ())})
+        if findings is None:
+            yield Finding(
+                "doctor.broken",
+                "warning",
+                "robot",
+                f"mjcf-doctor gave no report (exit {done.returncode})",
+                hint=done.stderr.strip().splitlines()[-1] if done.stderr.strip() else "",
+            )
+            return
+        for found in findings:
+            yield Finding(
+                rule=f"doctor.{found['code']}",
+                severity=LEVELS.get(found["level"], "info"),
+                subject="robot",
+                message=f"mjcf-doctor: {found['subject']}: {found['message']}",
+            )
+
+
+def _findings(text: str) -> list[dict[str, str]] | None:
+    """The JSON that follows its page for people; None when there is none."""
+    start = 0 if text.startswith("[\n") else text.find("\n[\n")
+    try:
+        return [dict(f) for f in json.loads(text[start:])[0]["findings"]] if start >= 0 else None
+    except (ValueError, LookupError, TypeError):
+        return None

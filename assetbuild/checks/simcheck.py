@@ -1,0 +1,72 @@
+"""simcheck's opinion of the MJCF (extra `lint`): files, inertias, geometry, joints."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any, ClassVar, Self
+
+from assetbuild.engine.step import Files, Limits
+from assetbuild.findings import Finding, Severity
+from assetbuild.kinds import Check, write_figures
+from assetbuild.recipe.models import Recipe
+
+LEVELS: dict[str, Severity] = {"error": "error", "warning": "warning", "info": "info"}
+
+
+class Simcheck(Check):
+    """Findings `simcheck.<category>.<check>`. Its engines are left off: ours simulate already."""
+
+    isolated = True
+    tools = ("simcheck", "mujoco", "trimesh")
+    needs = ("mjcf",)
+    reads = ()
+    requires: ClassVar = {"simcheck": "lint"}
+    limits = Limits(wall_s=1200.0, memory_mb=4096)
+
+    robot: str
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self | None:
+        """None when the recipe does not name it."""
+        wanted = "simcheck" in recipe.validate_.linters
+        return cls(robot=recipe.robot) if wanted else None
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads `mjcf/<robot>.xml`; a linter that breaks is a finding, not a failed build."""
+        command = [
+            sys.executable, "-m", "simcheck", "check", f"{self.robot}.xml", "--json", "-",
+            "--static-only", "--no-config", "--robot", "--quiet", "--fail-on", "never",
+        ]  # fmt: skip
+        done = subprocess.run(
+            command, cwd=files.inputs / "mjcf", capture_output=True, text=True, check=False
+        )
+        results = _results(done.stdout)
+        passed = sum(result["status"] == "pass" for result in results)
+        write_figures(files, {"checks": len(results), "passed": passed})
+        if not results:
+            yield Finding(
+                "simcheck.broken",
+                "warning",
+                "robot",
+                f"simcheck gave no report (exit {done.returncode})",
+                hint=done.stderr.strip().splitlines()[-1] if done.stderr.strip() else "",
+            )
+        for result in results:
+            for found in result["findings"]:
+                yield Finding(
+                    rule=f"simcheck.{result['id']}",
+                    severity=LEVELS.get(found["severity"], "info"),
+                    subject="robot",
+                    message=f"simcheck: {found['message']}",
+                    data={"target": str(found.get("target", ""))},
+                )
+
+
+def _results(text: str) -> list[dict[str, Any]]:  # Any: foreign JSON
+    try:
+        return list(json.loads(text[text.index("{") :])["results"])
+    except (ValueError, KeyError, TypeError):
+        return []

@@ -1,0 +1,158 @@
+"""What is said about collision geometry: its figures, missed tolerances, places it closes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from assetbuild.findings import Finding
+from assetbuild.mesh.cover import Quality, Reference, blocked_by, outside_in
+from assetbuild.mesh.solid import ConvexPiece
+from assetbuild.mesh.sources import ProbeSource
+
+MISSING = 0.5
+"""Share of the volume without collision that no tolerance explains: a method went wrong."""
+
+Tolerances = Mapping[str, tuple[float, float]]
+"""Key of each stated tolerance -> (found, allowed), both in its unit."""
+
+
+def verdict(
+    subject: str,
+    reference: Reference,
+    pieces: Sequence[ConvexPiece],
+    quality: Quality,
+    *,
+    how: str,
+    tolerances: Tolerances,
+    places: Sequence[ProbeSource],
+    max_hulls: int | None,
+) -> Iterator[Finding]:
+    """All findings about the pieces of one mesh. how: the method in words."""
+    if quality.flat:
+        yield _flat_pieces(subject, quality)
+    yield _gap(subject, reference, quality, how)
+    if quality.missing > MISSING:
+        yield _mostly_missing(subject, quality)
+    yield from _missed(subject, quality, tolerances, max_hulls)
+    yield from _places(subject, reference, pieces, places)
+
+
+def _flat_pieces(subject: str, quality: Quality) -> Finding:
+    made = quality.flat + quality.pieces
+    return Finding(
+        rule="collision.flat_piece",
+        severity="warning",
+        subject=subject,
+        message=f"{quality.flat} of {made} pieces are flat and left out",
+        data={"flat": quality.flat, "pieces": made},
+    )
+
+
+def _gap(subject: str, reference: Reference, quality: Quality, how: str) -> Finding:
+    outside = 1e3 * quality.max_outside_m
+    open_note = " (the mesh is open: its inside is a majority of three rays)"
+    if reference.hollow:
+        open_note = " (the mesh has no inside: compared with its convex hull)"
+    return Finding(
+        rule="collision.gap",
+        severity="info",
+        subject=subject,
+        message=f"{how}: {quality.pieces} pieces, up to {outside:.2g} mm outside, "
+        f"{100 * quality.missing:.1f} % of the volume missing, {100 * quality.over:.1f} % too "
+        f"much" + ("" if quality.closed else open_note),
+        data={
+            "method": how,
+            "pieces": quality.pieces,
+            "max_outside_mm": round(outside, 3),
+            "max_missing": round(quality.missing, 4),
+            "over": round(quality.over, 4),
+            "iou": round(quality.iou, 4),
+            "volumes_exact": quality.exact,
+            "closed": quality.closed,
+            "mean_mm": round(1e3 * quality.mean_m, 3),
+            "p99_mm": round(1e3 * quality.p99_m, 3),
+            "max_mm": round(1e3 * quality.max_m, 3),
+            "see_through": round(quality.see_through, 3),
+            "max_vertices": quality.vertices,
+            "max_polygons": quality.polygons,
+        },
+    )
+
+
+def _mostly_missing(subject: str, quality: Quality) -> Finding:
+    return Finding(
+        rule="collision.missing",
+        severity="warning",
+        subject=subject,
+        message=f"{100 * quality.missing:.0f} % of the volume has no collision",
+        hint="the result may be hollow: use `hull`, or more pieces",
+        data={"max_missing": round(quality.missing, 4)},
+    )
+
+
+def _missed(
+    subject: str, quality: Quality, tolerances: Tolerances, max_hulls: int | None
+) -> Iterator[Finding]:
+    """One finding for all tolerances that are not met: by how much, and what to change."""
+    over = {k: v for k, v in tolerances.items() if v[0] > v[1]}
+    if not over:
+        return
+    units = {"max_outside": (1e3, " mm")}
+    said = []
+    for key, (found, most) in over.items():
+        factor, unit = units.get(key, (100.0, " %"))
+        said.append(f"`{key}` is {factor * found:.3g}{unit} instead of {factor * most:.3g}{unit}")
+    yield Finding(
+        rule="collision.tolerance",
+        severity="warning",
+        subject=subject,
+        message="; ".join(said),
+        hint=_advice(set(over), quality, max_hulls),
+        data={
+            f"{key}_{side}": round(value, 6)
+            for key, pair in over.items()
+            for side, value in zip(("found", "allowed"), pair, strict=True)
+        },
+    )
+
+
+def _advice(over: set[str], quality: Quality, most: int | None) -> str:
+    if most is not None and quality.pieces >= most:
+        return f"raise `max_hulls` (now {most}), or the tolerance"
+    if not quality.closed:
+        return "the mesh is open: close it, raise the tolerance, or use `primitive`"
+    if over == {"max_missing"}:
+        return "raise `max_missing`, or use `hull`, which covers everything"
+    return "raise the tolerance, or give the link another method"
+
+
+def _places(
+    subject: str,
+    reference: Reference,
+    pieces: Sequence[ConvexPiece],
+    places: Sequence[ProbeSource],
+) -> Iterator[Finding]:
+    for number, place in enumerate(places):
+        if place.max_outside is None:
+            count = sum(blocked_by(piece, place.probe) for piece in pieces)
+            if count:
+                yield Finding(
+                    rule="collision.closed",
+                    severity="error",
+                    subject=subject,
+                    message=f"`keep_open` {number + 1} is closed by {count} pieces",
+                    hint="raise `max_hulls`, lower `max_outside`, or make the probe smaller",
+                    data={"probe": number + 1, "pieces": count},
+                )
+            continue
+        found = outside_in(reference, pieces, place.probe)
+        if found > place.max_outside:
+            yield Finding(
+                rule="collision.region",
+                severity="warning",
+                subject=subject,
+                message=f"collision sticks out by {1e3 * found:.3g} mm instead of "
+                f"{1e3 * place.max_outside:.3g} mm in a region",
+                hint="raise `max_hulls`, or the region's `max_outside`",
+                data={"found_m": round(found, 6), "allowed_m": place.max_outside},
+            )

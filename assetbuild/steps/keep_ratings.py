@@ -1,0 +1,37 @@
+"""What of the control data a URDF can say: the ratings of the joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from assetbuild.engine.step import Files, Step
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.model import Actuator, Control
+
+
+class KeepRatings(Step):
+    """`control.json` -> `ratings.json`: a Control with nothing but the joints' ratings.
+
+    Its bytes stay the same when a gain changes, so that no URDF is written and read back anew.
+    """
+
+    outputs = ("ratings.json",)
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        """Effort, velocity, damping and friction are kept."""
+        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        kept = Control(actuators=tuple(map(_rating, control.actuators)))
+        (files.outputs / "ratings.json").write_bytes(encode(kept))
+        return ()
+
+
+def _rating(row: Actuator) -> Actuator:
+    return Actuator(
+        joint=row.joint,
+        model="passive",
+        damping=row.damping,
+        friction=row.friction,
+        effort=row.effort,
+        velocity=row.velocity,
+    )

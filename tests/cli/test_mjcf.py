@@ -1,0 +1,54 @@
+"""A robot from an MJCF in an archive, built as a user builds it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import mujoco
+import pytest
+
+ARM = """<mujoco model="arm"><compiler meshdir="assets"/>
+<asset><mesh file="a.obj" scale=".1 .1 .1"/></asset>
+<worldbody><body name="base"><geom size=".1" group="3"/>
+<geom type="mesh" mesh="a" contype="0" conaffinity="0" group="2"/>
+<body name="tip" pos="0 0 .3"><joint name="j" axis="0 1 0" range="-30 30" damping="0.1"/>
+<geom name="ball" size=".05" group="3"/><site name="tool" pos="0 0 .1"/></body></body></worldbody>
+<actuator><position name="m" joint="j" kp="20" kv="1" ctrlrange="-.5 .5"
+  forcerange="-5 5"/></actuator>
+<sensor><framepos name="p" objtype="site" objname="tool"/></sensor></mujoco>"""
+TET = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+RECIPE = """schema: assetbuild/v1
+robot: arm
+source: {path: arm.zip, root: robots, mjcf: arm.xml, license: MIT}
+collision: {default: {method: keep}}
+targets: [mjcf]
+"""
+
+
+@pytest.mark.slow  # a whole build, pictures and all
+def test_an_mjcf_in_a_zip_builds_and_equals_its_source(tmp_path: Path):
+    with zipfile.ZipFile(tmp_path / "arm.zip", "w") as archive:
+        archive.writestr("robots/arm.xml", ARM)
+        archive.writestr("robots/assets/a.obj", TET)
+    (tmp_path / "arm.yaml").write_text(RECIPE)
+    done = subprocess.run(
+        [sys.executable, "-m", "assetbuild", "build", "arm.yaml", "-o", "out"],
+        cwd=tmp_path,
+        env=os.environ | {"ASSETBUILD_CACHE": str(tmp_path / "cache")},
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    report = json.loads((tmp_path / "out/report/report.json").read_text())
+    assert report["checks"]["mjcf_source"]["status"] == "pass"
+    compared = report["checks"]["mjcf_source"]["figures"]["compared"]
+    assert compared["geom"] == [3, 3]
+    assert compared["sensor"] == compared["actuator"] == [1, 1]
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/arm.xml"))
+    assert (model.nbody, model.nu, model.nsensor, model.nsite) == (3, 1, 1, 1)

@@ -1,0 +1,56 @@
+"""The same manifest whoever builds, wherever, and whatever the folder looks like (F28)."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from .conftest import Legs, new_legs
+
+NOBODY = 65534
+
+
+def built(legs: Legs, **options: object) -> bytes:
+    done = subprocess.run(
+        legs.command("build", "legs.yaml"),
+        cwd=legs.folder,
+        env=legs.env(HOME=str(legs.folder), TZ="Asia/Tokyo"),
+        capture_output=True,
+        text=True,
+        timeout=300,
+        **options,  # type: ignore[call-overload]  # keyword arguments of subprocess
+    )
+    assert done.returncode == 0, done.stderr
+    return (legs.bundle / "manifest.json").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def gold(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    return built(new_legs(tmp_path_factory.mktemp("gold") / "legs"))
+
+
+def test_a_private_umask(legs: Legs, gold: bytes):
+    assert built(legs, umask=0o077) == gold
+
+
+def test_files_in_another_order_with_other_dates(legs: Legs, gold: bytes):
+    for path in (legs.urdf, legs.recipe):  # the other way round, and long ago
+        text = path.read_bytes()
+        path.unlink()
+        path.write_bytes(text)
+        os.utime(path, (1e9, 1e9))
+    assert built(legs) == gold
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can build as another user")
+def test_another_user(tmp_path: Path, gold: bytes):
+    legs = new_legs(tmp_path / "legs")
+    for path in (tmp_path, *tmp_path.rglob("*")):
+        os.chown(path, NOBODY, NOBODY)
+    for parent in tmp_path.parents:
+        if not parent.stat().st_mode & 0o001:
+            pytest.skip(f"another user cannot reach {parent}")
+    assert built(legs, user=NOBODY, group=NOBODY) == gold
