@@ -6,6 +6,7 @@ import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from itertools import groupby
 from pathlib import Path
 
 from assetbuild import __version__
@@ -17,6 +18,7 @@ from assetbuild.report.figures import check_section
 from assetbuild.report.tables import html_table, text_of
 from assetbuild.report.view import view_data
 
+SHOWN_OF_A_RULE = 2
 ASSETS = Path(__file__).parent / "assets"
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("equality", "The same robot in every format",
@@ -190,7 +192,7 @@ def _findings(findings: Sequence[Finding]) -> str:
     loud = [f for f in findings if f.severity != "info"]
     waived = [f for f in findings if f.severity == "info" and "because" in f.data]
     quiet = [f for f in findings if f.severity == "info" and "because" not in f.data]
-    parts = [_finding(f) for f in loud] or ["<p>No errors and no warnings.</p>"]
+    parts = _grouped(loud) or ["<p>No errors and no warnings.</p>"]
     if waived:
         parts.append(f"<h3>Waived by the recipe ({len(waived)})</h3>")
         parts += [_finding(f) for f in waived]
@@ -198,6 +200,21 @@ def _findings(findings: Sequence[Finding]) -> str:
         inner = "".join(_finding(f) for f in quiet)
         parts.append(f"<details><summary>{len(quiet)} for information</summary>{inner}</details>")
     return "".join(parts)
+
+
+def _grouped(findings: Sequence[Finding]) -> list[str]:
+    """In order; of a rule that speaks of many subjects the first is open, the others are folded."""
+    parts = []
+    for (_, rule), same in groupby(findings, key=lambda f: (f.severity, f.rule)):
+        group = list(same)
+        parts.append(_finding(group[0]))
+        rest = "".join(_finding(f) for f in group[1:])
+        if len(group) > SHOWN_OF_A_RULE:
+            names = ", ".join(f.subject for f in group[1:])
+            head = f"{len(group) - 1} more of <code>{escape(rule)}</code>: {escape(names)}"
+            rest = f"<details><summary>{head}</summary>{rest}</details>"
+        parts.append(rest)
+    return parts
 
 
 def _finding(finding: Finding) -> str:

@@ -53,6 +53,13 @@ def test_a_finding_shows_rule_place_numbers_fix_and_how_to_waive_it():
         assert told in text
 
 
+def test_a_rule_that_speaks_of_many_is_folded_but_for_the_first():
+    many = [Finding("gains.sag", "warning", f"actuator j{n}", f"by {n} rad") for n in range(5)]
+    text = page(many)
+    assert "4 more of <code>gains.sag</code>: actuator j1, actuator j2" in text
+    assert all(f"by {n} rad" in text for n in range(5))
+
+
 def test_a_waived_finding_stays_in_the_open_with_its_reason():
     waiver = Waiver(severity="info", because="carbon tube")
     text = page([NASTY], waivers={"urdf.dropped": waiver})
