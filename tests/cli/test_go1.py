@@ -10,7 +10,7 @@ from pathlib import Path
 
 from .conftest import Workplace, new_workplace
 
-CONTROL_READERS = {"control", "mjcf", "mjx", "mjlab", "usd", "pose", "ratings"}
+CONTROL_READERS = {"control", "ratings", "mjcf", "mjx", "mjlab", "usd", "urdf", "pose"}
 
 
 def test_the_bundle_is_whole_and_matches_its_manifest(place: Workplace):
