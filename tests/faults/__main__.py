@@ -238,10 +238,20 @@ def main() -> int:
     arguments = parser.parse_args()
     bad = 0
     with tempfile.TemporaryDirectory(prefix="assetbuild-faults-") as name:
-        for title, run in (
-            ("kills", lambda f: kills(f, arguments.kills, arguments.chain, arguments.seed)),
-            ("builds at once", lambda f: at_once(f, arguments.rounds, arguments.builds)),
+        for title, wanted, run in (
+            (
+                "kills",
+                arguments.kills,
+                lambda f: kills(f, arguments.kills, arguments.chain, arguments.seed),
+            ),
+            (
+                "builds at once",
+                arguments.rounds,
+                lambda f: at_once(f, arguments.rounds, arguments.builds),
+            ),
         ):
+            if not wanted:
+                continue
             (Path(name) / title).mkdir()
             began = time.monotonic()
             tally = run(Path(name) / title)
