@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import ctypes
 import importlib
+import os
+import select
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +47,44 @@ def _loads(library: str) -> bool:
     except OSError:
         return False
     return True
+
+
+def run_apart(work: Callable[[], None], wall_s: float) -> str:
+    """Do `work` in a forked process; why it came to nothing, or "" when it is done.
+
+    OpenGL drivers crash and hang. The caller must have no other thread.
+    """
+    said_in, said_out = os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        os.close(said_in)
+        _become_worker(work, said_out)
+    os.close(said_out)
+    ready: list[int] = []
+    try:
+        ready, _, _ = select.select([said_in], [], [], wall_s)  # closed when it ends
+        said = os.read(said_in, 4096).decode("utf-8", "replace") if ready else ""
+    finally:
+        os.close(said_in)
+        if not ready:
+            os.kill(pid, signal.SIGKILL)
+        _, status = os.waitpid(pid, 0)
+    if not ready:
+        return f"the driver was not done after {wall_s:g} s"
+    if os.WIFSIGNALED(status):
+        return f"the driver crashed ({signal.Signals(os.WTERMSIG(status)).name})"
+    return said
+
+
+def _become_worker(work: Callable[[], None], said: int) -> NoReturn:
+    try:
+        work()
+    except StepError as error:
+        os.write(said, error.message.encode()[:4000])
+    except BaseException as error:
+        os.write(said, f"{type(error).__name__}: {error}".encode()[:4000])
+    finally:
+        os._exit(0)  # no exit handlers: a driver's own may hang
 
 
 Paint = Callable[[Any], None]

@@ -26,6 +26,8 @@ ELEVATION, FOV = -18.0, 45.0
 """Of the camera, degrees; the field of view is MuJoCo's default."""
 TURN = 0.3
 """rad (or share of the range of a sliding joint) by which a joint is turned to show its sign."""
+DRAWING_S = 150.0
+"""Wall clock for all pictures; a driver that hangs costs only them."""
 MOST_JOINTS = 80
 """More joints than this are not shown one by one."""
 BODY = (2, 3)
@@ -47,11 +49,11 @@ class Picture:
 class Render(Step):
     """`mjcf/scene.xml` -> `images/*.png` and `pictures.json`, which says what each one shows.
 
-    A machine without OpenGL writes no picture and leaves a finding; the renderer is part of the
-    key, so a later driver makes them.
+    A machine without OpenGL, or with a driver that crashes, writes no picture and leaves a finding;
+    the renderer is part of the key, so a later driver makes them.
     """
 
-    version = "3"
+    version = "4"
     tools = ("mujoco", "pillow")
     outputs = ("images/", "pictures.json")
     isolated = True
@@ -66,22 +68,24 @@ class Render(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the folder `mjcf/`."""
         (files.outputs / "images").mkdir()
-        try:
-            pictures, driver = self._pictures(files.inputs / "mjcf" / "scene.xml")
-        except StepError as error:
-            pictures, driver = [], ""
+        problem = offscreen.run_apart(lambda: self._write(files), DRAWING_S)
+        if problem:
+            for half in (files.outputs / "images").iterdir():
+                half.unlink()
+            _write_list(files, [], "")
             yield Finding(
                 "pictures.none",
                 "info",
                 "robot",
-                f"no pictures: {error.message}",
+                f"no pictures: {problem}",
                 hint="`assetbuild doctor` says what to install",
             )
+
+    def _write(self, files: Files) -> None:
+        pictures, driver = self._pictures(files.inputs / "mjcf" / "scene.xml")
         for picture in pictures:
             (files.outputs / "images" / picture.file).write_bytes(png(picture.pixels))
-        rows = [{"file": p.file, "title": p.title, "alt": p.alt} for p in pictures]
-        text = json.dumps({"driver": driver, "pictures": rows}, indent=1, sort_keys=True)
-        (files.outputs / "pictures.json").write_text(text + "\n", encoding="utf-8")
+        _write_list(files, pictures, driver)
 
     def _pictures(self, scene: Path) -> tuple[list[Picture], str]:
         if self.renderer == "none":
@@ -92,6 +96,12 @@ class Render(Step):
             stage = Stage(studio, model, data)
             made = [*stage.views(), *stage.turntable(self.turntable), *stage.directions()]
             return made, studio.driver()
+
+
+def _write_list(files: Files, pictures: Sequence[Picture], driver: str) -> None:
+    rows = [{"file": p.file, "title": p.title, "alt": p.alt} for p in pictures]
+    text = json.dumps({"driver": driver, "pictures": rows}, indent=1, sort_keys=True)
+    (files.outputs / "pictures.json").write_text(text + "\n", encoding="utf-8")
 
 
 def at_home(model: Model) -> Data:
