@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Self
 
 import numpy as np
@@ -18,14 +19,13 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
+from assetbuild.mesh.corners import corners_by_body
 from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.obj import read_triangles
-from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.volume import solid_moments
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.inertia import matrix_of
-from assetbuild.robot.model import Body, Mesh, Shapes, Tree
+from assetbuild.robot.model import Body, Shapes, Tree
 from assetbuild.robot.pose import Array
 
 SMALLEST_KG = 0.01
@@ -82,7 +82,7 @@ class Mass(Check):
         """Reads tree, shapes and meshes."""
         tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        points = _points(tree, shapes, files)
+        points = _points(tree, shapes, files.inputs / "meshes")
         found = {b.name: made for b in tree.bodies if (made := _measured(b, points)) is not None}
         total = math.fsum(b.inertial.mass_kg for b in tree.bodies if b.inertial)
         rows = [
@@ -142,36 +142,13 @@ class Mass(Check):
             )
 
 
-def _points(tree: Tree, shapes: Shapes, files: Files) -> Mapping[str, Array]:
+def _points(tree: Tree, shapes: Shapes, mesh_dir: Path) -> Mapping[str, Array]:
     """(n, 3) points of each body's geometry in its frame, m; visual before collision."""
-    assets = {asset.name: asset for asset in shapes.meshes}
-    clouds: dict[str, Array] = {}
-    by_body: dict[tuple[str, str], list[Array]] = {}
-    for shape in shapes.shapes:
-        geometry = shape.geometry
-        if isinstance(geometry, Mesh):
-            name = geometry.mesh
-            if name not in clouds:
-                data = (files.inputs / "meshes" / assets[name].file).read_bytes()
-                clouds[name] = _extreme(read_triangles(data, name).vertices)
-            points = clouds[name]
-        else:
-            points = tessellate(geometry).vertices
-        body, X_body_link = tree.placement(shape.link)
-        placed = (X_body_link @ shape.X_link_shape).apply(points)
-        by_body.setdefault((body, shape.role), []).append(placed)
+    corners = corners_by_body(tree, shapes, mesh_dir)
     found: dict[str, Array] = {}
     for role in ("collision", "visual"):  # the later one stays
-        found |= {b: np.concatenate(p) for (b, r), p in by_body.items() if r == role}
+        found |= {body: points for (body, of), points in corners.items() if of == role}
     return found
-
-
-def _extreme(vertices: Array) -> Array:
-    """The hull's vertices alone; all of them when they lie in a plane."""
-    try:
-        return convex_hull(vertices).vertices
-    except StepError:
-        return vertices
 
 
 def _measured(body: Body, points: Mapping[str, Array]) -> Filled | None:

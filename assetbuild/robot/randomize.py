@@ -23,6 +23,8 @@ from assetbuild.robot.inertia import pseudo_inertia, tensor_of
 from assetbuild.robot.model import Inertial
 from assetbuild.robot.pose import Array, Vec3, vec3
 
+MOST_POINTS = 200
+"""Of a body's corners, to find the ellipsoid around all of them."""
 MOST_ROUNDS = 200
 """A draw that fits in none of so many attempts: the ranges do not fit the link."""
 
@@ -209,8 +211,8 @@ def homogeneous_box(mass_kg: float, size_m: Vec3, at_m: Vec3) -> Inertial:
     return Inertial(mass_kg, at_m, (xx, yy, zz, 0.0, 0.0, 0.0))
 
 
-def bounding_ellipsoid(points: Array, tolerance: float = 1e-3) -> Ellipsoid:
-    """The ellipsoid of least volume around `points` (n, 3), at most `tolerance` too large.
+def bounding_ellipsoid(points: Array, tolerance: float = 0.01) -> Ellipsoid:
+    """An ellipsoid around `points` (n, 3) whose axes exceed the least one's by `tolerance`, about.
 
     Khachiyan's algorithm with away steps (Todd and Yildirim, 2007); give it the vertices of the
     hull. What has no thickness gets 1e-4 of its extent. Raises ValueError without a point.
@@ -218,15 +220,29 @@ def bounding_ellipsoid(points: Array, tolerance: float = 1e-3) -> Ellipsoid:
     if not len(points):
         raise ValueError("no point to enclose")
     round_points, middle, basis = _rounded(np.asarray(points, dtype=np.float64))
-    weight = _enclosing_weights(round_points, tolerance)
-    centre = weight @ round_points
-    offset = round_points - centre
+    core = _spread_out(round_points, MOST_POINTS)
+    weight = _enclosing_weights(core, tolerance)
+    centre = weight @ core
+    offset = core - centre
     shape = np.linalg.inv(offset.T @ (offset * weight[:, None])) / 3.0
-    # What the tolerance left outside is taken in.
+    # What the tolerance and the choice of points left outside is taken in.
+    offset = round_points - centre
     shape /= max(1.0, float(np.einsum("ni,ij,nj->n", offset, shape, offset).max()))
     back = np.linalg.inv(basis)
     a, b, c = (vec3(row) for row in back.T @ shape @ back)
     return Ellipsoid(vec3(middle + basis @ centre), (a, b, c))
+
+
+def _spread_out(points: Array, count: int) -> Array:
+    """At most `count` of the points, each the farthest from those before it."""
+    if len(points) <= count:
+        return points
+    chosen = [int(np.argmax((points**2).sum(axis=1)))]
+    apart = np.full(len(points), np.inf)
+    while len(chosen) < count:
+        apart = np.minimum(apart, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
+        chosen.append(int(np.argmax(apart)))
+    return np.asarray(points[chosen])
 
 
 def _rounded(points: Array) -> tuple[Array, Array, Array]:
@@ -250,9 +266,9 @@ def _enclosing_weights(points: Array, tolerance: float) -> Array:
     count = len(points)
     lifted = np.hstack([points, np.ones((count, 1))])
     weight = np.full(count, 1.0 / count)
-    for _ in range(10_000):
+    for _ in range(1_000):
         moment = (lifted * weight[:, None]).T @ lifted
-        reach = np.einsum("ni,ij,nj->n", lifted, np.linalg.inv(moment), lifted)
+        reach = ((lifted @ np.linalg.inv(moment)) * lifted).sum(axis=1)
         far = int(np.argmax(reach))
         near = int(np.argmin(np.where(weight > 0.0, reach, math.inf)))
         if reach[far] <= 4.0 * (1.0 + tolerance) and reach[near] >= 4.0 * (1.0 - tolerance):

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 
 from assetbuild.engine.step import Files, Step
-from assetbuild.errors import StepError
 from assetbuild.findings import Finding
-from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.obj import read_triangles
-from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.corners import corners_by_body
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.inertia import matrix_of
-from assetbuild.robot.model import Inertial, Mesh, Shape, Shapes, Tree
-from assetbuild.robot.pose import Array, vec3
+from assetbuild.robot.model import Inertial, Shapes, Tree
+from assetbuild.robot.pose import vec3
 from assetbuild.robot.randomize import Ellipsoid, Room, Rooms, bounding_ellipsoid
 
 SUSPICIOUS_GROWTH = 1.05
@@ -38,17 +34,17 @@ class Enclose(Step):
         """Reads each mesh once."""
         tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        points = _points_by_body(tree, shapes, files.inputs / "meshes")
+        corners = corners_by_body(tree, shapes, files.inputs / "meshes")
         rooms = []
         for body in tree.bodies:
             inertial = body.inertial
             if inertial is None or inertial.mass_kg <= 0.0:
                 continue
-            around = points.get(body.name)
-            if around is None:
+            around = [points for (name, _), points in corners.items() if name == body.name]
+            if not around:
                 rooms.append(Room(body.name, _homogeneous(inertial)))
                 continue
-            bounds = bounding_ellipsoid(around)
+            bounds = bounding_ellipsoid(np.concatenate(around))
             room = bounds.grown_to_hold(inertial)
             growth = float(np.sqrt(bounds.shape[0][0] / room.shape[0][0]))
             rooms.append(Room(body.name, room))
@@ -67,37 +63,6 @@ def _too_small(body: str, growth: float) -> Finding:
         hint="check its inertia and the scale of its meshes",
         data={"growth": round(growth, 4)},
     )
-
-
-def _points_by_body(tree: Tree, shapes: Shapes, mesh_dir: Path) -> dict[str, Array]:
-    """(n, 3) points of all geometry, visual and collision, in the frame of each body."""
-    files = {asset.name: asset.file for asset in shapes.meshes}
-    read: dict[str, Array] = {}
-    found: dict[str, list[Array]] = {}
-    for shape in shapes.shapes:
-        body, X_body_link = tree.placement(shape.link)
-        points = _points(shape, files, mesh_dir, read)
-        found.setdefault(body, []).append((X_body_link @ shape.X_link_shape).apply(points))
-    return {body: np.vstack(parts) for body, parts in found.items()}
-
-
-def _points(shape: Shape, files: dict[str, str], mesh_dir: Path, read: dict[str, Array]) -> Array:
-    geometry = shape.geometry
-    if not isinstance(geometry, Mesh):
-        return tessellate(geometry).vertices
-    if geometry.mesh not in read:
-        data = (mesh_dir / files[geometry.mesh]).read_bytes()
-        read[geometry.mesh] = _extremes(read_triangles(data, geometry.mesh).vertices)
-    points: Array = read[geometry.mesh] * np.asarray(geometry.scale)
-    return points
-
-
-def _extremes(vertices: Array) -> Array:
-    """The corners of the hull, or all vertices where there is none (flat meshes)."""
-    try:
-        return convex_hull(vertices).vertices
-    except StepError:
-        return vertices
 
 
 def _homogeneous(inertial: Inertial) -> Ellipsoid:

