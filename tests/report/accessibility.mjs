@@ -1,6 +1,6 @@
 // A report in a real browser, judged by axe-core; not part of pytest, as it needs npm.
 //
-//   npm install --prefix /tmp/axe axe-core playwright-core
+//   npm install --prefix FOLDER axe-core playwright-core
 //   NODE_PATH=FOLDER/node_modules node tests/report/accessibility.mjs build/go1/report/index.html
 //
 // Prints violations and console errors of the light and the dark page; exit 1 when any violation
