@@ -16,6 +16,8 @@ from assetbuild.targets.mjcf.xml import Element, element
 MOTOR_MEMBERS = 2
 FAMILY_MEMBERS = 3
 """Fewest members that make a class worth its lines."""
+VAGUE = frozenset({"joint", "joints", "link_visual", "link_collision", "link"})
+"""Words that all names of a robot may share."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +57,13 @@ class Names:
     def __contains__(self, name: str) -> bool:
         return name in self._taken
 
-    def take(self, wanted: str) -> str:
-        """`wanted`, or `wanted_2`, ... when that is taken."""
+    def take(self, wanted: str, first: str = "") -> str:
+        """`wanted`; when that is taken or says nothing, the `first` member's name, else a number.
+
+        A class `joint_1.0` for the joints 1, 5 and 9 of a hand says more than `joint_2` would.
+        """
+        if first and first not in self._taken and (wanted in self._taken or wanted in VAGUE):
+            wanted = first
         name, count = wanted, 1
         while name in self._taken:
             count += 1
@@ -111,7 +118,7 @@ def _defaults(
         for group in _groups(rows, level.key):
             if len(group) < level.members or not _worth_a_class(group, inside, levels[1:]):
                 continue
-            child_name = names.take(level.name(group))
+            child_name = names.take(level.name(group), group[0].joint.name)
             children.append(_defaults(child_name, group, inside, levels[1:], names))
             direct = [row for row in direct if row not in group]
     return Defaults(name, joint, drive, tuple(children), tuple(direct))
