@@ -281,9 +281,11 @@ def test_one_class_per_motor_and_one_per_family_of_joints(quadruped: Path) -> No
     motors = {"small", "large", "hip", "thigh"}
     assert set(classes) == {"robot", "visual", "collision"} | shapes | motors
     assert [c.get("class") for c in classes["small"]][-2:] == ["hip", "thigh"]
-    large = classes["large"].find("joint")
+    large, all_joints = classes["large"].find("joint"), classes["robot"].find("joint")
     assert large is not None
-    assert (large.get("axis"), large.get("range")) == ("0 1 0", "-2.8 -0.9")
+    assert all_joints is not None
+    assert (all_joints.get("axis"), large.get("axis")) == ("0 1 0", None)  # of 8 joints of 12
+    assert large.get("range") == "-2.8 -0.9"
 
 
 def test_joints_that_share_nothing_say_everything_themselves(tmp_path: Path) -> None:

@@ -2,13 +2,15 @@
 
 Three levels: the robot (what all joints share), its motors (what all joints with one motor, gains
 and limits share), and families (joints of one motor with one axis and range: all hips). Only
-what *every* member says is lifted, so a class never has to be contradicted.
+what *every* member says is lifted, so a class never has to be contradicted; but for the axis, which
+every joint has: the robot's class says that of most joints, as Menagerie's do.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from assetbuild.targets.mjcf.drives import PLACING, Drive, Row
 from assetbuild.targets.mjcf.xml import Element, element
@@ -62,7 +64,7 @@ class Names:
 
         A class `joint_1.0` for the joints 1, 5 and 9 of a hand says more than `joint_2` would.
         """
-        if first and first not in self._taken and (wanted in self._taken or wanted in VAGUE):
+        if first and (wanted in self._taken or wanted in VAGUE):
             wanted = first
         name, count = wanted, 1
         while name in self._taken:
@@ -81,7 +83,16 @@ def find_defaults(robot: str, rows: tuple[Row, ...], names: Names) -> Defaults:
         _Level(_motor_key, MOTOR_MEMBERS, _motor_name),
         _Level(_family_key, FAMILY_MEMBERS, _family_name),
     )
-    return _defaults(robot, rows, _Said({}, {}), levels, names)
+    axis = _usual_axis(rows)
+    found = _defaults(robot, rows, _Said(axis, {}), levels, names)
+    return replace(found, joint={**axis, **found.joint})
+
+
+def _usual_axis(rows: tuple[Row, ...]) -> dict[str, str]:
+    """Of more than half of the joints: every joint has one, so the others say theirs."""
+    axes = Counter(row.attributes["axis"] for row in rows)
+    axis, count = axes.most_common(1)[0] if axes else ("", 0)
+    return {"axis": axis} if count >= FAMILY_MEMBERS and 2 * count > len(rows) else {}
 
 
 def uses(defaults: Defaults) -> dict[str, Use]:

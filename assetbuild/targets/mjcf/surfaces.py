@@ -1,6 +1,6 @@
 """Geoms of one role and the classes that say what they share, found in the data.
 
-`collision` (or `visual`) says what all its geoms say alike, and most visuals' material.
+`collision` (or `visual`) says what all its geoms say alike, and the type and material of most.
 Below it stand a class for each other surface (feet, mostly) and one for each size that three shapes
 or more have (all hips, all calves), with their place where that is one and the same.
 """
@@ -91,7 +91,7 @@ def find_geom_classes(
     name: str, fixed: Mapping[str, str], rows: Sequence[GeomRow], names: Names
 ) -> GeomClass:
     """The class of one role. fixed: what it says in any case (group, masks of visuals)."""
-    common = {**fixed, **_shared(rows, fixed), **_usual_material(rows)}
+    common = {**fixed, **_shared(rows, fixed), **_usual(rows)}
     children, placed = [], set[str]()
     for members, least, suffix in [
         *((group, SURFACE_MEMBERS, "") for group in _by_surface(rows, common)),
@@ -135,13 +135,16 @@ def _shared(rows: Sequence[GeomRow], said: Mapping[str, str]) -> dict[str, str]:
     }
 
 
-def _usual_material(rows: Sequence[GeomRow]) -> dict[str, str]:
-    """The material of the most shapes, where all have one: the others say theirs."""
-    worn = [row.said["material"] for row in rows if "material" in row.said]
-    if len(worn) < max(len(rows), SIZE_MEMBERS):
-        return {}
-    name, count = Counter(worn).most_common(1)[0]
-    return {"material": name} if count >= SIZE_MEMBERS else {}
+def _usual(rows: Sequence[GeomRow]) -> dict[str, str]:
+    """The type and material of most shapes, where all have one: the others say theirs."""
+    found = {}
+    for key in ("type", "material"):
+        worn = [row.said[key] for row in rows if key in row.said]
+        if worn and len(worn) == len(rows):
+            value, count = Counter(worn).most_common(1)[0]
+            if count >= SIZE_MEMBERS and 2 * count > len(rows):
+                found[key] = value
+    return found
 
 
 def _by_surface(rows: Sequence[GeomRow], common: Mapping[str, str]) -> list[list[GeomRow]]:
