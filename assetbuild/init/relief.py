@@ -1,9 +1,9 @@
 """Limbs that the drives could not hold stretched out hang instead.
 
 At a pose of zeros many arms reach straight forward, the heaviest pose they know: PR2's shoulders
-would need 52 of their 30 N m. Each joint that gravity loads too much, and the joints beyond it, may
-take another of a few values within their limits; the one that relieves most, and of those the one
-nearest to rest, is kept.
+would need 52 of their 30 N m. Where gravity loads a joint too much, the joints beyond it, the
+outermost first, and then itself, take another of a few values within their limits: the one that
+relieves most, and of those the one nearest to rest. So an arm folds before it drops into the body.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.tree import forward_kinematics
 
-HEAVY = 0.6
+HEAVY = 0.7
 """Share of the effort limit that holding the pose may need."""
 VALUES = 9
 """Values that a joint may try, over its range."""
@@ -54,9 +54,10 @@ def _relieve(
     free: list[Joint],
     joint: Joint,
 ) -> dict[str, float]:
-    """One joint after the other, from the overloaded one outward, takes its best value."""
+    """Joint after joint, from the tip inward to the overloaded one, takes its best value."""
     found = dict(now)
-    for mover in [j for j in free if joint in chain_to(tree, j.child)]:
+    movers = [j for j in free if joint in chain_to(tree, j.child)]
+    for mover in sorted(movers, key=lambda j: -len(chain_to(tree, j.child))):
         values = [found[mover.name], *_values(mover)]
         span = max(values) - min(values) or 1.0
 
@@ -66,7 +67,7 @@ def _relieve(
             return over + PULL * abs(value - rest[mover.name]) / span
 
         found[mover.name] = min(values, key=cost)
-        if all(load <= HEAVY for name, load in _loads(tree, found, [joint]).items()):
+        if all(load <= HEAVY for load in _loads(tree, found, [joint]).values()):
             break
     return found
 
