@@ -23,8 +23,9 @@ HEAVY = 0.7
 """Share of the effort limit that holding the pose may need."""
 VALUES = 9
 """Values that a joint may try, over its range."""
-PULL = 0.05
-"""Overload that a joint at the end of its range is worth: poses near rest look natural."""
+PULL, PULL_BEYOND = 0.05, 0.3
+"""Overload that the other end of its range is worth, of the overloaded joint and of the joints
+beyond it: a limb folds where that helps much, and not into itself for little."""
 ROUNDS = 12
 GRAVITY = 9.81
 
@@ -59,12 +60,13 @@ def _relieve(
     movers = [j for j in free if joint in chain_to(tree, j.child)]
     for mover in sorted(movers, key=lambda j: -len(chain_to(tree, j.child))):
         values = [found[mover.name], *_values(mover)]
-        span = max(values) - min(values) or 1.0
+        pull = PULL if mover == joint else PULL_BEYOND
+        pull /= max(values) - min(values) or 1.0
 
-        def cost(value: float, mover: Joint = mover, span: float = span) -> float:
+        def cost(value: float, mover: Joint = mover, pull: float = pull) -> float:
             loads = _loads(tree, {**found, mover.name: value}, free)
             over = sum(max(0.0, load - HEAVY) for load in loads.values())
-            return over + PULL * abs(value - rest[mover.name]) / span
+            return over + pull * abs(value - rest[mover.name])
 
         found[mover.name] = min(values, key=cost)
         if all(load <= HEAVY for load in _loads(tree, found, [joint]).values()):
