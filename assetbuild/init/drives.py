@@ -93,7 +93,7 @@ def drive_rows(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> 
 
 
 def _driven(row: Row, effort: float, felt: Sequence[_Felt]) -> Row:
-    row = replace(row, **_gains(effort, row.unit, felt))
+    row = _with_gains(row, effort, felt)
     return replace(
         row,
         drops_damping=max(_own_ratio(row, one) for one in felt) > MOST_DAMPED,
@@ -109,11 +109,11 @@ def _own_ratio(row: Row, one: _Felt) -> float:
     return one.joint.damping / (2 * math.sqrt(kp * max(one.inertia, one.load)))
 
 
-def _gains(effort: float, unit: str, felt: Sequence[_Felt]) -> dict[str, float]:
+def _with_gains(row: Row, effort: float, felt: Sequence[_Felt]) -> Row:
     """kp and kd that suit every joint of the group, else a frequency and a damping ratio."""
-    moved = [one.inertia for one in felt if one.inertia > 0.0]
+    unit, moved = row.unit, [one.inertia for one in felt if one.inertia > 0.0]
     if not moved:
-        return {"kp": _rounded(effort), "kd": _rounded(BRAKE_S * effort)}
+        return replace(row, kp=_rounded(effort), kd=_rounded(BRAKE_S * effort))
     floors = [max(one.inertia * _square(SLOWEST_HZ), one.holding / SAG[unit]) for one in felt]
     roofs = [
         max(one.inertia * _square(FASTEST_HZ), one.load * _square(FASTEST_LEG_HZ)) for one in felt
@@ -121,22 +121,22 @@ def _gains(effort: float, unit: str, felt: Sequence[_Felt]) -> dict[str, float]:
     standing = any(one.load for one in felt)
     alike = math.sqrt(max(moved) / min(moved)) * DAMPING_RATIO <= MOST_DAMPED
     if not standing and (not alike or max(floors) > min(roofs)):
-        return _by_frequency(unit, felt)
+        return _by_frequency(row, felt)
     kp = min(max(effort / FULL_ERROR[unit], max(floors)), max(roofs))
     kd = 2 * DAMPING_RATIO * math.sqrt(kp * max(moved))
     most = 2 * (MOST_DAMPED_LEG if standing else MOST_DAMPED) * math.sqrt(kp * min(moved))
     brake = BRAKE_S * kp
     if standing:  # a light robot on stiff dampers hops
         brake = min(brake, 2 * DAMPING_RATIO * math.sqrt(kp * max(one.load for one in felt)))
-    return {"kp": _rounded(kp), "kd": _rounded(min(max(kd, brake), most))}
+    return replace(row, kp=_rounded(kp), kd=_rounded(min(max(kd, brake), most)))
 
 
-def _by_frequency(unit: str, felt: Sequence[_Felt]) -> dict[str, float]:
+def _by_frequency(row: Row, felt: Sequence[_Felt]) -> Row:
     """Fast enough that no joint sags, and damped no less than the joints themselves are.
 
     Unless these are damped beyond use; the row then drops it.
     """
-    wanted = [one.holding / SAG[unit] / one.inertia for one in felt if one.inertia > 0.0]
+    wanted = [one.holding / SAG[row.unit] / one.inertia for one in felt if one.inertia > 0.0]
     frequency = math.sqrt(max(wanted)) / (2 * math.pi)
     frequency = _rounded(min(max(frequency, USUAL_HZ), FASTEST_HZ))
     own = [
@@ -145,7 +145,7 @@ def _by_frequency(unit: str, felt: Sequence[_Felt]) -> dict[str, float]:
         if one.inertia > 0.0
     ]
     ratio = 1.1 * max(own) if max(own) <= MOST_DAMPED else 1.0
-    return {"frequency": frequency, "damping_ratio": _rounded(max(1.0, ratio))}
+    return replace(row, frequency=frequency, damping_ratio=_rounded(max(1.0, ratio)))
 
 
 def _square(frequency: float) -> float:
