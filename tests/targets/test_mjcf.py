@@ -51,6 +51,7 @@ from assetbuild.robot.model import (
     Tree,
 )
 from assetbuild.robot.pose import Pose, normalised_quat
+from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjcf.inertia import principal_inertia
 from assetbuild.targets.mjcf.xml import number, pose_attributes
@@ -604,3 +605,22 @@ def test_files_load_alike_in_every_supported_mujoco(tmp_path: Path) -> None:
         for python in pythons
     }
     assert len(answers) == 1, answers
+
+
+def test_the_floor_is_under_a_robot_that_hangs_and_at_0_under_one_that_stands(
+    tmp_path: Path,
+) -> None:
+    arm = pendulum()
+    tips = np.array([X.xyz for X in forward_kinematics(arm.tree, {}).values()])
+    model = mujoco.MjModel.from_xml_path(str(write_mjcf(arm, tmp_path / "a") / "scene.xml"))
+    below = tips[:, 2].min() < -0.01
+    assert (model.geom("floor").pos[2] < tips[:, 2].min()) == below
+    hand = replace(arm.tree, frames=(Frame("tip", arm.tree.root, Pose((0.0, 0.0, -0.2))),))
+    model = mujoco.MjModel.from_xml_path(
+        str(write_mjcf(replace(arm, tree=hand), tmp_path / "b") / "scene.xml")
+    )
+    assert model.geom("floor").pos[2] < -0.2
+    dog = mujoco.MjModel.from_xml_path(
+        str(write_mjcf(tiny_quadruped(), tmp_path / "c") / "scene.xml")
+    )
+    assert dog.geom("floor").pos[2] == 0.0

@@ -2,7 +2,8 @@
 
 `collision` (or `visual`) says what all its geoms say alike, and the type and material of most.
 Below it stand a class for each other surface (feet, mostly) and one for each size that three shapes
-or more have (all hips, all calves), with their place where that is one and the same.
+or more have (all hips, all calves), with their place where that is one and the same, or one for the
+pieces of a link that fixed joints put elsewhere.
 """
 
 from __future__ import annotations
@@ -96,6 +97,7 @@ def find_geom_classes(
     for members, least, suffix in [
         *((group, SURFACE_MEMBERS, "") for group in _by_surface(rows, common)),
         *((group, SIZE_MEMBERS, f"_{name}") for group in _by_size(rows, common)),
+        *((group, SIZE_MEMBERS, f"_{name}") for group in _by_place(rows, common)),
     ]:
         free = [row for row in members if row.shape.name not in placed]
         own = _shared(free, common)
@@ -142,7 +144,7 @@ def _usual(rows: Sequence[GeomRow]) -> dict[str, str]:
         worn = [row.said[key] for row in rows if key in row.said]
         if worn and len(worn) == len(rows):
             value, count = Counter(worn).most_common(1)[0]
-            if count >= SIZE_MEMBERS and 2 * count > len(rows):
+            if count >= SIZE_MEMBERS and (key == "material" or 2 * count > len(rows)):
                 found[key] = value
     return found
 
@@ -165,4 +167,14 @@ def _by_size(rows: Sequence[GeomRow], common: Mapping[str, str]) -> list[list[Ge
         )
         if any(key == "size" for key, _ in own):
             found.setdefault(own, []).append(row)
+    return list(found.values())
+
+
+def _by_place(rows: Sequence[GeomRow], common: Mapping[str, str]) -> list[list[GeomRow]]:
+    """The pieces of one link that stand in one place of its body, which is not the origin."""
+    found: dict[tuple[str, frozenset[tuple[str, str]]], list[GeomRow]] = {}
+    for row in rows:
+        place = frozenset((k, v) for k, v in row.said.items() if k in _PLACE and common.get(k) != v)
+        if place:
+            found.setdefault((row.shape.link, place), []).append(row)
     return list(found.values())
