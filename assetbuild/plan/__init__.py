@@ -259,6 +259,9 @@ def _checks(
             extra = check.requires[missing[0]]
             outline.skipped[name] = f"needs `{missing[0]}`: pip install 'assetbuild[{extra}]'"
             continue
+        if lack := step.missing():
+            outline.skipped[name] = lack
+            continue
         without = [n for n in check.needs if n not in outline.targets and n not in sources]
         if without:
             outline.skipped[name] = _WITHOUT[without[0]]
