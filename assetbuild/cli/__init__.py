@@ -17,7 +17,7 @@ from assetbuild.errors import AssetBuildError
 
 VERBS = (
     "bench", "build", "cache", "check", "completion", "diff", "doctor", "explain", "init", "lock",
-    "plan", "report", "sample", "schema", "validate", "verify", "watch",
+    "plan", "report", "sample", "schema", "smoke", "validate", "verify", "watch",
 )  # fmt: skip
 """Each is a module of this package with `HELP`, `add_arguments(parser)` and `run(arguments)`."""
 
