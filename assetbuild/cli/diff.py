@@ -20,7 +20,10 @@ HELP = "compare two bundles, recipes or MJCF, URDF, USD files: what changed, wor
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    what = "bundle, recipe, REVISION:RECIPE of git, or an MJCF, URDF or USD file"
+    what = (
+        "bundle, recipe, REVISION:RECIPE of git, an MJCF, URDF or USD file, or readings (JSON) of "
+        "Isaac Lab"
+    )
     parser.add_argument("before", metavar="A", help=what)
     parser.add_argument("after", metavar="B", help="the same, to compare with A")
     parser.add_argument("--markdown", action="store_true", help="a table for a pull request")
