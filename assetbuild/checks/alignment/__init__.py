@@ -21,7 +21,6 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import mujoco, physx
 
-
 UNMEASURED = "unmeasured: docs/how-to/isaaclab.md says how to fill in that half"
 
 
