@@ -12,6 +12,9 @@ from pathlib import Path
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import SourceError, UsageError
 from assetbuild.findings import Finding, worst_first
+from assetbuild.robot.codec import decode
+from assetbuild.robot.mirror import Tolerances, mirror_findings, parts_of, twins
+from assetbuild.robot.model import Control, Tree
 
 KINDS = {
     ".xml": "mjcf",
@@ -128,6 +131,9 @@ def _urdf(file: Path) -> Iterator[Finding]:
                 return
             if isinstance(step, ReadUrdf):
                 lines |= _lines(ports)
+        tree = decode(Tree, (ports / "tree.json").read_bytes())
+        for finding in mirror_findings(twins(parts_of(tree, Control())), Tolerances()):
+            yield _at(finding, file, lines)
 
 
 def _lines(ports: Path) -> dict[str, int]:

@@ -28,7 +28,7 @@ from assetbuild.recipe.randomize import Randomize
 from assetbuild.recipe.sensing import Cameras, Feet, Imu, Sensors
 from assetbuild.recipe.surface import Contact as Contact
 from assetbuild.recipe.surface import Simulation as Simulation
-from assetbuild.recipe.trials import TotalMass, Trials
+from assetbuild.recipe.trials import Mirror, TotalMass, Trials
 from assetbuild.recipe.usd import Usd
 
 
@@ -265,6 +265,10 @@ class Validate(Model):
         "balance, settling; null = do not run them",
     )
     mass: TotalMass = Field(default_factory=lambda: TotalMass.model_validate({}))
+    mirror: Mirror | None = Field(
+        default_factory=lambda: Mirror.model_validate({}),
+        description="left against right; null for a robot that is no mirror image of itself",
+    )
     max_shift: Positive = Field(
         0.015, description="m: collision geometry beside the visual geometry of its body, warning"
     )

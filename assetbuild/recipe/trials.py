@@ -22,6 +22,23 @@ class TotalMass(Model):
     )
 
 
+class Mirror(Model):
+    """What left and right parts may differ by; more is information, a slip a warning."""
+
+    place: Positive = Field(
+        0.005, description="m: parts whose places mirror each other so closely are compared"
+    )
+    mass: Positive = Field(0.02, description="relative difference of mass")
+    center: Positive = Field(0.005, description="m, of the centre of mass")
+    inertia: Positive = Field(0.1, description="relative difference of inertia")
+    axis: Positive = Field(0.02, description="rad, between an axis and its mirror image")
+    limits: Positive = Field(0.005, description="rad or m, of either end of a range")
+    home: Positive = Field(0.001, description="rad or m, at the first keyframe")
+    gains: Positive = Field(
+        0.01, description="relative, of kp, kd, damping, friction, armature, effort, velocity"
+    )
+
+
 class Trials(Model):
     """Small experiments in MuJoCo, and the limits beyond which they warn."""
 
