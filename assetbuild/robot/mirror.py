@@ -413,7 +413,8 @@ def _apart(a: tuple[float, float], b: tuple[float, float]) -> float:
 
 
 def _shown(joint: Motion) -> str:
-    return "{:g} to {:g} {}".format(*(joint.limits or (-np.inf, np.inf)), joint.unit)
+    low, high = joint.limits or (-np.inf, np.inf)
+    return f"{low:g} to {high:g} {joint.unit}"
 
 
 def _value(value: float | None) -> str:
