@@ -158,7 +158,7 @@ def _shortened(lines: list[str], width: int) -> list[str]:
     at = next(i for i, line in enumerate(lines) if line.startswith("      and "))
     if at == len(lines) - 1:
         return lines
-    return [*lines[:at], f"{lines[at].rstrip(', ')[: width - 5]}, ..."]
+    return [*lines[:at], f"{lines[at][: width - 5].rpartition(', ')[0]}, ..."]
 
 
 def _coloured(text: str, kind: str) -> str:
