@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -106,16 +105,14 @@ def _urdf(file: Path) -> Iterator[Finding]:
     from assetbuild.steps.lint_bodies import LintBodies
     from assetbuild.steps.lint_links import LintLinks
     from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
-    from assetbuild.steps.read_urdf import ReadUrdf
+    from assetbuild.steps.read_urdf import ReadUrdf, named_packages
 
     data = file.read_bytes()
-    named = set(re.findall(rb"package:/*([A-Za-z0-9_.-]+)", data))
-    packages = {name.decode(): "." for name in sorted(named)}
     with tempfile.TemporaryDirectory() as folder:
         ports = Path(folder)
         (ports / "robot.urdf").write_bytes(data)
         steps: tuple[Step, ...] = (
-            ReadUrdf(file=file.name, packages=packages),
+            ReadUrdf(file=file.name, packages=named_packages(data)),
             LintLinks(),
             MergeFixedJoints(merge=True, keep_bodies=()),
             LintBodies(),

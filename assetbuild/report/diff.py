@@ -184,7 +184,7 @@ def _files(before: Snapshot, after: Snapshot) -> Iterator[Change]:
     other = sorted(p for p in pictures if before.files.get(p) != after.files.get(p))
     for path in other:
         name = path.removeprefix("report/images/")
-        old, new = ("there" if path in s.files else "-" for s in (before, after))
+        old, new = (s.files[path][0][:8] if path in s.files else "-" for s in (before, after))
         yield Change("LOW", (name,), "picture", old, new, "look at both")
     for folder in ("urdf", "mjcf", "usd"):
         sizes = [_size(snapshot, folder) for snapshot in (before, after)]

@@ -16,7 +16,7 @@ from assetbuild.robot.model import Shapes, Tree
 from assetbuild.robot.pose import vec3
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.simulators import mujoco
-from assetbuild.steps.read_urdf import ReadUrdf
+from assetbuild.steps.read_urdf import ReadUrdf, named_packages
 
 FLOAT32 = 1e-6
 DECIMALS = 1e-5
@@ -50,7 +50,8 @@ def _urdf_facts(path: Path) -> Facts:
         inputs.mkdir()
         outputs.mkdir()
         (inputs / "robot.urdf").write_bytes(path.read_bytes())
-        step = ReadUrdf(file=path.name, base="floating", packages={})
+        packages = named_packages(path.read_bytes())
+        step = ReadUrdf(file=path.name, base="floating", packages=packages)
         list(step.run(Files(inputs=inputs, outputs=outputs)))
         links = decode(Tree, (outputs / "links.json").read_bytes())
         shapes = decode(Shapes, (outputs / "shapes.json").read_bytes())
