@@ -108,6 +108,8 @@ def _subjects(before: Snapshot, after: Snapshot) -> Iterator[Change]:
     for group in ("body", "joint"):
         old = {subject for kind, subject, _ in before.facts if kind == group}
         new = {subject for kind, subject, _ in after.facts if kind == group}
+        if not old or not new:
+            continue  # a configuration names no bodies, some none of its joints
         for name in sorted(old - new):
             yield Change("CRITICAL", (f"{group} {name}",), "exists", "yes", "no")
         for name in sorted(new - old):
