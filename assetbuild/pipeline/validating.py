@@ -85,13 +85,20 @@ def _kind(file: Path, name: str) -> str:
 def _mjcf(file: Path) -> Iterator[Finding]:
     from assetbuild.checks.mjcf_compiles import lint_file
     from assetbuild.checks.mjx_pairs import judge
+    from assetbuild.checks.trials import Trials
     from assetbuild.simulators.mujoco import load
 
     findings = list(lint_file(file))
     yield from findings
     loads = not any(finding.rule == "mjcf.load" for finding in findings)
-    if loads and "mjx" in file.stem:
+    if not loads:
+        return
+    if "mjx" in file.stem:
         yield from judge(load(file).model)
+    elif not file.stem.endswith("_bare"):
+        scene = file.parent / "scene.xml"  # a bundle's own: the robot on a floor
+        ours = file.parent.name == "mjcf" and scene.is_file()
+        yield from Trials().examine(load(scene if ours else file, visuals=False).model, {})
 
 
 def _usd(file: Path) -> Iterator[Finding]:

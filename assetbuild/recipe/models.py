@@ -28,7 +28,7 @@ from assetbuild.recipe.randomize import Randomize
 from assetbuild.recipe.sensing import Cameras, Feet, Imu, Sensors
 from assetbuild.recipe.surface import Contact as Contact
 from assetbuild.recipe.surface import Simulation as Simulation
-from assetbuild.recipe.trials import Mirror, TotalMass, Trials
+from assetbuild.recipe.trials import DriveBounds, InertiaBounds, Mirror, TotalMass, Trials
 from assetbuild.recipe.usd import Usd
 
 
@@ -264,6 +264,8 @@ class Validate(Model):
         description="small experiments in MuJoCo: drives, energy, timestep, self-collision, "
         "balance, settling; null = do not run them",
     )
+    inertia: InertiaBounds = Field(default_factory=lambda: InertiaBounds.model_validate({}))
+    gains: DriveBounds = Field(default_factory=lambda: DriveBounds.model_validate({}))
     mass: TotalMass = Field(default_factory=lambda: TotalMass.model_validate({}))
     mirror: Mirror | None = Field(
         default_factory=lambda: Mirror.model_validate({}),

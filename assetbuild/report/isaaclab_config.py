@@ -153,10 +153,8 @@ def _start_facts(
         facts["robot", "robot", "keyframe home, base, m"] = tuple(place)
     positions = _value(_field(start, "joint_pos", known), known)
     if isinstance(positions, dict):
-        for joint in joints or positions:
-            number = _number_for(joint, positions)
-            if number is not None:
-                facts["joint", joint, "keyframe home"] = number
+        for joint in joints or positions:  # Isaac Lab starts the others at 0
+            facts["joint", joint, "keyframe home"] = _number_for(joint, positions) or 0.0
 
 
 def _number_for(joint: str, value: object) -> float | None:

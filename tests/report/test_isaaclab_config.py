@@ -29,7 +29,7 @@ DRIVES = lab.ImplicitActuatorCfg(
 )
 BODY_CFG = lab.ArticulationCfg(
     init_state=lab.ArticulationCfg.InitialStateCfg(
-        pos=(0.0, 0.0, 0.4), joint_pos={".*": 0.0, ".*L_thigh_joint": -0.8}
+        pos=(0.0, 0.0, 0.4), joint_pos={".*L_thigh_joint": -0.8}
     ),
     actuators={
         "legs": DRIVES,
@@ -62,6 +62,7 @@ def test_patterns_constants_and_sums_are_read_and_calls_are_not(tmp_path: Path):
     assert facts["joint", "FR_thigh_joint", "effort"] == 24.0
     assert facts["joint", "FR_calf_joint", "model"] == "dc_motor"
     assert facts["joint", "FL_thigh_joint", "keyframe home"] == -0.8
+    assert facts["joint", "FR_hip_joint", "keyframe home"] == 0.0
     assert facts["robot", "robot", "keyframe home, base, m"] == (0.0, 0.0, 0.4)
     assert ("joint", "FR_hip_joint", "armature") not in facts  # the USD says it
     assert ("joint", "FR_calf_joint", "kp") not in facts
