@@ -10,7 +10,7 @@ from itertools import groupby
 from pathlib import PurePosixPath
 
 from assetbuild.cli import print_error
-from assetbuild.findings import SEVERITIES, Finding
+from assetbuild.findings import SEVERITIES, Finding, is_consequence
 from assetbuild.pipeline import Outcome
 from assetbuild.report.document import Report
 
@@ -119,7 +119,7 @@ def finding_lines(
     columns and lines of a terminal; None = lines of any length, `SHOWN_RULES` rules.
     """
     loud = [finding for finding in findings if finding.severity != "info"]
-    groups = [list(same) for _, same in groupby(loud, key=lambda f: (f.severity, f.rule))]
+    groups = [list(same) for _, same in groupby(loud, key=_told_together)]
     lines: list[str] = []
     for number, group in enumerate(groups):
         told = _group_lines(group, width)
@@ -132,9 +132,17 @@ def finding_lines(
     return lines
 
 
+def _told_together(finding: Finding) -> tuple[str, str]:
+    return finding.severity, "" if is_consequence(finding) else finding.rule
+
+
 def _group_lines(group: Sequence[Finding], width: int | None) -> list[str]:
     """The first finding of a rule, its hint, and of whom else the rule speaks."""
     first, *others = group
+    if is_consequence(first):
+        rules = ", ".join(finding.rule for finding in group)
+        line = f"    {first.severity} {rules}: nothing to work on, for what stands above"
+        return [line] if width is None else _wrapped([line], width)
     place = f"{first.where}: " if first.where else ""
     if width is not None:
         place = f"{PurePosixPath(place).name}"  # the file's name: folders stand in the report
@@ -143,8 +151,8 @@ def _group_lines(group: Sequence[Finding], width: int | None) -> list[str]:
     if first.hint:
         lines.append(f"      hint: {first.hint}")
     if others:
-        names = ", ".join(dict.fromkeys(f.subject for f in others))
-        lines.append(f"      and {len(others)} more: {names}")
+        names = ", ".join(dict.fromkeys(f.subject for f in others if f.subject != first.subject))
+        lines.append(f"      and {len(others)} more{f': {names}' if names else ''}")
     if width is not None:
         lines = [part for one in lines for part in _wrapped([one], width)]
         if others:
