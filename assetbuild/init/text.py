@@ -26,6 +26,7 @@ from assetbuild.init.repairs import repairs
 from assetbuild.init.source import Found
 from assetbuild.init.up_axis import turned
 from assetbuild.init.words import flow, plain, quoted, some
+from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.model import Mesh, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.tree import forward_kinematics
@@ -77,7 +78,7 @@ def head(robot: Looked, anatomy: Anatomy, path: Path) -> list[str]:
         f"# {plain(robot.links.name)}: {mass:.4g} kg, {len(tree.bodies)} bodies, "
         f"{moving} moving joints",
         "# Written by `assetbuild init`: read it, correct it, it is yours. Build it with",
-        f"#   assetbuild build {plain(path.name)}",
+        f"#   assetbuild build {plain(shown_path(path))}",
         *(["# Frames that survive as sites under the names of their links:"] if sensors else []),
         *sensors,
         "schema: assetbuild/v1",

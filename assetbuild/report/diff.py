@@ -111,6 +111,8 @@ def _subjects(before: Snapshot, after: Snapshot) -> Iterator[Change]:
     for group in ("body", "joint"):
         old = {subject for kind, subject, _ in before.facts if kind == group}
         new = {subject for kind, subject, _ in after.facts if kind == group}
+        if not old or not new:
+            continue  # a configuration names no bodies, some none of its joints
         for name in sorted(old - new):
             yield Change("CRITICAL", (f"{group} {name}",), "exists", "yes", "no")
         for name in sorted(new - old):
@@ -189,7 +191,7 @@ def _files(before: Snapshot, after: Snapshot) -> Iterator[Change]:
     other = sorted(p for p in pictures if before.files.get(p) != after.files.get(p))
     for path in other:
         name = path.removeprefix("report/images/")
-        old, new = ("there" if path in s.files else "-" for s in (before, after))
+        old, new = (s.files[path][0][:8] if path in s.files else "-" for s in (before, after))
         yield Change("LOW", (name,), "picture", old, new, "look at both")
     for folder in ("urdf", "mjcf", "usd"):
         sizes = [_size(snapshot, folder) for snapshot in (before, after)]

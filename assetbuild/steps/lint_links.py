@@ -13,7 +13,6 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Joint, Shapes, Tree
 from assetbuild.robot.tree import PLACEHOLDER_KG
 from assetbuild.steps._inertia_rules import Bounds, inertia_findings
-from assetbuild.steps._mirror_rule import mirror_findings
 
 
 class LintLinks(Step):
@@ -23,7 +22,7 @@ class LintLinks(Step):
     `lint_bodies` judges what will be simulated. Joint limits are final here.
     """
 
-    version = "6"
+    version = "7"
 
     bounds: Bounds = Field(default_factory=Bounds)
 
@@ -32,7 +31,6 @@ class LintLinks(Step):
         tree = decode(Tree, (files.inputs / "links.json").read_bytes())
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
         yield from inertia_findings(tree, shapes, self.bounds, "warning")
-        yield from mirror_findings(tree)
         for joint in tree.moving_joints:
             yield from _range(joint)
             yield from _drive(joint)
