@@ -10,11 +10,11 @@ from pathlib import Path
 
 from assetbuild.init.anatomy import Anatomy
 from assetbuild.init.drives import (
-    BRAKE_S,
     DAMPING_RATIO,
     FASTEST_HZ,
     FASTEST_LEG_HZ,
     FULL_ERROR,
+    SAG,
     SLOWEST_HZ,
     Row,
     drive_rows,
@@ -202,10 +202,11 @@ def _actuators(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[
         "# Effort and velocity limits are the source's; joints with equal limits share a row.",
         f"# kp gives all the effort at an error of {FULL_ERROR['rad']:g} rad "
         f"({1e3 * FULL_ERROR['m']:g} mm for slides), but keeps the natural",
-        f"# frequency with the links that the joint moves at home between {SLOWEST_HZ:g} and "
-        f"{FASTEST_HZ:g} Hz (legs: {FASTEST_LEG_HZ:g}); kd: damping",
-        f"# ratio {DAMPING_RATIO:g}, at least kp times {1e3 * BRAKE_S:g} ms. A first guess: put "
-        "the motor's data here when you know it.",
+        f"# frequency with what the joint moves at home between {SLOWEST_HZ:g} and "
+        f"{FASTEST_HZ:g} Hz (legs: {FASTEST_LEG_HZ:g}) and the sag by its own",
+        f"# weight below {SAG['rad']:g} rad; kd: damping ratio {DAMPING_RATIO:g} or more. Joints",
+        "# too unlike for one kp get a frequency and a damping ratio. A first guess: put the",
+        "# motor's data here when you know it.",
         "actuators:",
     ]
     for row in rows:
@@ -219,14 +220,24 @@ def _actuators(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[
 
 def _row(pattern: str, row: Row) -> Iterator[str]:
     torque = "N" if row.unit == "m" else "N m"
-    if row.effort is None or row.kp is None or row.kd is None:
+    if row.effort is None:
         yield f"  # {_joints(row)} without effort in the source: state `effort`, kp, kd to drive"
         yield f"  - {{joints: {quoted(pattern)}, model: passive}}"
         return
     speed = f"{row.velocity:g} {row.unit}/s" if row.velocity else "no stated speed"
     unit = "kg" if row.unit == "m" else "kg m2"
     yield f"  # {_joints(row)}: {row.effort:g} {torque}, {speed}, moves {row.inertia:.3g} {unit}"
-    yield f"  - {{joints: {quoted(pattern)}, model: pd, kp: {row.kp!r}, kd: {row.kd!r}}}"
+    gains = f"kp: {row.kp!r}, kd: {row.kd!r}"
+    if row.frequency is not None:
+        gains = f"frequency: {row.frequency!r}, damping_ratio: {row.damping_ratio!r}"
+    for drops, word, why in (
+        (row.drops_damping, "damping", "it would creep for minutes"),
+        (row.drops_friction, "friction", "it takes most of the effort"),
+    ):
+        if drops:
+            yield f"  # the source's {word} of these joints cannot be meant: {why}"
+            gains += f", {word}: 0"
+    yield f"  - {{joints: {quoted(pattern)}, model: pd, {gains}}}"
 
 
 def _joints(row: Row) -> str:
