@@ -28,7 +28,10 @@ BRAKE_S = 0.05
 
 @dataclass(frozen=True)
 class Row:
-    """Joints with the same limits. kp, kd: None for a passive row. inertia: largest, kg m2."""
+    """Joints with the same limits. kp, kd: None for a passive row. inertia: largest, kg m2.
+
+    locked: equal limits hold them, so that a drive could move nothing.
+    """
 
     joints: tuple[str, ...]
     effort: float | None
@@ -37,25 +40,28 @@ class Row:
     inertia: float
     kp: float | None = None
     kd: float | None = None
+    locked: bool = False
 
 
 def drive_rows(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> tuple[Row, ...]:
     """Joints grouped by kind, effort and velocity, with gains; mimic joints need no row."""
     felt = _felt_inertia(tree, pose)
     carried = _carried(tree, pose, legs)
-    groups: dict[tuple[str, float | None, float | None], list[Joint]] = defaultdict(list)
+    groups: dict[tuple[str, float | None, float | None, bool], list[Joint]] = defaultdict(list)
     for joint in tree.moving_joints:
         if joint.mimic is None:
             unit = "m" if joint.kind == "prismatic" else "rad"
             limits = joint.limits
-            groups[unit, limits.effort or None, limits.velocity or None].append(joint)
+            locked = limits.lower is not None and limits.lower == limits.upper
+            effort = None if locked else limits.effort or None
+            groups[unit, effort, limits.velocity or None, locked].append(joint)
     rows = []
-    for (unit, effort, velocity), joints in groups.items():
+    for (unit, effort, velocity, locked), joints in groups.items():
         names = tuple(joint.name for joint in joints)
         inertia = max(felt[name] for name in names)
         load = max(carried.get(name, 0.0) for name in names)
         kp, kd = _gains(effort, unit, inertia, load) if effort is not None else (None, None)
-        rows.append(Row(names, effort, velocity, unit, inertia, kp, kd))
+        rows.append(Row(names, effort, velocity, unit, inertia, kp, kd, locked))
     return tuple(rows)
 
 

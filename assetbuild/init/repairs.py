@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from assetbuild.findings import Finding
 from assetbuild.init.look import Looked
 from assetbuild.init.patterns import patterns_of
+from assetbuild.init.targets import not_in_usd
 from assetbuild.init.words import quoted, some
 
 GUESSED_DENSITY = 1000
@@ -138,6 +139,8 @@ def _ball(link: str, mass: float, finding: Finding) -> _Repair:
 
 
 def _shares(robot: Looked) -> Iterator[_Repair]:
+    if not_in_usd(robot):
+        return  # MuJoCo needs none: several joints on one body
     for finding in robot.link_findings:
         if finding.rule == "inertia.between":
             yield _Repair(

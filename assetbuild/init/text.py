@@ -24,6 +24,7 @@ from assetbuild.init.look import Looked
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.repairs import repairs
 from assetbuild.init.source import Found
+from assetbuild.init.targets import targets
 from assetbuild.init.up_axis import turned
 from assetbuild.init.words import flow, plain, quoted, some
 from assetbuild.robot.model import Mesh, Tree
@@ -81,7 +82,7 @@ def head(robot: Looked, anatomy: Anatomy, path: Path) -> list[str]:
         *(["# Frames that survive as sites under the names of their links:"] if sensors else []),
         *sensors,
         "schema: assetbuild/v1",
-        f"robot: {recipe_name(robot.links.name)}",
+        f"robot: {quoted(recipe_name(robot.links.name))}",
     ]
 
 
@@ -218,6 +219,10 @@ def _actuators(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[
 
 def _row(pattern: str, row: Row) -> Iterator[str]:
     torque = "N" if row.unit == "m" else "N m"
+    if row.locked:
+        yield f"  # {_joints(row)} locked by equal limits: a drive would move nothing"
+        yield f"  - {{joints: {quoted(pattern)}, model: passive}}"
+        return
     if row.effort is None or row.kp is None or row.kd is None:
         yield f"  # {_joints(row)} without effort in the source: state `effort`, kp, kd to drive"
         yield f"  - {{joints: {quoted(pattern)}, model: passive}}"
@@ -259,7 +264,7 @@ def _simulation(robot: Looked, anatomy: Anatomy) -> list[str]:
     lines = [
         "contact: {friction: [0.8, 0.02, 0.01], condim: 3}   # rubber on a floor",
         _steps(robot),
-        "targets: [urdf, mjcf, usd]",
+        targets(robot),
     ]
     driven = all(joint.limits.effort for leg in anatomy.legs for joint in leg.joints)
     if anatomy.legs and driven:
