@@ -48,7 +48,7 @@ def recipe_text(robot: Looked, anatomy: Anatomy, source: Found, path: Path) -> s
     sections = (
         head(robot, anatomy, path),
         _source(source, path, turned(source, robot)),
-        [f"base: {anatomy.base.kind}   # {anatomy.base.reason}"],
+        [f"base: {anatomy.base.kind}   # {plain(anatomy.base.reason, 200)}"],
         _fixed_joints(robot, anatomy),
         repairs(robot),
         ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],

@@ -16,10 +16,12 @@ def with_four_corners(mesh: TriangleMesh) -> TriangleMesh:
     """
     if len(mesh.vertices) != 3 or not len(mesh.faces):
         return mesh
-    corners = mesh.faces[:, :, None]
+    ends = np.roll(mesh.faces, -1, axis=1)
+    middle = np.full(len(mesh.faces), 3)
+    thirds = [np.stack([mesh.faces[:, i], ends[:, i], middle], axis=1) for i in range(3)]
     return TriangleMesh(
         np.vstack([mesh.vertices, mesh.vertices.mean(axis=0)]),
-        _thirds(corners, np.full_like(corners[:, 0], 3))[:, :, 0],
+        np.concatenate(thirds),
         None if mesh.uv is None else _thirds(mesh.uv, mesh.uv.mean(axis=1)),
         None
         if mesh.normals is None
