@@ -1,4 +1,4 @@
-"""A home pose inside the limits: legs under their hips, everything else at 0 where it may be."""
+"""A home pose: legs under their hips, everything else at 0 where limits and drives allow it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from assetbuild.init.anatomy import ANKLE, Leg, chain_to
+from assetbuild.init.hold import held_pose
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose
 from assetbuild.robot.tree import forward_kinematics, joint_motion
@@ -27,6 +28,7 @@ def home_pose(tree: Tree, legs: tuple[Leg, ...]) -> dict[str, float]:
     if legs and bent:
         for leg in legs:
             pose |= _planted(tree, leg, legs, pose)
+    pose = held_pose(tree, pose, {joint.name for leg in legs for joint in leg.joints})
     return {name: _inside(tree.by_joint[name], value) for name, value in pose.items()}
 
 

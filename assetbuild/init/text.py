@@ -19,7 +19,7 @@ from assetbuild.init.drives import (
     Row,
     drive_rows,
 )
-from assetbuild.init.home import home_pose
+from assetbuild.init.home import home_pose, resting
 from assetbuild.init.look import Looked
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.repairs import repairs
@@ -251,6 +251,9 @@ def home(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[str]:
         return [*lines, "    joints: {}   # all joints at 0, which the limits allow"]
     if legged & shown.keys():
         lines.append("    # each foot below its hip, all at one height")
+    others = {n: value for n, value in pose.items() if n not in legged}
+    if any(abs(value - resting(tree.by_joint[n])) > 1e-3 for n, value in others.items()):
+        lines.append("    # an arm that its drives cannot hold stretched is turned until they can")
     lines.append("    # joints not named here are 0, which their limits allow")
     lines.append("    joints:")
     for value in sorted(set(shown.values()), key=list(shown.values()).index):
