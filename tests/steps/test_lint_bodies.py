@@ -26,6 +26,18 @@ def lint(inertial: Inertial | None, tmp_path: Path, kind: str = "continuous") ->
     return run_step(LintBodies(), inputs, tmp_path / "out")
 
 
+@pytest.mark.parametrize(("upper", "rules"), [(-1.5, ["joint.limits"]), (1.5, [])])
+def test_crossed_limits_are_an_error_in_what_is_simulated(
+    upper: float, rules: list[str], tmp_path: Path
+):
+    joint = Joint("j", "revolute", "base", "arm", limits=Limits(-1.0, upper, 1.0, 1.0))
+    tree = Tree("arm", "floating", (Body("base", BRICK), Body("arm", BRICK)), (joint,))
+    inputs = write_robot_ports(tmp_path / "in", TinyRobot(tree, tree))
+    findings = run_step(LintBodies(), inputs, tmp_path / "out")
+    assert [f.rule for f in findings] == rules
+    assert all(f.severity == "error" for f in findings)
+
+
 @pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()])
 def test_good_robots_have_no_findings(robot: TinyRobot, tmp_path: Path):
     inputs = write_robot_ports(tmp_path / "in", robot)
