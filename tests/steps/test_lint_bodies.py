@@ -9,7 +9,7 @@ import pytest
 from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Body, Inertial, Joint, Shape, Shapes, Sphere, Tree
+from assetbuild.robot.model import Body, Inertial, Joint, Limits, Shape, Shapes, Sphere, Tree
 from assetbuild.steps.lint_bodies import LintBodies
 
 BRICK = box_inertial(1.0, (0.1, 0.1, 0.1))
