@@ -155,7 +155,10 @@ class CollisionMethod(Step):
         placed = [self._source_mesh(source, files.inputs) for source in self.sources]
         mesh = cleaned(merged(placed))
         if len(mesh.faces) < 4:
-            raise StepError(f"{self.subject}: {len(mesh.faces)} triangles enclose no volume")
+            raise StepError(
+                f"{self.subject}: {len(mesh.faces)} triangles enclose no volume",
+                hint="give the link a `primitive`, other shapes (`from`) or `method: none`",
+            )
         refuse_flat(mesh.vertices, self.subject)
         return mesh
 

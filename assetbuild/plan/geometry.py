@@ -135,12 +135,12 @@ def assemble(
     loaded: LoadedRecipe, links: Tree, geometry: Geometry, shapes: Ref, p: Planner
 ) -> Node | None:
     """All final shapes and mesh files of the robot; None while equal shapes are looked for."""
+    inputs: dict[str, Ref] = {"shapes.json": shapes}
+    visuals = _visuals(loaded.recipe, geometry, inputs)
     jobs = collision_jobs(loaded, links, geometry)
     twins = equal_shapes(jobs, geometry, p)
     if twins is None:
         return None
-    inputs: dict[str, Ref] = {"shapes.json": shapes}
-    visuals = _visuals(loaded.recipe, geometry, inputs)
     nodes: dict[int, Node] = {}
     collisions = []
     for job in jobs:
