@@ -30,7 +30,7 @@ def outcome(bad: TriangleMesh) -> str:
         try:
             pieces, findings = attempt(Path(folder), bad, cpu_limit=LIMIT_S)
         except StepError as error:
-            return f"error: {str(error).splitlines()[0]} | | | |"
+            return f"error: {str(error).splitlines()[0]} | | | | "
     gap = next(f for f in findings if f.rule == "collision.gap").data
     told = ", ".join(sorted({f.rule for f in findings} - {"collision.gap"}))
     return (
