@@ -49,10 +49,10 @@ base: floating
 collision:
   default: {{method: none}}
   links:
-    trunk: {{method: primitive, max_hulls: 6, from: visual}}
-    ".*_hip": {{method: primitive, max_hulls: 3, from: visual}}
-    ".*_thigh": {{method: primitive, max_hulls: 4, from: visual}}
-    ".*_calf": {{method: primitive, max_hulls: 3, from: visual}}
+    trunk: {{method: primitive, max_hulls: 4, from: visual}}
+    ".*_hip": {{method: primitive, max_hulls: 2, from: visual}}
+    ".*_thigh": {{method: primitive, shape: capsule, max_hulls: 3, from: visual}}
+    ".*_calf": {{method: primitive, shape: capsule, max_hulls: 2, from: visual}}
     ".*_foot": {{method: keep, from: collision}}
 targets: [mjcf]
 validate: {{free_fall: null}}
