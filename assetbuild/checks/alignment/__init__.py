@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import ClassVar, Self
 
+from assetbuild.checks.alignment.gap import told
 from assetbuild.checks.alignment.pair import Pair
 from assetbuild.checks.alignment.row import findings_of
 from assetbuild.engine.step import Files, Limits
@@ -77,7 +78,8 @@ class Alignment(Check):
         outcomes = physx.perform(files.inputs / f"usd/{self.robot}.usda", pair.experiments())
         broken = {name: done for name, done in outcomes.items() if not done.finite}
         rows = tuple(pair.rows(outcomes))
-        write_figures(files, {"rows": [row.shown() for row in rows]})
+        ranges = pair.ranges(rows)
+        write_figures(files, {"rows": [row.shown() for row in rows], "randomize": dict(ranges)})
         for name, done in broken.items():
             yield Finding(
                 "alignment.physx.run",
@@ -87,3 +89,4 @@ class Alignment(Check):
                 data={"simulator": "physx"},
             )
         yield from findings_of(rows)
+        yield from told(ranges)
