@@ -15,7 +15,7 @@ from assetbuild.plan.reading import Reading
 from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.compose import Part
 from assetbuild.recipe.loader import LoadedRecipe
-from assetbuild.recipe.merging import Mounted, composed
+from assetbuild.recipe.merging import Mounted, composed, left_out
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
@@ -52,7 +52,11 @@ def compose(
     inputs = _inputs("base", base)
     for row, ready in zip(rows, made, strict=True):
         inputs |= _inputs(row.as_, ready)
-    node = p.add("compose_parts", ComposeParts(parts=tuple(map(_part_on, rows))), inputs)
+    placed = tuple(
+        _part_on(row).model_copy(update={"left_out": left_out(loaded.recipe, part.recipe)})
+        for row, (part, _) in zip(rows, parts, strict=True)
+    )
+    node = p.add("compose_parts", ComposeParts(parts=placed), inputs)
     if base.geometry is not None and all(ready.geometry for ready in made):
         for row, ready in zip(rows, made, strict=True):
             if ready.geometry is not None:

@@ -78,6 +78,9 @@ class Randomize(Model):
         None, description="sliding friction of all collision geometry, least and most"
     )
     friction_source: str = Field("", description="where that range comes from")
+    restitution: Range | None = Field(
+        None, description="bounce of all collision geometry; for Isaac Lab, MuJoCo has none"
+    )
 
 
 Ranges = TypeVar("Ranges")

@@ -134,15 +134,16 @@ class StateRanges(Step):
         return rows
 
     def _contact(self, control: Control) -> dict[str, Any]:
-        if self.randomize.friction is None:
-            return {}
-        return {
-            "friction": {
+        found: dict[str, Any] = {}
+        if self.randomize.friction is not None:
+            found["friction"] = {
                 "nominal": control.contact.friction[0],
                 "range": list(self.randomize.friction),
                 "source": self.randomize.friction_source or UNSTATED,
             }
-        }
+        if self.randomize.restitution is not None:
+            found["restitution"] = {"nominal": 0.0, "range": list(self.randomize.restitution)}
+        return found
 
     def _sources(self, tree: Tree) -> Iterator[Finding]:
         """One finding for all ranges that nobody gave a reason for."""

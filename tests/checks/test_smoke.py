@@ -9,7 +9,10 @@ from typing import Any
 import pytest
 from tiny import run_step, tiny_quadruped, write_robot_ports
 
+from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab
+from assetbuild.checks.smoke_isaaclab import judged as judge_isaac
 from assetbuild.checks.smoke_mjlab import SmokeMjlab, judged
+from assetbuild.checks.smoke_newton import judged as judge_newton
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.randomize import Randomize
 from assetbuild.simulators.environments import MADE, Environment, ask
@@ -97,6 +100,59 @@ def test_a_consumer_that_fails_says_why(tmp_path: Path, text: str, why: str) -> 
     )
     assert answer is None
     assert why in failure
+
+
+def newton_reading(**changed: Any) -> dict[str, Any]:
+    """The tiny quadruped as Newton should hold it."""
+    robot = tiny_quadruped()
+    joints = {}
+    for joint in robot.tree.moving_joints:
+        drive = robot.control.by_joint[joint.name]
+        keys = ("kp", "kd", "effort", "armature", "friction", "damping")
+        joints[joint.name] = {key: getattr(drive, key) for key in keys} | {
+            "lower": joint.limits.lower,
+            "upper": joint.limits.upper,
+        }
+    masses = {b.name: b.inertial.mass_kg for b in robot.tree.bodies if b.inertial}
+    return {"finite": True, "dof": 18, "masses": masses, "joints": joints} | changed
+
+
+def newton_says(reading: dict[str, Any]) -> list[tuple[str, str]]:
+    robot = tiny_quadruped()
+    found = judge_newton("usd", reading, robot.tree, robot.control)
+    return [(finding.rule, finding.subject) for finding in found]
+
+
+def test_newton_reads_the_same_robot() -> None:
+    assert newton_says(newton_reading()) == []
+
+
+def test_another_robot_in_newton_is_an_error() -> None:
+    assert newton_says({"failure": "no"}) == [("smoke.failed", "robot")]
+    assert newton_says(newton_reading(finite=False)) == [("smoke.finite", "robot")]
+    assert newton_says(newton_reading(dof=12)) == [("smoke.reading", "robot")]
+    for key, value in {"kp": 1.0, "effort": None, "lower": 0.5, "armature": 0.0}.items():
+        reading = newton_reading()
+        reading["joints"]["FR_calf_joint"][key] = value
+        assert newton_says(reading) == [("smoke.reading", "joint FR_calf_joint")], key
+    reading = newton_reading()
+    reading["masses"]["trunk"] *= 1.001
+    del reading["joints"]["FL_hip_joint"]
+    assert newton_says(reading) == [
+        ("smoke.reading", "link trunk"),
+        ("smoke.reading", "joint FL_hip_joint"),
+    ]
+
+
+def test_isaac_lab_is_asked_only_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ASSETBUILD_ISAACLAB", raising=False)
+    step = SmokeIsaacLab.configure(recipe(validate={"smoke": ["isaaclab"]}, base="floating"))
+    assert step is not None
+    assert "ASSETBUILD_ISAACLAB" in step.missing()
+    good = {"finite": True, "start_m": 0.3, "height_m": 0.28}
+    assert list(judge_isaac(good, "floating")) == []
+    for rule, bad in {"smoke.finite": {"finite": False}, "smoke.height": {"height_m": 0.1}}.items():
+        assert [f.rule for f in judge_isaac({**good, **bad}, "floating")] == [rule]
 
 
 def test_mjlab_takes_the_tiny_robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

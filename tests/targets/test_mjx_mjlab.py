@@ -158,6 +158,20 @@ def test_what_mjlab_cannot_randomize_is_told(tmp_path: Path) -> None:
     assert '"d_range": (-0.1, 0.1)' in text
 
 
+def test_a_foot_of_several_geoms_is_one_foot(tmp_path: Path) -> None:
+    """mjlab's rewards multiply contacts by feet, one of each."""
+    robot = tiny_quadruped()
+    sole = next(s for s in robot.shapes.shapes if s.name == "FR_foot_collision")
+    more = (*robot.shapes.shapes, replace(sole, name="FR_foot_collision1"))
+    robot = replace(robot, shapes=replace(robot.shapes, shapes=more))
+    text = (built(robot, tmp_path, MJLAB) / "mjlab/python/robot_mjlab.py").read_text()
+    assert 'mode="body", pattern=("FR_calf", "FL_calf", "RR_calf", "RL_calf",)' in text
+    one = (
+        built(tiny_quadruped(), tmp_path / "one", MJLAB) / "mjlab/python/robot_mjlab.py"
+    ).read_text()
+    assert 'mode="geom", pattern=FOOT_GEOMS' in one
+
+
 def test_a_robot_without_feet_has_no_task_and_is_told(tmp_path: Path) -> None:
     inputs = write_robot_ports(tmp_path / "in", tiny_quadruped())
     findings = run_step(Mjlab(robot="robot"), inputs, tmp_path / "out")

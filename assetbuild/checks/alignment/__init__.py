@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import ClassVar, Self
 
+from assetbuild.checks.alignment.gap import told
 from assetbuild.checks.alignment.pair import Pair
 from assetbuild.checks.alignment.row import findings_of
 from assetbuild.engine.step import Files, Limits
@@ -27,7 +28,7 @@ UNMEASURED = "unmeasured: docs/how-to/isaaclab.md says how to fill in that half"
 class Alignment(Check):
     """`mjcf/` in MuJoCo and `usd/` in PhysX: what they hold, how they fall, follow, stand, land."""
 
-    version = "2"
+    version = "3"
     needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
@@ -81,7 +82,8 @@ class Alignment(Check):
         broken = {name: done for name, done in outcomes.items() if not done.finite}
         rows = tuple(pair.rows(outcomes))
         shown = [row.shown() for row in rows]
-        write_figures(files, {"rows": shown, "isaac_lab": UNMEASURED})
+        ranges = dict(pair.ranges(rows))
+        write_figures(files, {"rows": shown, "randomize": ranges, "isaac_lab": UNMEASURED})
         for name, done in broken.items():
             yield Finding(
                 "alignment.physx.run",
@@ -91,3 +93,4 @@ class Alignment(Check):
                 data={"simulator": "physx"},
             )
         yield from findings_of(rows)
+        yield from told(ranges)

@@ -262,7 +262,7 @@ class Module:
     def _events(self) -> list[str]:
         if self.randomize is None:
             return []
-        return ["", *events.events_text(self.randomize, self.tree), ""]
+        return ["", *events.events_text(self.randomize, self.tree, self.control), ""]
 
     def _delay(self, actuator: Actuator) -> tuple[int, int]:
         """Simulation steps, least and most, of the drives that Isaac Lab can delay."""

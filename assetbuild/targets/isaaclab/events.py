@@ -55,9 +55,9 @@ def lost(randomize: Randomize, control: Control, tree: Tree) -> Iterator[Finding
         )
 
 
-def events_text(randomize: Randomize, tree: Tree) -> list[str]:
+def events_text(randomize: Randomize, tree: Tree, control: Control) -> list[str]:
     """Lines of the class `EventCfg`."""
-    terms = [*_matter(randomize, tree), *_joints(randomize, tree), *_friction(randomize)]
+    terms = [*_matter(randomize, tree), *_joints(randomize, tree), *_friction(randomize, control)]
     return [
         "@configclass",
         "class EventCfg:",
@@ -142,17 +142,19 @@ def _joints(randomize: Randomize, tree: Tree) -> Found:
             yield f"joints_{index}", "randomize_joint_parameters", params
 
 
-def _friction(randomize: Randomize) -> Found:
+def _friction(randomize: Randomize, control: Control) -> Found:
     """Restitution 0 is what the USD's materials have."""
-    if randomize.friction is not None:
+    if randomize.friction is not None or randomize.restitution is not None:
+        slide = control.contact.friction[0]
+        friction = randomize.friction or (slide, slide)
         yield (
             "material",
             "randomize_rigid_body_material",
             {
                 "asset_cfg": 'SceneEntityCfg("robot")',
-                "static_friction_range": repr(randomize.friction),
-                "dynamic_friction_range": repr(randomize.friction),
-                "restitution_range": "(0.0, 0.0)",
+                "static_friction_range": repr(friction),
+                "dynamic_friction_range": repr(friction),
+                "restitution_range": repr(randomize.restitution or (0.0, 0.0)),
                 "num_buckets": str(BUCKETS),
                 "make_consistent": "True",
             },

@@ -64,6 +64,8 @@ def lost(
             without.append("gains and effort of drives without a position loop")
     if any(m.stretch or m.shear for m in randomize.links.values()):
         without.append("stretch and shear about the centre of mass (there: about the body's frame)")
+    if randomize.restitution is not None:
+        without.append("restitution, which MuJoCo has not")
     if without:
         yield Finding(
             rule="mjlab.randomize",

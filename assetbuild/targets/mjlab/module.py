@@ -193,7 +193,7 @@ def velocity_flat_cfg(num_envs: int = 4096) -> ManagerBasedRlEnvCfg:
             sensor.pattern = RingPatternCfg.single_ring(radius=0.04, num_samples=4)
     feet = ContactSensorCfg(
         name="feet_ground_contact",
-        primary=ContactMatch(mode="geom", pattern=FOOT_GEOMS, entity="robot"),
+        primary=ContactMatch({_soles(facts)}, entity="robot"),
         secondary=ContactMatch(mode="body", pattern="terrain"),
         fields=("found", "force"),
         reduce="netforce",
@@ -227,6 +227,18 @@ POSE_SPREAD = {{
     "std_running": (0.3, 0.6),
 }}
 """rad from the initial pose that cost nothing much, of other joints and of knees."""'''
+
+
+def _soles(facts: ModuleFacts) -> str:
+    """One entry for each foot, as mjlab's rewards count: a foot of several geoms is its body.
+
+    Where that foot was merged into a shank, what the shank touches counts too.
+    """
+    if len(facts.foot_geoms) == len(facts.foot_sites):
+        return 'mode="geom", pattern=FOOT_GEOMS'
+    bodies = [facts.tree.placement(link)[0] for link in facts.foot_sites]
+    listed = ", ".join(literal(body) for body in bodies)
+    return f'mode="body", pattern=({listed},)'
 
 
 # --- actuators ------------------------------------------------------------------------------
