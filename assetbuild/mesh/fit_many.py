@@ -80,7 +80,7 @@ class Cloud:
 
     def score(self, distance: Array) -> float:
         """Of a union with these signed distances (n,), m; 0 is a perfect cover."""
-        near = np.abs(distance[:POINTS]) < SOFTNESS[-1] * self.size
+        near = (np.abs(distance[:POINTS]) < SOFTNESS[-1] * self.size).astype(np.float64)
         return self._score((distance <= 0.0).astype(np.float64), near, distance)
 
     def _score(self, occupied: Array, near: Array, distance: Array) -> float:

@@ -143,8 +143,8 @@ def _joints(
             yield Term(f"gains_{index}", "pd_gains", f"actuator_ids={loops!r}", params)
         limited = [i for i in loops if groups[i][0].effort is not None]
         if limited and ranges.effort != (1.0, 1.0):
-            params = (("effort_limit_range", repr(ranges.effort)),)
-            yield Term(f"effort_{index}", "effort_limits", f"actuator_ids={limited!r}", params)
+            share = (("effort_limit_range", repr(ranges.effort)),)
+            yield Term(f"effort_{index}", "effort_limits", f"actuator_ids={limited!r}", share)
         names = _names("joint_names", joints)
         for key, func in JOINT_TERMS.items():
             factor = getattr(ranges, key)
@@ -152,8 +152,8 @@ def _joints(
                 params = (("ranges", repr(factor)), ("operation", '"scale"'))
                 yield Term(f"{key}_{index}", func, names, params)
         if ranges.encoder_bias:
-            params = (("bias_range", repr((-ranges.encoder_bias, ranges.encoder_bias))),)
-            yield Term(f"encoder_bias_{index}", "encoder_bias", names, params)
+            bias = (("bias_range", repr((-ranges.encoder_bias, ranges.encoder_bias))),)
+            yield Term(f"encoder_bias_{index}", "encoder_bias", names, bias)
 
 
 def _friction(randomize: Randomize) -> Iterator[Term]:
