@@ -39,6 +39,7 @@ Pair = tuple[int, int]
 class MjxPairs(Check):
     """Findings `mjx.<what>`; figures: pairs by kinds, and how many are fast."""
 
+    version = "2"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)

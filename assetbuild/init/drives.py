@@ -48,6 +48,8 @@ class Row:
 
     Either kp and kd are set, or frequency (Hz) with damping_ratio. drops_damping, drops_friction:
     the source's number cannot be meant: joints would creep for minutes, or never move.
+
+    locked: equal limits hold them, so that a drive could move nothing.
     """
 
     joints: tuple[str, ...]
@@ -61,6 +63,7 @@ class Row:
     damping_ratio: float | None = None
     drops_damping: bool = False
     drops_friction: bool = False
+    locked: bool = False
 
 
 @dataclass(frozen=True)
@@ -76,18 +79,20 @@ class _Felt:
 def drive_rows(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> tuple[Row, ...]:
     """Joints grouped by kind, effort and velocity, with gains; mimic joints need no row."""
     felt = _felt(tree, pose, legs)
-    groups: dict[tuple[str, float | None, float | None], list[Joint]] = defaultdict(list)
+    groups: dict[tuple[str, float | None, float | None, bool], list[Joint]] = defaultdict(list)
     for joint in tree.moving_joints:
         if joint.mimic is None:
             unit = "m" if joint.kind == "prismatic" else "rad"
             limits = joint.limits
-            groups[unit, limits.effort or None, limits.velocity or None].append(joint)
+            locked = limits.lower is not None and limits.lower == limits.upper
+            effort = None if locked else limits.effort or None
+            groups[unit, effort, limits.velocity or None, locked].append(joint)
     rows = []
-    for (unit, effort, velocity), joints in groups.items():
+    for (unit, effort, velocity, locked), joints in groups.items():
         names = tuple(joint.name for joint in joints)
         found = [felt[name] for name in names]
         inertia = max(one.inertia for one in found)
-        row = Row(names, effort, velocity, unit, inertia)
+        row = Row(names, effort, velocity, unit, inertia, locked=locked)
         rows.append(_driven(row, effort, found) if effort is not None else row)
     return tuple(rows)
 

@@ -19,13 +19,15 @@ from assetbuild.init.drives import (
     Row,
     drive_rows,
 )
-from assetbuild.init.home import home_pose
+from assetbuild.init.home import home_pose, resting
 from assetbuild.init.look import Looked
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.repairs import repairs
 from assetbuild.init.source import Found
+from assetbuild.init.targets import targets
 from assetbuild.init.up_axis import turned
 from assetbuild.init.words import flow, plain, quoted, some
+from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.model import Mesh, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.tree import forward_kinematics
@@ -47,7 +49,7 @@ def recipe_text(robot: Looked, anatomy: Anatomy, source: Found, path: Path) -> s
     sections = (
         head(robot, anatomy, path),
         _source(source, path, turned(source, robot)),
-        [f"base: {anatomy.base.kind}   # {anatomy.base.reason}"],
+        [f"base: {anatomy.base.kind}   # {plain(anatomy.base.reason, 200)}"],
         _fixed_joints(robot, anatomy),
         repairs(robot),
         ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],
@@ -77,11 +79,11 @@ def head(robot: Looked, anatomy: Anatomy, path: Path) -> list[str]:
         f"# {plain(robot.links.name)}: {mass:.4g} kg, {len(tree.bodies)} bodies, "
         f"{moving} moving joints",
         "# Written by `assetbuild init`: read it, correct it, it is yours. Build it with",
-        f"#   assetbuild build {plain(path.name)}",
+        f"#   assetbuild build {plain(shown_path(path))}",
         *(["# Frames that survive as sites under the names of their links:"] if sensors else []),
         *sensors,
         "schema: assetbuild/v1",
-        f"robot: {recipe_name(robot.links.name)}",
+        f"robot: {quoted(recipe_name(robot.links.name))}",
     ]
 
 
@@ -219,6 +221,10 @@ def _actuators(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[
 
 def _row(pattern: str, row: Row) -> Iterator[str]:
     torque = "N" if row.unit == "m" else "N m"
+    if row.locked:
+        yield f"  # {_joints(row)} locked by equal limits: a drive would move nothing"
+        yield f"  - {{joints: {quoted(pattern)}, model: passive}}"
+        return
     if row.effort is None:
         yield f"  # {_joints(row)} without effort in the source: state `effort`, kp, kd to drive"
         yield f"  - {{joints: {quoted(pattern)}, model: passive}}"
@@ -257,6 +263,9 @@ def home(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[str]:
         return [*lines, "    joints: {}   # all joints at 0, which the limits allow"]
     if legged & shown.keys():
         lines.append("    # each foot below its hip, all at one height")
+    others = {n: value for n, value in pose.items() if n not in legged}
+    if any(abs(value - resting(tree.by_joint[n])) > 1e-3 for n, value in others.items()):
+        lines.append("    # what the drives could not hold against gravity is turned")
     lines.append("    # joints not named here are 0, which their limits allow")
     lines.append("    joints:")
     for value in sorted(set(shown.values()), key=list(shown.values()).index):
@@ -270,7 +279,7 @@ def _simulation(robot: Looked, anatomy: Anatomy) -> list[str]:
     lines = [
         "contact: {friction: [0.8, 0.02, 0.01], condim: 3}   # rubber on a floor",
         _steps(robot),
-        "targets: [urdf, mjcf, usd]",
+        targets(robot),
     ]
     driven = all(joint.limits.effort for leg in anatomy.legs for joint in leg.joints)
     if anatomy.legs and driven:

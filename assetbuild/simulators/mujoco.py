@@ -6,6 +6,7 @@ MuJoCo's own warnings are caught: without a handler they go to a log file in the
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -72,7 +73,11 @@ def _compiled_for_physics(path: Path) -> Model:
 
 
 def _without_folder(text: str, path: Path) -> str:
-    """No absolute path: the same message wherever the file lies; in one line."""
+    """No absolute path: the same message wherever the file lies; in one line.
+
+    Without what MuJoCo adds about the visual shapes that we asked it to leave out.
+    """
+    text = re.sub(r"The visual elements of the spec were discarded[^.]*\.", "", text)
     plain = text.replace(f"{path.parent.resolve()}/", "").replace(f"{path.parent}/", "")
     return " ".join(plain.split())
 
