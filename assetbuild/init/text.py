@@ -253,7 +253,9 @@ def home(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[str]:
         lines.append("    # each foot below its hip, all at one height")
     others = {n: value for n, value in pose.items() if n not in legged}
     if any(abs(value - resting(tree.by_joint[n])) > 1e-3 for n, value in others.items()):
-        lines.append("    # what the drives could not hold against gravity is turned until they can")
+        lines.append(
+            "    # what the drives could not hold against gravity is turned until they can"
+        )
     lines.append("    # joints not named here are 0, which their limits allow")
     lines.append("    joints:")
     for value in sorted(set(shown.values()), key=list(shown.values()).index):
