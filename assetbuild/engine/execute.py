@@ -27,6 +27,7 @@ class Event:
 
     planned: once, `total` known. started: the step of `label` begins to run (a cached node
     does not start). finished: `result` is there. done counts finished and blocked nodes.
+    waiting: how many nodes cannot be made before the one that started is.
     """
 
     kind: Literal["planned", "started", "finished"]
@@ -34,6 +35,7 @@ class Event:
     total: int
     label: str = ""
     result: NodeResult | None = None
+    waiting: int = 0
 
 
 Listener = Callable[[Event], None]
@@ -213,7 +215,7 @@ class _Schedule:
 
     def _take(self, label: str, message: NodeResult | BaseException | None) -> None:
         if message is None:
-            self._say("started", label)
+            self._say("started", label, waiting=len(self._behind(label)))
             return
         if isinstance(message, BaseException):
             raise message
@@ -232,6 +234,17 @@ class _Schedule:
             self.missing[reader].discard(label)
             if not self.missing[reader] and reader not in self.results:
                 self.ready.append(reader)
+
+    def _behind(self, label: str) -> set[str]:
+        """All that reads what this node makes, and so on."""
+        found: set[str] = set()
+        waiting = list(self.readers[label])
+        while waiting:
+            reader = waiting.pop()
+            if reader not in found:
+                found.add(reader)
+                waiting += self.readers[reader]
+        return found
 
     def _block_readers(self, label: str, failed: str) -> None:
         waiting = list(self.readers[label])
@@ -256,5 +269,7 @@ class _Schedule:
         kind: Literal["planned", "started", "finished"],
         label: str = "",
         result: NodeResult | None = None,
+        waiting: int = 0,
     ) -> None:
-        self.tell(Event(kind, len(self.results), len(self.graph.nodes), label, result))
+        done, total = len(self.results), len(self.graph.nodes)
+        self.tell(Event(kind, done, total, label, result, waiting))

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from assetbuild.init.anatomy import Anatomy
 from assetbuild.init.drives import (
-    BRAKE_S,
     DAMPING_RATIO,
     FASTEST_HZ,
     FASTEST_LEG_HZ,
     FULL_ERROR,
+    SAG,
     SLOWEST_HZ,
     Row,
     drive_rows,
@@ -27,6 +27,7 @@ from assetbuild.init.source import Found
 from assetbuild.init.targets import targets
 from assetbuild.init.up_axis import turned
 from assetbuild.init.words import flow, plain, quoted, some
+from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.model import Mesh, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.tree import forward_kinematics
@@ -78,7 +79,7 @@ def head(robot: Looked, anatomy: Anatomy, path: Path) -> list[str]:
         f"# {plain(robot.links.name)}: {mass:.4g} kg, {len(tree.bodies)} bodies, "
         f"{moving} moving joints",
         "# Written by `assetbuild init`: read it, correct it, it is yours. Build it with",
-        f"#   assetbuild build {plain(path.name)}",
+        f"#   assetbuild build {plain(shown_path(path))}",
         *(["# Frames that survive as sites under the names of their links:"] if sensors else []),
         *sensors,
         "schema: assetbuild/v1",
@@ -202,10 +203,11 @@ def _actuators(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[
         "# Effort and velocity limits are the source's; joints with equal limits share a row.",
         f"# kp gives all the effort at an error of {FULL_ERROR['rad']:g} rad "
         f"({1e3 * FULL_ERROR['m']:g} mm for slides), but keeps the natural",
-        f"# frequency with the links that the joint moves at home between {SLOWEST_HZ:g} and "
-        f"{FASTEST_HZ:g} Hz (legs: {FASTEST_LEG_HZ:g}); kd: damping",
-        f"# ratio {DAMPING_RATIO:g}, at least kp times {1e3 * BRAKE_S:g} ms. A first guess: put "
-        "the motor's data here when you know it.",
+        f"# frequency with what the joint moves at home between {SLOWEST_HZ:g} and "
+        f"{FASTEST_HZ:g} Hz (legs: {FASTEST_LEG_HZ:g}) and the sag by its own",
+        f"# weight below {SAG['rad']:g} rad; kd: damping ratio {DAMPING_RATIO:g} or more. Joints",
+        "# too unlike for one kp get a frequency and a damping ratio. A first guess: put the",
+        "# motor's data here when you know it.",
         "actuators:",
     ]
     for row in rows:
@@ -223,14 +225,24 @@ def _row(pattern: str, row: Row) -> Iterator[str]:
         yield f"  # {_joints(row)} locked by equal limits: a drive would move nothing"
         yield f"  - {{joints: {quoted(pattern)}, model: passive}}"
         return
-    if row.effort is None or row.kp is None or row.kd is None:
+    if row.effort is None:
         yield f"  # {_joints(row)} without effort in the source: state `effort`, kp, kd to drive"
         yield f"  - {{joints: {quoted(pattern)}, model: passive}}"
         return
     speed = f"{row.velocity:g} {row.unit}/s" if row.velocity else "no stated speed"
     unit = "kg" if row.unit == "m" else "kg m2"
     yield f"  # {_joints(row)}: {row.effort:g} {torque}, {speed}, moves {row.inertia:.3g} {unit}"
-    yield f"  - {{joints: {quoted(pattern)}, model: pd, kp: {row.kp!r}, kd: {row.kd!r}}}"
+    gains = f"kp: {row.kp!r}, kd: {row.kd!r}"
+    if row.frequency is not None:
+        gains = f"frequency: {row.frequency!r}, damping_ratio: {row.damping_ratio!r}"
+    for drops, word, why in (
+        (row.drops_damping, "damping", "it would creep for minutes"),
+        (row.drops_friction, "friction", "it takes most of the effort"),
+    ):
+        if drops:
+            yield f"  # the source's {word} of these joints cannot be meant: {why}"
+            gains += f", {word}: 0"
+    yield f"  - {{joints: {quoted(pattern)}, model: pd, {gains}}}"
 
 
 def _joints(row: Row) -> str:
@@ -253,9 +265,7 @@ def home(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[str]:
         lines.append("    # each foot below its hip, all at one height")
     others = {n: value for n, value in pose.items() if n not in legged}
     if any(abs(value - resting(tree.by_joint[n])) > 1e-3 for n, value in others.items()):
-        lines.append(
-            "    # what the drives could not hold against gravity is turned until they can"
-        )
+        lines.append("    # what the drives could not hold against gravity is turned")
     lines.append("    # joints not named here are 0, which their limits allow")
     lines.append("    joints:")
     for value in sorted(set(shown.values()), key=list(shown.values()).index):

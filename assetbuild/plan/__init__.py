@@ -32,12 +32,14 @@ from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Shapes, Tree
+from assetbuild.steps._inertia_rules import Bounds
 from assetbuild.steps.control import ControlStep
 from assetbuild.steps.keep_ratings import KeepRatings
 from assetbuild.steps.lint_bodies import LintBodies
 from assetbuild.steps.lint_links import LintLinks
 from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
 from assetbuild.steps.sample_pairs import SamplePairs
+from assetbuild.steps.state_ranges import StateRanges
 
 
 @dataclass
@@ -47,7 +49,8 @@ class Outline:
     skipped: checks that this machine cannot run, and why. looks: pictures and the 3D view.
     subjects: what a node works on, where the node itself does not know. edits: label of an edit's
     node -> its key in the recipe. expanded: the URDF behind a xacro, which its lines count.
-    absent: files that were looked for; their appearance changes the build.
+    absent: files that were looked for; their appearance changes the build. ranges: `dr.yaml`,
+    where the recipe randomizes.
     """
 
     source_map: Ref | None = None
@@ -61,6 +64,7 @@ class Outline:
     looks: dict[str, Node] = field(default_factory=dict)
     subjects: dict[str, str] = field(default_factory=dict)
     edits: dict[str, tuple[str | int, ...]] = field(default_factory=dict)
+    ranges: Node | None = None
 
 
 def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
@@ -109,6 +113,10 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
         "meshes/": assembled["meshes/"],
     }
     outline.targets = _targets(recipe, outline.robot, p)
+    if recipe.randomize is not None:
+        step = StateRanges(robot=recipe.robot, randomize=recipe.randomize)
+        ports = {port: outline.robot[port] for port in ("tree.json", "control.json")}
+        outline.ranges = p.add("state_ranges", step, ports)
     outline.looks = looks(recipe, outline.robot, p)
     _checks(recipe, outline, _sources(recipe, outline, read), p)
     return outline
@@ -127,7 +135,7 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
     read = read_description(loaded.recipe, source, description, p)
     if read is None:
         return None
-    p.add("lint_links", LintLinks(), dict(read.robot))
+    p.add("lint_links", LintLinks(bounds=Bounds.of(loaded.recipe)), dict(read.robot))
     lint_export(loaded.recipe, source, description, read, p)
     outline.source_map = read.source_map
     outline.expanded = description.ref if loaded.recipe.source.xacro else None
@@ -185,7 +193,7 @@ def _merge(recipe: Recipe, read: Reading, edited: Mapping[str, Ref], p: Planner)
     step = MergeFixedJoints(merge=fixed.merge, keep_bodies=fixed.keep_bodies, keep_source=keeps)
     tree = p.add("merge_fixed_joints", step, inputs)
     linted = {"tree.json": tree["tree.json"], "shapes.json": edited["shapes.json"]}
-    p.add("lint_bodies", LintBodies(), linted)
+    p.add("lint_bodies", LintBodies(bounds=Bounds.of(recipe)), linted)
     return tree
 
 
@@ -251,6 +259,9 @@ def _checks(
         if missing:
             extra = check.requires[missing[0]]
             outline.skipped[name] = f"needs `{missing[0]}`: pip install 'assetbuild[{extra}]'"
+            continue
+        if lack := step.missing():
+            outline.skipped[name] = lack
             continue
         without = [n for n in check.needs if n not in outline.targets and n not in sources]
         if without:

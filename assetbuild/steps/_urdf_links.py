@@ -145,8 +145,8 @@ def _read_geometry(node: Node, paths: Paths, uses: dict[str, FileUse]) -> Geomet
         return Cylinder(shape.positive("radius"), shape.positive("length"))
     if shape.tag == "capsule":
         return Capsule(shape.positive("radius"), shape.positive("length"))
-    known = ("box", "sphere", "cylinder", "capsule", "mesh")
-    raise shape.error(f"unknown geometry <{shape.tag}>", did_you_mean(shape.tag, known))
+    tags = ("box", "sphere", "cylinder", "capsule", "mesh")
+    raise shape.error(f"unknown geometry <{shape.tag}>", did_you_mean(shape.tag, tags))
 
 
 def _box_size(node: Node) -> Vec3:

@@ -14,7 +14,6 @@ from assetbuild.robot.model import Joint, Shapes, Tree
 from assetbuild.robot.tree import PLACEHOLDER_KG
 from assetbuild.steps._inertia_rules import Bounds, inertia_findings
 from assetbuild.steps._limit_rule import crossed_limits
-from assetbuild.steps._mirror_rule import mirror_findings
 
 
 class LintLinks(Step):
@@ -33,7 +32,6 @@ class LintLinks(Step):
         tree = decode(Tree, (files.inputs / "links.json").read_bytes())
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
         yield from inertia_findings(tree, shapes, self.bounds, "warning")
-        yield from mirror_findings(tree)
         for joint in tree.moving_joints:
             yield from _range(joint)
             yield from _drive(joint)

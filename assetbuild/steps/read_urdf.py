@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import asdict
 
@@ -91,6 +92,12 @@ def _read_joints(
             joints.append(joint)
             findings += told
     return joints, findings
+
+
+def named_packages(urdf: bytes) -> dict[str, str]:
+    """Every package that a URDF names, as if it lay beside it: for a look without its meshes."""
+    named = set(re.findall(rb"package:/*([A-Za-z0-9_.-]+)", urdf))
+    return {name.decode(): "." for name in sorted(named)}
 
 
 def _robot_name(root: Node) -> tuple[str, list[Finding]]:

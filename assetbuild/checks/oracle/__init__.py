@@ -37,7 +37,7 @@ class Oracle(Check):
     Joint friction, damping, drives and contacts take no part; armature is subtracted.
     """
 
-    version: ClassVar = "4"
+    version: ClassVar = "5"
     tools: ClassVar = ("mujoco", "pin")
     isolated: ClassVar = True
     # With the other checks of MuJoCo in one process; pinocchio alone is not worth a second one.
@@ -76,7 +76,7 @@ class Oracle(Check):
         try:
             mj = MujocoSide(files.inputs / "mjcf" / f"{self.robot}.xml", tree)
         except StepError as error:
-            yield _wrong("structure", "robot", f"MuJoCo cannot load the MJCF: {error.message}")
+            yield Finding("oracle.load", "error", "robot", f"nothing to compare: {error.message}")
             return
         unlike = mj.unlike(pin)
         if unlike:
