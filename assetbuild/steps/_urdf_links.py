@@ -133,8 +133,8 @@ def _read_geometry(node: Node, paths: Paths, uses: dict[str, FileUse]) -> Geomet
         path = paths.resolve(shape)
         uri = shape.text("filename").strip()
         if posixpath.splitext(path)[1].lower().lstrip(".") not in FORMATS:
-            known = ", ".join(f"`.{name}`" for name in FORMATS)
-            raise shape.error(f"mesh filename `{uri}` is of no known format", f"known: {known}")
+            endings = ", ".join(f"`.{name}`" for name in FORMATS)
+            raise shape.error(f"mesh filename `{uri}` is of no known format", f"known: {endings}")
         uses.setdefault(path, FileUse(path, uri, shape.subject, shape.line))
         return Mesh(path, _scale(shape))
     if shape.tag == "box":
