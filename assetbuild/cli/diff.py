@@ -20,7 +20,10 @@ HELP = "compare two bundles, recipes, MJCF, URDF or USD files, Isaac Lab configu
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    what = "bundle, recipe, REVISION:RECIPE of git, MJCF, URDF, USD, or Isaac Lab's FILE.py[:CFG]"
+    what = (
+        "bundle, recipe, REVISION:RECIPE of git, MJCF, URDF, USD, Isaac Lab's FILE.py[:CFG], or "
+        "readings of Isaac Lab (JSON)"
+    )
     parser.add_argument("before", metavar="A", help=what)
     parser.add_argument("after", metavar="B", help="the same, to compare with A")
     parser.add_argument("--markdown", action="store_true", help="a table for a pull request")

@@ -19,6 +19,7 @@ from assetbuild.lock import Lock, lock_path
 from assetbuild.pipeline.bundling import bundle_files, files_read, publish_bundle
 from assetbuild.pipeline.judging import judged, located, where_of
 from assetbuild.pipeline.opening import open_session, pin, remote_cache
+from assetbuild.pipeline.smoking import asking
 from assetbuild.plan import Outline, plan
 from assetbuild.recipe.loader import LoadedRecipe, load_recipe
 from assetbuild.report.bundle import json_text
@@ -31,7 +32,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Request:
-    """What the user asks of a build. out: default `build/<robot>`; jobs: default, all cores."""
+    """What the user asks of a build. out: default `build/<robot>`; jobs: default, all cores.
+
+    smoke: consumers that try the bundle, besides those of the recipe.
+    """
 
     recipe: Path
     out: Path | None = None
@@ -46,6 +50,7 @@ class Request:
     sandbox: Literal["off", "strict"] = "off"
     executor: str = "local"
     fail_on: FailOn = "error"
+    smoke: tuple[str, ...] = ()
 
 
 @dataclass
@@ -136,6 +141,8 @@ def _jobs(requests: Sequence[Request], say: Callable[[str], None]) -> list[_Job]
     jobs: list[_Job] = []
     for request in requests:
         loaded = load_recipe(request.recipe, request.variant)
+        if request.smoke:
+            loaded = asking(loaded, request.smoke)
         out = request.out or default_out(loaded)
         name = loaded.recipe.robot
         if any(job.name == name for job in jobs):

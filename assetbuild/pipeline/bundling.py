@@ -57,6 +57,9 @@ def bundle_files(
     files.append(
         notice([(recipe, pinned), *((p.recipe, _pinned(part_lock(p))) for p in loaded.parts)])
     )
+    if outline.ranges is not None:
+        stated = session.read(results[outline.ranges.label]["dr.yaml"])
+        files.append(BundleFile.of_bytes("dr.yaml", "randomization", stated))
     if outline.expanded is not None:
         expanded = results[outline.expanded.node][outline.expanded.output]
         size = len(session.read(expanded))

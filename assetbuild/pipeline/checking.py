@@ -19,6 +19,7 @@ from assetbuild.report.document import make_report
 
 LIGHT_STEPS = frozenset(
     {
+        "compose_parts",
         "list_archive",
         "unpack",
         "expand_xacro",

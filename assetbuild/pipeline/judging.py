@@ -47,7 +47,8 @@ def locator(
     """From a finding's subject to `file:line` of the source or of the recipe."""
     lines: dict[str, int | str] = {}  # text where an included file says it: `file:line`
     file = loaded.recipe.source.description
-    if outline.source_map is not None:
+    # Not there while `check` runs light steps alone.
+    if outline.source_map is not None and outline.source_map.node in results:
         digest = results[outline.source_map.node][outline.source_map.output]
         source_map = json.loads(session.read(digest))
         file, lines = source_map["file"], source_map["lines"]

@@ -39,6 +39,7 @@ from assetbuild.steps.lint_bodies import LintBodies
 from assetbuild.steps.lint_links import LintLinks
 from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
 from assetbuild.steps.sample_pairs import SamplePairs
+from assetbuild.steps.state_ranges import StateRanges
 
 
 @dataclass
@@ -48,7 +49,8 @@ class Outline:
     skipped: checks that this machine cannot run, and why. looks: pictures and the 3D view.
     subjects: what a node works on, where the node itself does not know. edits: label of an edit's
     node -> its key in the recipe. expanded: the URDF behind a xacro, which its lines count.
-    absent: files that were looked for; their appearance changes the build.
+    absent: files that were looked for; their appearance changes the build. ranges: `dr.yaml`,
+    where the recipe randomizes.
     """
 
     source_map: Ref | None = None
@@ -62,6 +64,7 @@ class Outline:
     looks: dict[str, Node] = field(default_factory=dict)
     subjects: dict[str, str] = field(default_factory=dict)
     edits: dict[str, tuple[str | int, ...]] = field(default_factory=dict)
+    ranges: Node | None = None
 
 
 def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
@@ -110,6 +113,10 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
         "meshes/": assembled["meshes/"],
     }
     outline.targets = _targets(recipe, outline.robot, p)
+    if recipe.randomize is not None:
+        step = StateRanges(robot=recipe.robot, randomize=recipe.randomize)
+        ports = {port: outline.robot[port] for port in ("tree.json", "control.json")}
+        outline.ranges = p.add("state_ranges", step, ports)
     outline.looks = looks(recipe, outline.robot, p)
     _checks(recipe, outline, _sources(recipe, outline, read), p)
     return outline
@@ -252,6 +259,9 @@ def _checks(
         if missing:
             extra = check.requires[missing[0]]
             outline.skipped[name] = f"needs `{missing[0]}`: pip install 'assetbuild[{extra}]'"
+            continue
+        if lack := step.missing():
+            outline.skipped[name] = lack
             continue
         without = [n for n in check.needs if n not in outline.targets and n not in sources]
         if without:

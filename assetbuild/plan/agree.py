@@ -13,6 +13,7 @@ from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.model import Tree
 from assetbuild.steps.control import ControlStep
+from assetbuild.steps.state_ranges import StateRanges
 
 BY_NAME = frozenset({"rename", "flip_axis"})
 """Edits that change what an MJCF's own sensors, drives and keyframes are about."""
@@ -60,6 +61,8 @@ def check_against_robot(loaded: LoadedRecipe, links: Tree, tree: Tree) -> None:
         _must_match(loaded, ("fixed_joints", "keep_bodies", index), pattern, names)
     try:
         ControlStep.configure(recipe).check(tree)
+        if recipe.randomize is not None:
+            StateRanges(robot=recipe.robot, randomize=recipe.randomize).check(tree)
     except RowError as error:
         where = loaded.where(error.key)
         raise RecipeError(error.message, where=where, hint=error.hint) from None

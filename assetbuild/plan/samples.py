@@ -10,9 +10,6 @@ from assetbuild.kinds import Target, load_plugin
 from assetbuild.lock import Lock
 from assetbuild.plan import Outline, plan
 from assetbuild.recipe.loader import LoadedRecipe
-from assetbuild.robot.actuators import RowError
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Tree
 from assetbuild.steps.apply_sample import ApplySample
 from assetbuild.steps.draw_samples import DrawSamples
 from assetbuild.steps.enclose import Enclose
@@ -43,16 +40,10 @@ def plan_samples(
     bare = replace(loaded, recipe=loaded.recipe.model_copy(update={"targets": ()}))
     outline = SamplesOutline(plan(bare, lock, p))
     robot = outline.robot.robot
-    merged = p.ask(robot["tree.json"]) if robot else None
-    if merged is None:
+    if not robot:
         return outline
 
     step = DrawSamples(randomize=randomize, keep=keep, judge=judge)
-    try:
-        step.check(decode(Tree, merged))
-    except RowError as error:
-        where = loaded.where(error.key)
-        raise RecipeError(error.message, where=where, hint=error.hint) from None
     ports = ("tree.json", "shapes.json", "meshes/")
     rooms = p.add("enclose", Enclose(), {port: robot[port] for port in ports})
     inputs = {"tree.json": robot["tree.json"], "rooms.json": rooms["rooms.json"]}

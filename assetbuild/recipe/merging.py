@@ -9,12 +9,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from assetbuild.recipe.actuators import ActuatorRow, Motor
 from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.compose import Part
 from assetbuild.recipe.models import Keyframe, Recipe
+from assetbuild.recipe.randomize import Randomize
+from assetbuild.recipe.sensing import IMU_NAMES, Feet, Imu, Sensor
 from assetbuild.recipe.surface import Contact, Surface
 
 Value = TypeVar("Value")
@@ -65,11 +67,31 @@ def composed(recipe: Recipe, parts: Sequence[Mounted]) -> Recipe:
             "actuators": _actuators(recipe, parts, prefixes),
             "keyframes": _keyframes(recipe, parts, prefixes),
             "contact": _contact(recipe, parts, prefixes),
-            "sensors": _prefixed_places(recipe.sensors, parts, "sensors", ("link", "joint")),
+            "feet": _feet(recipe, parts, prefixes),
+            "imu": _imu(recipe, parts),
+            "sensors": {
+                **_prefixed_places(recipe.sensors, parts, "sensors", ("link", "joint")),
+                **_imus_of_parts(recipe, parts),
+            },
+            "randomize": _randomize(recipe, parts, prefixes),
             "cameras": _prefixed_places(recipe.cameras, parts, "cameras", ("link",)),
             "edits": (),
         }
     )
+
+
+def left_out(recipe: Recipe, part: Recipe) -> tuple[str, ...]:
+    """Keys that a part states and the whole does not follow, because it can follow one only."""
+    names = {key: field.alias or key for key, field in Recipe.model_fields.items()}
+    return tuple(
+        names[key]
+        for key in OF_THE_WHOLE
+        if key in part.model_fields_set and getattr(part, key) != getattr(recipe, key)
+    )
+
+
+OF_THE_WHOLE = ("visual", "mjcf", "mjx", "simulation", "usd", "isaaclab", "validate_", "rules")
+"""Keys of a recipe that are about the whole model: the base's hold."""
 
 
 def anchored(prefix: str, pattern: str, but: Iterable[str] = ()) -> str:
@@ -194,6 +216,66 @@ def _contact(recipe: Recipe, parts: Sequence[Mounted], prefixes: Sequence[str]) 
         if whole != Surface(**{key: getattr(recipe.contact, key) for key in Surface.model_fields}):
             links[anchored(mounted.prefix, ".*")] = whole
     return recipe.contact.model_copy(update={"links": links})
+
+
+def _feet(recipe: Recipe, parts: Sequence[Mounted], prefixes: Sequence[str]) -> Feet | None:
+    """The soles of all; the base decides whether they have contact sensors, if it has feet."""
+    found = [recipe.feet] if recipe.feet else []
+    patterns = [_own(feet.links, prefixes) for feet in found]
+    for mounted in parts:
+        if mounted.recipe.feet is not None:
+            found.append(mounted.recipe.feet)
+            patterns.append(anchored(mounted.prefix, mounted.recipe.feet.links))
+    if not found:
+        return None
+    return found[0].model_copy(update={"links": "|".join(f"(?:{p})" for p in patterns)})
+
+
+def _imu(recipe: Recipe, parts: Sequence[Mounted]) -> Imu | None:
+    """The base's; the first part's where the base has none."""
+    if recipe.imu is not None:
+        return recipe.imu
+    first = next((mounted for mounted in parts if mounted.recipe.imu is not None), None)
+    if first is None or first.recipe.imu is None:
+        return None
+    return first.recipe.imu.model_copy(update={"link": first.prefix + first.recipe.imu.link})
+
+
+def _imus_of_parts(recipe: Recipe, parts: Sequence[Mounted]) -> dict[str, Sensor]:
+    """`<prefix>imu_ang_vel`, ...: the IMUs beside the one that is the whole's."""
+    whole, found = _imu(recipe, parts), {}
+    for mounted in parts:
+        imu = mounted.recipe.imu
+        if imu is None or (whole is not None and whole.link == mounted.prefix + imu.link):
+            continue
+        for kind in imu.sensors:
+            sensor = Sensor.model_validate({"kind": kind, "link": mounted.prefix + imu.link})
+            found[f"{mounted.prefix}{IMU_NAMES[kind]}"] = sensor
+    return found
+
+
+def _randomize(
+    recipe: Recipe, parts: Sequence[Mounted], prefixes: Sequence[str]
+) -> Randomize | None:
+    """The ranges of all; friction and seed are the base's. None when nobody has any."""
+    tables: dict[str, dict[str, Any]] = {"links": {}, "joints": {}}  # Any: of two kinds
+    payloads = [
+        payload.model_copy(update={"link": mounted.prefix + payload.link})
+        for mounted in parts
+        if mounted.recipe.randomize is not None
+        for payload in mounted.recipe.randomize.payloads
+    ]
+    for key, table in tables.items():
+        if recipe.randomize is not None:
+            about, own = _split(getattr(recipe.randomize, key), prefixes)
+            table |= {**about, **own}
+        for mounted in parts:
+            ranges = getattr(mounted.recipe.randomize, key, {})
+            table |= {anchored(mounted.prefix, pattern): row for pattern, row in ranges.items()}
+    if recipe.randomize is None and not (tables["links"] or tables["joints"] or payloads):
+        return None
+    base = recipe.randomize or Randomize.model_validate({})
+    return base.model_copy(update={**tables, "payloads": (*base.payloads, *payloads)})
 
 
 def _prefixed_places(

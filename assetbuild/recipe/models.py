@@ -278,6 +278,11 @@ class Validate(Model):
         ("mujoco",),
         description="engines that run the physical checks; `physx` needs assetbuild[physx]",
     )
+    smoke: tuple[Literal["mjlab", "newton", "isaaclab"], ...] = Field(
+        (),
+        description="trainers that try the bundle, each in an environment of its own, which "
+        "`assetbuild smoke` makes",
+    )
 
 
 class Waiver(Model):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import re
+from collections.abc import Iterable, Mapping
+from typing import Annotated, TypeVar
 
 from pydantic import AfterValidator, Field
 
@@ -76,3 +78,36 @@ class Randomize(Model):
         None, description="sliding friction of all collision geometry, least and most"
     )
     friction_source: str = Field("", description="where that range comes from")
+    restitution: Range | None = Field(
+        None, description="bounce of all collision geometry; for Isaac Lab, MuJoCo has none"
+    )
+
+
+Ranges = TypeVar("Ranges")
+
+
+def first_match(table: Mapping[str, Ranges], name: str) -> Ranges | None:
+    """What the table says of a name: the first pattern that matches it whole."""
+    return next((value for pattern, value in table.items() if re.fullmatch(pattern, name)), None)
+
+
+def claimed(
+    table: Mapping[str, Ranges], names: Iterable[str]
+) -> list[tuple[str, Ranges, tuple[str, ...]]]:
+    """(pattern, ranges, the names that they are of), in the table's order; none without names."""
+    left, rows = list(names), []
+    for pattern, ranges in table.items():
+        own = tuple(name for name in left if re.fullmatch(pattern, name))
+        left = [name for name in left if name not in own]
+        if own:
+            rows.append((pattern, ranges, own))
+    return rows
+
+
+def per_axis(com: float | tuple[float, float, float]) -> tuple[float, float, float]:
+    """`com` of a body, m along each of its axes."""
+    return com if isinstance(com, tuple) else (com, com, com)
+
+
+JOINT_FACTORS = ("kp", "kd", "damping", "friction", "armature", "effort")
+"""Keys of `RandomJoint` that are factors of the actuator table's number of the same name."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal
 
 from pydantic import Field, model_validator
@@ -24,6 +25,17 @@ SensorKind = Literal[
     "jointpos", "jointvel", "jointlimitpos", "jointlimitvel", "jointlimitfrc",
     "jointactuatorfrc", "actuatorpos", "actuatorvel", "actuatorfrc",
 ]  # fmt: skip
+
+
+IMU_NAMES: Mapping[ImuKind, str] = {
+    "gyro": "imu_ang_vel",
+    "accelerometer": "imu_lin_acc",
+    "velocimeter": "imu_lin_vel",
+    "framequat": "imu_quat",
+    "framezaxis": "imu_upvector",
+    "magnetometer": "imu_magnetic_field",
+}
+"""What the sensors of an IMU are called; mjlab's and Menagerie's names."""
 
 
 class Imu(Model):

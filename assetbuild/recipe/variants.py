@@ -12,7 +12,12 @@ from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.recipe.yaml_tree import Entry, Node
 
 FIRST_MATCH_WINS: frozenset[tuple[str, ...]] = frozenset(
-    {("collision", "links"), ("contact", "links")}
+    {
+        ("collision", "links"),
+        ("contact", "links"),
+        ("randomize", "links"),
+        ("randomize", "joints"),
+    }
 )
 """Maps whose order decides: there the patch's new keys come first, so that the variant wins."""
 _NOT_IN_A_VARIANT = ("schema", "variants")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tempfile
 from collections.abc import Collection
@@ -12,12 +13,13 @@ import numpy as np
 from assetbuild.engine.step import Files
 from assetbuild.errors import UsageError
 from assetbuild.report.isaaclab_config import isaaclab_facts
-from assetbuild.report.snapshot import Facts, Snapshot, kinds_text, robot_facts
+from assetbuild.report.snapshot import Facts, Snapshot, Value, kinds_text, robot_facts
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Shapes, Tree
 from assetbuild.robot.pose import vec3
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.simulators import mujoco
+from assetbuild.simulators.readings import FORMAT
 from assetbuild.steps.read_urdf import ReadUrdf, named_packages
 
 FLOAT32 = 1e-6
@@ -41,6 +43,8 @@ def foreign_snapshot(path: Path, name: str = "", joints: Collection[str] = ()) -
         text = path.read_bytes()
     except OSError as error:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
+    if path.suffix.lower() == ".json":
+        return _readings(path, text)
     if b"<mujoco" in text:
         return Snapshot(str(path), mjcf_facts(path), precision=DECIMALS)
     if b"<robot" in text:
@@ -49,6 +53,27 @@ def foreign_snapshot(path: Path, name: str = "", joints: Collection[str] = ()) -
         f"`{path}` is no model that can be compared",
         hint="give a bundle, a recipe, an MJCF, URDF or USD file, or an Isaac Lab configuration",
     )
+
+
+def _readings(path: Path, text: bytes) -> Snapshot:
+    """What Isaac Lab measured, by `python/<robot>_isaaclab_measure.py` of a bundle."""
+    try:
+        raw = json.loads(text)
+        if raw["format"] != FORMAT:
+            raise ValueError(f"its format is `{raw['format']}`, not `{FORMAT}`")
+        facts: Facts = {
+            (str(group), str(subject), str(quantity)): _value(value)
+            for group, subject, quantity, value in raw["facts"]
+        }
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise UsageError(f"`{path}` holds no readings: {error}") from None
+    return Snapshot(f"{path} ({raw.get('simulator', 'unnamed')})", facts, precision=FLOAT32)
+
+
+def _value(value: object) -> Value:
+    if isinstance(value, list):
+        return tuple(float(part) for part in value)
+    return value if value is None or isinstance(value, str) else float(str(value))
 
 
 def _urdf_facts(path: Path) -> Facts:

@@ -373,3 +373,21 @@ def _load(model: Model, data: Data) -> dict[str, float]:
             joint = name_of(model, "joint", int(model.actuator_trnid[actuator, 0]))
             load[joint] = abs(float(data.actuator_force[actuator])) / limit
     return load
+
+
+def passes(model: Model, a: int, b: int) -> bool:
+    """Whether MuJoCo lets two bodies (by number) pass through each other by its own rule.
+
+    One rigid piece never touches itself, and neither do parent and child, unless the parent is
+    part of the world or the model switches that filter off.
+    """
+    import mujoco
+
+    weld_a, weld_b = int(model.body_weldid[a]), int(model.body_weldid[b])
+    if weld_a == weld_b:
+        return True
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT or 0 in (weld_a, weld_b):
+        return False
+    above_a = int(model.body_weldid[model.body_parentid[weld_a]])
+    above_b = int(model.body_weldid[model.body_parentid[weld_b]])
+    return weld_a == above_b or weld_b == above_a

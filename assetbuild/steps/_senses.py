@@ -7,22 +7,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from assetbuild.errors import did_you_mean
-from assetbuild.recipe.sensing import Camera, Feet, Imu, Sensor
+from assetbuild.recipe.sensing import IMU_NAMES, Camera, Feet, Imu, Sensor
 from assetbuild.recipe.surface import Contact, Surface
 from assetbuild.robot import model
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.motors import Key
 from assetbuild.robot.pose import Pose, quat_multiply, quat_of_rpy
 
-IMU_NAMES: Mapping[str, str] = {
-    "gyro": "imu_ang_vel",
-    "accelerometer": "imu_lin_acc",
-    "velocimeter": "imu_lin_vel",
-    "framequat": "imu_quat",
-    "framezaxis": "imu_upvector",
-    "magnetometer": "imu_magnetic_field",
-}
-"""Names of an IMU's sensors, as mjlab and its tasks spell them."""
 _ABOUT_X = (0.0, 1.0, 0.0, 0.0)
 
 

@@ -46,6 +46,8 @@ class PartOn(BaseModel):
     mount_mass: float = 0.0
     mount_size: Vec3 = (0.0, 0.0, 0.0)
     mount_at: Vec3 = (0.0, 0.0, 0.0)
+    left_out: tuple[str, ...] = ()
+    """Keys of the part's recipe that the whole does not follow."""
 
 
 class ComposeParts(Step):
@@ -75,11 +77,25 @@ class ComposeParts(Step):
                 if " " in subject  # the whole is not the part
             }
             yield _told(part, own_tree)
+            yield from _told_left_out(part)
         _refuse_clashes(tree, shapes)
         (files.outputs / "links.json").write_bytes(encode(tree))
         (files.outputs / "shapes.json").write_bytes(encode(shapes))
         text = json.dumps(lines, sort_keys=True, indent=1)
         (files.outputs / "source_map.json").write_text(text + "\n", encoding="utf-8")
+
+
+def _told_left_out(part: PartOn) -> Iterator[Finding]:
+    if part.left_out:
+        keys = ", ".join(f"`{key}`" for key in part.left_out)
+        yield Finding(
+            rule="compose.left_out",
+            severity="info",
+            subject="recipe compose",
+            message=f"of the part `{part.prefix}` {keys} are not taken: the base's hold",
+            hint="say in the base's recipe what the whole needs",
+            data={"keys": part.left_out},
+        )
 
 
 def prefixed_tree(tree: Tree, prefix: str) -> Tree:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterator, Mapping
-from typing import TypeVar
 
 import numpy as np
 
 from assetbuild.engine.step import Files, Step
-from assetbuild.errors import StepError, did_you_mean
+from assetbuild.errors import StepError
 from assetbuild.findings import Finding
-from assetbuild.recipe.randomize import Randomize, RandomMatter, RandomPayload
-from assetbuild.robot.actuators import RowError
+from assetbuild.recipe.randomize import (
+    JOINT_FACTORS,
+    Randomize,
+    RandomMatter,
+    RandomPayload,
+    first_match,
+    per_axis,
+)
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.inertia import combine, move_inertial, principal_moments
 from assetbuild.robot.model import Body, Inertial, Tree
@@ -35,7 +39,6 @@ from assetbuild.robot.randomize import (
     unit_draws,
 )
 
-FACTORS = ("kp", "kd", "damping", "friction", "armature", "effort")
 WASTEFUL = 0.5
 """Share of draws that fit into the link, below which the ranges are told to be too wide."""
 NOISES = (0.1, 0.2, 0.3)
@@ -52,38 +55,6 @@ class DrawSamples(Step):
     """Samples to write down."""
     judge: int = 10_000
     """Samples to draw for the statistics; the kept ones are the first of them."""
-
-    def check(self, tree: Tree) -> None:
-        """Raise RowError, with the key of the recipe, for a pattern that matches nothing."""
-        bodies, frames = list(tree.by_body), [frame.name for frame in tree.frames]
-        moving = [joint.name for joint in tree.moving_joints]
-        for pattern in self.randomize.links:
-            if not any(re.fullmatch(pattern, name) for name in bodies):
-                merged = [name for name in frames if re.fullmatch(pattern, name)]
-                hint = (
-                    f"`{merged[0]}` was merged into `{tree.placement(merged[0])[0]}`"
-                    if merged
-                    else did_you_mean(pattern, bodies)
-                )
-                raise RowError(
-                    f"randomize.links: pattern `{pattern}` matches no body",
-                    key=("randomize", "links", pattern),
-                    hint=hint,
-                )
-        for pattern in self.randomize.joints:
-            if not any(re.fullmatch(pattern, name) for name in moving):
-                raise RowError(
-                    f"randomize.joints: pattern `{pattern}` matches no moving joint",
-                    key=("randomize", "joints", pattern),
-                    hint=did_you_mean(pattern, moving),
-                )
-        for index, payload in enumerate(self.randomize.payloads):
-            if payload.link not in bodies and payload.link not in frames:
-                raise RowError(
-                    f"randomize.payloads[{index}]: no link `{payload.link}`",
-                    key=("randomize", "payloads", index, "link"),
-                    hint=did_you_mean(payload.link, [*bodies, *frames]),
-                )
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError where the ranges lead out of a link."""
@@ -106,7 +77,7 @@ class DrawSamples(Step):
 
     def _draws(self, tree: Tree, rooms: Mapping[str, Ellipsoid]) -> Iterator[tuple[str, Draws]]:
         for body in tree.bodies:
-            matter = _first(self.randomize.links, body.name)
+            matter = first_match(self.randomize.links, body.name)
             if matter is None or body.inertial is None or body.name not in rooms:
                 continue
             ranges, room = _ranges(matter), rooms[body.name]
@@ -142,13 +113,13 @@ class DrawSamples(Step):
         )
 
     def _joint(self, name: str, index: int) -> JointSample | None:
-        ranges = _first(self.randomize.joints, name)
+        ranges = first_match(self.randomize.joints, name)
         if ranges is None:
             return None
-        unit = self._unit(f"joint/{name}", index, len(FACTORS) + 2)
+        unit = self._unit(f"joint/{name}", index, len(JOINT_FACTORS) + 2)
         factors = {
             key: _scaled(getattr(ranges, key), float(value))
-            for key, value in zip(FACTORS, unit, strict=False)
+            for key, value in zip(JOINT_FACTORS, unit, strict=False)
         }
         least, most = ranges.delay
         delay = min(most, least + int((unit[-2] + 1) / 2 * (most - least + 1)))
@@ -164,17 +135,8 @@ class DrawSamples(Step):
         return [float(value) for value in row]
 
 
-Value = TypeVar("Value")
-
-
-def _first(ranges: Mapping[str, Value], name: str) -> Value | None:
-    return next((value for pattern, value in ranges.items() if re.fullmatch(pattern, name)), None)
-
-
 def _ranges(matter: RandomMatter) -> InertialRanges:
-    com = matter.com
-    x, y, z = com if isinstance(com, tuple) else (com, com, com)
-    return InertialRanges(matter.density, (x, y, z), matter.stretch, matter.shear)
+    return InertialRanges(matter.density, per_axis(matter.com), matter.stretch, matter.shear)
 
 
 def _scaled(pair: tuple[float, float], unit: float) -> float:

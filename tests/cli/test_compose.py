@@ -107,6 +107,12 @@ def test_two_arms_on_a_cart_are_one_robot(folder):
     assert "cart" in (folder / "build/cart/NOTICE").read_text()
 
 
+def test_a_composite_is_checked_before_anything_is_built(folder):
+    done = run(folder, "check", "cart.yaml")
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+
+
 def test_a_change_of_the_part_is_a_change_of_the_whole(folder):
     assert run(folder, "build", "cart.yaml").returncode == 0
     again = run(folder, "build", "cart.yaml")

@@ -6,8 +6,9 @@ import re
 
 import pytest
 
-from assetbuild.recipe.merging import Mounted, anchored, composed
+from assetbuild.recipe.merging import Mounted, anchored, composed, left_out
 from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.randomize import first_match
 
 BASE_JOINTS = ("FL_hip_joint", "FR_hip_joint", "tail")
 ARM_JOINTS = ("arm_joint1", "arm_joint2")
@@ -100,3 +101,46 @@ def test_an_anchored_pattern_matches_what_the_part_would(pattern):
         alone = re.fullmatch(pattern, name) is not None
         assert (re.fullmatch(anchored("arm_", pattern), f"arm_{name}") is not None) == alone
         assert re.fullmatch(anchored("arm_", pattern), name) is None
+
+
+def test_feet_of_all_parts_are_feet_and_no_others():
+    made = whole({"feet": {"links": ".*_foot"}}, {"feet": {"links": "pad"}})
+    assert made.feet is not None
+    found = [n for n in ("FL_foot", "arm_pad", "arm_foot") if re.fullmatch(made.feet.links, n)]
+    assert found == ["FL_foot", "arm_pad"]
+    assert whole({}, {}).feet is None
+
+
+def test_the_imu_is_the_bases_and_that_of_a_part_keeps_its_prefix():
+    made = whole({"imu": {"link": "trunk"}}, {"imu": {"link": "hand", "sensors": ["gyro"]}})
+    assert made.imu is not None
+    assert made.imu.link == "trunk"
+    assert {n: (s.kind, s.link) for n, s in made.sensors.items()} == {
+        "arm_imu_ang_vel": ("gyro", "arm_hand")
+    }
+    alone = whole({}, {"imu": {"link": "hand"}})
+    assert alone.imu is not None
+    assert (alone.imu.link, alone.sensors) == ("arm_hand", {})
+
+
+def test_ranges_of_a_part_are_about_the_part():
+    made = whole(
+        {"randomize": {"links": {".*": {"com": 0.02}}, "friction": [0.4, 1]}},
+        {
+            "randomize": {
+                "links": {".*": {"com": 0.001}},
+                "payloads": [{"link": "hand", "mass": [0, 1], "size": [0.1, 0.1, 0.1]}],
+            }
+        },
+    )
+    assert made.randomize is not None
+    shift = {n: first_match(made.randomize.links, n) for n in ("trunk", "arm_hand")}
+    assert {n: row and row.com for n, row in shift.items()} == {"trunk": 0.02, "arm_hand": 0.001}
+    assert made.randomize.payloads[0].link == "arm_hand"
+    assert made.randomize.friction == (0.4, 1)
+
+
+def test_what_only_one_can_decide_is_named():
+    base, part = recipe(visual={"max_faces": 500}), recipe(visual={"max_faces": 900}, mjcf={})
+    assert left_out(base, part) == ("visual",)
+    assert left_out(base, recipe(visual={"max_faces": 500})) == ()

@@ -10,7 +10,7 @@ from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, wr
 
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.model import Body, Inertial, Joint, Shape, Shapes, Sphere, Tree
+from assetbuild.robot.model import Body, Inertial, Joint, Limits, Shape, Shapes, Sphere, Tree
 from assetbuild.steps._inertia_rules import Bounds
 from assetbuild.steps.lint_bodies import LintBodies
 
@@ -26,6 +26,18 @@ def lint(inertial: Inertial | None, tmp_path: Path, kind: str = "continuous") ->
     tree = Tree("arm", "floating", (Body("base", BRICK), Body("arm", inertial)), (joint,))
     inputs = write_robot_ports(tmp_path / "in", TinyRobot(tree, tree))
     return run_step(LintBodies(), inputs, tmp_path / "out")
+
+
+@pytest.mark.parametrize(("upper", "rules"), [(-1.5, ["joint.limits"]), (1.5, [])])
+def test_crossed_limits_are_an_error_in_what_is_simulated(
+    upper: float, rules: list[str], tmp_path: Path
+):
+    joint = Joint("j", "revolute", "base", "arm", limits=Limits(-1.0, upper, 1.0, 1.0))
+    tree = Tree("arm", "floating", (Body("base", BRICK), Body("arm", BRICK)), (joint,))
+    inputs = write_robot_ports(tmp_path / "in", TinyRobot(tree, tree))
+    findings = run_step(LintBodies(), inputs, tmp_path / "out")
+    assert [f.rule for f in findings] == rules
+    assert all(f.severity == "error" for f in findings)
 
 
 @pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()])

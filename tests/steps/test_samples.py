@@ -19,6 +19,7 @@ from assetbuild.robot.randomize import Rooms, Samples
 from assetbuild.steps.apply_sample import ApplySample
 from assetbuild.steps.draw_samples import DrawSamples
 from assetbuild.steps.enclose import Enclose
+from assetbuild.steps.state_ranges import StateRanges
 
 WIDE = {
     "seed": 7,
@@ -120,7 +121,7 @@ def test_ranges_that_mostly_lead_out_of_the_link_are_told(ports):
     ],
 )
 def test_a_pattern_that_means_nothing_is_refused_with_its_key(ports, randomize, message):
-    step = DrawSamples(randomize=Randomize.model_validate(randomize))
+    step = StateRanges(robot="r", randomize=Randomize.model_validate(randomize))
     with pytest.raises(RowError, match=message) as caught:
         step.check(decode(Tree, (ports / "tree.json").read_bytes()))
     assert caught.value.key[0] == "randomize"

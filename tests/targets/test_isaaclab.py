@@ -17,6 +17,7 @@ import pytest
 from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.randomize import Randomize
 from assetbuild.robot.model import Body, Joint
 from assetbuild.targets.isaaclab import IsaacLab
 
@@ -66,6 +67,55 @@ SPAWN = (
 )
 
 
+# Keywords of the event terms of 2.3.2 and 3.0.0, which agree: (mandatory, optional).
+EVENTS = {
+    "randomize_rigid_body_mass": (
+        {"asset_cfg", "mass_distribution_params", "operation"},
+        {"distribution", "recompute_inertia"},
+    ),
+    "randomize_rigid_body_com": ({"asset_cfg", "com_range"}, set()),
+    "randomize_actuator_gains": (
+        {"asset_cfg"},
+        {
+            "stiffness_distribution_params",
+            "damping_distribution_params",
+            "operation",
+            "distribution",
+        },
+    ),
+    "randomize_joint_parameters": (
+        {"asset_cfg"},
+        {
+            "friction_distribution_params",
+            "armature_distribution_params",
+            "operation",
+            "distribution",
+        },
+    ),
+    "randomize_rigid_body_material": (
+        {
+            "asset_cfg",
+            "static_friction_range",
+            "dynamic_friction_range",
+            "restitution_range",
+            "num_buckets",
+        },
+        {"make_consistent"},
+    ),
+}
+
+
+def event_term(func: str, mode: str, params: dict[str, Any]) -> types.SimpleNamespace:
+    mandatory, optional = EVENTS[func]
+    assert mandatory <= set(params) <= mandatory | optional, func
+    return types.SimpleNamespace(func=func, mode=mode, params=params)
+
+
+def scene_entity(name: str, **chosen: list[str]) -> types.SimpleNamespace:
+    assert set(chosen) <= {"body_names", "joint_names"}
+    return types.SimpleNamespace(name=name, **chosen)
+
+
 def stub(name: str, *fields: str) -> type:
     """A class that takes these keywords and no others."""
     return dataclasses.make_dataclass(name, [(f, Any, None) for f in fields], kw_only=True)
@@ -83,6 +133,7 @@ def stubs(generation: int) -> dict[str, types.ModuleType]:
             "ImplicitActuatorCfg": stub("ImplicitActuatorCfg", *actuator),
             "IdealPDActuatorCfg": stub("IdealPDActuatorCfg", *actuator),
             "DCMotorCfg": stub("DCMotorCfg", *actuator, "saturation_effort"),
+            "DelayedPDActuatorCfg": stub("DelayedPD", *actuator, "min_delay", "max_delay"),
         },
         "isaaclab.assets": {
             "ArticulationCfg": stub(
@@ -95,6 +146,12 @@ def stubs(generation: int) -> dict[str, types.ModuleType]:
             )
         },
     }
+    found["isaaclab.envs"] = {"mdp": types.SimpleNamespace(**{n: n for n in EVENTS})}
+    found["isaaclab.managers"] = {
+        "EventTermCfg": event_term,
+        "SceneEntityCfg": scene_entity,
+    }
+    found["isaaclab.utils"] = {"configclass": lambda made: made}
     initial = ("pos", "rot", "lin_vel", "ang_vel", "joint_pos", "joint_vel")
     cfg: Any = found["isaaclab.assets"]["ArticulationCfg"]
     cfg.InitialStateCfg = stub("InitialStateCfg", *initial)
@@ -126,9 +183,11 @@ def generation(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) 
     yield request.param
 
 
-def load(robot: TinyRobot, folder: Path, generation: int, name: str = "robot") -> Any:
+def load(
+    robot: TinyRobot, folder: Path, generation: int, name: str = "robot", **fields: Any
+) -> Any:
     inputs = write_robot_ports(folder / "inputs", robot)
-    run_step(IsaacLab(robot=name), inputs, folder / "out")
+    run_step(IsaacLab(robot=name, **fields), inputs, folder / "out")
     (path,) = (folder / "out/isaaclab").glob(f"*_isaaclab_{generation}.py")
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
@@ -220,6 +279,64 @@ def test_a_robot_without_joints_has_no_actuators(tmp_path: Path, generation: int
     control = replace(robot.control, actuators=(), keyframes=())
     cfg = load(replace(robot, tree=tree, control=control), tmp_path, generation).ROBOT_CFG
     assert (cfg.actuators, cfg.init_state.joint_pos) == ({}, {})
+
+
+RANGES = {
+    "links": {"trunk": {"density": [0.8, 1.2], "com": 0.02}, ".*": {}},
+    "joints": {
+        ".*_calf_joint": {"kp": [0.9, 1.1], "delay": [0, 2], "friction": [0.5, 2]},
+        ".*": {"armature": [0.9, 1.1], "damping": [1, 2]},
+    },
+    "friction": [0.4, 1.2],
+}
+
+
+def test_the_events_say_the_recipe(tmp_path: Path, generation: int) -> None:
+    ranges = Randomize.model_validate(RANGES)
+    module = load(tiny_quadruped(), tmp_path, generation, randomize=ranges)
+    terms = {k: v for k, v in vars(module.EventCfg).items() if not k.startswith("__")}
+    assert {term.mode for term in terms.values()} == {"startup"}, "`com` of 2.x accumulates"
+    density = terms["density_0"].params
+    assert density["mass_distribution_params"] == (0.8, 1.2)
+    assert density["recompute_inertia"] is True, "else the inertia stays behind"
+    shifted = [t.params["asset_cfg"].body_names for t in terms.values() if "_com" in t.func]
+    bodies = [body.name for body in tiny_quadruped().tree.bodies]
+    assert shifted == [[body] for body in bodies], "one term moves all its bodies alike"
+    assert terms["gains_0"].params["stiffness_distribution_params"] == (0.9, 1.1)
+    assert terms["joints_0"].params["friction_distribution_params"] == (0.5, 2)
+    assert len(terms["joints_1"].params["asset_cfg"].joint_names) == 8, "first match wins"
+    assert terms["material"].params["static_friction_range"] == (0.4, 1.2)
+
+
+def test_an_ideal_pd_is_delayed_as_the_recipe_says(tmp_path: Path, generation: int) -> None:
+    robot = tiny_quadruped()
+    ideal = tuple(replace(a, model="ideal_pd") for a in robot.control.actuators)
+    robot = replace(robot, control=replace(robot.control, actuators=ideal))
+    ranges = Randomize.model_validate({"joints": {".*_calf_joint": {"delay": [1, 3]}}})
+    module = load(robot, tmp_path, generation, randomize=ranges)
+    (calf,) = matches(module.ROBOT_CFG, "FR_calf_joint")
+    (hip,) = matches(module.ROBOT_CFG, "FR_hip_joint")
+    assert (calf.min_delay, calf.max_delay) == (1, 3)
+    assert not hasattr(hip, "min_delay")
+
+
+def test_what_isaac_lab_cannot_randomize_is_told(tmp_path: Path) -> None:
+    wide = {
+        "links": {".*": {"stretch": 0.1}},
+        "payloads": [{"link": "trunk", "mass": [0, 1], "size": [1, 1, 1]}],
+        "joints": {".*": {"delay": [0, 2], "encoder_bias": 0.01, "friction": [0.5, 2]}},
+    }
+    inputs = write_robot_ports(tmp_path / "inputs", tiny_quadruped())
+    target = IsaacLab(robot="r", randomize=Randomize.model_validate(wide))
+    (finding,) = run_step(target, inputs, tmp_path / "out")
+    assert finding.rule == "isaaclab.randomize"
+    assert set(finding.data["without"]) == {
+        "payloads",
+        "stretch and shear",
+        "delay of drives that are not `ideal_pd`",
+        "encoder_bias",
+        "damping apart from friction",
+    }
 
 
 def test_losses_are_told(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, wr
 from assetbuild.checks.mjlab_contract import MjlabContract
 from assetbuild.errors import StepError
 from assetbuild.recipe.mjcf import Mjx as Options
+from assetbuild.recipe.randomize import Randomize
 from assetbuild.robot.model import Actuator, General, Mesh
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
@@ -36,6 +38,22 @@ def test_the_mjx_model_is_the_robot_with_other_options(tmp_path: Path) -> None:
         assert np.array_equal(getattr(a, name), getattr(b, name)), name
     assert (b.opt.iterations, b.opt.ls_iterations, b.opt.cone) == (4, 8, 0)
     assert (tmp_path / "b/out/mjx/scene_mjx.xml").exists()
+
+
+def test_contacts_with_fewer_dimensions_are_told(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    sole = replace(robot.control.contact, condim=6, priority=1)
+    control = replace(robot.control, contacts=(("FR_foot_collision", sole),))
+    inputs = write_robot_ports(tmp_path / "in", replace(robot, control=control))
+    asked = Options.model_validate({"condim": 3})
+    (finding,) = run_step(Mjx(robot="robot", options=asked), inputs, tmp_path / "out")
+    assert (finding.rule, finding.data) == ("mjx.condim", {"condim": 3, "was": 6})
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjx/robot_mjx.xml"))
+    assert set(model.geom_condim) == {3}
+    assert model.geom("FR_foot_collision").priority == 1
+    assert run_step(Mjx(robot="robot"), inputs, tmp_path / "as_it_is") == []
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "as_it_is/mjx/robot_mjx.xml"))
+    assert model.geom("FR_foot_collision").condim == 6
 
 
 def test_a_hull_with_many_corners_is_capped_and_told(tmp_path: Path) -> None:
@@ -98,6 +116,60 @@ def test_the_module_says_the_table_once_per_row(tmp_path: Path) -> None:
     assert '".*_(hip|thigh)_joint": 0.06,' in text  # 0.25 * 24 / 100
     constants = {t.id for n in ast.parse(text).body if isinstance(n, ast.Assign) for t in ast.walk(n) if isinstance(t, ast.Name)}  # fmt: skip # noqa: E501
     assert {"ACTION_SCALE", "ROOT_BODY", "FOOT_SITES", "FOOT_GEOMS", "IMU_SITE"} <= constants
+
+
+RANGES = {
+    "links": {"trunk": {"density": [0.8, 1.2], "com": 0.02}, ".*": {}},
+    "joints": {
+        ".*_calf_joint": {"kp": [0.9, 1.1], "delay": [0, 2], "encoder_bias": 0.015},
+        "FR_.*": {"kd": [0.9, 1.1], "friction": [0.5, 2]},
+    },
+    "friction": [0.4, 1.2],
+}
+
+
+def randomized(ranges: dict, folder: Path) -> tuple[str, list]:
+    target = MJLAB.model_copy(update={"randomize": Randomize.model_validate(ranges)})
+    inputs = write_robot_ports(folder / "in", tiny_quadruped())
+    findings = run_step(target, inputs, folder / "out")
+    return (folder / "out/mjlab/python/robot_mjlab.py").read_text(), findings
+
+
+def test_the_module_randomizes_as_the_recipe_says(tmp_path: Path) -> None:
+    text, findings = randomized(RANGES, tmp_path)
+    assert findings == []
+    names = {n.name for n in ast.parse(text).body if isinstance(n, ast.FunctionDef)}
+    assert "randomize_events" in names
+    assert "dr.body_mass" not in text, "it leaves the inertia behind"
+    assert f'"alpha_range": ({math.log(0.8) / 2!r}, {math.log(1.2) / 2!r})' in text
+    assert "delay_max_lag=2" in text
+    # Three kinds of drive: other numbers at the knee, other ranges at FR.
+    assert text.count("BuiltinPositionActuatorCfg(") == 3
+    for event in ("base_com", "encoder_bias", "foot_friction"):
+        assert f'cfg.events.pop("{event}", None)' in text
+
+
+def test_what_mjlab_cannot_randomize_is_told(tmp_path: Path) -> None:
+    payload = {"link": "trunk", "mass": [0, 1], "size": [1, 1, 1]}
+    wide = {"links": {".*": {"stretch": 0.1}}, "payloads": [payload]}
+    text, (finding,) = randomized(wide, tmp_path)
+    assert finding.rule == "mjlab.randomize"
+    assert finding.data["without"][0] == "payloads"
+    assert '"d_range": (-0.1, 0.1)' in text
+
+
+def test_a_foot_of_several_geoms_is_one_foot(tmp_path: Path) -> None:
+    """mjlab's rewards multiply contacts by feet, one of each."""
+    robot = tiny_quadruped()
+    sole = next(s for s in robot.shapes.shapes if s.name == "FR_foot_collision")
+    more = (*robot.shapes.shapes, replace(sole, name="FR_foot_collision1"))
+    robot = replace(robot, shapes=replace(robot.shapes, shapes=more))
+    text = (built(robot, tmp_path, MJLAB) / "mjlab/python/robot_mjlab.py").read_text()
+    assert 'mode="body", pattern=("FR_calf", "FL_calf", "RR_calf", "RL_calf",)' in text
+    one = (
+        built(tiny_quadruped(), tmp_path / "one", MJLAB) / "mjlab/python/robot_mjlab.py"
+    ).read_text()
+    assert 'mode="geom", pattern=FOOT_GEOMS' in one
 
 
 def test_a_robot_without_feet_has_no_task_and_is_told(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from assetbuild.checks.alignment.gap import Ranges, ranges_of
 from assetbuild.checks.alignment.row import NUMBER, Rank, Row
 from assetbuild.engine.step import Files
 from assetbuild.recipe.models import Sine as Wish
@@ -128,6 +129,18 @@ class Pair:
         x, y, z = self.control.simulation.gravity
         angle = math.atan(SLOPE * self.control.contact.friction[0])
         return x + abs(z) * math.sin(angle), y, z * math.cos(angle)
+
+    def ranges(self, rows: Sequence[Row]) -> Ranges:
+        """What to randomize, so that a policy has met both engines."""
+        sine = self.sine()
+        return ranges_of(
+            rows,
+            self.control,
+            slope=SLOPE,
+            seconds=STAND_S,
+            fall_m=DROP_M,
+            sine_hz=sine.frequency_hz if sine else 1.0,
+        )
 
     # --- rows ---------------------------------------------------------------------------
 
@@ -386,6 +399,7 @@ def _response_row(
         response.rms,
         *limits,
         "of the swing, RMS" + ("; the robot touches itself" if ours.touched else ""),
+        lag_rad=None if ours.touched else response.lag_rad,
     )
 
 

@@ -25,6 +25,7 @@ class Row:
     """One line of the form.
 
     off: what the limits bound; share, m, s or rad as `unit` says; None = only told.
+    lag_rad: of a response, PhysX behind MuJoCo, where that is a fair comparison.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Row:
     warn: float = math.inf
     error: float = math.inf
     unit: str = ""
+    lag_rad: float | None = None
 
     @property
     def verdict(self) -> Literal["ok", "warning", "error", "told"]:

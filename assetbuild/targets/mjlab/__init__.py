@@ -16,6 +16,7 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.kinds import Target
 from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.randomize import Randomize
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Shapes, Tree
 from assetbuild.targets.mjcf.files import (
@@ -28,7 +29,8 @@ from assetbuild.targets.mjcf.files import (
 )
 from assetbuild.targets.mjcf.opaque import with_opaque
 from assetbuild.targets.mjcf.robot_xml import RobotXml
-from assetbuild.targets.mjlab.module import ModuleFacts, module_text
+from assetbuild.targets.mjlab.events import lost
+from assetbuild.targets.mjlab.module import ModuleFacts, driven, module_text
 
 TASK_SENSORS = {"gyro": "imu_ang_vel", "velocimeter": "imu_lin_vel", "accelerometer": "imu_lin_acc"}
 """Sensors that mjlab's tasks look for, at the IMU."""
@@ -40,7 +42,7 @@ NOT_IN_MJLAB = frozenset({"general"})
 class Mjlab(Target):
     """Writes `mjcf/<robot>_bare.xml` with its assets, and `python/<robot>_mjlab.py`."""
 
-    version = "2"
+    version = "7"
     outputs = ("mjlab/",)
     folder = ""
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
@@ -51,6 +53,8 @@ class Mjlab(Target):
     """The IMU's link; None: the root's own frame."""
     rows: tuple[str, ...] = ()
     """Patterns of the actuator table, to name joints by."""
+    randomize: Randomize | None = None
+    """The recipe's ranges, for the module's events."""
 
     @classmethod
     def configure(cls, recipe: Recipe) -> Self:
@@ -60,6 +64,7 @@ class Mjlab(Target):
             feet=recipe.feet.links if recipe.feet else None,
             imu=recipe.imu.link if recipe.imu else None,
             rows=tuple(row.joints for row in recipe.actuators),
+            randomize=recipe.randomize,
         )
 
     def run(self, files: Files) -> Iterator[Finding]:
@@ -96,6 +101,7 @@ class Mjlab(Target):
             foot_sites=tuple(dict.fromkeys(shape.link for shape in soles)),
             foot_geoms=tuple(shape.name for shape in soles),
             imu_site=self.imu or tree.root,
+            randomize=self.randomize,
         )
 
     def _bare(self, tree: Tree, control: Control, facts: ModuleFacts) -> Control:
@@ -133,16 +139,19 @@ class Mjlab(Target):
                 "the recipe names no feet: the module has no velocity task",
                 hint="add `feet: {links: ...}`",
             )
-        lost = [a.joint for a in control.actuators if a.model in NOT_IN_MJLAB]
-        if lost:
+        undriven = [a.joint for a in control.actuators if a.model in NOT_IN_MJLAB]
+        if undriven:
             yield Finding(
                 "mjlab.actuator",
                 "warning",
                 "robot",
-                f"mjlab has no form of the model `general`: {len(lost)} joints have no drive there",
+                "mjlab has no form of the model `general`: "
+                f"{len(undriven)} joints have no drive there",
                 hint="use pd, ideal_pd, dc_motor, velocity or motor",
-                data={"joints": tuple(lost)},
+                data={"joints": tuple(undriven)},
             )
+        if self.randomize is not None:
+            yield from lost(self.randomize, tree, driven(facts))
         gone = [s.name for s in control.sensors if _of_mjlab(s)]
         if gone:
             yield Finding(

@@ -5,7 +5,10 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
+from assetbuild.recipe.randomize import Randomize, RandomJoint, first_match
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
+from assetbuild.targets.mjlab.events import Term, events_text, replaced, terms
+from assetbuild.targets.mjlab.text import dict_of, literal, tuple_of
 
 KNEE = re.compile(r".*(calf|knee).*", re.IGNORECASE)
 """Joints that swing most while walking, as mjlab's own robots have it."""
@@ -22,6 +25,7 @@ class ModuleFacts:
     foot_sites: tuple[str, ...]
     foot_geoms: tuple[str, ...]
     imu_site: str
+    randomize: Randomize | None = None
 
     @property
     def walks(self) -> bool:
@@ -36,11 +40,14 @@ class _Group:
     names: tuple[str, ...]
     actuator: Actuator
     joints: tuple[str, ...] = field(default=())
+    ranges: RandomJoint | None = None
 
 
 def module_text(facts: ModuleFacts) -> str:
     """Python, four spaces; the same bytes for the same facts."""
     parts = [_head(facts), _facts(facts), _robot(facts)]
+    if found := event_terms(facts):
+        parts.append(events_text(found))
     if facts.walks:
         parts.append(_velocity(facts))
     return "\n\n\n".join(part.strip("\n") for part in parts) + "\n"
@@ -54,11 +61,17 @@ def _head(facts: ModuleFacts) -> str:
         "from mjlab.sensor import ContactMatch, ContactSensorCfg, ObjRef, RingPatternCfg\n"
         "from mjlab.tasks.velocity.velocity_env_cfg import make_velocity_env_cfg\n"
     )
+    events = (
+        "from mjlab.envs.mdp import dr\n"
+        "from mjlab.managers.event_manager import EventTermCfg\n"
+        "from mjlab.managers.scene_entity_config import SceneEntityCfg\n"
+    )
     lines = sorted(
         [
             *actuators.splitlines(),
             "from mjlab.entity import EntityArticulationInfoCfg, EntityCfg",
             *(velocity.splitlines() if facts.walks else []),
+            *(events.splitlines() if event_terms(facts) else []),
         ]
     )
     return f'''"""{facts.robot} for mjlab 1.6.
@@ -84,11 +97,11 @@ def _facts(facts: ModuleFacts) -> str:
     simulation = facts.control.simulation
     return f'''
 XML = Path(__file__).parent.parent / "mjcf" / "{facts.robot}_bare.xml"
-ROOT_BODY = {_text(facts.tree.root)}
-IMU_SITE = {_text(facts.imu_site)}
-FOOT_SITES = {_tuple(facts.foot_sites)}
-FOOT_GEOMS = {_tuple(facts.foot_geoms)}
-ACTION_SCALE = {_dict(scale)}
+ROOT_BODY = {literal(facts.tree.root)}
+IMU_SITE = {literal(facts.imu_site)}
+FOOT_SITES = {tuple_of(facts.foot_sites)}
+FOOT_GEOMS = {tuple_of(facts.foot_geoms)}
+ACTION_SCALE = {dict_of(scale)}
 """A quarter of the error that asks for the whole effort, by joint; rad or m per unit of action."""
 TIMESTEP, DECIMATION = {simulation.timestep!r}, {simulation.decimation}
 GRAVITY = {simulation.gravity!r}'''
@@ -100,9 +113,9 @@ def _robot(facts: ModuleFacts) -> str:
     position = key.base.xyz if key and key.base else (0.0, 0.0, 0.0)
     rotation = key.base.quat if key and key.base else (1.0, 0.0, 0.0, 0.0)
     joints = dict(key.joints) if key else {}
-    tuple_of = f"({actuators}\n            )" if actuators else "()"
+    drives = f"({actuators}\n            )" if actuators else "()"
     # A regex of mjlab may not match nothing, so a robot without joints has no map of them.
-    positions = _dict(joints, 12, escape=True) if joints else '{".*": 0.0}'
+    positions = dict_of(joints, 12, escape=True) if joints else '{".*": 0.0}'
     return f'''
 def spec() -> mujoco.MjSpec:
     """The bare model; mjlab adds drives, options and the initial state."""
@@ -120,7 +133,7 @@ def robot_cfg() -> EntityCfg:
             joint_vel={{".*": 0.0}},
         ),
         articulation=EntityArticulationInfoCfg(
-            actuators={tuple_of},
+            actuators={drives},
             soft_joint_pos_limit_factor=0.9,
         ),
     )'''
@@ -139,8 +152,10 @@ def _actuator(group: _Group) -> str:
     if a.model == "dc_motor":
         fields |= {"saturation_effort": a.effort, "velocity_limit": a.velocity}
     fields |= {"armature": a.armature, "frictionloss": a.friction, "viscous_damping": a.damping}
+    if group.ranges is not None and group.ranges.delay != (0, 0):
+        fields |= dict(zip(("delay_min_lag", "delay_max_lag"), group.ranges.delay, strict=True))
     said = "".join(f"\n                    {name}={value!r}," for name, value in fields.items())
-    names = "".join(f"\n                        {_text(name)}," for name in group.names)
+    names = "".join(f"\n                        {literal(name)}," for name in group.names)
     return f"""
                 {_class_of(a)}(
                     target_names_expr=({names}
@@ -149,6 +164,10 @@ def _actuator(group: _Group) -> str:
 
 
 def _velocity(facts: ModuleFacts) -> str:
+    gone = replaced(facts.randomize, facts.tree) if facts.randomize else ()
+    randomized = "".join(f'\n    cfg.events.pop("{name}", None)' for name in gone)
+    if event_terms(facts):
+        randomized += "\n    cfg.events |= randomize_events()"
     return f'''
 def velocity_flat_cfg(num_envs: int = 4096) -> ManagerBasedRlEnvCfg:
     """mjlab's velocity task on a plane, with this robot and the recipe's simulation."""
@@ -174,7 +193,7 @@ def velocity_flat_cfg(num_envs: int = 4096) -> ManagerBasedRlEnvCfg:
             sensor.pattern = RingPatternCfg.single_ring(radius=0.04, num_samples=4)
     feet = ContactSensorCfg(
         name="feet_ground_contact",
-        primary=ContactMatch(mode="geom", pattern=FOOT_GEOMS, entity="robot"),
+        primary=ContactMatch({_soles(facts)}, entity="robot"),
         secondary=ContactMatch(mode="body", pattern="terrain"),
         fields=("found", "force"),
         reduce="netforce",
@@ -186,7 +205,7 @@ def velocity_flat_cfg(num_envs: int = 4096) -> ManagerBasedRlEnvCfg:
         del cfg.observations[group].terms["height_scan"]
 
     cfg.events["foot_friction"].params["asset_cfg"].geom_names = FOOT_GEOMS
-    cfg.events["base_com"].params["asset_cfg"].body_names = (ROOT_BODY,)
+    cfg.events["base_com"].params["asset_cfg"].body_names = (ROOT_BODY,){randomized}
     for name in ("upright", "body_ang_vel"):
         cfg.rewards[name].params["asset_cfg"].body_names = (ROOT_BODY,)
     for name in ("foot_clearance", "foot_slip"):
@@ -200,14 +219,26 @@ def velocity_flat_cfg(num_envs: int = 4096) -> ManagerBasedRlEnvCfg:
     return cfg
 
 
-JOINTS = {_tuple(tuple(j for g in _groups(facts) for j in g.joints))}
-KNEES = {_tuple(tuple(j for g in _groups(facts) for j in g.joints if KNEE.fullmatch(j)))}
+JOINTS = {tuple_of(tuple(j for g in _groups(facts) for j in g.joints))}
+KNEES = {tuple_of(tuple(j for g in _groups(facts) for j in g.joints if KNEE.fullmatch(j)))}
 POSE_SPREAD = {{
     "std_standing": (0.05, 0.1),
     "std_walking": (0.3, 0.6),
     "std_running": (0.3, 0.6),
 }}
 """rad from the initial pose that cost nothing much, of other joints and of knees."""'''
+
+
+def _soles(facts: ModuleFacts) -> str:
+    """One entry for each foot, as mjlab's rewards count: a foot of several geoms is its body.
+
+    Where that foot was merged into a shank, what the shank touches counts too.
+    """
+    if len(facts.foot_geoms) == len(facts.foot_sites):
+        return 'mode="geom", pattern=FOOT_GEOMS'
+    bodies = [facts.tree.placement(link)[0] for link in facts.foot_sites]
+    listed = ", ".join(literal(body) for body in bodies)
+    return f'mode="body", pattern=({listed},)'
 
 
 # --- actuators ------------------------------------------------------------------------------
@@ -224,15 +255,25 @@ def _class_of(actuator: Actuator) -> str:
 
 
 def _groups(facts: ModuleFacts) -> list[_Group]:
-    """Drives with equal numbers, by the pattern of their row where it matches exactly them."""
+    """Drives with equal numbers and ranges, by the pattern of their row where it fits exactly."""
+    table = facts.randomize.joints if facts.randomize else {}
     by_numbers: dict[tuple[object, ...], list[Actuator]] = {}
     for actuator in facts.control.actuators:
         if actuator.model not in ("passive", "general"):
-            key = tuple(
-                v for k, v in vars(actuator).items() if k not in ("joint", "name", "source")
-            )
-            by_numbers.setdefault(key, []).append(actuator)
+            numbers = [v for k, v in vars(actuator).items() if k not in ("joint", "name", "source")]
+            ranges = first_match(table, actuator.joint)
+            by_numbers.setdefault((*numbers, ranges), []).append(actuator)
     return [_group(facts, tuple(members)) for members in by_numbers.values()]
+
+
+def driven(facts: ModuleFacts) -> list[tuple[Actuator, tuple[str, ...]]]:
+    """(numbers, joints) of each actuator config, in the module's order."""
+    return [(group.actuator, group.joints) for group in _groups(facts)]
+
+
+def event_terms(facts: ModuleFacts) -> list[Term]:
+    """The recipe's `randomize` in mjlab's terms."""
+    return terms(facts.randomize, facts.tree, driven(facts)) if facts.randomize else []
 
 
 def _group(facts: ModuleFacts, members: tuple[Actuator, ...]) -> _Group:
@@ -242,38 +283,11 @@ def _group(facts: ModuleFacts, members: tuple[Actuator, ...]) -> _Group:
     for pattern in facts.rows:
         if {name for name in moving if re.fullmatch(pattern, name)} == joints:
             names = (pattern,)
-    return _Group(names, members[0], tuple(a.joint for a in members))
+    table = facts.randomize.joints if facts.randomize else {}
+    ranges = first_match(table, members[0].joint)
+    return _Group(names, members[0], tuple(a.joint for a in members), ranges)
 
 
 def _home(control: Control) -> Keyframe | None:
     by_name = {key.name: key for key in control.keyframes}
     return by_name.get("home") or next(iter(control.keyframes), None)
-
-
-# --- Python text ----------------------------------------------------------------------------
-
-
-def _text(value: str) -> str:
-    """A string literal: raw where a backslash would need two."""
-    if "\\" in value and not value.endswith("\\") and '"' not in value and "\n" not in value:
-        return f'r"{value}"'
-    escaped = repr(value)
-    return f'"{escaped[1:-1]}"' if escaped[0] == "'" and '"' not in value else escaped
-
-
-def _tuple(values: tuple[str, ...]) -> str:
-    if not values:
-        return "()"
-    inner = "".join(f"\n    {_text(value)}," for value in values)
-    return f"({inner}\n)"
-
-
-def _dict(values: dict[str, float], indent: int = 0, *, escape: bool = False) -> str:
-    if not values:
-        return "{}"
-    pad = " " * (indent + 4)
-    inner = "".join(
-        f"\n{pad}{_text(re.escape(name) if escape else name)}: {value!r},"
-        for name, value in values.items()
-    )
-    return f"{{{inner}\n{' ' * indent}}}"

@@ -18,11 +18,14 @@ from assetbuild.findings import Finding
 from assetbuild.kinds import Target
 from assetbuild.recipe.isaaclab import IsaacLab as Options
 from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.randomize import Randomize, first_match
 from assetbuild.recipe.usd import Usd
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.simulators.usd_names import joint_identifiers
+from assetbuild.targets.isaaclab import events
+from assetbuild.targets.isaaclab.measure import script
 
 Generation = Literal[2, 3]
 
@@ -46,8 +49,12 @@ LIMITS: Mapping[tuple[Generation, bool], tuple[tuple[str, ...], tuple[str, ...]]
 
 
 class IsaacLab(Target):
-    """`python/<robot>_isaaclab_2.py` and `_3.py`; they look for the USD beside them."""
+    """`python/<robot>_isaaclab_2.py` and `_3.py`, which look for the USD beside them.
 
+    `_measure.py` is for Isaac Lab's half of the comparison.
+    """
+
+    version = "3"
     outputs = ("isaaclab/",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     folder = "python"
@@ -56,6 +63,8 @@ class IsaacLab(Target):
     """The recipe's `isaaclab`."""
     usd: Usd = Usd.model_validate({})
     """The recipe's `usd`: the modules repeat it, so that no default of Isaac Lab's slips in."""
+    randomize: Randomize | None = None
+    """The recipe's ranges, for the modules' event terms."""
     has_usd: bool = True
     """Whether the bundle holds the USD that the modules spawn."""
 
@@ -66,6 +75,7 @@ class IsaacLab(Target):
             robot=recipe.robot,
             options=recipe.isaaclab,
             usd=recipe.usd,
+            randomize=recipe.randomize,
             has_usd="usd" in recipe.targets,
         )
 
@@ -77,10 +87,17 @@ class IsaacLab(Target):
         folder.mkdir()
         generations: tuple[Generation, ...] = (2, 3)
         for generation in generations:
-            module = Module(self.robot, generation, tree, control, self.options, self.usd)
+            module = Module(
+                self.robot, generation, tree, control, self.options, self.usd, self.randomize
+            )
             path = folder / f"{module_name(self.robot)}_isaaclab_{generation}.py"
             path.write_text(module.text(), encoding="utf-8")
+        name = module_name(self.robot)
+        path = folder / f"{name}_isaaclab_measure.py"
+        path.write_text(script(self.robot, name, tree), encoding="utf-8")
         yield from self._findings(control)
+        if self.randomize is not None:
+            yield from events.lost(self.randomize, control, tree)
 
     def _findings(self, control: Control) -> Iterator[Finding]:
         if not self.has_usd:
@@ -130,6 +147,7 @@ class Module:
     control: Control
     options: Options
     usd: Usd
+    randomize: Randomize | None = None
 
     def text(self) -> str:
         """Docstring, imports, constants, the configuration."""
@@ -165,16 +183,19 @@ class Module:
                 "    },",
                 ")",
                 "",
+                *self._events(),
             )
         )
 
     def _imports(self) -> list[str]:
-        used = {CLASSES[a.model] for a in self.control.actuators} or {"ImplicitActuatorCfg"}
+        used = {self._class_of(a) for a in self.control.actuators} or {"ImplicitActuatorCfg"}
         lines = [
             "import isaaclab.sim as sim_utils",
             f"from isaaclab.actuators import {', '.join(sorted(used))}",
             "from isaaclab.assets import ArticulationCfg",
         ]
+        if self.randomize is not None:
+            lines += events.IMPORTS
         if self.generation == 3:
             lines += [
                 "from isaaclab_newton.sim.schemas import NewtonArticulationCfg",
@@ -238,17 +259,33 @@ class Module:
             "),",
         ]
 
+    def _events(self) -> list[str]:
+        if self.randomize is None:
+            return []
+        return ["", *events.events_text(self.randomize, self.tree, self.control), ""]
+
+    def _delay(self, actuator: Actuator) -> tuple[int, int]:
+        """Simulation steps, least and most, of the drives that Isaac Lab can delay."""
+        table = self.randomize.joints if self.randomize else {}
+        ranges = first_match(table, actuator.joint)
+        return ranges.delay if ranges and actuator.model == "ideal_pd" else (0, 0)
+
+    def _class_of(self, actuator: Actuator) -> str:
+        delayed = self._delay(actuator) != (0, 0)
+        return "DelayedPDActuatorCfg" if delayed else CLASSES[actuator.model]
+
     def _actuators(self) -> list[str]:
         """Joints with equal numbers share a group; every joint stands in exactly one."""
         names = joint_identifiers(self.tree)
         groups: dict[tuple[object, ...], list[Actuator]] = {}
         for actuator in self.control.actuators:
-            groups.setdefault(_numbers(actuator), []).append(actuator)
+            key = (*_numbers(actuator), self._delay(actuator))
+            groups.setdefault(key, []).append(actuator)
         lines = []
         for index, members in enumerate(groups.values()):
             first = members[0]
             title = first.motor or first.model
-            call = _call(CLASSES[first.model], self._values(first))
+            call = _call(self._class_of(first), self._values(first))
             joints = [f"        {pattern(names[a.joint])}," for a in members]
             listed = ["    joint_names_expr=[", *joints, "    ],"]
             call = [call[0], *listed, *call[1:]]
@@ -266,6 +303,8 @@ class Module:
         }
         if actuator.model == "dc_motor":
             values["saturation_effort"] = actuator.effort
+        if self._delay(actuator) != (0, 0):
+            values |= dict(zip(("min_delay", "max_delay"), self._delay(actuator), strict=True))
         if actuator.effort is not None:
             values |= dict.fromkeys(efforts, actuator.effort)
         if actuator.velocity is not None:

@@ -1,0 +1,87 @@
+"""How far two engines' contacts and drives lie apart, as ranges for `randomize`.
+
+A policy that has seen the whole range has seen both engines. Each range is the difference that one
+experiment shows, in the value that would explain it:
+
+    friction     the deceleration that makes the ways on a slope of half the friction angle equal:
+                 d_mu = 2 |s1 - s2| / (g t² cos a)
+    restitution  the speed that is left after a fall from h and a rise of r: e = sqrt(r / h)
+    damping      the lag of a joint behind its sine, far below its own frequency:
+                 d_damping = d_phase kp / omega, as a factor of kd + damping
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+from assetbuild.checks.alignment.row import Row
+from assetbuild.findings import Finding
+from assetbuild.robot.model import Control
+
+LEAST, MOST = 0.25, 4.0
+"""Factors of the damping beyond which a range is no answer: the row itself is an error then."""
+Ranges = Mapping[str, tuple[float, float]]
+
+
+def ranges_of(
+    rows: Sequence[Row],
+    control: Control,
+    *,
+    slope: float,
+    seconds: float,
+    fall_m: float,
+    sine_hz: float,
+) -> Ranges:
+    """By key of `randomize`; a key without its experiment is missing.
+
+    slope: tangent of the slope over the friction; seconds: on it; fall_m: of the drop.
+    """
+    by_name = {row.name: row for row in rows if row.subject == "robot"}
+    found: dict[str, tuple[float, float]] = {}
+    gravity = math.dist(control.simulation.gravity, (0.0, 0.0, 0.0))
+    slide, friction = _both(by_name.get("slide_m")), control.contact.friction[0]
+    if slide is not None and gravity > 0.0:
+        cosine = math.cos(math.atan(slope * friction))
+        apart = 2.0 * abs(slide[0] - slide[1]) / (gravity * seconds**2 * cosine)
+        found["friction"] = (max(0.0, friction - apart), friction + apart)
+    rise = _both(by_name.get("bounce_m"))
+    if rise is not None:
+        left = sorted(math.sqrt(min(1.0, max(0.0, r) / fall_m)) for r in rise)
+        found["restitution"] = (left[0], left[1])
+    factors = list(_damping(rows, control, 2.0 * math.pi * sine_hz))
+    if factors:
+        found["damping"] = (max(LEAST, min(1.0, *factors)), min(MOST, max(1.0, *factors)))
+    return found
+
+
+def told(ranges: Ranges) -> Iterator[Finding]:
+    """One finding with all of them."""
+    if ranges:
+        said = ", ".join(f"{key} {low:.3g} to {high:.3g}" for key, (low, high) in ranges.items())
+        yield Finding(
+            "alignment.physx.gap",
+            "info",
+            "recipe randomize",
+            f"ranges that cover MuJoCo and PhysX: {said}",
+            hint="`friction` and `restitution` of `randomize`; `damping` as `kd` of its joints",
+            data={"simulator": "physx", **ranges},
+        )
+
+
+def _both(row: Row | None) -> tuple[float, float] | None:
+    if row is None or isinstance(row.mujoco, str) or isinstance(row.physx, str):
+        return None
+    if not (math.isfinite(row.mujoco) and math.isfinite(row.physx)):
+        return None
+    return row.mujoco, row.physx
+
+
+def _damping(rows: Sequence[Row], control: Control, omega: float) -> Iterator[float]:
+    for row in rows:
+        drive = control.by_joint.get(row.subject.removeprefix("joint "))
+        if row.name != "sine_as_is" or row.lag_rad is None or drive is None:
+            continue
+        damping = drive.kd + drive.damping
+        if drive.kp > 0.0 and damping > 0.0:
+            yield 1.0 + row.lag_rad * drive.kp / omega / damping

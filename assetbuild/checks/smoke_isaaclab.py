@@ -1,0 +1,85 @@
+"""Does an installed Isaac Lab spawn the module's articulation and hold its initial pose?
+
+Only where the user has Isaac Lab; pip cannot make its environment without Isaac Sim.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+from assetbuild.engine.step import Files
+from assetbuild.findings import Finding, Severity
+from assetbuild.kinds import write_figures
+from assetbuild.recipe.models import Recipe
+from assetbuild.simulators.consumers import ConsumerCheck
+from assetbuild.simulators.environments import Environment
+
+VARIABLE = "ASSETBUILD_ISAACLAB"
+LOW = 0.7
+"""Share of the initial height below which a robot has sunk."""
+
+
+class Installed(Environment):
+    """The user's own installation, by an environment variable."""
+
+    @property
+    def python(self) -> Path | None:
+        """None where the variable is unset or names nothing."""
+        named = os.environ.get(VARIABLE)
+        return Path(named) if named and Path(named).exists() else None
+
+
+class SmokeIsaacLab(ConsumerCheck):
+    """Spawns `python/<robot>_isaaclab_<2|3>.py`, steps it, looks at heights and numbers."""
+
+    needs: ClassVar[tuple[str, ...]] = ("isaaclab", "usd")
+    reads: ClassVar[tuple[str, ...]] = ()
+    consumer: ClassVar[str] = "isaaclab"
+    home: ClassVar[Environment] = Installed("isaaclab", ())
+
+    steps: int = 400
+    base: str = "fixed"
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self | None:
+        """With the recipe's base: what is bolted cannot sink."""
+        step = super().configure(recipe)
+        return step.model_copy(update={"base": recipe.base}) if step else None
+
+    @classmethod
+    def absent(cls) -> str:
+        """How to name the installation."""
+        return f"install Isaac Lab and set {VARIABLE} to its Python interpreter"
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """The modules look for the USD beside their folder, as in the bundle."""
+        (module,) = (files.inputs / "isaaclab").glob("*_isaaclab_2.py")
+        job: dict[str, object] = {
+            "modules": str(module.parent.absolute()),
+            "stem": module.stem.removesuffix("_2"),
+            "steps": self.steps,
+        }
+        answer, failure = self.answer("_isaaclab_child.py", job)
+        if answer is None:
+            write_figures(files, {"failure": failure})
+            yield _finding("smoke.failed", f"does not take the bundle: {failure}")
+            return
+        shown = {name: answer[name] for name in ("generation", "finite")}
+        write_figures(files, shown | {"height_m": round(float(str(answer["height_m"])), 3)})
+        yield from judged(answer, self.base)
+
+
+def judged(answer: Mapping[str, Any], base: str) -> Iterator[Finding]:  # Any: the child's JSON
+    """What is wrong with an answer."""
+    if not answer["finite"]:
+        yield _finding("smoke.finite", "positions are not finite")
+    elif base == "floating" and answer["height_m"] < LOW * answer["start_m"]:
+        message = f"the root sinks from {answer['start_m']:.3f} to {answer['height_m']:.3f} m"
+        yield _finding("smoke.height", message, "warning")
+
+
+def _finding(rule: str, message: str, severity: Severity = "error") -> Finding:
+    return Finding(rule, severity, "robot", f"Isaac Lab: {message}", "see the checks of PhysX")

@@ -1,0 +1,111 @@
+"""Does mjlab take the bundle: build its environment, stand, train for a moment?
+
+In mjlab's own environment (MuJoCo 3.11). Says that training runs, not that a policy learns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar, Self
+
+from assetbuild.engine.step import Files
+from assetbuild.findings import Finding, Severity
+from assetbuild.kinds import write_figures
+from assetbuild.recipe.models import Recipe
+from assetbuild.simulators.consumers import ConsumerCheck
+from assetbuild.simulators.environments import Environment
+
+LOW = 0.7
+"""Share of the home height below which a robot that stands has sunk."""
+MOST_FALLEN = 0.25
+"""Share of environments that may fall under zero actions."""
+
+
+class SmokeMjlab(ConsumerCheck):
+    """Loads `python/<robot>_mjlab.py`, stands for a second, trains two iterations (GPU: 200)."""
+
+    needs: ClassVar[tuple[str, ...]] = ("mjlab",)
+    reads: ClassVar[tuple[str, ...]] = ()
+    consumer: ClassVar[str] = "mjlab"
+    home: ClassVar[Environment] = Environment("mjlab", ("mjlab==1.6.0",))
+
+    envs: int = 8
+    envs_gpu: int = 4096
+    stand_steps: int = 50
+    """Control steps under zero actions."""
+    iterations: int = 2
+    iterations_gpu: int = 200
+    rollout: int = 8
+    """Control steps of each environment per iteration, on a CPU."""
+    effort_factor: float = 1.0
+    """The largest factor by which the recipe's `randomize` raises an effort limit."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self | None:
+        """With what the recipe's ranges allow."""
+        step = super().configure(recipe)
+        ranges = recipe.randomize.joints.values() if recipe.randomize else ()
+        factor = max((row.effort[1] for row in ranges), default=1.0)
+        return step.model_copy(update={"effort_factor": factor}) if step else None
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Figures without times, which differ from machine to machine."""
+        fields = ("envs", "envs_gpu", "stand_steps", "iterations", "iterations_gpu", "rollout")
+        job: dict[str, object] = {name: getattr(self, name) for name in fields}
+        (module,) = (files.inputs / "mjlab" / "python").glob("*_mjlab.py")
+        # Not resolved: the inputs are links into the store, and the module looks beside itself.
+        job |= {"modules": str(module.parent.absolute()), "module": module.stem}
+        answer, failure = self.answer("_mjlab_child.py", job)
+        if answer is None:
+            write_figures(files, {"failure": failure})
+            yield Finding(
+                rule="smoke.failed",
+                severity="error",
+                subject="robot",
+                message=f"mjlab does not take the bundle: {failure}",
+                hint="the message is mjlab's; `<bundle>/python/*_mjlab.py` is what it read",
+            )
+            return
+        write_figures(files, _shown(answer))
+        yield from judged(answer, self.effort_factor)
+
+
+def _shown(answer: Mapping[str, Any]) -> dict[str, object]:  # Any: the child's JSON
+    """Rounded, so that the last bits of a machine's sums are not in the report."""
+    kept = ("envs", "fell", "finite", "walks", "gpu", "iterations", "weights_finite")
+    figures: dict[str, object] = {name: answer[name] for name in kept}
+    figures["height_m"] = round(answer["height_m"], 3)
+    figures["start_m"] = round(answer["start_m"], 3)
+    figures["effort_share"] = round(answer["effort_share"], 2)
+    figures["weights_changed"] = answer["weights_moved"] > 0.0
+    if "drawn" in answer:
+        figures["randomized_bodies"] = answer["drawn"]
+        figures["randomized_inconsistent"] = answer["inconsistent"]
+        figures["mass_ratio"] = [round(ratio, 2) for ratio in answer["mass_ratio"]]
+    return figures
+
+
+def judged(answer: Mapping[str, Any], effort_factor: float = 1.0) -> Iterator[Finding]:
+    """What is wrong with an answer; separate, so that it can be tried on bad ones."""
+
+    if not answer["finite"] or not answer["weights_finite"]:
+        what = "observations or rewards" if not answer["finite"] else "the policy's weights"
+        yield _finding("smoke.finite", f"{what} are not finite", "a gain or timestep too large?")
+    if answer["fell"] > MOST_FALLEN * answer["envs"]:
+        message = f"{answer['fell']} of {answer['envs']} robots fall under zero actions"
+        yield _finding("smoke.fell", message, "see the checks `stand` and `gains`", "warning")
+    elif answer["walks"] and answer["height_m"] < LOW * answer["start_m"]:
+        message = f"the root sinks from {answer['start_m']:.3f} to {answer['height_m']:.3f} m"
+        yield _finding("smoke.height", message, "see the checks `stand` and `gains`", "warning")
+    if answer["effort_share"] > effort_factor * 1.001:
+        message = f"a drive makes {answer['effort_share']:.2f} times its effort limit"
+        yield _finding("smoke.effort", message, "tell us: the module's limit does not hold")
+    if answer["weights_moved"] <= 0.0:
+        yield _finding("smoke.weights", "training changes no weight", "look at the rewards")
+    if answer.get("inconsistent"):
+        message = f"{answer['inconsistent']} of {answer['drawn']} random inertias are no matter's"
+        yield _finding("smoke.inertia", message, "look at `randomize` in the recipe")
+
+
+def _finding(rule: str, message: str, hint: str, severity: Severity = "error") -> Finding:
+    return Finding(rule, severity, "robot", f"mjlab: {message}", hint)

@@ -1,0 +1,58 @@
+"""What `assetbuild smoke` does before and after a build: environments, verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from assetbuild.errors import MachineError
+from assetbuild.kinds import Check, load_plugin
+from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.simulators.consumers import ConsumerCheck
+
+if TYPE_CHECKING:
+    from assetbuild.pipeline import Outcome
+
+
+def check_of(consumer: str) -> type[ConsumerCheck]:
+    """The check that asks this consumer."""
+    check = load_plugin(Check, "assetbuild.checks", f"smoke_{consumer}")
+    assert issubclass(check, ConsumerCheck)  # noqa: S101 # all of that name are
+    return check
+
+
+def make_environments(consumers: Sequence[str], say: Callable[[str], None]) -> None:
+    """Make those that pip can make. MachineError where one cannot be had."""
+    for consumer in consumers:
+        check = check_of(consumer)
+        if check.home.requirements:
+            check.home.make(say)
+        elif check.home.python is None:
+            raise MachineError(f"{consumer} is not installed here", hint=check.absent())
+
+
+def asking(loaded: LoadedRecipe, consumers: Sequence[str]) -> LoadedRecipe:
+    """The recipe with these consumers, and with the targets that they read."""
+    recipe = loaded.recipe
+    smoke = tuple(dict.fromkeys((*recipe.validate_.smoke, *consumers)))
+    needs = [need for consumer in smoke for need in check_of(consumer).needs]
+    targets = tuple(dict.fromkeys((*recipe.targets, *needs)))
+    asked = recipe.validate_.model_copy(update={"smoke": smoke})
+    return replace(
+        loaded, recipe=recipe.model_copy(update={"validate_": asked, "targets": targets})
+    )
+
+
+def lacks(outcomes: Sequence[Outcome], consumers: Sequence[str]) -> list[str]:
+    """Consumers that were asked for and did not run, with the reason."""
+    return list(_lacks(outcomes, consumers))
+
+
+def _lacks(outcomes: Sequence[Outcome], consumers: Sequence[str]) -> Iterator[str]:
+    for outcome in outcomes:
+        for consumer in consumers if outcome.report else ():
+            result = outcome.report.checks.get(f"smoke_{consumer}") if outcome.report else None
+            if result is None or result.status == "skip":
+                why = result.note if result else "its check did not run"
+                yield f"{outcome.loaded.recipe.robot}: {consumer} was not asked: {why}"

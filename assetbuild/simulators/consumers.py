@@ -1,0 +1,55 @@
+"""A check that lets somebody else's trainer try the bundle, in an environment of its own."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import ClassVar, Self
+
+from assetbuild.engine.step import Limits
+from assetbuild.errors import StepError
+from assetbuild.kinds import Check
+from assetbuild.recipe.models import Recipe
+from assetbuild.simulators.environments import Environment, ask
+
+
+class ConsumerCheck(Check):
+    """Base of the checks `smoke_<consumer>`: their trainer's versions are part of their key."""
+
+    # Not isolated: the work is done by a process of its own, whose place the environment names,
+    # and a GPU's runtime takes more address space than any limit would leave it.
+    isolated: ClassVar[bool] = False
+    limits: ClassVar[Limits] = Limits(wall_s=3600.0, cpus=2)
+    consumer: ClassVar[str]
+    home: ClassVar[Environment]
+
+    robot: str
+    """Name of the robot: the stem of its files."""
+    environment: str
+    """Name of the environment, which holds the digest of its requirements."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self | None:
+        """None unless the recipe asks this consumer."""
+        if cls.consumer not in recipe.validate_.smoke:
+            return None
+        return cls(robot=recipe.robot, environment=cls.home.folder.name)
+
+    def missing(self) -> str:
+        """The environment is made by `assetbuild smoke`, which may use the network."""
+        return "" if self.home.python is not None else self.absent()
+
+    @classmethod
+    def absent(cls) -> str:
+        """How to get the environment."""
+        return f"run `assetbuild smoke RECIPE --consumer {cls.consumer}` once"
+
+    def answer(self, program: str, job: dict[str, object]) -> tuple[dict[str, object] | None, str]:
+        """What the program beside this file found, or why it found nothing."""
+        python = self.home.python
+        if python is None:
+            raise StepError(f"the environment of {self.consumer} is not there", hint=self.missing())
+        seconds = self.limits.wall_s
+        with tempfile.TemporaryDirectory(prefix=f"{self.consumer}-") as folder:
+            path = Path(__file__).with_name(program)
+            return ask(python, path, job, Path(folder).resolve(), seconds)

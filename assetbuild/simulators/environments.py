@@ -1,0 +1,116 @@
+"""Environments of other people's trainers: their pins clash with ours, and with one another's.
+
+Each is made once, below the store's folder, by `venv` and `pip`; its name holds the digest of its
+requirements and of this Python, so that a new pin is a new environment. Nothing here runs during
+a build: `make` is called before one, by `assetbuild smoke`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from assetbuild.engine.folders import cache_root
+from assetbuild.errors import MachineError
+
+MADE = "assetbuild.json"
+"""Written last: an environment without it is half made."""
+KEPT = ("PATH", "LD_LIBRARY_PATH", "HOME", "TMPDIR")
+"""Variables of ours that a consumer sees."""
+
+
+@dataclass(frozen=True)
+class Environment:
+    """Packages that one consumer needs. requirements: as pip reads them, pinned."""
+
+    name: str
+    requirements: tuple[str, ...]
+
+    @property
+    def folder(self) -> Path:
+        """Where it lies, made or not."""
+        said = json.dumps([self.requirements, sys.version_info[:2]])
+        digest = hashlib.sha256(said.encode()).hexdigest()[:12]
+        return Path(cache_root()) / "environments" / f"{self.name}-{digest}"
+
+    @property
+    def python(self) -> Path | None:
+        """Its interpreter; None while it is not made."""
+        python = self.folder / "bin" / "python"
+        return python if (self.folder / MADE).exists() and python.exists() else None
+
+    def make(self, say: Callable[[str], None]) -> Path:
+        """The interpreter, made when it is missing. MachineError when that fails."""
+        if self.python is not None:
+            return self.python
+        say(f"making the environment of {self.name}, once: {' '.join(self.requirements)}")
+        half = self.folder.with_name(f"{self.folder.name}.{os.getpid()}.half")
+        half.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            _run([sys.executable, "-m", "venv", str(half)])
+            _run([str(half / "bin" / "python"), "-m", "pip", "install", "-q", *self.requirements])
+            if not self.folder.exists():
+                half.rename(self.folder)
+        finally:
+            shutil.rmtree(half, ignore_errors=True)
+        made = json.dumps({"requirements": self.requirements}) + "\n"
+        (self.folder / MADE).write_text(made, encoding="utf-8")
+        return self.folder / "bin" / "python"
+
+
+def ask(
+    python: Path, program: Path, job: dict[str, object], folder: Path, seconds: float
+) -> tuple[dict[str, object] | None, str]:
+    """(its answer, "") or (None, why there is none). The program gets the path of the job.
+
+    folder: private to it; the kernels that it compiles are kept beside its environment. The job
+    goes in as `job.json`, the answer comes out as `answer.json`.
+    """
+    path = folder / "job.json"
+    path.write_text(json.dumps(job), encoding="utf-8")
+    fixed = {
+        "PYTHONHASHSEED": "0",
+        "PYTHONUTF8": "1",
+        "WARP_CACHE_PATH": str(python.parents[1] / "kernels"),
+        "MUJOCO_GL": "disable",
+        "WANDB_MODE": "disabled",
+    }
+    child = subprocess.Popen(
+        [str(python), "-P", "-s", str(program), str(path)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        env={name: os.environ[name] for name in KEPT if name in os.environ} | fixed,
+        cwd=folder,
+    )
+    try:
+        _, said = child.communicate(timeout=seconds)
+    except subprocess.TimeoutExpired:
+        return None, f"it took more than {seconds:g} s and was stopped"
+    finally:
+        if child.poll() is None:
+            child.kill()
+            child.communicate()
+    answer = folder / "answer.json"
+    if child.returncode == 0 and answer.exists():
+        return json.loads(answer.read_bytes()), ""
+    if child.returncode < 0:
+        return None, f"it crashed with signal {-child.returncode}"
+    return None, said.decode("utf-8", "replace").strip().rpartition("\n")[2][:400]
+
+
+def _run(command: Sequence[str]) -> None:
+    done = subprocess.run(command, check=False, capture_output=True)
+    if done.returncode:
+        last = done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2][:400]
+        raise MachineError(
+            f"the environment could not be made: {last}",
+            hint="pip needs the network; `assetbuild doctor` looks at the machine",
+        )

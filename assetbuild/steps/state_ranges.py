@@ -1,0 +1,187 @@
+"""`dr.yaml`: the recipe's `randomize` in this robot's numbers, for any trainer."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from assetbuild.engine.step import Files, Step
+from assetbuild.errors import did_you_mean
+from assetbuild.findings import Finding
+from assetbuild.recipe.randomize import (
+    JOINT_FACTORS,
+    Randomize,
+    RandomMatter,
+    claimed,
+    first_match,
+    per_axis,
+)
+from assetbuild.robot.actuators import RowError
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Body, Control, Tree
+
+UNSTATED = "not stated"
+HEAD = """\
+# How far the real {robot} may be from its description, by assetbuild from the recipe's `randomize`.
+# Ranges are [least, most]; draws are uniform unless a key says otherwise. SI units, radians.
+# links: `density` is a factor of mass and inertia, `com` the largest shift along each body axis;
+# `log_cholesky` says the same as U = exp(alpha) [[A, t], [0, 1]] (Rucker and Wensing, 2022).
+# joints: the numbers of the actuator table with their ranges; delay in simulation steps.
+"""
+
+
+class StateRanges(Step):
+    """`tree.json`, `control.json` -> `dr.yaml`."""
+
+    outputs = ("dr.yaml",)
+    tools = ("pyyaml",)
+
+    robot: str
+    randomize: Randomize
+
+    def check(self, tree: Tree) -> None:
+        """Raise RowError, with the key of the recipe, for a pattern that matches nothing."""
+        bodies, frames = list(tree.by_body), [frame.name for frame in tree.frames]
+        moving = [joint.name for joint in tree.moving_joints]
+        for pattern in self.randomize.links:
+            if not any(re.fullmatch(pattern, name) for name in bodies):
+                merged = [name for name in frames if re.fullmatch(pattern, name)]
+                hint = (
+                    f"`{merged[0]}` was merged into `{tree.placement(merged[0])[0]}`"
+                    if merged
+                    else did_you_mean(pattern, bodies)
+                )
+                raise RowError(
+                    f"randomize.links: pattern `{pattern}` matches no body",
+                    key=("randomize", "links", pattern),
+                    hint=hint,
+                )
+        for pattern in self.randomize.joints:
+            if not any(re.fullmatch(pattern, name) for name in moving):
+                raise RowError(
+                    f"randomize.joints: pattern `{pattern}` matches no moving joint",
+                    key=("randomize", "joints", pattern),
+                    hint=did_you_mean(pattern, moving),
+                )
+        for index, payload in enumerate(self.randomize.payloads):
+            if payload.link not in bodies and payload.link not in frames:
+                raise RowError(
+                    f"randomize.payloads[{index}]: no link `{payload.link}`",
+                    key=("randomize", "payloads", index, "link"),
+                    hint=did_you_mean(payload.link, [*bodies, *frames]),
+                )
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Every body and joint that a range speaks of, with nominal value, range and source."""
+        import yaml
+
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        stated = {
+            "schema": "assetbuild/dr/v1",
+            "robot": self.robot,
+            "seed": self.randomize.seed,
+            "links": self._links(tree),
+            "payloads": self._payloads(tree),
+            "joints": self._joints(tree, control),
+            "contact": self._contact(control),
+        }
+        text = yaml.safe_dump(stated, sort_keys=False, default_flow_style=None, width=100)
+        head = HEAD.format(robot=self.robot)
+        (files.outputs / "dr.yaml").write_text(head + text, encoding="utf-8")
+        yield from self._sources(tree)
+
+    def _links(self, tree: Tree) -> dict[str, dict[str, Any]]:  # Any: YAML, here and below
+        rows = {}
+        for body in tree.bodies:
+            matter = first_match(self.randomize.links, body.name)
+            if matter is not None and body.inertial is not None:
+                rows[body.name] = _matter(body, matter)
+        return rows
+
+    def _payloads(self, tree: Tree) -> list[dict[str, Any]]:
+        return [
+            {
+                "link": payload.link,
+                "body": tree.placement(payload.link)[0],
+                "mass": list(payload.mass),
+                "size": list(payload.size),
+                "at": list(payload.at),
+                "source": payload.source or UNSTATED,
+            }
+            for payload in self.randomize.payloads
+        ]
+
+    def _joints(self, tree: Tree, control: Control) -> dict[str, dict[str, Any]]:
+        rows = {}
+        for joint in tree.moving_joints:
+            ranges = first_match(self.randomize.joints, joint.name)
+            if ranges is None:
+                continue
+            row: dict[str, Any] = {}
+            actuator = control.by_joint.get(joint.name)
+            for key in JOINT_FACTORS:
+                low, high = getattr(ranges, key)
+                nominal = getattr(actuator, key, None)
+                if nominal and (low, high) != (1.0, 1.0):
+                    row[key] = {"nominal": nominal, "range": [nominal * low, nominal * high]}
+            row["delay"] = list(ranges.delay)
+            row["encoder_bias"] = [-ranges.encoder_bias, ranges.encoder_bias]
+            row["source"] = ranges.source or UNSTATED
+            rows[joint.name] = row
+        return rows
+
+    def _contact(self, control: Control) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        if self.randomize.friction is not None:
+            found["friction"] = {
+                "nominal": control.contact.friction[0],
+                "range": list(self.randomize.friction),
+                "source": self.randomize.friction_source or UNSTATED,
+            }
+        if self.randomize.restitution is not None:
+            found["restitution"] = {"nominal": 0.0, "range": list(self.randomize.restitution)}
+        return found
+
+    def _sources(self, tree: Tree) -> Iterator[Finding]:
+        """One finding for all ranges that nobody gave a reason for."""
+        ranges = self.randomize
+        bodies = [body.name for body in tree.bodies]
+        joints = [joint.name for joint in tree.moving_joints]
+        rows = [(f"links.{p}", r.source) for p, r, _ in claimed(ranges.links, bodies)]
+        rows += [(f"payloads.{i}", r.source) for i, r in enumerate(ranges.payloads)]
+        rows += [(f"joints.{p}", r.source) for p, r, _ in claimed(ranges.joints, joints)]
+        if ranges.friction is not None:
+            rows.append(("friction", ranges.friction_source))
+        without = tuple(key for key, source in rows if not source)
+        if without:
+            yield Finding(
+                rule="randomize.source",
+                severity="info",
+                subject="recipe randomize",
+                message=f"{len(without)} of {len(rows)} ranges do not say where they come from: "
+                f"{', '.join(without[:4])}",
+                hint='add `source: "CAD tolerance"`, a datasheet or a measurement',
+                data={"without": without},
+            )
+
+
+def _matter(body: Body, matter: RandomMatter) -> dict[str, Any]:
+    """One body. log_cholesky.t is the shift, exact; d and s act about the centre of mass."""
+    assert body.inertial is not None  # noqa: S101 # only bodies with mass are stated
+    mass, com = body.inertial.mass_kg, per_axis(matter.com)
+    low, high = matter.density
+    return {
+        "mass": {"nominal": mass, "range": [mass * low, mass * high]},
+        "density": [low, high],
+        "com": {"nominal": list(body.inertial.com_m), "shift": list(com)},
+        "log_cholesky": {
+            "alpha": [math.log(low) / 2, math.log(high) / 2],
+            "d": [-matter.stretch, matter.stretch],
+            "s": [-matter.shear, matter.shear],
+            "t": [[-shift, shift] for shift in com],
+        },
+        "source": matter.source or UNSTATED,
+    }

@@ -1,0 +1,175 @@
+"""What a trainer answered is judged; the child itself runs where its environment is named."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tiny import run_step, tiny_quadruped, write_robot_ports
+
+from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab
+from assetbuild.checks.smoke_isaaclab import judged as judge_isaac
+from assetbuild.checks.smoke_mjlab import SmokeMjlab, judged
+from assetbuild.checks.smoke_newton import judged as judge_newton
+from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.randomize import Randomize
+from assetbuild.simulators.environments import MADE, Environment, ask
+from assetbuild.targets.mjlab import Mjlab
+
+GOOD: dict[str, Any] = {
+    "envs": 8,
+    "fell": 0,
+    "finite": True,
+    "walks": True,
+    "gpu": False,
+    "iterations": 2,
+    "weights_finite": True,
+    "weights_moved": 0.01,
+    "height_m": 0.28,
+    "start_m": 0.3,
+    "effort_share": 1.0,
+    "inconsistent": 0,
+    "drawn": 104,
+    "mass_ratio": [0.9, 1.1],
+}
+BAD = {
+    "smoke.finite": {"finite": False},
+    "smoke.fell": {"fell": 3},
+    "smoke.height": {"height_m": 0.2},
+    "smoke.effort": {"effort_share": 1.1},
+    "smoke.weights": {"weights_moved": 0.0},
+    "smoke.inertia": {"inconsistent": 1},
+}
+
+
+def test_a_good_answer_says_nothing() -> None:
+    assert list(judged(GOOD)) == []
+    assert list(judged({**GOOD, "effort_share": 1.09}, effort_factor=1.1)) == []
+
+
+@pytest.mark.parametrize("rule", BAD)
+def test_each_fault_has_its_rule(rule: str) -> None:
+    assert [finding.rule for finding in judged({**GOOD, **BAD[rule]})] == [rule]
+
+
+def recipe(**keys: Any) -> Recipe:
+    source = {"path": ".", "urdf": "r.urdf"}
+    base = {"schema": "assetbuild/v1", "robot": "r", "source": source}
+    return Recipe.model_validate(base | keys)
+
+
+def test_nobody_is_asked_whom_the_recipe_does_not_name() -> None:
+    assert SmokeMjlab.configure(recipe()) is None
+    ranges = {"joints": {".*": {"effort": [0.9, 1.2]}}}
+    step = SmokeMjlab.configure(recipe(validate={"smoke": ["mjlab"]}, randomize=ranges))
+    assert step is not None
+    assert step.effort_factor == 1.2
+
+
+def test_an_environment_is_named_by_its_pins_and_counts_when_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path))
+    one, other = Environment("t", ("a==1",)), Environment("t", ("a==2",))
+    assert one.folder != other.folder
+    assert one.folder.is_relative_to(tmp_path)
+    (one.folder / "bin").mkdir(parents=True)
+    (one.folder / "bin/python").touch()
+    assert one.python is None, "half made"
+    (one.folder / MADE).touch()
+    assert one.python is not None
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("import sys; sys.exit('no such joint')", "no such joint"),
+        ("import os; os.kill(os.getpid(), 9)", "crashed with signal 9"),
+        ("import time; time.sleep(60)", "took more than 1 s"),
+    ],
+)
+def test_a_consumer_that_fails_says_why(tmp_path: Path, text: str, why: str) -> None:
+    import sys
+
+    program = tmp_path / "child.py"
+    program.write_text(text)
+    answer, failure = ask(
+        Path(sys.executable), program, {}, tmp_path, 1.0 if "sleep" in text else 30.0
+    )
+    assert answer is None
+    assert why in failure
+
+
+def newton_reading(**changed: Any) -> dict[str, Any]:
+    """The tiny quadruped as Newton should hold it."""
+    robot = tiny_quadruped()
+    joints = {}
+    for joint in robot.tree.moving_joints:
+        drive = robot.control.by_joint[joint.name]
+        keys = ("kp", "kd", "effort", "armature", "friction", "damping")
+        joints[joint.name] = {key: getattr(drive, key) for key in keys} | {
+            "lower": joint.limits.lower,
+            "upper": joint.limits.upper,
+        }
+    masses = {b.name: b.inertial.mass_kg for b in robot.tree.bodies if b.inertial}
+    return {"finite": True, "dof": 18, "masses": masses, "joints": joints} | changed
+
+
+def newton_says(reading: dict[str, Any]) -> list[tuple[str, str]]:
+    robot = tiny_quadruped()
+    found = judge_newton("usd", reading, robot.tree, robot.control)
+    return [(finding.rule, finding.subject) for finding in found]
+
+
+def test_newton_reads_the_same_robot() -> None:
+    assert newton_says(newton_reading()) == []
+
+
+def test_another_robot_in_newton_is_an_error() -> None:
+    assert newton_says({"failure": "no"}) == [("smoke.failed", "robot")]
+    assert newton_says(newton_reading(finite=False)) == [("smoke.finite", "robot")]
+    assert newton_says(newton_reading(dof=12)) == [("smoke.reading", "robot")]
+    for key, value in {"kp": 1.0, "effort": None, "lower": 0.5, "armature": 0.0}.items():
+        reading = newton_reading()
+        reading["joints"]["FR_calf_joint"][key] = value
+        assert newton_says(reading) == [("smoke.reading", "joint FR_calf_joint")], key
+    reading = newton_reading()
+    reading["masses"]["trunk"] *= 1.001
+    del reading["joints"]["FL_hip_joint"]
+    assert newton_says(reading) == [
+        ("smoke.reading", "link trunk"),
+        ("smoke.reading", "joint FL_hip_joint"),
+    ]
+
+
+def test_isaac_lab_is_asked_only_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ASSETBUILD_ISAACLAB", raising=False)
+    step = SmokeIsaacLab.configure(recipe(validate={"smoke": ["isaaclab"]}, base="floating"))
+    assert step is not None
+    assert "ASSETBUILD_ISAACLAB" in step.missing()
+    good = {"finite": True, "start_m": 0.3, "height_m": 0.28}
+    assert list(judge_isaac(good, "floating")) == []
+    for rule, bad in {"smoke.finite": {"finite": False}, "smoke.height": {"height_m": 0.1}}.items():
+        assert [f.rule for f in judge_isaac({**good, **bad}, "floating")] == [rule]
+
+
+def test_mjlab_takes_the_tiny_robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Minutes: torch, warp and mjlab are imported, kernels are compiled once."""
+    python = os.environ.get("ASSETBUILD_MJLAB")
+    if not python:
+        pytest.skip("no mjlab here: set ASSETBUILD_MJLAB to the Python of its environment")
+    monkeypatch.setattr(Environment, "python", property(lambda self: Path(python)))
+    ranges = {
+        "links": {".*": {"density": [0.8, 1.2], "com": 0.01}},
+        "joints": {".*": {"kp": [0.9, 1.1], "friction": [0.5, 2], "delay": [0, 2]}},
+        "friction": [0.4, 1.2],
+    }
+    target = Mjlab(
+        robot="tiny", feet=".*_foot", imu="imu", randomize=Randomize.model_validate(ranges)
+    )
+    inputs = write_robot_ports(tmp_path / "in", tiny_quadruped())
+    run_step(target, inputs, inputs)
+    check = SmokeMjlab(robot="tiny", environment="test", envs=4, stand_steps=10, rollout=4)
+    assert [f for f in run_step(check, inputs, tmp_path / "out") if f.severity == "error"] == []
