@@ -17,6 +17,7 @@ from assetbuild.robot.model import Control, Tree
 class Mirror(Check):
     """Findings `mirror.<what>`; figures: the pairs, and which axis of the root points sideways."""
 
+    version = "2"
     tools = ("numpy",)
     preload = ("numpy",)
     reads = ("tree.json", "control.json")
@@ -34,7 +35,10 @@ class Mirror(Check):
         tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
         control = decode(Control, (files.inputs / "control.json").read_bytes())
         found = twins(parts_of(tree, control), self.allowed.place)
-        figures: dict[str, object] = {"pairs": [[a.name, b.name] for a, b in found.pairs]}
+        figures: dict[str, object] = {
+            "twins": len(found.pairs),
+            "pairs": [[a.name, b.name] for a, b in found.pairs],
+        }
         if found.pairs:
             figures["sideways"] = "xyz"[found.axis]
         write_figures(files, figures)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 
@@ -60,7 +60,8 @@ def html_table(shown: Table) -> str:
         f'<th scope="col"{_number_style(shown, column)}>{escape(text)}</th>'
         for column, text in enumerate(shown.head)
     )
-    rows = "".join(f"<tr>{''.join(_html_cells(row))}</tr>" for row in shown.rows)
+    numbers = {column for column in range(len(shown.head)) if _number_style(shown, column)}
+    rows = "".join(f"<tr>{''.join(_html_cells(row, numbers))}</tr>" for row in shown.rows)
     note = f"<caption>{escape(shown.note)}</caption>" if shown.note else ""
     # A part that scrolls must be reachable by the keyboard.
     return (
@@ -70,17 +71,18 @@ def html_table(shown: Table) -> str:
 
 
 def _number_style(shown: Table, column: int) -> str:
-    """The head of a column of numbers stands over them."""
-    return ' class="number"' if any(_is_number(row[column]) for row in shown.rows) else ""
+    """A column of numbers stands to the right; one where some happen to be numbers does not."""
+    told = [row[column] for row in shown.rows if row[column] not in (None, "")]
+    return ' class="number"' if told and all(map(_is_number, told)) else ""
 
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _html_cells(row: Sequence[object]) -> Iterable[str]:
-    for value in row:
-        style = ' class="number"' if _is_number(value) else ""
+def _html_cells(row: Sequence[object], numbers: Collection[int]) -> Iterable[str]:
+    for column, value in enumerate(row):
+        style = ' class="number"' if column in numbers else ""
         text = text_of(value)
         if text in ("pass", "fail", "skip", "error", "warning"):
             style = f' class="{text}"'
