@@ -223,7 +223,7 @@ def _check_files(loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...]
         if piece.file is None:
             continue
         path = file_of(piece.file, loaded.path.parent)
-        place = (*key, "pieces", number, "file")
+        place: tuple[str | int, ...] = (*key, "pieces", number, "file")
         if path.suffix.lower().lstrip(".") not in get_args(Format):
             hint = f"known formats: {', '.join(get_args(Format))}"
             raise loaded.error(place, f"`{piece.file}` is no mesh by its name", hint)
