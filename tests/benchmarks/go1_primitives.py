@@ -51,8 +51,8 @@ collision:
   links:
     trunk: {{method: primitive, max_hulls: 4, from: visual}}
     ".*_hip": {{method: primitive, max_hulls: 2, from: visual}}
-    ".*_thigh": {{method: primitive, shape: capsule, max_hulls: 4, from: visual}}
-    ".*_calf": {{method: primitive, shape: capsule, max_hulls: 1, from: visual}}
+    ".*_thigh": {{method: primitive, shape: capsule, max_hulls: 3, from: visual}}
+    ".*_calf": {{method: primitive, shape: capsule, from: collision}}
     ".*_foot": {{method: keep, from: collision}}
 targets: [mjcf]
 validate: {{free_fall: null}}
