@@ -80,8 +80,9 @@ class Cloud:
 
     def score(self, distance: Array) -> float:
         """Of a union with these signed distances (n,), m; 0 is a perfect cover."""
-        near = (np.abs(distance[:POINTS]) < SOFTNESS[-1] * self.size).astype(np.float64)
-        return self._score((distance <= 0.0).astype(np.float64), near, distance)
+        near = np.abs(distance[:POINTS]) < SOFTNESS[-1] * self.size
+        occupied = (distance <= 0.0).astype(np.float64)
+        return self._score(occupied, near.astype(np.float64), distance)
 
     def _score(self, occupied: Array, near: Array, distance: Array) -> float:
         """1 - IoU, with more weight on what is missing, and the mean distance of the surfaces.
@@ -193,7 +194,9 @@ def _refined(fits: list[Fitted], cloud: Cloud, softness: float) -> list[Fitted]:
     ends = np.cumsum([0, *(way.count for way in ways)])
 
     def slope(x: Array) -> tuple[float, Array]:
-        each = np.array([way.distance(x[a:b]) for way, a, b in zip(ways, ends, ends[1:])])  # noqa: B905
+        each = np.array(
+            [way.distance(x[a:b]) for way, a, b in zip(ways, ends, ends[1:], strict=False)]
+        )
         nearest = np.argmin(each, axis=0)
         here, by_distance = cloud.soft_score(each.min(axis=0), softness)
         found = [

@@ -52,7 +52,7 @@ collision:
     trunk: {{method: primitive, max_hulls: 4, from: visual}}
     ".*_hip": {{method: primitive, max_hulls: 2, from: visual}}
     ".*_thigh": {{method: primitive, shape: capsule, max_hulls: 3, from: visual}}
-    ".*_calf": {{method: primitive, shape: capsule, max_hulls: 2, from: visual}}
+    ".*_calf": {{method: primitive, shape: capsule, from: collision}}
     ".*_foot": {{method: keep, from: collision}}
 targets: [mjcf]
 validate: {{free_fall: null}}
@@ -61,7 +61,7 @@ X_HIP_MESH = Pose(quat=(0.0, 0.0, 1.0, 0.0))
 X_HIP_THIGH = Pose((0.0, 0.08, 0.0), quat_of_rpy(0.0, 0.9, 0.0))
 BEYOND = 3e-3
 """Of the diagonal: a wall with the solid on both sides, so far from it, is inside."""
-STEPS, ROUNDS = 1500, 9
+STEPS, STARTS, ROUNDS = 1000, 8, 5
 
 
 # --- the two robots -------------------------------------------------------------------------
@@ -181,17 +181,27 @@ def alike(model: mujoco.MjModel) -> None:
 
 
 def dropped(model: mujoco.MjModel) -> tuple[float, float, float]:
-    """(steps per CPU second, contacts per step, height of the trunk at the end in m)."""
-    data = mujoco.MjData(model)
-    data.qpos[:3] = (0.0, 0.0, 0.35)
-    data.qpos[3:7] = np.array([0.95, 0.2, 0.2, 0.1]) / np.linalg.norm([0.95, 0.2, 0.2, 0.1])
-    data.qpos[7:] = np.tile((0.0, 0.9, -1.8), 4)
-    touching, began = 0, time.process_time()
-    for _ in range(STEPS):
-        mujoco.mj_step(model, data)
-        touching += data.ncon
-    seconds = time.process_time() - began
-    return STEPS / seconds, touching / STEPS, float(data.qpos[2])
+    """(steps per CPU second, contacts per step, mean height of the trunk at the end in m).
+
+    One drop is chaos: how the robot comes to lie decides the contacts. So it is dropped from
+    several seeded attitudes, up to about 45 degrees from level.
+    """
+    tilts = np.random.default_rng(0).normal(0.0, 0.25, (STARTS, 3))
+    touching, heights, seconds = 0, 0.0, 0.0
+    for tilt in tilts:
+        data = mujoco.MjData(model)
+        data.qpos[:3] = (0.0, 0.0, 0.35)
+        data.qpos[3:7] = (1.0, *tilt)
+        data.qpos[7:] = np.tile((0.0, 0.9, -1.8), 4)
+        mujoco.mj_normalizeQuat(model, data.qpos)
+        began = time.process_time()
+        for _ in range(STEPS):
+            mujoco.mj_step(model, data)
+            touching += data.ncon
+        seconds += time.process_time() - began
+        heights += float(data.qpos[2])
+    steps = STARTS * STEPS
+    return steps / seconds, touching / steps, heights / STARTS
 
 
 def speeds(models: dict[str, mujoco.MjModel]) -> None:
