@@ -20,7 +20,7 @@ VALUES = ("kp", "kd", "armature", "effort")
 HEAD = """\
 # The library of robots
 
-Robots of the public package example-robot-data, each with its recipe in `recipes/`. Built by
+Robots of the public package example-robot-data (the rover is made up), each with its recipe. Built by
 `assetbuild build recipes/*.yaml`; this page by `python -m tests.benchmarks.library build/*`.
 
 Grade: MuJoCo Menagerie's, as the model card derives it. Where the numbers of the actuator table
