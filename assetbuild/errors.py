@@ -104,7 +104,8 @@ class MachineError(AssetBuildError):
 def did_you_mean(wrong: str, known: Iterable[str]) -> str:
     """A hint that names the nearest of `known`, or lists them when none is near."""
     names = sorted(set(known))
-    near = difflib.get_close_matches(wrong, names, n=1, cutoff=0.6)
+    near = [name for name in names if name.lower() == wrong.lower()]
+    near = near or difflib.get_close_matches(wrong, names, n=1, cutoff=0.6)
     if near:
         return f"did you mean `{near[0]}`?"
     shown = ", ".join(f"`{name}`" for name in names[:12])

@@ -61,6 +61,17 @@ def finding_from_json(raw: Mapping[str, object]) -> Finding:
     )
 
 
+def is_consequence(finding: Finding) -> bool:
+    """Whether a check only says that it had nothing to work on: MuJoCo refuses the MJCF.
+
+    `mjcf.load` and the findings on the description say why.
+    """
+    return finding.rule.endswith(".load") and finding.rule != "mjcf.load"
+
+
 def worst_first(findings: list[Finding]) -> list[Finding]:
-    """Errors, warnings, infos; within one severity by rule and subject."""
-    return sorted(findings, key=lambda f: (SEVERITIES.index(f.severity), f.rule, f.subject))
+    """Errors, warnings, infos; causes before consequences; else by rule and subject."""
+    return sorted(
+        findings,
+        key=lambda f: (SEVERITIES.index(f.severity), is_consequence(f), f.rule, f.subject),
+    )

@@ -243,8 +243,11 @@ class Check(Step):
 
 
 def write_figures(files: Files, figures: Mapping[str, object]) -> None:
-    """The numbers of one check, for the report; floats as `repr`, keys sorted."""
-    text = json.dumps(figures, sort_keys=True, indent=1)
+    """The numbers of one check, for the report; floats as `repr`, keys sorted.
+
+    Raises ValueError for a number that is not finite: what was not measured is None.
+    """
+    text = json.dumps(figures, sort_keys=True, indent=1, allow_nan=False)
     (files.outputs / "figures.json").write_text(text + "\n", encoding="utf-8")
 
 

@@ -45,6 +45,7 @@ class Fit:
 class Coverage(Check):
     """Finding `coverage.shift`; figures: a row for each body with both kinds of geometry."""
 
+    version = "2"
     tools = ("numpy", "scipy")
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")

@@ -21,7 +21,7 @@ BROKEN = 0.05
 class FreeFall(Check):
     """Compares the drop of the centre of mass in MuJoCo with g/2 t (t + dt)."""
 
-    version = "2"
+    version = "3"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)

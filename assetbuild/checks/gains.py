@@ -26,15 +26,7 @@ from assetbuild.robot.pose import Array, Pose
 
 EXPLICIT = frozenset({"ideal_pd", "dc_motor"})
 """Models whose gains a controller applies once a step, instead of the integrator."""
-TORQUE_WARNING = 0.8
-"""Share of the effort limit that holding the pose may need."""
-SAG_WARNING = 0.25
-"""rad: more than that from the pose by the robot's own weight."""
 SMALL_ERROR_RAD = 0.1
-MARGIN_WARNING = 2.0
-"""Of the timestep: how much stiffer the drive could be before it diverges."""
-UNDERDAMPED, OVERDAMPED = 0.1, 10.0
-"""Damping ratios beyond which a joint rings for seconds or creeps."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +52,14 @@ class Gains(Check):
 
     reads = ("tree.json", "shapes.json", "control.json")
 
+    torque: float = 0.8
+    """Share of the effort limit that holding the pose may need."""
+    sag: float = 0.25
+    """rad or m: more than that from the pose by the robot's own weight."""
+    margin: float = 2.0
+    """How much stiffer the drive could be before it diverges."""
+    damping_ratio: tuple[float, float] = (0.1, 10.0)
+    """Beyond these a joint rings for seconds or creeps."""
     integrator: str = "implicitfast"
     feet: str | None = None
     """Pattern of the source links that stand on the ground; None: the lowest shapes."""
@@ -70,7 +70,12 @@ class Gains(Check):
     def configure(cls, recipe: Recipe) -> Self:
         """With the integrator of the MJCF and the feet of the recipe."""
         feet = recipe.feet.links if recipe.feet else None
-        return cls(integrator=recipe.mjcf.integrator, feet=feet, inherited=not recipe.actuators)
+        return cls(
+            integrator=recipe.mjcf.integrator,
+            feet=feet,
+            inherited=not recipe.actuators,
+            **recipe.validate_.gains.model_dump(),
+        )
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot without its meshes."""
@@ -150,13 +155,16 @@ class Gains(Check):
 
     def _judge(self, actuator: Actuator, one: Effective, control: Control) -> Iterator[Finding]:
         subject = f"actuator {actuator.joint}"
-        yield from _judge_strength(actuator, one, subject)
-        yield from _judge_stability(one, control.simulation.timestep, subject)
-        yield from _judge_damping(actuator, one, subject)
+        yield from _judge_strength(actuator, one, subject, self.torque, self.sag)
+        timestep = control.simulation.timestep
+        yield from _judge_stability(one, timestep, subject, self.margin)
+        yield from _judge_damping(actuator, one, subject, self.damping_ratio)
 
 
-def _judge_strength(actuator: Actuator, one: Effective, subject: str) -> Iterator[Finding]:
-    if one.load is not None and one.load > TORQUE_WARNING:
+def _judge_strength(
+    actuator: Actuator, one: Effective, subject: str, torque: float, sag: float
+) -> Iterator[Finding]:
+    if one.load is not None and one.load > torque:
         cannot = one.load > 1.0
         yield Finding(
             "gains.torque",
@@ -167,14 +175,14 @@ def _judge_strength(actuator: Actuator, one: Effective, subject: str) -> Iterato
             hint="choose a pose with the feet under the hips, or check the effort limit",
             data={"holding": one.holding, "load": one.load},
         )
-    if one.sag is not None and one.sag > SAG_WARNING:
+    if one.sag is not None and one.sag > sag:
         yield Finding(
             "gains.sag",
             "warning",
             subject,
             f"gives way by {one.sag:.3g} rad under the robot's weight at kp {actuator.kp:.3g}",
             hint="raise kp; a policy learns around it, a viewer shows a crouch",
-            data={"sag": one.sag, "limit": SAG_WARNING},
+            data={"sag": one.sag, "limit": sag},
         )
     if actuator.effort is not None and one.per_tenth_rad > actuator.effort:
         yield Finding(
@@ -188,8 +196,10 @@ def _judge_strength(actuator: Actuator, one: Effective, subject: str) -> Iterato
         )
 
 
-def _judge_stability(one: Effective, timestep: float, subject: str) -> Iterator[Finding]:
-    if one.margin is None or one.margin >= MARGIN_WARNING:
+def _judge_stability(
+    one: Effective, timestep: float, subject: str, margin: float
+) -> Iterator[Finding]:
+    if one.margin is None or one.margin >= margin:
         return
     diverges = one.margin <= 1.0
     yield Finding(
@@ -203,10 +213,12 @@ def _judge_stability(one: Effective, timestep: float, subject: str) -> Iterator[
     )
 
 
-def _judge_damping(actuator: Actuator, one: Effective, subject: str) -> Iterator[Finding]:
-    ratio = one.damping_ratio
-    if ratio is not None and not UNDERDAMPED <= ratio <= OVERDAMPED:
-        low = ratio < UNDERDAMPED
+def _judge_damping(
+    actuator: Actuator, one: Effective, subject: str, allowed: tuple[float, float]
+) -> Iterator[Finding]:
+    ratio, (least, most) = one.damping_ratio, allowed
+    if ratio is not None and not least <= ratio <= most:
+        low = ratio < least
         yield Finding(
             "gains.underdamped" if low else "gains.overdamped",
             "warning",

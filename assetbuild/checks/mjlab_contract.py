@@ -22,6 +22,7 @@ class MjlabContract(Check):
     """One finding per broken promise."""
 
     isolated = True
+    version = "2"
     preload = ("mujoco",)
     tools = ("mujoco",)
     needs = ("mjlab",)
@@ -38,7 +39,7 @@ class MjlabContract(Check):
             ).model
         except StepError as error:
             write_figures(files, {"skipped": "it does not load"})
-            yield Finding("mjlab.contract", "error", "robot", f"MuJoCo refuses it: {error.message}")
+            yield Finding("mjlab.load", "error", "robot", f"MuJoCo refuses it: {error.message}")
             return
         broken = [*_foreign(model), *_names(model), *_task(model, tree)]
         for path in sorted((files.inputs / "mjlab/python").glob("*.py")):

@@ -39,6 +39,7 @@ Pair = tuple[int, int]
 class MjxPairs(Check):
     """Findings `mjx.<what>`; figures: pairs by kinds, and how many are fast."""
 
+    version = "2"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -76,33 +77,17 @@ def figures(model: mujoco.Model) -> dict[str, object]:
 
 def pairs(model: mujoco.Model) -> Iterator[Pair]:
     """Geoms that may touch: what masks, excludes and the parent-child filter let through."""
-    import mujoco as mj
-
     excluded = {int(signature) for signature in model.exclude_signature}
-    filters_parents = not model.opt.disableflags & mj.mjtDisableBit.mjDSBL_FILTERPARENT
     solid = [i for i in range(model.ngeom) if model.geom_contype[i] or model.geom_conaffinity[i]]
     for a, b in combinations(solid, 2):
         first, second = sorted((int(model.geom_bodyid[a]), int(model.geom_bodyid[b])))
-        if first == second or (first << 16) + second in excluded:
-            continue
-        if _welded_or_related(model, first, second, filters_parents):
+        if (first << 16) + second in excluded or mujoco.passes(model, first, second):
             continue
         mask = model.geom_contype[a] & model.geom_conaffinity[b]
         if mask | (model.geom_contype[b] & model.geom_conaffinity[a]):
             yield (a, b) if model.geom_type[a] <= model.geom_type[b] else (b, a)
     for i in range(model.npair):
         yield int(model.pair_geom1[i]), int(model.pair_geom2[i])
-
-
-def _welded_or_related(model: mujoco.Model, a: int, b: int, filters_parents: bool) -> bool:
-    weld_a, weld_b = int(model.body_weldid[a]), int(model.body_weldid[b])
-    if weld_a == weld_b:
-        return True
-    if not filters_parents or 0 in (weld_a, weld_b):
-        return False
-    above_a = int(model.body_weldid[model.body_parentid[weld_a]])
-    above_b = int(model.body_weldid[model.body_parentid[weld_b]])
-    return weld_a == above_b or weld_b == above_a
 
 
 def _kinds(model: mujoco.Model, pair: Pair) -> tuple[str, str]:

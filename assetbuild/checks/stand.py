@@ -29,7 +29,7 @@ EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor"})
 class Stand(Check):
     """Simulates `mjcf/scene.xml` in MuJoCo; a fixed base only has its joints judged."""
 
-    version = "2"
+    version = "3"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)

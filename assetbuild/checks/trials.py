@@ -13,23 +13,26 @@ from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.model import Control
 from assetbuild.simulators import mujoco, mujoco_motion, mujoco_trials
 from assetbuild.simulators.mujoco_trials import Settled, Support
 
 EXTERNAL = frozenset({"ideal_pd", "dc_motor"})
 """Models whose PD law runs outside of the simulator: here it is put inside."""
 SHOWN_PAIRS = 40
+LARGEST_DOFS = 300
+"""A file of anybody may hold a cloth; steps of it take minutes."""
 
 
 class Trials(Check):
     """Findings `trials.<what>`; one compilation of `mjcf/scene.xml` serves all experiments."""
 
+    version = "2"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
     needs = ("mjcf",)
-    reads = ("tree.json", "control.json")
+    reads = ("control.json",)
 
     drift: float = 0.01
     """m of the settled base in 1000 steps."""
@@ -39,6 +42,8 @@ class Trials(Check):
     """rad/s or m/s of the fastest joint when it should be at rest."""
     penetration: float = 0.005
     """m of the deepest contact when it should be at rest."""
+    support: float = 0.0
+    """m, least distance of the centre of mass inside the feet's polygon."""
     energy: float = 0.05
     """Relative, in one second."""
     timestep: float = 0.02
@@ -60,7 +65,6 @@ class Trials(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/scene.xml`."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
         control = decode(Control, (files.inputs / "control.json").read_bytes())
         try:
             model = mujoco.load(files.inputs / "mjcf" / "scene.xml", visuals=False).model
@@ -71,12 +75,20 @@ class Trials(Check):
         outside = {a.joint: a for a in control.actuators if a.model in EXTERNAL}
         mujoco_motion.drive_as(model, outside)
         figures: dict[str, object] = {}
+        yield from self.examine(model, figures)
+        write_figures(files, figures)
+
+    def examine(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
+        """All experiments on a compiled model, our own or foreign; those on the floor need one."""
+        if int(model.nv) > LARGEST_DOFS:
+            message = f"{model.nv} degrees of freedom, more than {LARGEST_DOFS}: nothing is tried"
+            yield Finding("trials.large", "info", "robot", message)
+            return
         yield from self._drives(model, figures)
         yield from self._numerics(model, figures)
         yield from self._collisions(model, figures)
-        if tree.base == "floating":
-            yield from self._floor(model, control, figures)
-        write_figures(files, figures)
+        if model.nkey and mujoco_trials.stands_free(model):
+            yield from self._floor(model, figures)
 
     def _drives(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         answers = mujoco_trials.answers(model)
@@ -139,14 +151,11 @@ class Trials(Check):
                     data={"share": share, "poses": self.poses},
                 )
 
-    def _floor(
-        self, model: mujoco.Model, control: Control, figures: dict[str, object]
-    ) -> Iterator[Finding]:
-        if not control.keyframes:
-            return
+    def _floor(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
+        figures["without_drives"] = mujoco_trials.passive(model)
         under = mujoco_trials.support(model)
         figures["support_margin_m"], figures["support_points"] = under.margin_m, under.points
-        yield from _judge_support(under)
+        yield from self._judge_support(under)
         settled = mujoco_trials.settle(model, self.drop)
         figures["settle"] = {
             "finite": settled.finite,
@@ -182,14 +191,17 @@ class Trials(Check):
                     data={"value": value, "limit": limit},
                 )
 
-
-def _judge_support(under: Support) -> Iterator[Finding]:
-    if under.margin_m is not None and under.margin_m < 0.0:
+    def _judge_support(self, under: Support) -> Iterator[Finding]:
+        if under.margin_m is None or under.margin_m >= self.support:
+            return
+        where = (
+            f"{1e3 * abs(under.margin_m):.3g} mm {'outside of' if under.margin_m < 0 else 'inside'}"
+        )
         yield Finding(
             "trials.balance",
             "warning",
             "robot",
-            f"at home the centre of mass is {-1e3 * under.margin_m:.3g} mm outside of its feet",
+            f"at home the centre of mass is {where} its feet",
             hint="move the feet of the keyframe under the centre of mass",
-            data={"margin_m": under.margin_m},
+            data={"margin_m": under.margin_m, "limit_m": self.support},
         )

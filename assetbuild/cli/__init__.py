@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import signal
 import sys
+import tempfile
 import threading
+import traceback
 from collections.abc import Sequence
 
 from assetbuild import __version__
@@ -27,6 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.print_help()
         return 0
     _end_as_by_ctrl_c()
+    _print_any_name()
     try:
         return int(module_of(arguments.verb).run(arguments))
     except AssetBuildError as error:
@@ -41,6 +45,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of our output is gone: nobody is left to tell
         sys.stderr.close()
         return 1
+    except Exception as error:  # the last resort: a user gets a sentence
+        print_error(_bug(error))
+        return 1
+
+
+def _bug(error: Exception) -> AssetBuildError:
+    """The sentence for what nobody foresaw; the traceback goes to a file, where there is room."""
+    text = " ".join(str(error).split())[:300]
+    told = f"a bug in assetbuild: {type(error).__name__}{': ' + text if text else ''}"
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", encoding="utf-8", errors="replace", prefix="assetbuild-", suffix=".txt",
+            delete=False,
+        ) as file:  # fmt: skip
+            traceback.print_exception(error, file=file)
+    except OSError:
+        return AssetBuildError(told, hint="please report it, with the command")
+    return AssetBuildError(told, hint=f"please report it, with the command and {file.name}")
 
 
 class Terminated(KeyboardInterrupt):
@@ -60,6 +82,13 @@ def _end_as_by_ctrl_c() -> None:
     signal.signal(signal.SIGTERM, leave)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else `nohup` or a parent
         signal.signal(signal.SIGINT, leave)
+
+
+def _print_any_name() -> None:
+    """File names need not be text, and a terminal need not know every letter."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def print_error(error: AssetBuildError) -> None:

@@ -15,12 +15,15 @@ from assetbuild.errors import UsageError
 if TYPE_CHECKING:
     from assetbuild.report.snapshot import Snapshot
 
-HELP = "compare two bundles, recipes or MJCF, URDF, USD files: what changed, worst first"
+HELP = "compare two bundles, recipes, MJCF, URDF or USD files, Isaac Lab configurations"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    what = "bundle, recipe, REVISION:RECIPE of git, or an MJCF, URDF or USD file"
+    what = (
+        "bundle, recipe, REVISION:RECIPE of git, MJCF, URDF, USD, Isaac Lab's FILE.py[:CFG], or "
+        "readings of Isaac Lab (JSON)"
+    )
     parser.add_argument("before", metavar="A", help=what)
     parser.add_argument("after", metavar="B", help="the same, to compare with A")
     parser.add_argument("--markdown", action="store_true", help="a table for a pull request")
@@ -30,14 +33,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print the changes; 0, or with `--exit-code` 1 when there are any."""
     from assetbuild.report.diff import changes, diff_markdown, diff_text
+    from assetbuild.report.foreign import foreign_snapshot
 
+    names = (arguments.before, arguments.after)
     with tempfile.TemporaryDirectory(prefix="assetbuild-diff-") as folder:
-        before = snapshot_of(arguments.before, Path(folder, "a"))
-        after = snapshot_of(arguments.after, Path(folder, "b"))
+        sides: list[Snapshot | None] = [
+            None if _config_of(name) else snapshot_of(name, Path(folder, str(side)))
+            for side, name in enumerate(names)
+        ]
+    joints = [s for side in sides if side for kind, s, _ in side.facts if kind == "joint"]
+    before, after = (
+        side or foreign_snapshot(*(_config_of(name) or (Path(name), "")), dict.fromkeys(joints))
+        for side, name in zip(sides, names, strict=True)
+    )
     found = changes(before, after)
     write = diff_markdown if arguments.markdown else diff_text
     print(write(before, after, found), end="")
     return 1 if arguments.exit_code and found else 0
+
+
+def _config_of(name: str) -> tuple[Path, str] | None:
+    """(file, configuration) of `FILE.py` or `FILE.py:NAME`: Isaac Lab's; None for all else.
+
+    Its patterns mean joints of the other side, so it is read after it.
+    """
+    file, _, config = name.rpartition(":") if ".py:" in name else (name, "", "")
+    path = Path(file)
+    return (path, config) if path.suffix == ".py" and path.is_file() else None
 
 
 def snapshot_of(name: str, folder: Path) -> Snapshot:

@@ -18,7 +18,7 @@ from typing import Literal
 
 HELP = "say what this machine has and lacks, and how to get it"
 
-Level = Literal["ok", "missing", "broken"]
+Level = Literal["ok", "optional", "missing", "broken"]
 CORE = (
     "numpy", "scipy", "pydantic", "trimesh", "pycollada", "fast-simplification", "coacd", "vhacdx",
     "manifold3d", "mujoco", "usd-core", "yourdfpy", "xacro",
@@ -35,7 +35,8 @@ APT = "apt-get install libegl1 libgl1-mesa-dri"
 
 @dataclass(frozen=True)
 class Row:
-    """One thing looked at. broken: builds fail; missing: something is left out."""
+    """One thing looked at. broken: builds fail; missing: something is left out; optional: an extra
+    that is not installed."""
 
     name: str
     level: Level
@@ -56,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
             print(f"{'':8} {'':18} -> {row.fix}")
     broken = sum(row.level == "broken" for row in rows)
     missing = sum(row.level == "missing" for row in rows)
-    print(f"{broken} broken, {missing} missing" if broken or missing else "everything is here")
+    print(f"{broken} broken, {missing} missing" if broken or missing else "ready to build")
     return 1 if broken else 0
 
 
@@ -75,7 +76,7 @@ def examine() -> Iterator[Row]:
         if importlib.util.find_spec(module) is not None:
             yield Row(f"extra {extra}", "ok", use)
         else:
-            yield Row(f"extra {extra}", "missing", use, f"pip install 'assetbuild[{extra}]'")
+            yield Row(f"extra {extra}", "optional", use, f"pip install 'assetbuild[{extra}]'")
 
 
 def _libraries() -> Iterator[Row]:

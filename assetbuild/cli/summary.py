@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import os
 import sys
+import textwrap
+from collections.abc import Sequence
+from itertools import groupby
+from pathlib import PurePosixPath
 
 from assetbuild.cli import print_error
-from assetbuild.findings import SEVERITIES, Finding
+from assetbuild.findings import SEVERITIES, Finding, is_consequence
 from assetbuild.pipeline import Outcome
 from assetbuild.report.document import Report
 
-SHOWN_FINDINGS = 12
+SHOWN_RULES = 12
+LEAST_LINES = 6
+"""Of findings, however small the terminal is."""
 _COLOURS = {"error": "31", "warning": "33", "yes": "32", "no": "31"}
 
 
@@ -41,18 +47,32 @@ def print_differences(outcome: Outcome) -> None:
 
 
 def summary_lines(outcome: Outcome, report: Report) -> list[str]:
-    """The lines of the summary."""
+    """The lines of the summary; on a terminal as many as it shows at once."""
     ready = "yes" if report.verdict.ready else "no"
-    lines = [f"{report.robot}: ready for training: {_coloured(ready, ready)}"]
+    head = [f"{report.robot}: ready for training: {_coloured(ready, ready)}"]
     if report.verdict.blocked_by:
-        lines.append(f"  blocked by {', '.join(report.verdict.blocked_by)}")
-    lines += [f"  next: {report.verdict.next_step}", f"  steps: {_steps(outcome)}"]
-    lines += [f"  checks: {_checks(report)}", f"  findings: {_counts(report.findings)}"]
-    lines += _findings(report.findings)
-    for path in outcome.edited:
-        lines.append(f"  you had changed {path}: kept in {outcome.out}.edited/")
-    lines.append(f"  bundle: {outcome.out}")
-    return lines
+        head.append(f"  blocked by {', '.join(report.verdict.blocked_by)}")
+    head += [f"  next: {report.verdict.next_step}", f"  steps: {_steps(outcome)}"]
+    head += [f"  checks: {_checks(report)}", f"  findings: {_counts(report.findings)}"]
+    tail = [f"  you had changed {path}: kept in {outcome.out}.edited/" for path in outcome.edited]
+    tail.append(f"  bundle: {outcome.out}")
+    if not sys.stdout.isatty():
+        return [*head, *finding_lines(report.findings), *tail]
+    size = os.get_terminal_size(sys.stdout.fileno())
+    head, tail = (_wrapped(lines, size.columns) for lines in (head, tail))
+    room = size.lines - len(head) - len(tail) - 2  # the command above, the prompt below
+    return [*head, *finding_lines(report.findings, size.columns, max(room, LEAST_LINES)), *tail]
+
+
+def _wrapped(lines: list[str], width: int) -> list[str]:
+    """Lines no longer than the terminal is wide; what goes on is indented further."""
+    found = []
+    for line in lines:
+        indent = " " * (len(line) - len(line.lstrip()) + 2)
+        found += textwrap.wrap(
+            line, max(width, 40), subsequent_indent=indent, break_on_hyphens=False
+        )
+    return found
 
 
 def null_summary(outcome: Outcome, report: Report) -> str:
@@ -90,19 +110,63 @@ def _counts(findings: tuple[Finding, ...]) -> str:
     return ", ".join(f"{found.count(severity)} {severity}" for severity in SEVERITIES)
 
 
-def _findings(findings: tuple[Finding, ...]) -> list[str]:
-    """Errors and warnings; what merely informs stands in the report."""
+def finding_lines(
+    findings: Sequence[Finding], width: int | None = None, room: int | None = None
+) -> list[str]:
+    """Errors and warnings; what merely informs stands in the report.
+
+    A rule that speaks of many subjects is told once, with the names of the others. width, room:
+    columns and lines of a terminal; None = lines of any length, `SHOWN_RULES` rules.
+    """
     loud = [finding for finding in findings if finding.severity != "info"]
-    lines = []
-    for finding in loud[:SHOWN_FINDINGS]:
-        place = f"{finding.where}: " if finding.where else ""
-        severity = _coloured(finding.severity, finding.severity)
-        lines.append(f"    {severity} {finding.rule}: {place}{finding.subject}: {finding.message}")
-        if finding.hint:
-            lines.append(f"      hint: {finding.hint}")
-    if len(loud) > SHOWN_FINDINGS:
-        lines.append(f"    and {len(loud) - SHOWN_FINDINGS} more in the report")
+    groups = [list(same) for _, same in groupby(loud, key=_told_together)]
+    lines: list[str] = []
+    for number, group in enumerate(groups):
+        told = _group_lines(group, width)
+        last = number == len(groups) - 1
+        over = number >= SHOWN_RULES if room is None else len(lines) + len(told) + (not last) > room
+        if over:
+            left = sum(map(len, groups[number:]))
+            return [*lines, f"    and {left} more in the report"]
+        lines += told
     return lines
+
+
+def _told_together(finding: Finding) -> tuple[str, str]:
+    return finding.severity, "" if is_consequence(finding) else finding.rule
+
+
+def _group_lines(group: Sequence[Finding], width: int | None) -> list[str]:
+    """The first finding of a rule, its hint, and of whom else the rule speaks."""
+    first, *others = group
+    if is_consequence(first):
+        rules = ", ".join(finding.rule for finding in group)
+        line = f"    {first.severity} {rules}: nothing to work on, for what stands above"
+        return [line] if width is None else _wrapped([line], width)
+    place = f"{first.where}: " if first.where else ""
+    if width is not None:
+        place = f"{PurePosixPath(place).name}"  # the file's name: folders stand in the report
+    line = f"    {first.severity} {first.rule}: {place}{first.subject}: {first.message}"
+    lines = [line]
+    if first.hint:
+        lines.append(f"      hint: {first.hint}")
+    if others:
+        names = ", ".join(dict.fromkeys(f.subject for f in others if f.subject != first.subject))
+        lines.append(f"      and {len(others)} more{f': {names}' if names else ''}")
+    if width is not None:
+        lines = [part for one in lines for part in _wrapped([one], width)]
+        if others:
+            lines = _shortened(lines, width)
+    lines[0] = lines[0].replace(first.severity, _coloured(first.severity, first.severity), 1)
+    return lines
+
+
+def _shortened(lines: list[str], width: int) -> list[str]:
+    """The list of other subjects in one line of a terminal."""
+    at = next(i for i, line in enumerate(lines) if line.startswith("      and "))
+    if at == len(lines) - 1:
+        return lines
+    return [*lines[:at], f"{lines[at][: width - 5].rpartition(', ')[0]}, ..."]
 
 
 def _coloured(text: str, kind: str) -> str:

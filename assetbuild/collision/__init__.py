@@ -7,7 +7,7 @@ checking the sources, reuse of equal shapes, measuring, and what is said about t
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import ClassVar, Literal
@@ -124,7 +124,7 @@ class CollisionMethod(Step):
         if known is not None:
             write_pieces(files.outputs, known, None)
             return
-        reference = Reference(self._mesh(files))
+        reference = Reference(self.mesh_of(files))
         made = self._reused(reference, files.inputs / "like")
         if made is None:
             fitted = self.fit(reference)
@@ -137,7 +137,17 @@ class CollisionMethod(Step):
                     hint="use another method, `hull` for example",
                 )
             made = pieces, measure(reference, pieces, flat=flat), fitted.how
-        pieces, quality, how = made
+        yield from self.proven(files, reference, *made)
+
+    def proven(
+        self,
+        files: Files,
+        reference: Reference,
+        pieces: Sequence[ConvexPiece],
+        quality: Quality,
+        how: str,
+    ) -> Iterator[Finding]:
+        """Write the pieces, and say how they fit. how: the method in words."""
         write_pieces(files.outputs, pieces, quality)
         yield from verdict(
             self.subject,
@@ -150,16 +160,20 @@ class CollisionMethod(Step):
             max_hulls=getattr(self, "max_hulls", None),
         )
 
-    def _mesh(self, files: Files) -> TriangleMesh:
+    def mesh_of(self, files: Files) -> TriangleMesh:
         """All sources welded into one mesh in the output frame, checked."""
-        placed = [self._source_mesh(source, files.inputs) for source in self.sources]
+        placed = [self.source_mesh(source, files.inputs) for source in self.sources]
         mesh = cleaned(merged(placed))
         if len(mesh.faces) < 4:
-            raise StepError(f"{self.subject}: {len(mesh.faces)} triangles enclose no volume")
+            raise StepError(
+                f"{self.subject}: {len(mesh.faces)} triangles enclose no volume",
+                hint="give the link a `primitive`, other shapes (`from`) or `method: none`",
+            )
         refuse_flat(mesh.vertices, self.subject)
         return mesh
 
-    def _source_mesh(self, source: PlacedSource, inputs: Path) -> TriangleMesh:
+    def source_mesh(self, source: PlacedSource, inputs: Path) -> TriangleMesh:
+        """One source in the output frame, as it is."""
         if source.primitive is not None:
             return tessellate(source.primitive.geometry).placed(source.pose)
         folder = inputs / (source.folder or "")

@@ -63,6 +63,7 @@ class _Candidate:
 class Auto(CollisionMethod):
     """The fewest pieces of each source shape that meet the tolerances, else the best there are."""
 
+    version = "3"
     tools = (*CollisionMethod.hull_tools, "vhacdx", "coacd")
 
     max_hulls: int = Field(32, ge=1, le=1024)
@@ -81,7 +82,7 @@ class Auto(CollisionMethod):
 
     def fit(self, reference: Reference) -> Fitted:
         """The ladder; a library that fails is a finding, and the next rung is taken."""
-        one = self._judged(reference, [self.verified(ConvexPiece(reference.hull))], "hull")
+        one = self._one_hull(reference)
         if one.badness == 0.0 or (reference.convexity > CONVEX and one.badness < BLOCKED):
             return Fitted(
                 one.pieces, (), "convex: one hull" if one.badness else "one hull is enough"
@@ -95,6 +96,15 @@ class Auto(CollisionMethod):
             if best.badness == 0.0:
                 break
         return Fitted(best.pieces, tuple(findings), best.how)
+
+    def _one_hull(self, reference: Reference) -> _Candidate:
+        """Capped, with its volume given back or not: a hull that covers too much needs it not."""
+        whole = ConvexPiece(reference.hull)
+        candidates = [
+            self._judged(reference, [made], "hull")
+            for made in (self.verified(whole), super().verified(whole))
+        ]
+        return min(candidates, key=_rank)
 
     def _by_coacd(self, reference: Reference) -> tuple[_Candidate | None, list[Finding]]:
         """Only for meshes that CoACD need not remesh, which inflates them and takes minutes."""

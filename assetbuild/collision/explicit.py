@@ -1,50 +1,97 @@
-"""The user's own pieces: boxes, balls, capsules and cylinders in the frame of the link."""
+"""The user's own pieces: primitives and convex mesh files, in the frame of the link."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 from pydantic import Field
 
-from assetbuild.collision import CollisionMethod, Fitted, PlacedSource, write_pieces
+from assetbuild.collision import CollisionMethod, PlacedSource, write_pieces
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
-from assetbuild.mesh.cover import Reference
+from assetbuild.mesh.cover import Reference, measure
+from assetbuild.mesh.hull import convex_hull, refuse_flat
 from assetbuild.mesh.solid import ConvexPiece
+from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.volume import is_closed, signed_volume
+from assetbuild.mesh.weld import cleaned
 from assetbuild.recipe.collision import ExplicitPiece
 from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
 from assetbuild.robot.pose import Pose, quat_of_rpy
 
+CONVEX = 0.99
+"""Volume / volume of the hull: below it a mesh is told not to be convex."""
+
 
 class Explicit(CollisionMethod):
-    """What the recipe lists, as it is; measured against the link's geometry if it has any."""
+    """What the recipe lists, as it is; measured against the link's geometry if it has any.
+
+    Simulators collide the hull of a mesh, so that is what is measured and written; a mesh that is
+    not its own hull leaves a finding.
+    """
 
     scope = "link"
     tools = CollisionMethod.hull_tools
 
     sources: tuple[PlacedSource, ...] = ()
     pieces: tuple[ExplicitPiece, ...] = Field(min_length=1)
-    """In the frame of the link."""
+    """In the frame of the link; `file` is the input folder of a converted mesh, scaled."""
 
     def run(self, files: Files) -> Iterable[Finding]:
-        """As every method; a link without geometry has nothing to be measured against."""
+        """A link without geometry has nothing to be measured against.
+
+        Raises StepError for a mesh that spans no volume.
+        """
+        made = []
+        for number, piece in enumerate(self.pieces, start=1):
+            if piece.file is None:
+                made.append(ConvexPiece(None, _geometry(piece), _pose(piece)))
+                continue
+            mesh = self._own_mesh(piece, number, files.inputs)
+            hull = convex_hull(mesh.vertices)
+            yield from self._told(number, mesh, hull)
+            made.append(ConvexPiece(hull))
         if not self.sources:
-            write_pieces(files.outputs, self._made(), None)
-            return ()
-        return super().run(files)
+            write_pieces(files.outputs, made, None)
+            return
+        reference = Reference(self.mesh_of(files))
+        yield from self.proven(files, reference, made, measure(reference, made), "explicit")
 
-    def exact(self) -> None:
-        """The recipe's pieces replace the source's primitive, too."""
-
-    def fit(self, reference: Reference) -> Fitted:
-        """The recipe's pieces."""
-        return Fitted(self._made(), how="explicit")
-
-    def _made(self) -> tuple[ConvexPiece, ...]:
-        return tuple(
-            ConvexPiece(None, _geometry(piece), Pose(piece.xyz, quat_of_rpy(*piece.rpy)))
-            for piece in self.pieces
+    def _own_mesh(self, piece: ExplicitPiece, number: int, inputs: Path) -> TriangleMesh:
+        mesh = cleaned(
+            self.source_mesh(PlacedSource.of_mesh(piece.file or "", _pose(piece)), inputs)
         )
+        refuse_flat(mesh.vertices, f"{self.subject}: piece {number}")
+        return mesh
+
+    def _told(self, number: int, mesh: TriangleMesh, hull: TriangleMesh) -> Iterator[Finding]:
+        """What a simulator will not do with this piece as it is."""
+        if not is_closed(mesh):
+            yield Finding(
+                rule="collision.open_piece",
+                severity="warning",
+                subject=self.subject,
+                message=f"piece {number} is not watertight: its convex hull collides",
+                hint="close the mesh if the hull is not what was meant",
+                data={"piece": number},
+            )
+            return
+        share = abs(signed_volume(mesh)) / signed_volume(hull)
+        if share < CONVEX:
+            yield Finding(
+                rule="collision.not_convex",
+                severity="warning",
+                subject=self.subject,
+                message=f"piece {number} is not convex: it fills {100 * share:.0f} % of its hull, "
+                "and the hull is what collides",
+                hint="cut it into convex pieces, one file each, or give the link `method: auto`",
+                data={"piece": number, "share_of_hull": round(share, 4)},
+            )
+
+
+def _pose(piece: ExplicitPiece) -> Pose:
+    return Pose(piece.xyz, quat_of_rpy(*piece.rpy))
 
 
 def _geometry(piece: ExplicitPiece) -> Box | Sphere | Capsule | Cylinder:

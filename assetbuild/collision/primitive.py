@@ -24,7 +24,7 @@ from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
 from assetbuild.robot.pose import Pose, Vec3
 
 SHAPES = {"box": Box, "sphere": Sphere, "capsule": Capsule, "cylinder": Cylinder}
-WORTH = 0.02
+WORTH = 0.01
 """A further primitive must better the score, about 1 - IoU, by this."""
 PARTS = 32
 """Parts of the decomposition that the primitives are fitted to, before they are merged."""
@@ -33,6 +33,7 @@ PARTS = 32
 class FitPrimitive(CollisionMethod):
     """Few primitives for all shapes of a link, by a two-sided score of what is over and missing."""
 
+    version = "3"
     scope = "shapes"
     tools = (*CollisionMethod.hull_tools, "vhacdx")
 

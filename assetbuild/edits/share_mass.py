@@ -69,7 +69,7 @@ def _shared(tree: Tree, chain: Chain, links: list[str]) -> dict[str, Inertial]:
     made: dict[str, Inertial] = {}
     for link in links:
         below = chain.joints[chain.between.index(link) + 1 :]
-        point = _meeting_point(link, below)
+        point = meeting_point(link, below)
         X_link_body = Chain(below, ()).pose_in_parent
         in_body = vec3(X_link_body.inverse().apply(point))
         homogeneous = np.array([*in_body, 1.0])
@@ -96,11 +96,11 @@ def _without(inertial: Inertial, mass: float, point: Vec3) -> Inertial:
     return combine([inertial, Inertial(-mass, point, (0.0,) * 6)])
 
 
-def _meeting_point(link: str, joints: tuple[Joint, ...]) -> Vec3:
-    """The point nearest to the axes of all joints below, in the frame of `link`, m.
+def meeting_point(link: str, joints: tuple[Joint, ...]) -> Vec3:
+    """The point where the axes of all joints below meet, in the frame of `link`, m.
 
     Least squares on the distances to the lines; of a shared line, the point nearest to the first
-    joint's origin.
+    joint's origin. Raises RecipeError when they do not meet, or one is no hinge.
     """
     lines = [_line(link, Chain(joints[: i + 1], ())) for i in range(len(joints))]
     A = np.vstack([np.eye(3) - np.outer(axis, axis) for _, axis in lines])

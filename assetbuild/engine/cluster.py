@@ -59,10 +59,9 @@ class Cluster:
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         self._remote = remote
         self._closed = False
+        connect: Any = distributed.Client  # Any: distributed has hardly any types
         try:
-            self._client: Any = distributed.Client(  # Any: distributed has no types
-                address, timeout=CONNECT_S, set_as_default=False
-            )
+            self._client = connect(address, timeout=CONNECT_S, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise MachineError(
                 f"no scheduler answers at {address}: {error or 'it took too long'}",

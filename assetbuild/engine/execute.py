@@ -14,6 +14,7 @@ from typing import Literal
 from assetbuild.engine.graph import Graph, Ref
 from assetbuild.engine.make import Maker, NodeResult
 from assetbuild.engine.session import Resolver, Session
+from assetbuild.engine.step import Step
 from assetbuild.engine.store import LostObjectError
 from assetbuild.errors import AssetBuildError
 
@@ -26,6 +27,7 @@ class Event:
 
     planned: once, `total` known. started: the step of `label` begins to run (a cached node
     does not start). finished: `result` is there. done counts finished and blocked nodes.
+    waiting: how many nodes cannot be made before the one that started is.
     """
 
     kind: Literal["planned", "started", "finished"]
@@ -33,6 +35,7 @@ class Event:
     total: int
     label: str = ""
     result: NodeResult | None = None
+    waiting: int = 0
 
 
 Listener = Callable[[Event], None]
@@ -51,7 +54,8 @@ def execute(
 
     jobs: how many steps run at once; a step that declares more `cpus` takes as many places.
     None = the cores of this process, or the places of its cluster. keep_going: after a failure,
-    still make everything that does not need the failed node; else only what runs is finished.
+    still make everything that does not need the failed node; else only what runs is finished, and
+    steps of the failed one's kind where that is `all_told`.
     memory_mb: the memory that child processes may declare together; one always runs.
     None = what this machine has left.
     Errors of steps are in the results. KeyboardInterrupt passes, with all children killed.
@@ -145,6 +149,7 @@ class _Schedule:
         self.memory_mb = memory_mb
         self.declared_mb = 0
         self.stopping = False
+        self.told: set[type[Step]] = set()
         self.missing = {label: set(graph.predecessors(label)) for label in graph.nodes}
         self.readers: dict[str, list[str]] = {label: [] for label in graph.nodes}
         for label, makers in self.missing.items():
@@ -188,9 +193,9 @@ class _Schedule:
         self.inbox.put((label, None))
 
     def _start_what_fits(self) -> None:
-        if self.stopping:
-            return
         for label in list(self.ready):
+            if self.stopping and type(self.graph.nodes[label].step) not in self.told:
+                continue
             need = self._need(label)
             memory_mb = self._memory_mb(label)
             has_memory = not self.declared_mb or self.declared_mb + memory_mb <= self.memory_mb
@@ -210,7 +215,7 @@ class _Schedule:
 
     def _take(self, label: str, message: NodeResult | BaseException | None) -> None:
         if message is None:
-            self._say("started", label)
+            self._say("started", label, waiting=len(self._behind(label)))
             return
         if isinstance(message, BaseException):
             raise message
@@ -220,12 +225,26 @@ class _Schedule:
         self._say("finished", label, message)
         if message.status == "failed":
             self.stopping = self.stopping or not self.keep_going
+            step = type(self.graph.nodes[label].step)
+            if step.all_told:
+                self.told.add(step)
             self._block_readers(label, label)
             return
         for reader in self.readers[label]:
             self.missing[reader].discard(label)
             if not self.missing[reader] and reader not in self.results:
                 self.ready.append(reader)
+
+    def _behind(self, label: str) -> set[str]:
+        """All that reads what this node makes, and so on."""
+        found: set[str] = set()
+        waiting = list(self.readers[label])
+        while waiting:
+            reader = waiting.pop()
+            if reader not in found:
+                found.add(reader)
+                waiting += self.readers[reader]
+        return found
 
     def _block_readers(self, label: str, failed: str) -> None:
         waiting = list(self.readers[label])
@@ -250,5 +269,7 @@ class _Schedule:
         kind: Literal["planned", "started", "finished"],
         label: str = "",
         result: NodeResult | None = None,
+        waiting: int = 0,
     ) -> None:
-        self.tell(Event(kind, len(self.results), len(self.graph.nodes), label, result))
+        done, total = len(self.results), len(self.graph.nodes)
+        self.tell(Event(kind, done, total, label, result, waiting))

@@ -6,6 +6,7 @@ One small file per build in the store; without it only `explain` knows less.
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,7 +22,7 @@ class Journal:
     """Key parts by label, of the last build with this name. Unreadable counts as empty."""
 
     def __init__(self, store_root: Path, build: str) -> None:
-        self.path = store_root / "journal" / f"{digest_bytes(build.encode())[:32]}.json"
+        self.path = store_root / "journal" / f"{digest_bytes(os.fsencode(build))[:32]}.json"
         self.build = build
         self._steps: dict[str, dict[str, Any]] = {}  # Any: JSON
         self._changed = False

@@ -25,6 +25,7 @@ from assetbuild.engine.staging import check_present, check_untouched, collect, s
 from assetbuild.engine.step import Files
 from assetbuild.engine.store import LostObjectError, machine_error
 from assetbuild.engine.wire import REFUSED, error_from_json, perform, step_to_json
+from assetbuild.engine.worker import NO_SPACE
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.findings import Finding, finding_from_json
 
@@ -148,7 +149,7 @@ class Maker:
 
     def log_path(self, label: str) -> Path:
         """Where the log of a node of this build lies, if its last run left one."""
-        build = digest_bytes(self.session.build.encode())[:12]
+        build = digest_bytes(os.fsencode(self.session.build))[:12]
         name = re.sub(r"[^\w.-]+", "_", label, flags=re.ASCII)[:80]
         return self.session.store.root / "logs" / build / f"{name}-{_short(label)}.log"
 
@@ -339,7 +340,10 @@ def how_it_ended(node: Node, ended: Ended, log: Path) -> str:
         if number == signal.SIGKILL:
             told = " (by this machine, when memory runs out, or by hand)" + told
         return f"{name} crashed with {signal.Signals(number).name}{told}"
-    return f"{name} ended without a result (exit status {os.waitstatus_to_exitcode(ended.status)})"
+    status = os.waitstatus_to_exitcode(ended.status)
+    if status == NO_SPACE:
+        return f"no space left on the disk of the store while {name} ran"
+    return f"{name} ended without a result (exit status {status})"
 
 
 def _tail(log: Path) -> str:

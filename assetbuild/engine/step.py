@@ -58,6 +58,9 @@ class Step(BaseModel):
     Steps with the same tuple share one process that has them imported, so name them alike.
     """
     limits: ClassVar[Limits] = Limits()
+    all_told: ClassVar[bool] = False
+    """When one fails, the others of its kind that can run still do: each is a file of the user's,
+    and one build names all that are broken."""
     network: ClassVar[bool] = False
     """Only the `fetch*` steps may say True."""
 

@@ -10,6 +10,7 @@ runs is killed.
 from __future__ import annotations
 
 import ctypes
+import errno
 import gc
 import importlib
 import json
@@ -34,6 +35,8 @@ BOOT = (
 """Program text of a worker; its one argument is a JSON object. Nothing comes from the cwd."""
 
 PR_SET_PDEATHSIG = 1
+NO_SPACE = os.EX_IOERR
+"""Exit status of a step's process that could not write its result: the disk is full."""
 
 
 def main() -> None:
@@ -236,6 +239,16 @@ class Zygote:
 
 def _perform_job(job: dict[str, Any]) -> NoReturn:  # Any: JSON
     """Run one step as the job file says, write its result, and end this process."""
+    try:
+        _run_step(job)
+        os._exit(0)  # no exit handlers: those of native libraries hang or crash after a fork
+    except OSError as error:  # the step's own are in its result: this is the log or the result
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            os._exit(NO_SPACE)
+        raise
+
+
+def _run_step(job: dict[str, Any]) -> None:  # Any: JSON
     from assetbuild.engine.step import Files, Limits
     from assetbuild.engine.wire import error_of_exception, error_to_json, perform, step_from_json
 
@@ -265,7 +278,6 @@ def _perform_job(job: dict[str, Any]) -> NoReturn:  # Any: JSON
     sys.stderr.write(trace)
     sys.stderr.flush()
     Path(job["result"]).write_text(json.dumps(result), encoding="utf-8")
-    os._exit(0)  # no exit handlers: those of native libraries hang or crash after a fork
 
 
 def _set_limits(limits: Any) -> None:  # Any: Limits, imported late

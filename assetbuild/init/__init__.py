@@ -53,16 +53,17 @@ def propose(
 
 
 def write(proposal: Proposal, *, force: bool) -> None:
-    """Write the recipe; an existing file is replaced only by `force`."""
+    """Write the recipe and the folder it lies in; `force` replaces an existing file."""
     where = Where(shown_path(proposal.path))
     try:
+        proposal.path.parent.mkdir(parents=True, exist_ok=True)
         with proposal.path.open("w" if force else "x", encoding="utf-8") as file:
             file.write(proposal.text)
     except FileExistsError:
+        if not proposal.path.exists():  # a file stands where the folder should be
+            hint = "give another file to `-o`"
+            raise UsageError("its folder cannot be made", where=where, hint=hint) from None
         hint = "`--force` replaces it, `-o FILE` writes another"
         raise UsageError("this file exists", where=where, hint=hint) from None
-    except FileNotFoundError:
-        hint = "make it, or give another file to `-o`"
-        raise UsageError("the folder of this file does not exist", where=where, hint=hint) from None
     except OSError as problem:
         raise MachineError(f"cannot be written: {problem.strerror}", where=where) from None

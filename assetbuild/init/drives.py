@@ -1,34 +1,56 @@
-"""An actuator table from the source's limits, by rules that the recipe states."""
+"""An actuator table from the source's limits, by rules that the recipe states.
+
+Two kinds of row. Where one pair of gains suits all joints with the same limits, kp and kd. Where
+their inertias lie too far apart for that (the joints of a hand share one motor, a fingertip is a
+thousandth of a finger), a natural frequency and a damping ratio, which the build turns into gains
+joint by joint.
+"""
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from assetbuild.init.anatomy import Leg, chain_to
-from assetbuild.robot.inertia import matrix_of
+from assetbuild.init.anatomy import Leg
+from assetbuild.robot.dynamics import dynamics, holding_torques
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.tree import forward_kinematics
 
 FULL_ERROR = {"rad": 0.3, "m": 0.02}
 """Tracking error at which a drive gives all its effort."""
+SAG = {"rad": 0.05, "m": 0.005}
+"""Furthest that gravity may pull a joint from its target at home."""
 SLOWEST_HZ = 3.0
 FASTEST_HZ = 25.0
-"""Natural frequency of a drive with the links beyond it: no slower, no faster."""
+"""Natural frequency of a drive with what it moves: no slower, no faster."""
 FASTEST_LEG_HZ = 6.0
 """The same of a standing leg under its share of the robot: stiffer ones bounce."""
+USUAL_HZ = 8.0
+"""Where a row states a frequency."""
 DAMPING_RATIO = 0.7
+MOST_DAMPED = 4.0
+"""Damping ratio of the lightest joint that shares gains with others."""
+MOST_DAMPED_LEG = 9.0
+"""The same of a leg's joint, in the air: there an ankle moves a foot, on the ground the robot."""
+STUCK = 0.3
+"""Share of the effort that a joint may lose to dry friction."""
 BRAKE_S = 0.05
-"""kd is at least kp times this: ten steps of 5 ms, so that light links stay calm."""
+"""kd is at least kp times this where no joint creeps: ten steps of 5 ms keep light links calm."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """Joints with the same limits. kp, kd: None for a passive row. inertia: largest, kg m2."""
+    """Joints with the same limits. Gains None: a passive row. inertia: largest, kg m2 or kg.
+
+    Either kp and kd are set, or frequency (Hz) with damping_ratio. drops_damping, drops_friction:
+    the source's number cannot be meant: joints would creep for minutes, or never move.
+
+    locked: equal limits hold them, so that a drive could move nothing.
+    """
 
     joints: tuple[str, ...]
     effort: float | None
@@ -37,41 +59,102 @@ class Row:
     inertia: float
     kp: float | None = None
     kd: float | None = None
+    frequency: float | None = None
+    damping_ratio: float | None = None
+    drops_damping: bool = False
+    drops_friction: bool = False
+    locked: bool = False
+
+
+@dataclass(frozen=True)
+class _Felt:
+    """What one drive feels at home. inertia: 1 / (M^-1)_ii; holding: N m or N; load: kg m2."""
+
+    joint: Joint
+    inertia: float
+    holding: float
+    load: float
 
 
 def drive_rows(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> tuple[Row, ...]:
     """Joints grouped by kind, effort and velocity, with gains; mimic joints need no row."""
-    felt = _felt_inertia(tree, pose)
-    carried = _carried(tree, pose, legs)
-    groups: dict[tuple[str, float | None, float | None], list[Joint]] = defaultdict(list)
+    felt = _felt(tree, pose, legs)
+    groups: dict[tuple[str, float | None, float | None, bool], list[Joint]] = defaultdict(list)
     for joint in tree.moving_joints:
         if joint.mimic is None:
             unit = "m" if joint.kind == "prismatic" else "rad"
             limits = joint.limits
-            groups[unit, limits.effort or None, limits.velocity or None].append(joint)
+            locked = limits.lower is not None and limits.lower == limits.upper
+            effort = None if locked else limits.effort or None
+            groups[unit, effort, limits.velocity or None, locked].append(joint)
     rows = []
-    for (unit, effort, velocity), joints in groups.items():
+    for (unit, effort, velocity, locked), joints in groups.items():
         names = tuple(joint.name for joint in joints)
-        inertia = max(felt[name] for name in names)
-        load = max(carried.get(name, 0.0) for name in names)
-        kp, kd = _gains(effort, unit, inertia, load) if effort is not None else (None, None)
-        rows.append(Row(names, effort, velocity, unit, inertia, kp, kd))
+        found = [felt[name] for name in names]
+        inertia = max(one.inertia for one in found)
+        row = Row(names, effort, velocity, unit, inertia, locked=locked)
+        rows.append(_driven(row, effort, found) if effort is not None else row)
     return tuple(rows)
 
 
-def _gains(effort: float, unit: str, inertia: float, load: float) -> tuple[float, float]:
-    """(kp, kd): full effort at `FULL_ERROR`, within the two natural frequencies.
+def _driven(row: Row, effort: float, felt: Sequence[_Felt]) -> Row:
+    row = _with_gains(row, effort, felt)
+    return replace(
+        row,
+        drops_damping=max(_own_ratio(row, one) for one in felt) > MOST_DAMPED,
+        drops_friction=any((one.joint.friction or 0.0) > STUCK * effort for one in felt),
+    )
 
-    inertia: of the links beyond the joint; load: of what it carries as part of a standing leg.
-    """
-    slow = inertia * (2 * math.pi * SLOWEST_HZ) ** 2
-    fast = max(inertia * FASTEST_HZ**2, load * FASTEST_LEG_HZ**2) * (2 * math.pi) ** 2
-    kp = min(max(effort / FULL_ERROR[unit], slow), fast) if fast > 0.0 else effort
+
+def _own_ratio(row: Row, one: _Felt) -> float:
+    """Damping ratio that the joint's own damping makes with the row's stiffness."""
+    if not one.joint.damping or one.inertia <= 0.0:
+        return 0.0
+    kp = row.kp if row.kp is not None else one.inertia * _square(row.frequency or 0.0)
+    return one.joint.damping / (2 * math.sqrt(kp * max(one.inertia, one.load)))
+
+
+def _with_gains(row: Row, effort: float, felt: Sequence[_Felt]) -> Row:
+    """kp and kd that suit every joint of the group, else a frequency and a damping ratio."""
+    unit, moved = row.unit, [one.inertia for one in felt if one.inertia > 0.0]
+    if not moved:
+        return replace(row, kp=_rounded(effort), kd=_rounded(BRAKE_S * effort))
+    floors = [max(one.inertia * _square(SLOWEST_HZ), one.holding / SAG[unit]) for one in felt]
+    roofs = [
+        max(one.inertia * _square(FASTEST_HZ), one.load * _square(FASTEST_LEG_HZ)) for one in felt
+    ]
+    standing = any(one.load for one in felt)
+    alike = math.sqrt(max(moved) / min(moved)) * DAMPING_RATIO <= MOST_DAMPED
+    if not standing and (not alike or max(floors) > min(roofs)):
+        return _by_frequency(row, felt)
+    kp = min(max(effort / FULL_ERROR[unit], max(floors)), max(roofs))
+    kd = 2 * DAMPING_RATIO * math.sqrt(kp * max(moved))
+    most = 2 * (MOST_DAMPED_LEG if standing else MOST_DAMPED) * math.sqrt(kp * min(moved))
     brake = BRAKE_S * kp
-    if load > 0.0:  # a light robot on stiff dampers hops
-        brake = min(brake, 2 * DAMPING_RATIO * math.sqrt(kp * load))
-    kd = max(brake, 2 * DAMPING_RATIO * math.sqrt(kp * inertia))
-    return _rounded(kp), _rounded(kd)
+    if standing:  # a light robot on stiff dampers hops
+        brake = min(brake, 2 * DAMPING_RATIO * math.sqrt(kp * max(one.load for one in felt)))
+    return replace(row, kp=_rounded(kp), kd=_rounded(min(max(kd, brake), most)))
+
+
+def _by_frequency(row: Row, felt: Sequence[_Felt]) -> Row:
+    """Fast enough that no joint sags, and damped no less than the joints themselves are.
+
+    Unless these are damped beyond use; the row then drops it.
+    """
+    wanted = [one.holding / SAG[row.unit] / one.inertia for one in felt if one.inertia > 0.0]
+    frequency = math.sqrt(max(wanted)) / (2 * math.pi)
+    frequency = _rounded(min(max(frequency, USUAL_HZ), FASTEST_HZ))
+    own = [
+        (one.joint.damping or 0.0) / (2 * one.inertia * 2 * math.pi * frequency)
+        for one in felt
+        if one.inertia > 0.0
+    ]
+    ratio = 1.1 * max(own) if max(own) <= MOST_DAMPED else 1.0
+    return replace(row, frequency=frequency, damping_ratio=_rounded(max(1.0, ratio)))
+
+
+def _square(frequency: float) -> float:
+    return (2 * math.pi * frequency) ** 2
 
 
 def _rounded(value: float) -> float:
@@ -79,27 +162,28 @@ def _rounded(value: float) -> float:
     return float(f"{value:.2g}")
 
 
-def _felt_inertia(tree: Tree, pose: Mapping[str, float]) -> dict[str, float]:
-    """Inertia of all links beyond each joint, about its axis at the pose, kg m2 or kg."""
-    X_root = forward_kinematics(tree, pose)
-    felt: dict[str, float] = defaultdict(float)
-    for body in tree.bodies:
-        if body.inertial is None:
-            continue
-        X = X_root[body.name]
-        com = X.apply(body.inertial.com_m)
-        tensor = X.rotation @ matrix_of(body.inertial.inertia_com_kg_m2) @ X.rotation.T
-        for joint in chain_to(tree, body.name):
-            if joint.kind == "fixed":
-                continue
-            X_joint = X_root[joint.child]
-            axis = X_joint.rotation @ np.asarray(joint.axis)
-            if joint.kind == "prismatic":
-                felt[joint.name] += body.inertial.mass_kg
-                continue
-            arm = np.cross(axis, com - np.asarray(X_joint.xyz))
-            felt[joint.name] += float(axis @ tensor @ axis + body.inertial.mass_kg * (arm @ arm))
-    return {joint.name: max(felt[joint.name], 0.0) for joint in tree.moving_joints}
+def _felt(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> dict[str, _Felt]:
+    """By joint, from the mass matrix at home; the feet carry the robot, where it has any."""
+    robot = dynamics(tree, pose, {})
+    feet = []
+    for leg in legs:
+        body, X_body_foot = tree.placement(leg.foot)
+        X_root_foot = robot.motions[body].pose @ X_body_foot
+        feet.append((body, np.asarray(X_root_foot.xyz)))
+    torque, left_over = holding_torques(robot, feet)
+    if tree.base == "floating" and left_over > 0.05:
+        torque = {}  # it would tip over: nothing is held
+    inertia, carried = robot.effective_inertia, _carried(tree, pose, legs)
+    found = {}
+    for joint in tree.moving_joints:
+        moved = inertia.get(joint.name, 0.0)
+        found[joint.name] = _Felt(
+            joint,
+            moved if math.isfinite(moved) else 0.0,
+            abs(torque.get(joint.name, 0.0)),
+            carried.get(joint.name, 0.0),
+        )
+    return found
 
 
 def _carried(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> dict[str, float]:

@@ -1,4 +1,7 @@
-"""A home pose inside the limits: legs under their hips, everything else at 0 where it may be."""
+"""A home pose inside the limits: legs under their hips, everything else at 0 where it may be.
+
+What the drives could not hold there hangs: see `relief`.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from assetbuild.init.anatomy import ANKLE, Leg, chain_to
+from assetbuild.init.relief import relieved
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose
 from assetbuild.robot.tree import forward_kinematics, joint_motion
@@ -27,6 +31,7 @@ def home_pose(tree: Tree, legs: tuple[Leg, ...]) -> dict[str, float]:
     if legs and bent:
         for leg in legs:
             pose |= _planted(tree, leg, legs, pose)
+    pose = relieved(tree, pose, legs)
     return {name: _inside(tree.by_joint[name], value) for name, value in pose.items()}
 
 

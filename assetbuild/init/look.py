@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from assetbuild.engine.step import Files, Step
+from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.findings import Finding
+from assetbuild.init.packages import is_file
 from assetbuild.init.source import Found
+from assetbuild.init.words import some
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Base, Shapes, Tree
 from assetbuild.robot.tree import merge_fixed_joints
@@ -32,9 +36,33 @@ def look(source: Found) -> Looked:
     """Read. Raises SourceError with file and line, as a build would."""
     step = ReadUrdf(file=source.shown, base="floating", packages=dict(source.packages))
     read, _ = _run(step, {"robot.urdf": source.data})
+    _refuse_absent(source, json.loads(read["meshes.json"]))
     links, shapes = decode(Tree, read["links.json"]), decode(Shapes, read["shapes.json"])
     tree, _ = merge_fixed_joints(links, True, ())
     return Looked(links, tree, shapes)
+
+
+def _refuse_absent(source: Found, meshes: list[dict[str, str]]) -> None:
+    """A build would stop there too, at the first; here all are named."""
+    absent = [mesh for mesh in meshes if not is_file(source.root / mesh["path"])]
+    if not absent:
+        return
+    first, others = absent[0], [f"`{mesh['path']}`" for mesh in absent[1:]]
+    near = (source.root / first["path"]).parent
+    names = [str(PurePosixPath(first["path"]).parent / f.name) for f in _listing(near)]
+    more = f" (and {len(others)} more: {some(others)})" if others else ""
+    raise SourceError(
+        f"{first['subject']}: no file `{first['path']}`{more}",
+        where=Where(source.shown, int(first["line"])),
+        hint=did_you_mean(first["path"], names) or f"no folder `{near.name}` lies there",
+    )
+
+
+def _listing(folder: Path) -> list[Path]:
+    try:
+        return sorted(folder.iterdir())
+    except OSError:
+        return []
 
 
 def judge(robot: Looked, base: Base) -> Looked:

@@ -17,6 +17,7 @@ from assetbuild.init.home import home_pose
 from assetbuild.init.look import Looked, judge
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.repairs import repairs
+from assetbuild.init.targets import targets
 from assetbuild.init.text import head, home
 from assetbuild.init.words import quoted, some
 from assetbuild.robot.codec import decode
@@ -116,7 +117,7 @@ def mjcf_text(found: Found, path: Path) -> str:
         list(_collision(robot)),
         list(_drives(control)),
         list(_poses(robot, anatomy, control)),
-        ["targets: [urdf, mjcf, usd]", *_validate(robot, anatomy, control)],
+        [targets(robot), *_validate(robot, anatomy, control)],
     )
     lines: list[str] = []
     for section in sections:

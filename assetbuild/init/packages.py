@@ -69,7 +69,7 @@ def searched(name: str, inside: list[str], file: Path, uses: list[tuple[str, Nod
     called = [folder for folder in folders if folder.name == name]
     beside = [folder / name for folder in folders]
     for folder in (*called, *beside, *folders):
-        if any((folder / path).is_file() for path in inside):
+        if any(is_file(folder / path) for path in inside):
             return Path(os.path.realpath(folder))
     uri, node = next(
         (uri, node) for uri, node in uses if uri.startswith("package:") and name in uri
@@ -79,6 +79,14 @@ def searched(name: str, inside: list[str], file: Path, uses: list[tuple[str, Nod
         where=Where(node.file, node.line),
         hint=f"say where it is: `--package {name}=FOLDER`",
     )
+
+
+def is_file(path: Path) -> bool:
+    """A name that is too long for the disk is that of no file; pathlib raises."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
 
 
 def common_folder(file: Path, folders: Iterable[Path], uses: list[tuple[str, Node]]) -> Path:

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from assetbuild.findings import Finding
 from assetbuild.init.look import Looked
 from assetbuild.init.patterns import patterns_of
-from assetbuild.init.words import quoted, some
+from assetbuild.init.targets import not_in_usd
+from assetbuild.init.words import plain, quoted, some
 
 GUESSED_DENSITY = 1000
 """kg/m3, of links without a mass: water's, and that of many a printed or hollow part."""
@@ -47,7 +48,7 @@ def repairs(robot: Looked) -> list[str]:
     for edit in dict.fromkeys(repair.edit for repair in wanted):
         alike = [repair for repair in wanted if repair.edit == edit]
         names = tuple(dict.fromkeys(repair.on for repair in alike))
-        lines.append(f"  # {some(names)}: {alike[0].finding}")
+        lines.append(f"  # {some(names)}: {plain(alike[0].finding, 300)}")
         lines.append(f"  # {alike[0].why}")
         known = robot.links.by_joint if "{joint:" in edit else robot.links.by_body
         patterns = patterns_of(names, list(known))
@@ -138,6 +139,8 @@ def _ball(link: str, mass: float, finding: Finding) -> _Repair:
 
 
 def _shares(robot: Looked) -> Iterator[_Repair]:
+    if not_in_usd(robot):
+        return  # MuJoCo needs none: several joints on one body
     for finding in robot.link_findings:
         if finding.rule == "inertia.between":
             yield _Repair(

@@ -10,22 +10,24 @@ from pathlib import Path
 
 from assetbuild.init.anatomy import Anatomy
 from assetbuild.init.drives import (
-    BRAKE_S,
     DAMPING_RATIO,
     FASTEST_HZ,
     FASTEST_LEG_HZ,
     FULL_ERROR,
+    SAG,
     SLOWEST_HZ,
     Row,
     drive_rows,
 )
-from assetbuild.init.home import home_pose
+from assetbuild.init.home import home_pose, resting
 from assetbuild.init.look import Looked
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.repairs import repairs
 from assetbuild.init.source import Found
+from assetbuild.init.targets import targets
 from assetbuild.init.up_axis import turned
 from assetbuild.init.words import flow, plain, quoted, some
+from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.model import Mesh, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.tree import forward_kinematics
@@ -47,7 +49,7 @@ def recipe_text(robot: Looked, anatomy: Anatomy, source: Found, path: Path) -> s
     sections = (
         head(robot, anatomy, path),
         _source(source, path, turned(source, robot)),
-        [f"base: {anatomy.base.kind}   # {anatomy.base.reason}"],
+        [f"base: {anatomy.base.kind}   # {plain(anatomy.base.reason, 200)}"],
         _fixed_joints(robot, anatomy),
         repairs(robot),
         ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],
@@ -77,11 +79,11 @@ def head(robot: Looked, anatomy: Anatomy, path: Path) -> list[str]:
         f"# {plain(robot.links.name)}: {mass:.4g} kg, {len(tree.bodies)} bodies, "
         f"{moving} moving joints",
         "# Written by `assetbuild init`: read it, correct it, it is yours. Build it with",
-        f"#   assetbuild build {plain(path.name)}",
+        f"#   assetbuild build {plain(shown_path(path))}",
         *(["# Frames that survive as sites under the names of their links:"] if sensors else []),
         *sensors,
         "schema: assetbuild/v1",
-        f"robot: {recipe_name(robot.links.name)}",
+        f"robot: {quoted(recipe_name(robot.links.name))}",
     ]
 
 
@@ -201,10 +203,11 @@ def _actuators(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[
         "# Effort and velocity limits are the source's; joints with equal limits share a row.",
         f"# kp gives all the effort at an error of {FULL_ERROR['rad']:g} rad "
         f"({1e3 * FULL_ERROR['m']:g} mm for slides), but keeps the natural",
-        f"# frequency with the links that the joint moves at home between {SLOWEST_HZ:g} and "
-        f"{FASTEST_HZ:g} Hz (legs: {FASTEST_LEG_HZ:g}); kd: damping",
-        f"# ratio {DAMPING_RATIO:g}, at least kp times {1e3 * BRAKE_S:g} ms. A first guess: put "
-        "the motor's data here when you know it.",
+        f"# frequency with what the joint moves at home between {SLOWEST_HZ:g} and "
+        f"{FASTEST_HZ:g} Hz (legs: {FASTEST_LEG_HZ:g}) and the sag by its own",
+        f"# weight below {SAG['rad']:g} rad; kd: damping ratio {DAMPING_RATIO:g} or more. Joints",
+        "# too unlike for one kp get a frequency and a damping ratio. A first guess: put the",
+        "# motor's data here when you know it.",
         "actuators:",
     ]
     for row in rows:
@@ -218,14 +221,28 @@ def _actuators(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[
 
 def _row(pattern: str, row: Row) -> Iterator[str]:
     torque = "N" if row.unit == "m" else "N m"
-    if row.effort is None or row.kp is None or row.kd is None:
+    if row.locked:
+        yield f"  # {_joints(row)} locked by equal limits: a drive would move nothing"
+        yield f"  - {{joints: {quoted(pattern)}, model: passive}}"
+        return
+    if row.effort is None:
         yield f"  # {_joints(row)} without effort in the source: state `effort`, kp, kd to drive"
         yield f"  - {{joints: {quoted(pattern)}, model: passive}}"
         return
     speed = f"{row.velocity:g} {row.unit}/s" if row.velocity else "no stated speed"
     unit = "kg" if row.unit == "m" else "kg m2"
     yield f"  # {_joints(row)}: {row.effort:g} {torque}, {speed}, moves {row.inertia:.3g} {unit}"
-    yield f"  - {{joints: {quoted(pattern)}, model: pd, kp: {row.kp!r}, kd: {row.kd!r}}}"
+    gains = f"kp: {row.kp!r}, kd: {row.kd!r}"
+    if row.frequency is not None:
+        gains = f"frequency: {row.frequency!r}, damping_ratio: {row.damping_ratio!r}"
+    for drops, word, why in (
+        (row.drops_damping, "damping", "it would creep for minutes"),
+        (row.drops_friction, "friction", "it takes most of the effort"),
+    ):
+        if drops:
+            yield f"  # the source's {word} of these joints cannot be meant: {why}"
+            gains += f", {word}: 0"
+    yield f"  - {{joints: {quoted(pattern)}, model: pd, {gains}}}"
 
 
 def _joints(row: Row) -> str:
@@ -246,6 +263,9 @@ def home(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[str]:
         return [*lines, "    joints: {}   # all joints at 0, which the limits allow"]
     if legged & shown.keys():
         lines.append("    # each foot below its hip, all at one height")
+    others = {n: value for n, value in pose.items() if n not in legged}
+    if any(abs(value - resting(tree.by_joint[n])) > 1e-3 for n, value in others.items()):
+        lines.append("    # what the drives could not hold against gravity is turned")
     lines.append("    # joints not named here are 0, which their limits allow")
     lines.append("    joints:")
     for value in sorted(set(shown.values()), key=list(shown.values()).index):
@@ -259,7 +279,7 @@ def _simulation(robot: Looked, anatomy: Anatomy) -> list[str]:
     lines = [
         "contact: {friction: [0.8, 0.02, 0.01], condim: 3}   # rubber on a floor",
         _steps(robot),
-        "targets: [urdf, mjcf, usd]",
+        targets(robot),
     ]
     driven = all(joint.limits.effort for leg in anatomy.legs for joint in leg.joints)
     if anatomy.legs and driven:

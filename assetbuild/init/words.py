@@ -26,10 +26,10 @@ def flow(head: str, items: Sequence[str], tail: str) -> list[str]:
 
 
 def quoted(text: str) -> str:
-    """JSON's quotes are YAML's; plain words stay plain."""
+    """JSON's quotes are YAML's, but for characters beyond 16 bits; plain words stay plain."""
     if re.fullmatch(r"[A-Za-z][A-Za-z0-9_./-]*", text) and text.lower() not in _YAML_WORDS:
         return text
-    return json.dumps(text)
+    return json.dumps(text, ensure_ascii=not text.isprintable())
 
 
 _YAML_WORDS = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")

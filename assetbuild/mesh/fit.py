@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -98,7 +99,7 @@ def candidate_axes(mesh: TriangleMesh, hull: TriangleMesh) -> Array:
     return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True), dtype=np.float64)
 
 
-def _enclosing_sphere(points: Array, search: Array, axes: Array) -> Fitted:
+def _enclosing_sphere(points: Array, search: Array, axes: Array, *, refined: bool = True) -> Fitted:
     centre, radius = _smallest_ball(points)
     return Sphere(radius), Pose(vec3(centre))
 
@@ -176,12 +177,14 @@ class _Enclosing:
     """The smallest enclosing body over all axes, refined by tilting the three best."""
 
     along: Callable[[Array, Array, int], Fitted]
-    refined: bool
+    tilts: bool
 
-    def __call__(self, points: Array, search: Array, axes: Array) -> Fitted:
+    def __call__(
+        self, points: Array, search: Array, axes: Array, *, refined: bool = True
+    ) -> Fitted:
         volumes = [volume_of(self.along(axis, search, 60)[0]) for axis in axes]
         order = np.argsort(volumes, kind="stable")[:3]
-        tilted = [self._tilted(axes[i], search) for i in order] if self.refined else []
+        tilted = [self._tilted(axes[i], search) for i in order] if self.tilts and refined else []
         # The untilted axes stay in the race: an exact one must not lose to rounding.
         fits = [self.along(axis, points, 400) for axis in (*axes[order], *tilted)]
         return min(fits, key=lambda fitted: round(volume_of(fitted[0]), 15))
@@ -211,11 +214,20 @@ def _unit(vector: Array) -> Array:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-ENCLOSING: dict[type[Primitive], Callable[[Array, Array, Array], Fitted]] = {
+class Enclosing(Protocol):
+    """Fits the smallest body about points (n, 3); `search`: some of them, to compare axes by."""
+
+    def __call__(
+        self, points: Array, search: Array, axes: Array, *, refined: bool = True
+    ) -> Fitted:
+        """refined: the best axes (k, 3) may tilt."""
+
+
+ENCLOSING: dict[type[Primitive], Enclosing] = {
     Sphere: _enclosing_sphere,
-    Box: _Enclosing(_box_along, refined=False),
-    Cylinder: _Enclosing(_cylinder_along, refined=True),
-    Capsule: _Enclosing(_capsule_along, refined=True),
+    Box: _Enclosing(_box_along, tilts=False),
+    Cylinder: _Enclosing(_cylinder_along, tilts=True),
+    Capsule: _Enclosing(_capsule_along, tilts=True),
 }
 
 

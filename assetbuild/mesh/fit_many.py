@@ -2,8 +2,8 @@
 
 A link is rarely one box or capsule: its parts are. Each part of a decomposition gets the kind
 that covers it best; then all primitives are moved, turned and sized together until their union
-has the least of what sticks out and what is missing. Smallest enclosing primitives of each part
-would cover up to twice the volume.
+has the least of what sticks out and what is missing, and lies close to the surface. Smallest
+enclosing primitives of each part would cover up to twice the volume.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ from assetbuild.mesh.fit import (
     turned_by,
 )
 from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.primitives import Primitive, signed_distance
+from assetbuild.mesh.primitives import Primitive, distance_slopes, signed_distance
+from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.solid import sobol
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.model import Capsule, Cylinder
@@ -42,18 +43,25 @@ SOFTNESS = (0.02, 0.005)
 """Of the diagonal: how soft the surfaces are in each round of the refinement."""
 MISSING_WEIGHT = 1.25
 """What is missing counts more than what sticks out: contact must not be lost."""
-TURNS = 24
-"""Directions tried per part beside those of its hull."""
+DISTANCE_WEIGHT = 15.0
+"""Of the mean distance between the surfaces / the diagonal, beside shares of the volume."""
+SAMPLES = 1024
+"""Points of the surface that the mean distance is taken from."""
 BOUNDS = (0.15, 0.5, math.log(1.8))
 """How far the refinement may go: shift in diagonals, turn in rad, size by a factor of 1.8."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Points about a mesh, and which of them are inside. size: the diagonal, m."""
+    """Points about a mesh (n, 3), which are inside, and how far each is from the surface, m.
+
+    The last SAMPLES of `points` lie on the surface and have no part in the volumes. size: the
+    diagonal, m.
+    """
 
     points: Array
     inside: NDArray[np.bool_]
+    depth: Array
     size: float
 
     @classmethod
@@ -61,22 +69,52 @@ class Cloud:
         """Seeded; a mesh without an inside is its hull."""
         lower, upper = reference.mesh.bounds
         room = MARGIN * (upper - lower)
-        points = sobol(POINTS, lower - room, upper + room)
-        return cls(points, reference.solid.contains(points), reference.diagonal)
+        cloud = sobol(POINTS, lower - room, upper + room)
+        on_surface = surface_samples(reference.mesh, SAMPLES, 0)[0]
+        return cls(
+            np.concatenate([cloud, on_surface]),
+            reference.solid.contains(cloud),
+            reference.surface.distance(cloud),
+            reference.diagonal,
+        )
 
     def score(self, distance: Array) -> float:
-        """1 - IoU of a union with these signed distances, but what is missing weighs more."""
-        return self.weighed((distance <= 0.0).astype(np.float64))
+        """Of a union with these signed distances (n,), m; 0 is a perfect cover."""
+        near = (np.abs(distance[:POINTS]) < SOFTNESS[-1] * self.size).astype(np.float64)
+        return self._score((distance <= 0.0).astype(np.float64), near, distance)
 
-    def weighed(self, occupied: Array) -> float:
-        """The score of points occupied by 0 to 1; 1 when nothing of the mesh is covered.
+    def _score(self, occupied: Array, near: Array, distance: Array) -> float:
+        """1 - IoU, with more weight on what is missing, and the mean distance of the surfaces.
 
+        occupied: (n,) 0 to 1; near: (POINTS,) weights of the points on the union's surface.
         Not over + missing alone: that would rather have nothing than cover twice too much.
         """
-        covered = float(occupied[self.inside].sum())
-        over = float(occupied.sum()) - covered
-        wrong = over + MISSING_WEIGHT * (int(self.inside.sum()) - covered)
-        return wrong / max(covered + wrong, 1e-12)
+        covered, wrong = self._shares(occupied)
+        to_union = float(np.abs(distance[POINTS:]).mean())
+        to_mesh = float(near @ self.depth) / max(float(near.sum()), 1e-12)
+        gap = 0.5 * (to_union + to_mesh) / self.size
+        return wrong / max(covered + wrong, 1e-12) + DISTANCE_WEIGHT * gap
+
+    def _shares(self, occupied: Array) -> tuple[float, float]:
+        """(covered, wrong) in numbers of points."""
+        covered = float(occupied[:POINTS][self.inside].sum())
+        over = float(occupied[:POINTS].sum()) - covered
+        return covered, over + MISSING_WEIGHT * (int(self.inside.sum()) - covered)
+
+    def soft_score(self, distance: Array, softness: float) -> tuple[float, Array]:
+        """The score with surfaces as soft as `softness`, m, and its slope by each distance (n,)."""
+        side = np.tanh(0.5 * distance / softness)
+        occupied, near = 0.5 * (1.0 - side), 1.0 - side[:POINTS] ** 2
+        covered, wrong = self._shares(occupied)
+        by_wrong = np.where(self.inside, -MISSING_WEIGHT, 1.0)
+        by_occupied = (covered * by_wrong - wrong * self.inside) / max(covered + wrong, 1e-12) ** 2
+        weight = max(float(near.sum()), 1e-12)
+        to_mesh = float(near @ self.depth) / weight
+        by_near = 0.5 * DISTANCE_WEIGHT / self.size * (self.depth - to_mesh) / weight
+        slope = np.empty(len(distance))
+        slope[:POINTS] = -near * (0.25 * by_occupied + side[:POINTS] * by_near) / softness
+        slope[POINTS:] = 0.5 * DISTANCE_WEIGHT / self.size / SAMPLES * np.sign(distance[POINTS:])
+        return self._score(occupied, near, distance), slope
 
 
 def fit_parts(
@@ -113,14 +151,17 @@ def _distance(fitted: Fitted, points: Array) -> Array:
 def _best_for(
     part: TriangleMesh, kinds: Sequence[type[Primitive]], bones: Sequence[Vec3]
 ) -> Fitted:
-    """The enclosing primitive of each kind, shrunk to the part's volume; the best of all."""
+    """The enclosing primitive of each kind, shrunk to the part's volume; the best of all.
+
+    Its axis is one of the candidates: all are turned together afterwards.
+    """
     own = Reference(part)
     cloud = Cloud.of(own)
     search = convex_hull(part.vertices, max_vertices=SEARCHED)
     axes = np.concatenate([candidate_axes(part, search), _directions(bones)])
     best: tuple[float, Fitted] | None = None
     for kind in kinds:
-        primitive, pose = ENCLOSING[kind](search.vertices, search.vertices, axes)
+        primitive, pose = ENCLOSING[kind](search.vertices, search.vertices, axes, refined=False)
         for factor in (1.0, 0.95, 0.9, 0.85, 0.8):
             fitted = (resized(primitive, factor * np.asarray(sizes_of(primitive))), pose)
             value = cloud.score(_distance(fitted, cloud.points))
@@ -144,34 +185,22 @@ def _refined(fits: list[Fitted], cloud: Cloud, softness: float) -> list[Fitted]:
     """The union that covers best, by L-BFGS-B within BOUNDS of `fits`.
 
     Occupancy is a sigmoid of the signed distance / softness, so that the score has a slope.
-    Slopes are differences: a step of one primitive leaves the distances of the others alone.
+    Each point's distance, and so its slope, is that of the nearest primitive.
     """
     from scipy.optimize import minimize
 
-    ways = [_Way(fitted, cloud.size) for fitted in fits]
+    ways = [_Way(fitted, cloud) for fitted in fits]
     ends = np.cumsum([0, *(way.count for way in ways)])
 
-    def cost(distance: Array) -> float:
-        return cloud.weighed(0.5 * (1.0 - np.tanh(0.5 * distance / softness)))
-
     def slope(x: Array) -> tuple[float, Array]:
-        each = np.array(
-            [
-                way.distance(x[a:b], cloud.points)
-                for way, a, b in zip(ways, ends, ends[1:], strict=False)
-            ]
-        )
-        here = cost(each.min(axis=0))
-        found = np.zeros(len(x))
-        for number, way in enumerate(ways):
-            others = np.delete(each, number, axis=0)
-            rest = others.min(axis=0) if len(others) else np.full(len(cloud.points), np.inf)
-            for k in range(way.count):
-                moved = np.array(x[ends[number] : ends[number + 1]])
-                moved[k] += STEP
-                there = cost(np.minimum(rest, way.distance(moved, cloud.points)))
-                found[ends[number] + k] = (there - here) / STEP
-        return here, found
+        each = np.array([way.distance(x[a:b]) for way, a, b in zip(ways, ends, ends[1:])])  # noqa: B905
+        nearest = np.argmin(each, axis=0)
+        here, by_distance = cloud.soft_score(each.min(axis=0), softness)
+        found = [
+            by_distance[nearest == number] @ way.slope(x[a:b], nearest == number)
+            for number, (way, a, b) in enumerate(zip(ways, ends, ends[1:], strict=False))
+        ]
+        return here, np.concatenate(found)
 
     bounds = [bound for way in ways for bound in way.bounds()]
     result = minimize(
@@ -184,27 +213,46 @@ def _refined(fits: list[Fitted], cloud: Cloud, softness: float) -> list[Fitted]:
     return made if cloud.score(_union(made, cloud.points)) <= before else fits
 
 
-STEP = 1e-4
-"""Of a slope, in units of the variables: diagonals, radians, logarithms of sizes."""
+TURN = 1e-6
+"""rad; of the slope of a rotation."""
 
 
 class _Way:
     """How one primitive may change: shift / size, turn, logarithms of its sizes; 0 = as it is."""
 
-    def __init__(self, fitted: Fitted, scale: float) -> None:
+    def __init__(self, fitted: Fitted, cloud: Cloud) -> None:
         self._primitive, self._pose = fitted
-        self._scale = scale
-        self._sizes = np.maximum(np.asarray(sizes_of(self._primitive)), 1e-3 * scale)
+        self._scale = cloud.size
+        self._points = self._pose.inverse().apply(cloud.points)
+        self._sizes = np.maximum(np.asarray(sizes_of(self._primitive)), 1e-3 * cloud.size)
         self.count = 6 + len(self._sizes)
 
     def body(self, x: Array) -> Fitted:
         """The primitive at x (count,)."""
-        shift = Pose(vec3(x[:3] * self._scale), turned_by(x[3:6]))
-        return resized(self._primitive, self._sizes * np.exp(x[6:])), self._pose @ shift
+        primitive, shift = self._changed(x)
+        return primitive, self._pose @ shift
 
-    def distance(self, x: Array, points: Array) -> Array:
-        """(n,) signed distances of points (n, 3)."""
-        return _distance(self.body(x), points)
+    def _changed(self, x: Array) -> Fitted:
+        shift = Pose(vec3(x[:3] * self._scale), turned_by(x[3:6]))
+        return resized(self._primitive, self._sizes * np.exp(x[6:])), shift
+
+    def distance(self, x: Array) -> Array:
+        """(n,) signed distances of the cloud's points."""
+        primitive, shift = self._changed(x)
+        return signed_distance(primitive, shift.inverse().apply(self._points))
+
+    def slope(self, x: Array, which: NDArray[np.bool_]) -> Array:
+        """(m, count) slopes of the distances of some of the points."""
+        primitive, shift = self._changed(x)
+        rotation, from_middle = shift.rotation, self._points[which] - np.asarray(shift.xyz)
+        by_point, by_size = distance_slopes(primitive, from_middle @ rotation)
+        turns = [
+            (turned_rotation(x[3:6] + step) - turned_rotation(x[3:6] - step)) / (2.0 * TURN)
+            for step in TURN * np.eye(3)
+        ]
+        by_turn = [np.einsum("ij,ij->i", by_point, from_middle @ turn) for turn in turns]
+        sizes = by_size * np.asarray(sizes_of(primitive))
+        return np.column_stack([-self._scale * by_point @ rotation.T, *by_turn, sizes])
 
     def bounds(self) -> list[tuple[float, float]]:
         """Of each variable; a capsule may lose its length altogether."""
@@ -212,3 +260,8 @@ class _Way:
         longest = 2.0 * size if isinstance(self._primitive, Capsule | Cylinder) else size
         sizes = [(-size, size)] * (len(self._sizes) - 1) + [(-longest, size)]
         return [(-shift, shift)] * 3 + [(-turn, turn)] * 3 + sizes
+
+
+def turned_rotation(vector: Array) -> Array:
+    """(3, 3) rotation by a rotation vector, rad."""
+    return Pose(quat=turned_by(vector)).rotation

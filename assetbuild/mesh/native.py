@@ -98,13 +98,15 @@ def _set_limits(limits: NativeLimits) -> None:
     with open("/proc/self/statm", encoding="ascii") as file:  # noqa: PTH123 - a plain read
         mapped = int(file.read().split()[0]) * resource.getpagesize()
     cpu = max(1, int(np.ceil(limits.cpu_s)))
-    for kind, value in (
-        (resource.RLIMIT_AS, mapped + limits.memory_mb * 1024 * 1024),
-        (resource.RLIMIT_CPU, cpu),
-        (resource.RLIMIT_CORE, 0),
+    memory = mapped + limits.memory_mb * 1024 * 1024
+    for kind, soft, hard in (
+        (resource.RLIMIT_AS, memory, memory),
+        # Above the soft limit SIGXCPU comes, which nothing else sends: SIGKILL would say no cause.
+        (resource.RLIMIT_CPU, cpu, cpu + 2),
+        (resource.RLIMIT_CORE, 0, 0),
     ):
         with suppress(ValueError, OSError):  # a lower limit of the step's own stays
-            resource.setrlimit(kind, (value, value))
+            resource.setrlimit(kind, (soft, hard))
 
 
 def _collect(
@@ -139,8 +141,10 @@ def _death(status: int, cpu_s: float, said: bytes, limits: NativeLimits) -> Nati
         return NativeError("memory", f"needs more than {limits.memory_mb} MB")
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)
-        if number == signal.SIGXCPU or (number == signal.SIGKILL and cpu_s >= limits.cpu_s - 1.0):
+        if number == signal.SIGXCPU or (number == signal.SIGKILL and cpu_s >= limits.cpu_s):
             return NativeError("time", f"no end after {limits.cpu_s:g} CPU s")
+        if number == signal.SIGKILL:  # no library sends it
+            return NativeError("memory", "was killed by the system, which ran out of memory")
         name = signal.Signals(number).name
         return NativeError("crash", f"crashed ({name})" + (f": {last}" if last else ""))
     return NativeError("error", last or f"ended with code {os.WEXITSTATUS(status)}")

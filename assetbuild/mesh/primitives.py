@@ -36,6 +36,41 @@ def _outside(beyond: Array) -> Array:
     return np.asarray(apart + np.minimum(beyond.max(axis=1), 0.0))
 
 
+def distance_slopes(primitive: Primitive, points: Array) -> tuple[Array, Array]:
+    """How `signed_distance` changes with the points, (n, 3), and with the sizes, (n, k).
+
+    Sizes: edges of a box, else radius and length. On an edge or an axis, where there is no slope,
+    one of its neighbours'.
+    """
+    if isinstance(primitive, Sphere):
+        return _unit_rows(points), np.full((len(points), 1), -1.0)
+    if isinstance(primitive, Box):
+        towards = _towards(np.abs(points) - np.asarray(primitive.size) / 2.0)
+        return towards * np.sign(points), -0.5 * towards
+    across, up = points[:, :2], points[:, 2:]
+    height = np.abs(up) - primitive.length / 2.0
+    if isinstance(primitive, Capsule):
+        to_axis = np.hstack([across, np.sign(up) * np.maximum(height, 0.0)])
+        slope = _unit_rows(to_axis)
+        return slope, np.column_stack([np.full(len(points), -1.0), -0.5 * np.abs(slope[:, 2])])
+    radial = np.linalg.norm(across, axis=1, keepdims=True)
+    towards = _towards(np.hstack([radial - primitive.radius, height]))
+    sideways, upwards = towards[:, :1] * _unit_rows(across), towards[:, 1:] * np.sign(up)
+    return np.hstack([sideways, upwards]), towards * (-1.0, -0.5)
+
+
+def _towards(beyond: Array) -> Array:
+    """The slope of `_outside`, (n, k): outside to the nearest corner, inside to a face."""
+    outside = _unit_rows(np.maximum(beyond, 0.0))
+    face = np.eye(beyond.shape[1])[np.argmax(beyond, axis=1)]
+    return np.where((beyond > 0.0).any(axis=1, keepdims=True), outside, face)
+
+
+def _unit_rows(rows: Array) -> Array:
+    length = np.linalg.norm(rows, axis=1, keepdims=True)
+    return np.asarray(rows / np.where(length > 0.0, length, 1.0))
+
+
 def volume_of(primitive: Primitive) -> float:
     """Volume, m3."""
     if isinstance(primitive, Box):

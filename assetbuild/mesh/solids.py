@@ -20,7 +20,8 @@ Distance = Callable[[Array], Array]
 def distance_to(solid: Primitive | Array, X_body_solid: Pose) -> Distance:
     """Signed distance from a primitive, or from the convex hull of points (n, 3).
 
-    Outside an edge of a hull the nearest plane is told, which is less than the distance.
+    Outside an edge of a hull the nearest plane is told, which is less than the distance; of points
+    in one plane, which have no hull, the distance from their axis-aligned box.
     """
     X_solid_body = X_body_solid.inverse()
     if not isinstance(solid, np.ndarray):
@@ -28,8 +29,16 @@ def distance_to(solid: Primitive | Array, X_body_solid: Pose) -> Distance:
     try:
         planes = hull_planes(convex_hull(solid))
     except StepError:  # flat: no inside
-        return lambda points: np.full(len(points), np.inf)
+        lower, upper = solid.min(axis=0), solid.max(axis=0)
+        return lambda points: _beyond_box(lower, upper, X_solid_body.apply(points))
     return lambda points: beyond(planes, X_solid_body.apply(points))
+
+
+def _beyond_box(lower: Array, upper: Array, points: Array) -> Array:
+    """(n,) distance of each point from a box without inside; zero in it."""
+    apart = np.maximum(np.maximum(lower - points, points - upper), 0.0)
+    distance: Array = np.linalg.norm(apart, axis=1)
+    return distance
 
 
 def beyond(planes: Array, points: Array) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -12,6 +11,9 @@ from pathlib import Path
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import SourceError, UsageError
 from assetbuild.findings import Finding, worst_first
+from assetbuild.robot.codec import decode
+from assetbuild.robot.mirror import Tolerances, mirror_findings, parts_of, twins
+from assetbuild.robot.model import Control, Tree
 
 KINDS = {
     ".xml": "mjcf",
@@ -83,13 +85,20 @@ def _kind(file: Path, name: str) -> str:
 def _mjcf(file: Path) -> Iterator[Finding]:
     from assetbuild.checks.mjcf_compiles import lint_file
     from assetbuild.checks.mjx_pairs import judge
+    from assetbuild.checks.trials import Trials
     from assetbuild.simulators.mujoco import load
 
     findings = list(lint_file(file))
     yield from findings
     loads = not any(finding.rule == "mjcf.load" for finding in findings)
-    if loads and "mjx" in file.stem:
+    if not loads:
+        return
+    if "mjx" in file.stem:
         yield from judge(load(file).model)
+    elif not file.stem.endswith("_bare"):
+        scene = file.parent / "scene.xml"  # a bundle's own: the robot on a floor
+        ours = file.parent.name == "mjcf" and scene.is_file()
+        yield from Trials().examine(load(scene if ours else file, visuals=False).model, {})
 
 
 def _usd(file: Path) -> Iterator[Finding]:
@@ -103,16 +112,14 @@ def _urdf(file: Path) -> Iterator[Finding]:
     from assetbuild.steps.lint_bodies import LintBodies
     from assetbuild.steps.lint_links import LintLinks
     from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
-    from assetbuild.steps.read_urdf import ReadUrdf
+    from assetbuild.steps.read_urdf import ReadUrdf, named_packages
 
     data = file.read_bytes()
-    named = set(re.findall(rb"package:/*([A-Za-z0-9_.-]+)", data))
-    packages = {name.decode(): "." for name in sorted(named)}
     with tempfile.TemporaryDirectory() as folder:
         ports = Path(folder)
         (ports / "robot.urdf").write_bytes(data)
         steps: tuple[Step, ...] = (
-            ReadUrdf(file=file.name, packages=packages),
+            ReadUrdf(file=file.name, packages=named_packages(data)),
             LintLinks(),
             MergeFixedJoints(merge=True, keep_bodies=()),
             LintBodies(),
@@ -128,6 +135,9 @@ def _urdf(file: Path) -> Iterator[Finding]:
                 return
             if isinstance(step, ReadUrdf):
                 lines |= _lines(ports)
+        tree = decode(Tree, (ports / "tree.json").read_bytes())
+        for finding in mirror_findings(twins(parts_of(tree, Control())), Tolerances()):
+            yield _at(finding, file, lines)
 
 
 def _lines(ports: Path) -> dict[str, int]:

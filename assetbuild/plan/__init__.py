@@ -32,6 +32,7 @@ from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Shapes, Tree
+from assetbuild.steps._inertia_rules import Bounds
 from assetbuild.steps.control import ControlStep
 from assetbuild.steps.keep_ratings import KeepRatings
 from assetbuild.steps.lint_bodies import LintBodies
@@ -134,7 +135,7 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
     read = read_description(loaded.recipe, source, description, p)
     if read is None:
         return None
-    p.add("lint_links", LintLinks(), dict(read.robot))
+    p.add("lint_links", LintLinks(bounds=Bounds.of(loaded.recipe)), dict(read.robot))
     lint_export(loaded.recipe, source, description, read, p)
     outline.source_map = read.source_map
     outline.expanded = description.ref if loaded.recipe.source.xacro else None
@@ -192,7 +193,7 @@ def _merge(recipe: Recipe, read: Reading, edited: Mapping[str, Ref], p: Planner)
     step = MergeFixedJoints(merge=fixed.merge, keep_bodies=fixed.keep_bodies, keep_source=keeps)
     tree = p.add("merge_fixed_joints", step, inputs)
     linted = {"tree.json": tree["tree.json"], "shapes.json": edited["shapes.json"]}
-    p.add("lint_bodies", LintBodies(), linted)
+    p.add("lint_bodies", LintBodies(bounds=Bounds.of(recipe)), linted)
     return tree
 
 

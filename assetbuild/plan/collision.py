@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from pathlib import Path
+from typing import Any, Protocol, get_args
 
 import numpy as np
 
@@ -15,6 +17,8 @@ from assetbuild.collision import CollisionMethod, Likeness, PlacedSource, ProbeS
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.kinds import load_plugin, plugin_names
+from assetbuild.mesh.read import Format
+from assetbuild.plan.source_folder import is_file
 from assetbuild.recipe.collision import PRESETS, CollisionRule, Region, ToleranceRegion
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
@@ -31,11 +35,19 @@ BONE_M = 0.02
 _NOT_FIELDS = {"method", "from_", "preset", "keep_open", "regions"}
 
 
+@dataclass(frozen=True)
+class OwnMesh:
+    """A mesh file of the user's own that is a collision piece. path: absolute."""
+
+    path: Path
+    scale: Vec3
+
+
 @dataclass(frozen=True, eq=False)
 class Job:
     """One collision use of a link. method: None = its shapes as they are.
 
-    fields: of the step, from the recipe; without sources and probes.
+    fields: of the step, from the recipe; without sources and probes. own: inputs `own/<number>`.
     """
 
     link: str
@@ -44,6 +56,7 @@ class Job:
     fields: Mapping[str, Any] = field(default_factory=dict)  # Any: any field of any plug-in
     keep_open: tuple[Region, ...] = ()
     regions: tuple[ToleranceRegion, ...] = ()
+    own: tuple[OwnMesh, ...] = ()
 
     @property
     def per_link(self) -> bool:
@@ -123,7 +136,8 @@ def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: Shapes) -> li
     if "bones" in method.model_fields and fields.get("max_hulls", 1) > 1:
         fields["bones"] = _bones(links, link)
     if method.scope != "shape":
-        return [Job(link, own, method, fields, rule.keep_open, rule.regions)]
+        files = _own_meshes(rule, fields, loaded.path.parent)
+        return [Job(link, own, method, fields, rule.keep_open, rule.regions, files)]
     return [
         # The source's primitive is convex and exact already.
         Job(link, (shape,))
@@ -131,6 +145,28 @@ def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: Shapes) -> li
         else Job(link, (shape,), method, fields, rule.keep_open, rule.regions)
         for shape in own
     ]
+
+
+def _own_meshes(
+    rule: CollisionRule,
+    fields: dict[str, Any],
+    folder: Path,  # Any: as Job.fields
+) -> tuple[OwnMesh, ...]:
+    """The mesh files of a rule's pieces; in `fields` they become inputs, whatever their names."""
+    found: list[OwnMesh] = []
+    for piece, data in zip(rule.pieces or (), fields.get("pieces", ()), strict=True):
+        if piece.file is None:
+            continue
+        mesh = OwnMesh(file_of(piece.file, folder), piece.scale or (1.0, 1.0, 1.0))
+        if mesh not in found:
+            found.append(mesh)
+        data |= {"file": f"own/{found.index(mesh)}", "scale": None}
+    return tuple(found)
+
+
+def file_of(name: str, folder: Path) -> Path:
+    """The absolute path of a file that a recipe in `folder` names."""
+    return Path(os.path.normpath(folder / name))
 
 
 def _bones(links: Tree, link: str) -> tuple[Vec3, ...]:
@@ -177,7 +213,24 @@ def check_rule(
         ) from None
     names = [name for name in method.model_fields if name not in ("sources", "probes", "like")]
     _refuse_foreign(loaded, rule, key, (*names, "from", "preset", "keep_open", "regions"))
+    _check_files(loaded, rule, key)
     return method
+
+
+def _check_files(loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...]) -> None:
+    """RecipeError for a piece whose file is not there, or no mesh by its name."""
+    for number, piece in enumerate(rule.pieces or ()):
+        if piece.file is None:
+            continue
+        path = file_of(piece.file, loaded.path.parent)
+        place: tuple[str | int, ...] = (*key, "pieces", number, "file")
+        if path.suffix.lower().lstrip(".") not in get_args(Format):
+            hint = f"known formats: {', '.join(get_args(Format))}"
+            raise loaded.error(place, f"`{piece.file}` is no mesh by its name", hint)
+        if not is_file(path):
+            hint = did_you_mean(path.name, [near.name for near in path.parent.glob("*")])
+            hint = hint or "paths are relative to the recipe's folder"
+            raise loaded.error(place, f"no file `{piece.file}`", hint)
 
 
 def _refuse_foreign(

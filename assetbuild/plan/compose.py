@@ -9,11 +9,14 @@ from functools import partial
 
 from assetbuild.engine.graph import Planner, Ref
 from assetbuild.errors import did_you_mean
+from assetbuild.plan.collision import file_of
 from assetbuild.plan.geometry import Geometry
 from assetbuild.plan.reading import Reading
+from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.compose import Part
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.merging import Mounted, composed, left_out
+from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
 from assetbuild.steps.compose_parts import ComposeParts, PartOn, part_path
@@ -124,10 +127,32 @@ def _part_on(row: Part) -> PartOn:
     )
 
 
+def _with_own_files(part: LoadedRecipe) -> Recipe:
+    """The recipe whose collision pieces are files by absolute paths: the whole lies elsewhere."""
+
+    def anchored(rule: CollisionRule) -> CollisionRule:
+        pieces = tuple(
+            piece
+            if piece.file is None
+            else piece.model_copy(update={"file": str(file_of(piece.file, part.path.parent))})
+            for piece in rule.pieces or ()
+        )
+        return rule.model_copy(update={"pieces": pieces}) if pieces else rule
+
+    collision = part.recipe.collision
+    changed = collision.model_copy(
+        update={
+            "default": anchored(collision.default),
+            "links": {pattern: anchored(rule) for pattern, rule in collision.links.items()},
+        }
+    )
+    return part.recipe.model_copy(update={"collision": changed})
+
+
 def _mounted(row: Part, part: LoadedRecipe, tree: Tree) -> Mounted:
     return Mounted(
         row,
-        part.recipe,
+        _with_own_files(part),
         links=tuple(row.as_ + body.name for body in tree.bodies),
         joints=tuple(row.as_ + joint.name for joint in tree.moving_joints),
     )

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Mapping
 from pathlib import PurePosixPath
 
 from assetbuild.engine.graph import Node, Planner, Ref
-from assetbuild.plan.collision import Job, Twins, collision_jobs, equal_shapes
+from assetbuild.plan.collision import Job, OwnMesh, Twins, collision_jobs, equal_shapes
 from assetbuild.plan.companions import Companions
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
@@ -40,6 +40,7 @@ class Geometry:
         self._turned = set(turned)
         self._converted: dict[tuple[str, tuple[float, float, float]], Node] = {}
         self._decimated: dict[str, Node] = {}
+        self._own: dict[OwnMesh, Node] = {}
         self.subjects: dict[str, str] = {}
         self._stems = _short_names(tuple(files))
 
@@ -77,6 +78,16 @@ class Geometry:
             inputs |= {f"companions/{i}": ref for i, ref in enumerate(named.values())}
             self._converted[key] = self._p.add(label, step, inputs)
         return self._converted[key]
+
+    def own(self, mesh: OwnMesh) -> Node:
+        """A mesh file of the user's own, as OBJ; its colours and pictures do not matter."""
+        if mesh not in self._own:
+            name = mesh.path.name
+            step = ConvertMesh(format=mesh.path.suffix.lower().lstrip("."), scale=mesh.scale)
+            label = f"convert_mesh own {len(self._own)} {name}"
+            self.subjects[label] = f"mesh {name}"
+            self._own[mesh] = self._p.add(label, step, {"mesh": self._p.source(mesh.path)})
+        return self._own[mesh]
 
     def _papered(self) -> set[str]:
         """Meshes that the description itself puts a texture on."""
@@ -135,12 +146,12 @@ def assemble(
     loaded: LoadedRecipe, links: Tree, geometry: Geometry, shapes: Ref, p: Planner
 ) -> Node | None:
     """All final shapes and mesh files of the robot; None while equal shapes are looked for."""
+    inputs: dict[str, Ref] = {"shapes.json": shapes}
+    visuals = _visuals(loaded.recipe, geometry, inputs)
     jobs = collision_jobs(loaded, links, geometry)
     twins = equal_shapes(jobs, geometry, p)
     if twins is None:
         return None
-    inputs: dict[str, Ref] = {"shapes.json": shapes}
-    visuals = _visuals(loaded.recipe, geometry, inputs)
     nodes: dict[int, Node] = {}
     collisions = []
     for job in jobs:
@@ -206,6 +217,8 @@ def _add(job: Job, twins: Twins, nodes: Mapping[int, Node], geometry: Geometry, 
     for index, shape in enumerate(job.shapes):
         if isinstance(shape.geometry, Mesh):
             _link_mesh(geometry.converted(shape.geometry), f"shapes/{index}", inputs)
+    for index, mesh in enumerate(job.own):
+        _link_mesh(geometry.own(mesh), f"own/{index}", inputs)
     step = job.step()
     twin = twins.get(id(job))
     if twin is not None:

@@ -32,7 +32,7 @@ class FolderSource:
     def file(self, path: str, where: Where, what: str) -> Ref:
         """The file at `path` below the root; SourceError names `where` it was asked for."""
         full = self.root / path
-        if not _is_file(full):
+        if not is_file(full):
             near = [str(PurePosixPath(path).parent / f.name) for f in full.parent.glob("*")]
             hint = did_you_mean(path, near) or "check `source.root` and `source.packages`"
             raise SourceError(f"{what}: no file `{path}` in the source", where=where, hint=hint)
@@ -72,7 +72,7 @@ class FolderSource:
         found = {}
         for path in sorted(paths):
             full = self.root / path
-            if _is_file(full) and full.resolve().is_relative_to(self.root):
+            if is_file(full) and full.resolve().is_relative_to(self.root):
                 found[path] = self._p.source(full)
             elif not os.path.lexists(full):
                 self._absent.append(full)
@@ -95,7 +95,7 @@ class FolderSource:
         return found
 
 
-def _is_file(path: Path) -> bool:
+def is_file(path: Path) -> bool:
     """A name that is too long for the disk is that of no file; pathlib raises."""
     try:
         return path.is_file()

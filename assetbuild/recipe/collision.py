@@ -82,22 +82,36 @@ class CoAcdOptions(Model):
 class ExplicitPiece(Model):
     """A piece of collision geometry of the user's own, in the frame of the link."""
 
-    type: Literal["box", "sphere", "capsule", "cylinder"] = Field(description="its kind")
+    type: Literal["box", "sphere", "capsule", "cylinder", "mesh"] = Field(description="its kind")
+    file: str | None = Field(
+        None,
+        min_length=1,
+        description="of a mesh: one convex piece, its path from the recipe's folder",
+    )
+    scale: tuple[Real, Real, Real] | None = Field(
+        None, description="of a mesh, per axis; 0.001 for a file in mm"
+    )
     size: tuple[Positive, Positive, Positive] | None = Field(None, description="edges of a box, m")
     radius: Positive | None = Field(None, description="m")
     length: NonNegative | None = Field(
         None, description="of a cylinder; of a capsule without its caps, m"
     )
-    xyz: Point = Field((0.0, 0.0, 0.0), description="its centre, m")
+    xyz: Point = Field((0.0, 0.0, 0.0), description="its centre, of a mesh its origin, m")
     rpy: Point = Field((0.0, 0.0, 0.0), description="its turn, rad, as in URDF; axis z")
 
     @model_validator(mode="after")
     def _complete(self) -> ExplicitPiece:
-        needed = {"box": {"size"}, "sphere": {"radius"}}.get(self.type, {"radius", "length"})
-        given = {name for name in ("size", "radius", "length") if getattr(self, name) is not None}
+        needed = _NEEDED.get(self.type, {"radius", "length"})
+        given = {name for name in _SIZES if getattr(self, name) is not None}
         if given != needed:
             raise ValueError(f"a {self.type} has {' and '.join(sorted(needed))}, nothing else")
+        if self.scale is not None and (self.file is None or 0.0 in self.scale):
+            raise ValueError("`scale` belongs to a mesh, and is not 0")
         return self
+
+
+_SIZES = ("size", "radius", "length", "file")
+_NEEDED = {"box": {"size"}, "sphere": {"radius"}, "mesh": {"file"}}
 
 
 class CollisionRule(Model):

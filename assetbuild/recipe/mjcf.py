@@ -44,6 +44,11 @@ class Mjx(Model):
     self_collision: bool = Field(
         False, description="parts of the robot touch one another; else only the world (masks)"
     )
+    condim: Literal[1, 3, 4, 6] | None = Field(
+        None,
+        description="most dimensions of a contact, 3 = without twisting and rolling friction: on a "
+        "pyramidal cone a contact has 10 rows with 6, 4 with 3; without it as in `contact`",
+    )
     max_vertices: int = Field(
         64, ge=4, le=1000, description="most vertices of a convex collision mesh; more is an error"
     )

@@ -28,7 +28,7 @@ from assetbuild.recipe.randomize import Randomize
 from assetbuild.recipe.sensing import Cameras, Feet, Imu, Sensors
 from assetbuild.recipe.surface import Contact as Contact
 from assetbuild.recipe.surface import Simulation as Simulation
-from assetbuild.recipe.trials import TotalMass, Trials
+from assetbuild.recipe.trials import DriveBounds, InertiaBounds, Mirror, TotalMass, Trials
 from assetbuild.recipe.usd import Usd
 
 
@@ -264,7 +264,13 @@ class Validate(Model):
         description="small experiments in MuJoCo: drives, energy, timestep, self-collision, "
         "balance, settling; null = do not run them",
     )
+    inertia: InertiaBounds = Field(default_factory=lambda: InertiaBounds.model_validate({}))
+    gains: DriveBounds = Field(default_factory=lambda: DriveBounds.model_validate({}))
     mass: TotalMass = Field(default_factory=lambda: TotalMass.model_validate({}))
+    mirror: Mirror | None = Field(
+        default_factory=lambda: Mirror.model_validate({}),
+        description="left against right; null for a robot that is no mirror image of itself",
+    )
     max_shift: Positive = Field(
         0.015, description="m: collision geometry beside the visual geometry of its body, warning"
     )

@@ -22,6 +22,53 @@ class TotalMass(Model):
     )
 
 
+class InertiaBounds(Model):
+    """Where the rules `inertia.*` draw the line."""
+
+    triangle_slack: Positive = Field(
+        0.01, description="share of C by which A + B >= C may fail before it is an error"
+    )
+    radius: Positive = Field(
+        0.5, description="m: radius of the ball with this mass and moment, warning above"
+    )
+    density: Positive = Field(
+        25_000.0, description="kg/m3: a body of less inertia than this matter has is told"
+    )
+    small_mass: Positive = Field(1e-3, description="kg: a moving body below it is told")
+
+
+class DriveBounds(Model):
+    """Where the rules `gains.*` draw the line."""
+
+    torque: Positive = Field(
+        0.8, description="share of the effort limit that holding the pose may need, warning"
+    )
+    sag: Positive = Field(0.25, description="rad or m off the target by its own weight, warning")
+    margin: Positive = Field(
+        2.0, description="times stiffer before the drive diverges at this timestep, warning below"
+    )
+    damping_ratio: tuple[Positive, Positive] = Field(
+        (0.1, 10.0), description="least and most, warning"
+    )
+
+
+class Mirror(Model):
+    """What left and right parts may differ by; more is information, a slip a warning."""
+
+    place: Positive = Field(
+        0.005, description="m: parts whose places mirror each other so closely are compared"
+    )
+    mass: Positive = Field(0.02, description="relative difference of mass")
+    center: Positive = Field(0.005, description="m, of the centre of mass")
+    inertia: Positive = Field(0.1, description="relative difference of inertia")
+    axis: Positive = Field(0.02, description="rad, between an axis and its mirror image")
+    limits: Positive = Field(0.005, description="rad or m, of either end of a range")
+    home: Positive = Field(0.001, description="rad or m, at the first keyframe")
+    gains: Positive = Field(
+        0.01, description="relative, of kp, kd, damping, friction, armature, effort, velocity"
+    )
+
+
 class Trials(Model):
     """Small experiments in MuJoCo, and the limits beyond which they warn."""
 
@@ -34,6 +81,11 @@ class Trials(Model):
     )
     penetration: Positive = Field(
         0.005, description="m: deepest contact after two seconds on the floor, warning"
+    )
+    support: float = Field(
+        0.0,
+        allow_inf_nan=False,
+        description="m: least distance of the centre of mass inside the feet, warning",
     )
     energy: Positive = Field(
         0.05, description="relative change of energy in 1 s of free motion, warning"

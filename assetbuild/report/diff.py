@@ -9,6 +9,7 @@ from typing import Literal, get_args
 
 from assetbuild.report.snapshot import Snapshot, Value
 from assetbuild.report.tables import markdown_table, table, text_of
+from assetbuild.simulators.readings import FALL, HEIGHT
 
 Rank = Literal["CRITICAL", "HIGH", "MEDIUM", "LOW"]
 RANKS: tuple[Rank, ...] = get_args(Rank)
@@ -16,6 +17,8 @@ DEGREES = 180.0 / math.pi
 SHOWN_NAMES = 3
 
 CRITICAL_IF_CHANGED = ("kind", "axis", "base", "gravity, m/s2", "model")
+MOTION: dict[str, float] = {FALL: 0.02, HEIGHT: 0.01}
+"""m; what two simulators may differ by: 5 % of the fall, a centimetre of height."""
 DRIVE = ("kp", "kd", "damping", "friction", "armature", "effort", "velocity")
 
 
@@ -108,6 +111,8 @@ def _subjects(before: Snapshot, after: Snapshot) -> Iterator[Change]:
     for group in ("body", "joint"):
         old = {subject for kind, subject, _ in before.facts if kind == group}
         new = {subject for kind, subject, _ in after.facts if kind == group}
+        if not old or not new:
+            continue  # a configuration names no bodies, some none of its joints
         for name in sorted(old - new):
             yield Change("CRITICAL", (f"{group} {name}",), "exists", "yes", "no")
         for name in sorted(new - old):
@@ -125,15 +130,16 @@ def _facts(before: Snapshot, after: Snapshot) -> Iterator[Change]:
         if (group, quantity) not in both or (group, subject) not in there:
             continue
         old, new = before.facts.get(key), after.facts.get(key)
-        if not _same(old, new, max(before.precision, after.precision)):
+        apart = MOTION.get(quantity, 0.0)
+        if not _same(old, new, max(before.precision, after.precision), apart):
             name = subject if group == "robot" else f"{group} {subject}"
             rank, note = judge(quantity, old, new)
             yield Change(rank, (name,), quantity, text_of(old), text_of(new), note)
 
 
-def _same(old: Value, new: Value, precision: float) -> bool:
+def _same(old: Value, new: Value, precision: float, apart: float) -> bool:
     if isinstance(old, float) and isinstance(new, float):
-        return math.isclose(old, new, rel_tol=precision, abs_tol=1e-3 * precision)
+        return math.isclose(old, new, rel_tol=precision, abs_tol=max(1e-3 * precision, apart))
     if isinstance(old, tuple) and isinstance(new, tuple) and len(old) == len(new):
         size = max(map(abs, (*old, *new)), default=0.0)
         return math.dist(old, new) <= precision * max(size, 1e-3)
@@ -174,7 +180,8 @@ def _judge_number(quantity: str, old: float, new: float) -> tuple[Rank, str]:
         return ("HIGH" if abs(new - old) > 1e-3 else "LOW"), ""
     if quantity in DRIVE:
         return ("HIGH" if change > math.log(1.5) else "MEDIUM"), note
-    return ("HIGH" if quantity in ("timestep, s", "decimation") else "MEDIUM"), note
+    high = ("timestep, s", "decimation", *MOTION)
+    return ("HIGH" if quantity in high else "MEDIUM"), note
 
 
 def _files(before: Snapshot, after: Snapshot) -> Iterator[Change]:
@@ -184,7 +191,7 @@ def _files(before: Snapshot, after: Snapshot) -> Iterator[Change]:
     other = sorted(p for p in pictures if before.files.get(p) != after.files.get(p))
     for path in other:
         name = path.removeprefix("report/images/")
-        old, new = ("there" if path in s.files else "-" for s in (before, after))
+        old, new = (s.files[path][0][:8] if path in s.files else "-" for s in (before, after))
         yield Change("LOW", (name,), "picture", old, new, "look at both")
     for folder in ("urdf", "mjcf", "usd"):
         sizes = [_size(snapshot, folder) for snapshot in (before, after)]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from assetbuild import __version__
-from assetbuild.findings import SEVERITIES, Finding, Severity, worst_first
+from assetbuild.findings import SEVERITIES, Finding, Severity, is_consequence, worst_first
 from assetbuild.recipe.models import Waiver
 
 Status = Literal["pass", "fail", "skip"]
@@ -118,14 +118,16 @@ def _unused(findings: Sequence[Finding], waivers: Mapping[str, Waiver]) -> list[
 
 def _judge(findings: Sequence[Finding], checks: Mapping[str, CheckResult]) -> Verdict:
     errors = [finding for finding in findings if finding.severity == "error"]
-    rules = tuple(dict.fromkeys(finding.rule for finding in errors))
     if errors:
-        first = errors[0]
+        causes = [finding for finding in errors if not is_consequence(finding)] or errors
+        first = causes[0]
         place = f"{first.where}: " if first.where else ""
-        return Verdict(False, rules, f"{place}{first.hint or first.message}")
+        next_step = f"{place}{first.subject}: {first.hint or first.message}"
+        return Verdict(False, tuple(dict.fromkeys(f.rule for f in causes)), next_step)
     warnings = [finding for finding in findings if finding.severity == "warning"]
     if warnings:
-        return Verdict(True, (), f"read the {len(warnings)} warnings, then train")
+        them = "the warning" if len(warnings) == 1 else f"the {len(warnings)} warnings"
+        return Verdict(True, (), f"read {them}, then train")
     skipped = [name for name, check in checks.items() if check.status == "skip"]
     if skipped:
         return Verdict(True, (), f"train; not checked here: {', '.join(sorted(skipped))}")

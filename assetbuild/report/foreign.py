@@ -1,30 +1,40 @@
-"""Facts of models that assetbuild did not write: any MJCF or URDF file."""
+"""Facts of models that assetbuild did not write: any MJCF, URDF, USD, Isaac Lab configuration."""
 
 from __future__ import annotations
 
+import json
 import math
 import tempfile
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import UsageError
-from assetbuild.report.snapshot import Facts, Snapshot, kinds_text, robot_facts
+from assetbuild.report.isaaclab_config import isaaclab_facts
+from assetbuild.report.snapshot import Facts, Snapshot, Value, kinds_text, robot_facts
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Shapes, Tree
 from assetbuild.robot.pose import vec3
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.simulators import mujoco
-from assetbuild.steps.read_urdf import ReadUrdf
+from assetbuild.simulators.readings import FORMAT
+from assetbuild.steps.read_urdf import ReadUrdf, named_packages
 
 FLOAT32 = 1e-6
 DECIMALS = 1e-5
 """MuJoCo's own writer rounds to six digits."""
 
 
-def foreign_snapshot(path: Path) -> Snapshot:
-    """Of a file by its suffix; AssetBuildError for what cannot be read."""
+def foreign_snapshot(path: Path, name: str = "", joints: Collection[str] = ()) -> Snapshot:
+    """Of a file by its suffix; AssetBuildError for what cannot be read.
+
+    name, joints: of an Isaac Lab configuration, see `isaaclab_facts`.
+    """
+    if path.suffix.lower() == ".py":
+        shown = f"{path}:{name}" if name else str(path)
+        return Snapshot(shown, isaaclab_facts(path, name, joints), precision=FLOAT32)
     if path.suffix.lower() in (".usd", ".usda", ".usdc"):
         from assetbuild.targets.usd.facts import usd_facts
 
@@ -33,14 +43,37 @@ def foreign_snapshot(path: Path) -> Snapshot:
         text = path.read_bytes()
     except OSError as error:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
+    if path.suffix.lower() == ".json":
+        return _readings(path, text)
     if b"<mujoco" in text:
         return Snapshot(str(path), mjcf_facts(path), precision=DECIMALS)
     if b"<robot" in text:
         return Snapshot(str(path), _urdf_facts(path))
     raise UsageError(
         f"`{path}` is no model that can be compared",
-        hint="give a bundle, a recipe, or an MJCF, URDF or USD file",
+        hint="give a bundle, a recipe, an MJCF, URDF or USD file, or an Isaac Lab configuration",
     )
+
+
+def _readings(path: Path, text: bytes) -> Snapshot:
+    """What Isaac Lab measured, by `python/<robot>_isaaclab_measure.py` of a bundle."""
+    try:
+        raw = json.loads(text)
+        if raw["format"] != FORMAT:
+            raise ValueError(f"its format is `{raw['format']}`, not `{FORMAT}`")
+        facts: Facts = {
+            (str(group), str(subject), str(quantity)): _value(value)
+            for group, subject, quantity, value in raw["facts"]
+        }
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise UsageError(f"`{path}` holds no readings: {error}") from None
+    return Snapshot(f"{path} ({raw.get('simulator', 'unnamed')})", facts, precision=FLOAT32)
+
+
+def _value(value: object) -> Value:
+    if isinstance(value, list):
+        return tuple(float(part) for part in value)
+    return value if value is None or isinstance(value, str) else float(str(value))
 
 
 def _urdf_facts(path: Path) -> Facts:
@@ -50,7 +83,8 @@ def _urdf_facts(path: Path) -> Facts:
         inputs.mkdir()
         outputs.mkdir()
         (inputs / "robot.urdf").write_bytes(path.read_bytes())
-        step = ReadUrdf(file=path.name, base="floating", packages={})
+        packages = named_packages(path.read_bytes())
+        step = ReadUrdf(file=path.name, base="floating", packages=packages)
         list(step.run(Files(inputs=inputs, outputs=outputs)))
         links = decode(Tree, (outputs / "links.json").read_bytes())
         shapes = decode(Shapes, (outputs / "shapes.json").read_bytes())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -10,7 +11,7 @@ from itertools import groupby
 from pathlib import Path
 
 from assetbuild import __version__
-from assetbuild.findings import SEVERITIES, Finding
+from assetbuild.findings import SEVERITIES, Finding, is_consequence
 from assetbuild.report.card import card_tables
 from assetbuild.report.document import CheckResult, Report
 from assetbuild.report.facts import Subject, total_mass
@@ -98,8 +99,13 @@ def _verdict(report: Report) -> str:
     parts = [f"<strong>Ready for training: {answer}</strong>"]
     if blocked:
         parts.append(f"<p>Blocked by {blocked}</p>")
-    parts.append(f"<p>Next: {escape(verdict.next_step)}</p>")
+    parts.append(f"<p>Next: {_prose(verdict.next_step)}</p>")
     return f'<div class="verdict {kind}" role="status">{"".join(parts)}</div>'
+
+
+def _prose(text: str) -> str:
+    """A sentence whose backticks become code."""
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
 def _tiles(report: Report, subject: Subject) -> str:
@@ -192,7 +198,13 @@ def _findings(findings: Sequence[Finding]) -> str:
     loud = [f for f in findings if f.severity != "info"]
     waived = [f for f in findings if f.severity == "info" and "because" in f.data]
     quiet = [f for f in findings if f.severity == "info" and "because" not in f.data]
-    parts = _grouped(loud) or ["<p>No errors and no warnings.</p>"]
+    following = [f for f in loud if is_consequence(f)]
+    parts = _grouped([f for f in loud if f not in following])
+    if following:
+        inner = "".join(_finding(f) for f in following)
+        head = f"{len(following)} checks had nothing to work on, for what stands above"
+        parts.append(f"<details><summary>{head}</summary>{inner}</details>")
+    parts = parts or ["<p>No errors and no warnings.</p>"]
     if waived:
         parts.append(f"<h3>Waived by the recipe ({len(waived)})</h3>")
         parts += [_finding(f) for f in waived]
@@ -222,14 +234,14 @@ def _finding(finding: Finding) -> str:
     parts = [
         f'<div class="finding {finding.severity}">{finding.severity} '
         f"<code>{escape(finding.rule)}</code> · {escape(finding.subject)}{where}"
-        f"<p>{escape(finding.message)}</p>"
+        f"<p>{_prose(finding.message)}</p>"
     ]
     because = finding.data.get("because")
     if because:
         before = finding.data.get("severity_before")
         parts.append(f"<p>Waived, was {escape(str(before))}: {escape(str(because))}</p>")
     if finding.hint:
-        parts.append(f"<p>Fix: {escape(finding.hint)}</p>")
+        parts.append(f"<p>Fix: {_prose(finding.hint)}</p>")
     numbers = {k: v for k, v in finding.data.items() if k not in ("because", "severity_before")}
     if numbers:
         rows = "".join(

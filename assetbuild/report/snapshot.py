@@ -12,6 +12,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from assetbuild.report.facts import total_mass
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.inertia import principal_moments
 from assetbuild.robot.model import Control, Mesh, Shape, Shapes, Tree
+from assetbuild.simulators.readings import FALL, HEIGHT, fall_m
 
 Value = float | str | tuple[float, ...] | None
 Facts = dict[tuple[str, str, str], Value]
@@ -55,7 +57,10 @@ def bundle_snapshot(bundle: Path) -> Snapshot:
         manifest = json.loads((bundle / "manifest.json").read_bytes())
         parts = {name: json.dumps(raw[name]).encode() for name in ("tree", "shapes", "control")}
         tree, shapes = decode(Tree, parts["tree"]), decode(Shapes, parts["shapes"])
-        facts = robot_facts(tree, shapes, decode(Control, parts["control"]))
+        control = decode(Control, parts["control"])
+        facts = robot_facts(tree, shapes, control) | _motion_facts(
+            tree, control, report.get("checks", {})
+        )
         return Snapshot(
             str(bundle),
             facts,
@@ -71,6 +76,19 @@ def bundle_snapshot(bundle: Path) -> Snapshot:
         ) from None
     except (ValueError, KeyError, TypeError) as error:
         raise UsageError(f"`{bundle}` is not a readable bundle: {error}") from None
+
+
+def _motion_facts(tree: Tree, control: Control, checks: Mapping[str, Any]) -> Facts:
+    """What is asked of a simulator too: a fall by formula, the height of the check `stand`."""
+    if tree.base != "floating":
+        return {}
+    simulation = control.simulation
+    pull = float(np.linalg.norm(simulation.gravity))
+    facts: Facts = {("robot", "robot", FALL): fall_m(pull, simulation.timestep)}
+    height = checks.get("stand", {}).get("figures", {}).get("height_m")
+    if isinstance(height, float):
+        facts["robot", "robot", HEIGHT] = height
+    return facts
 
 
 def robot_facts(tree: Tree, shapes: Shapes, control: Control | None) -> Facts:

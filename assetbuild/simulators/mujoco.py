@@ -6,6 +6,7 @@ MuJoCo's own warnings are caught: without a handler they go to a log file in the
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -72,7 +73,11 @@ def _compiled_for_physics(path: Path) -> Model:
 
 
 def _without_folder(text: str, path: Path) -> str:
-    """No absolute path: the same message wherever the file lies; in one line."""
+    """No absolute path: the same message wherever the file lies; in one line.
+
+    Without what MuJoCo adds about the visual shapes that we asked it to leave out.
+    """
+    text = re.sub(r"The visual elements of the spec were discarded[^.]*\.", "", text)
     plain = text.replace(f"{path.parent.resolve()}/", "").replace(f"{path.parent}/", "")
     return " ".join(plain.split())
 
@@ -368,3 +373,21 @@ def _load(model: Model, data: Data) -> dict[str, float]:
             joint = name_of(model, "joint", int(model.actuator_trnid[actuator, 0]))
             load[joint] = abs(float(data.actuator_force[actuator])) / limit
     return load
+
+
+def passes(model: Model, a: int, b: int) -> bool:
+    """Whether MuJoCo lets two bodies (by number) pass through each other by its own rule.
+
+    One rigid piece never touches itself, and neither do parent and child, unless the parent is
+    part of the world or the model switches that filter off.
+    """
+    import mujoco
+
+    weld_a, weld_b = int(model.body_weldid[a]), int(model.body_weldid[b])
+    if weld_a == weld_b:
+        return True
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT or 0 in (weld_a, weld_b):
+        return False
+    above_a = int(model.body_weldid[model.body_parentid[weld_a]])
+    above_b = int(model.body_weldid[model.body_parentid[weld_b]])
+    return weld_a == above_b or weld_b == above_a

@@ -308,6 +308,32 @@ def polygon_margin(points: Array, inside: Array) -> float | None:
     return -float(distance[is_side].max())
 
 
+def stands_free(model: Model) -> bool:
+    """Whether its first joint is free, and there is a floor to stand on."""
+    import mujoco
+
+    planes = (model.geom_bodyid == 0) & (model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE))
+    return bool(model.njnt) and int(model.jnt_type[0]) == 0 and bool(planes.any())
+
+
+def passive(model: Model, seconds: float = 1.0) -> Mapping[str, float | None]:
+    """How far the base sinks (m) and tilts (rad) at the first keyframe with all drives off."""
+    import mujoco
+
+    with unchanged(model), caught_warnings():
+        disable(model, "ACTUATION")
+        data = at_first_key(model)
+        height, upright = float(data.xpos[1][2]), np.array(data.xmat[1]).reshape(3, 3)[:, 2]
+        for _ in range(max(1, round(seconds / model.opt.timestep))):
+            mujoco.mj_step(model, data)
+        mujoco.mj_forward(model, data)
+        sunk = height - float(data.xpos[1][2])
+        now = np.array(data.xmat[1]).reshape(3, 3)[:, 2]
+        finite = bool(np.isfinite(data.qpos).all()) and data.time > 0.5 * seconds
+    tilt = math.acos(float(np.clip(upright @ now, -1.0, 1.0))) if finite else None
+    return {"seconds": seconds, "base_sinks_m": sunk if finite else None, "base_tilts_rad": tilt}
+
+
 @dataclass(frozen=True)
 class Settled:
     """After a drop of a scene's robot: fastest joint, deepest contact, wander of the base."""

@@ -9,10 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Self
 
 from pydantic import BaseModel, ConfigDict
 
 from assetbuild.findings import Finding, Scalar, Severity
+from assetbuild.recipe.models import Recipe
 from assetbuild.robot.chains import Chain, find_chains
 from assetbuild.robot.inertia import (
     Tensor,
@@ -49,6 +51,17 @@ class Bounds(BaseModel):
     """MuJoCo refuses a moving body with a smaller principal moment (its mjMINVAL)."""
     small_mass_kg: float = 1e-3
     """A moving body below this makes simulators stiff."""
+
+    @classmethod
+    def of(cls, recipe: Recipe) -> Self:
+        """Those of `validate.inertia`."""
+        wish = recipe.validate_.inertia
+        return cls(
+            triangle_slack=wish.triangle_slack,
+            radius_m=wish.radius,
+            density_kg_m3=wish.density,
+            small_mass_kg=wish.small_mass,
+        )
 
 
 def inertia_findings(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import cast, get_args
 
 from assetbuild.errors import did_you_mean
@@ -55,7 +56,7 @@ def build_tree(
     joints: list[Joint],
     nodes: Mapping[str, Node],
     problems: Problems,
-) -> Tree:
+) -> tuple[Tree, list[Finding]]:
     """Depth-first tree with one root. nodes: by subject, `link trunk`, for the lines of errors."""
     above: dict[str, Joint] = {}
     for joint in joints:
@@ -67,11 +68,12 @@ def build_tree(
                 raise _at(nodes, joint.name).error(message, hint)
             above[joint.child] = joint
     problems.raise_first()
+    _refuse_mimic_loops(joints, nodes)
+    joints, findings = _hold_followers(joints, nodes)
     by_name = {body.name: body for body in bodies}
     root = _root(list(by_name), above, nodes)
-    _refuse_mimic_loops(joints, nodes)
     links, ordered = depth_first(root, joints)
-    return Tree(name, base, tuple(by_name[link] for link in links), ordered)
+    return Tree(name, base, tuple(by_name[link] for link in links), ordered), findings
 
 
 def _root(links: list[str], above: Mapping[str, Joint], nodes: Mapping[str, Node]) -> str:
@@ -218,3 +220,51 @@ def _refuse_mimic_loops(joints: list[Joint], nodes: Mapping[str, Node]) -> None:
                 way = " -> ".join(f"`{name}`" for name in [*seen, following])
                 raise _at(nodes, start).error(f"mimic joints follow one another: {way}")
             seen.append(following)
+
+
+def _hold_followers(
+    joints: list[Joint], nodes: Mapping[str, Node]
+) -> tuple[list[Joint], list[Finding]]:
+    """Joints that mimic a fixed one, directly or through others, are locked where it puts them."""
+    by_name = {joint.name: joint for joint in joints}
+    held: dict[str, float] = {}
+
+    def position(joint: Joint) -> float | None:
+        """rad or m; None = it moves."""
+        if joint.kind == "fixed":
+            return 0.0
+        if joint.mimic is None:
+            return None
+        leader = by_name[joint.mimic.joint]
+        if leader.kind in ("planar", "floating"):
+            raise _at(nodes, joint.name).error(
+                f"mimic joint `{leader.name}` is {leader.kind}: it has no single position"
+            )
+        at = position(leader)
+        return None if at is None else joint.mimic.offset + joint.mimic.multiplier * at
+
+    for joint in joints:
+        if (
+            joint.mimic is not None
+            and joint.kind != "fixed"
+            and (at := position(joint)) is not None
+        ):
+            held[joint.name] = at + 0.0
+    findings = [
+        Finding(
+            "joint.mimic_fixed",
+            "warning",
+            f"joint {name}",
+            f"mimics a joint that is fixed: locked at {at:g}",
+            "make it `fixed` too, or give the joint that it mimics a type that moves",
+            data={"position": at},
+        )
+        for name, at in held.items()
+    ]
+    return [_locked(j, held[j.name]) if j.name in held else j for j in joints], findings
+
+
+def _locked(joint: Joint, at: float) -> Joint:
+    kind: JointKind = "revolute" if joint.kind == "continuous" else joint.kind
+    limits = replace(joint.limits, lower=at, upper=at)
+    return replace(joint, kind=kind, mimic=None, limits=limits)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import posixpath
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, get_args
 
 from assetbuild.errors import did_you_mean
 from assetbuild.findings import Finding
+from assetbuild.mesh.read import Format
 from assetbuild.robot.inertia import rotate_tensor
 from assetbuild.robot.model import (
     Body,
@@ -25,6 +27,8 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of_rpy, vec3
 from assetbuild.steps._urdf_paths import Paths
 from assetbuild.steps._urdf_xml import Node, Problems
+
+FORMATS: tuple[str, ...] = get_args(Format)
 
 ROLES: tuple[Literal["visual", "collision"], ...] = ("visual", "collision")
 Rgba = tuple[float, float, float, float]
@@ -128,6 +132,9 @@ def _read_geometry(node: Node, paths: Paths, uses: dict[str, FileUse]) -> Geomet
     if shape.tag == "mesh":
         path = paths.resolve(shape)
         uri = shape.text("filename").strip()
+        if posixpath.splitext(path)[1].lower().lstrip(".") not in FORMATS:
+            known = ", ".join(f"`.{name}`" for name in FORMATS)
+            raise shape.error(f"mesh filename `{uri}` is of no known format", f"known: {known}")
         uses.setdefault(path, FileUse(path, uri, shape.subject, shape.line))
         return Mesh(path, _scale(shape))
     if shape.tag == "box":
@@ -138,8 +145,8 @@ def _read_geometry(node: Node, paths: Paths, uses: dict[str, FileUse]) -> Geomet
         return Cylinder(shape.positive("radius"), shape.positive("length"))
     if shape.tag == "capsule":
         return Capsule(shape.positive("radius"), shape.positive("length"))
-    known = ("box", "sphere", "cylinder", "capsule", "mesh")
-    raise shape.error(f"unknown geometry <{shape.tag}>", did_you_mean(shape.tag, known))
+    tags = ("box", "sphere", "cylinder", "capsule", "mesh")
+    raise shape.error(f"unknown geometry <{shape.tag}>", did_you_mean(shape.tag, tags))
 
 
 def _box_size(node: Node) -> Vec3:

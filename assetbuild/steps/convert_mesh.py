@@ -19,12 +19,15 @@ from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.picture import has_holes, png_of
 from assetbuild.mesh.read import Format, UpAxis, read_mesh
+from assetbuild.mesh.split import with_four_corners
 from assetbuild.mesh.triangles import TriangleMesh, bounds_of, face_normals, merged, unit_vectors
 from assetbuild.mesh.volume import area, is_closed, signed_volume
 from assetbuild.mesh.weld import drop_collapsed, weld
 from assetbuild.robot.codec import encode
 from assetbuild.robot.pose import Array, Vec3
 
+NO_AREA = 1e-14
+"""m2: MuJoCo refuses a mesh whose surface is smaller."""
 NORMAL_DECIMALS = 6
 """A millionth of a radian is beyond any eye, and equal directions stay equal bytes."""
 
@@ -32,10 +35,11 @@ NORMAL_DECIMALS = 6
 class ConvertMesh(Step):
     """Reads `mesh`, and the files that it names as `companions/<number>`."""
 
-    version = "5"
+    version = "6"
     tools = ("numpy", "pycollada", "trimesh", "pillow")
     outputs = ("parts/", "mesh.json")
     isolated = True
+    all_told = True
     preload = ("numpy", "trimesh", "collada", "lxml.etree", "PIL.Image")
     limits: ClassVar[Limits] = Limits(wall_s=120.0, memory_mb=4096)
 
@@ -71,7 +75,10 @@ class ConvertMesh(Step):
         parts = [MaterialPart(p.material, self._prepared(p)) for p in textured]
         yield from self._collapsed(source.parts, parts)
         yield from self._without_coordinates(source.parts, parts)
-        parts = [part for part in parts if len(part.mesh.faces)]
+        yield from self._invisible(parts)
+        parts = [
+            replace(p, mesh=with_four_corners(p.mesh)) for p in parts if area(p.mesh) > NO_AREA
+        ]
         if not parts:
             raise StepError(f"{self.subject}: no triangle has an area")
         turned = source.up_axis is not None and self.up_axis == "honour"
@@ -105,6 +112,20 @@ class ConvertMesh(Step):
                 subject=self.subject,
                 message=f"{dropped} of {faces} triangles use one point twice and are left out",
                 data={"dropped": dropped, "faces": faces},
+            )
+
+    def _invisible(self, parts: Sequence[MaterialPart]) -> Iterator[Finding]:
+        thin = [p for p in parts if len(p.mesh.faces) and area(p.mesh) <= NO_AREA]
+        if thin:
+            faces = sum(len(part.mesh.faces) for part in thin)
+            yield Finding(
+                rule="mesh.no_area",
+                severity="warning",
+                subject=self.subject,
+                message=f"{len(thin)} of {len(parts)} parts are lines without any area "
+                f"({faces} triangles): nobody can see them, they are left out",
+                hint="delete them in the source",
+                data={"parts": len(thin), "faces": faces},
             )
 
     def _without_coordinates(

@@ -16,6 +16,7 @@ class ConvertTexture(Step):
     tools = ("pillow",)
     outputs = ("texture/",)
     isolated = True
+    all_told = True
     preload = ("numpy", "trimesh", "collada", "lxml.etree", "PIL.Image")  # as convert_mesh
     limits: ClassVar[Limits] = Limits(wall_s=60.0, memory_mb=2048)
 

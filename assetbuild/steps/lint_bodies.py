@@ -1,4 +1,4 @@
-"""Look over the bodies that will be simulated: wrong mass properties are errors here."""
+"""Look over the bodies that will be simulated: wrong mass properties and limits are errors."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Shapes, Tree
 from assetbuild.steps._inertia_rules import Bounds, inertia_findings
+from assetbuild.steps._limit_rule import crossed_limits
 
 
 class LintBodies(Step):
     """`tree.json`, `shapes.json` -> findings only, by the same rules as `lint_links`."""
 
-    version = "4"
+    version = "5"
 
     bounds: Bounds = Field(default_factory=Bounds)
 
@@ -25,3 +26,5 @@ class LintBodies(Step):
         tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
         yield from inertia_findings(tree, shapes, self.bounds, "error")
+        for joint in tree.moving_joints:
+            yield from crossed_limits(joint, "error")

@@ -13,17 +13,17 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Joint, Shapes, Tree
 from assetbuild.robot.tree import PLACEHOLDER_KG
 from assetbuild.steps._inertia_rules import Bounds, inertia_findings
-from assetbuild.steps._mirror_rule import mirror_findings
+from assetbuild.steps._limit_rule import crossed_limits
 
 
 class LintLinks(Step):
     """`links.json`, `shapes.json` -> findings only.
 
-    Mass properties are warnings at most: merging fixed joints can heal a placeholder, and
-    `lint_bodies` judges what will be simulated. Joint limits are final here.
+    Mass properties and crossed limits are warnings at most: an edit can heal them, merging fixed
+    joints a placeholder, and `lint_bodies` judges what will be simulated.
     """
 
-    version = "6"
+    version = "7"
 
     bounds: Bounds = Field(default_factory=Bounds)
 
@@ -32,7 +32,6 @@ class LintLinks(Step):
         tree = decode(Tree, (files.inputs / "links.json").read_bytes())
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
         yield from inertia_findings(tree, shapes, self.bounds, "warning")
-        yield from mirror_findings(tree)
         for joint in tree.moving_joints:
             yield from _range(joint)
             yield from _drive(joint)
@@ -50,9 +49,7 @@ def _range(joint: Joint) -> Iterator[Finding]:
         hint = "if it is meant to move, give it a range: edit `set_limits`; else make it `fixed`"
         yield Finding("joint.locked", "warning", subject, message, hint, data=data)
     elif lower > upper:
-        message = f"lower limit {lower:g} {unit} is not below upper limit {upper:g} {unit}"
-        hint = "edit `set_limits` gives it both; make the joint `fixed` if it is not meant to move"
-        yield Finding("joint.limits", "error", subject, message, hint, data=data)
+        yield from crossed_limits(joint, "warning")
     elif joint.kind == "revolute" and upper - lower > 2 * math.pi * (1 + 1e-6):
         message = f"range {upper - lower:.4g} rad is more than one turn"
         hint = "right for some arms; else were degrees written for radians?"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import asdict
 
@@ -29,6 +30,7 @@ class ReadUrdf(Step):
     """
 
     tools = ("lxml",)
+    version = "2"
     outputs = ("links.json", "shapes.json", "meshes.json", "source_map.json", "source.urdf")
     isolated = True
     preload = ("lxml.etree",)
@@ -53,10 +55,10 @@ class ReadUrdf(Step):
         if not root.all("link"):
             raise root.error("a robot without links", "is this the right file?")
         nodes = {f"{n.tag} {n.get('name')}": n for n in root.all("link") + root.all("joint")}
-        tree = build_tree(name, self.base, bodies, joints, nodes, problems)
+        tree, held = build_tree(name, self.base, bodies, joints, nodes, problems)
         _write(files, tree, geometries, self._source_map(root, nodes, geometries))
         (files.outputs / "source.urdf").write_bytes(without_comments(data))
-        yield from [*unnamed, *geometries.findings, *findings, *_dropped(root)]
+        yield from [*unnamed, *geometries.findings, *findings, *held, *_dropped(root)]
 
     def _source_map(
         self, root: Node, nodes: dict[str, Node], geometries: Geometries
@@ -90,6 +92,12 @@ def _read_joints(
             joints.append(joint)
             findings += told
     return joints, findings
+
+
+def named_packages(urdf: bytes) -> dict[str, str]:
+    """Every package that a URDF names, as if it lay beside it: for a look without its meshes."""
+    named = set(re.findall(rb"package:/*([A-Za-z0-9_.-]+)", urdf))
+    return {name.decode(): "." for name in sorted(named)}
 
 
 def _robot_name(root: Node) -> tuple[str, list[Finding]]:

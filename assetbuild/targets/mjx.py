@@ -2,7 +2,8 @@
 
 Bodies, joints, coordinates, drives, sensors and keyframes are those of `<robot>.xml`. What differs
 is said in the recipe under `mjx`: solver options, which links touch anything, whether parts of the
-robot touch one another (else masks let only the world meet it), and how many corners a hull has.
+robot touch one another (else masks let only the world meet it), how many dimensions a contact and
+how many corners a hull has.
 `mjx_pairs` proves that both engines know every pair that is left.
 """
 
@@ -37,7 +38,7 @@ from assetbuild.targets.mjcf.scene import scene
 class Mjx(Target):
     """Writes `<robot>_mjx.xml`, `scene_mjx.xml` and their assets beside the full MJCF."""
 
-    version = "2"
+    version = "5"
     outputs = ("mjx/",)
     folder = "mjcf"
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
@@ -59,6 +60,7 @@ class Mjx(Target):
         shapes = one_per_look(without_textures(shapes, without))
 
         left_out, shapes = self._touching(shapes)
+        yield from self._explain_condim(control)
         control = self._masked(control, shapes)
         capped = self._capped(shapes)
         stem = f"{self.robot}_mjx"
@@ -104,18 +106,20 @@ class Mjx(Target):
     def _masked(self, control: Control, shapes: Shapes) -> Control:
         """Without self-collision no shape of the robot looks for another: contype 0."""
         names = {shape.name for shape in shapes.of("collision")}
-        own = tuple((n, self._mask(c)) for n, c in control.contacts if n in names)
+        own = tuple((n, self._cheap(c)) for n, c in control.contacts if n in names)
         sensors = tuple(s for s in control.sensors if s.at.kind != "shape" or s.at.name in names)
         return replace(
             control,
-            contact=self._mask(control.contact),
+            contact=self._cheap(control.contact),
             contacts=own,
             sensors=sensors,
             excludes=control.excludes if self.options.self_collision else (),
         )
 
-    def _mask(self, contact: Contact) -> Contact:
-        return contact if self.options.self_collision else replace(contact, mask=0)
+    def _cheap(self, contact: Contact) -> Contact:
+        least = min(contact.condim, self.options.condim or contact.condim)
+        mask = contact.mask if self.options.self_collision else 0
+        return replace(contact, condim=least, mask=mask)
 
     def _capped(self, shapes: Shapes) -> tuple[str, ...]:
         """Meshes that collide with more corners than the recipe allows."""
@@ -125,6 +129,18 @@ class Mjx(Target):
             for mesh in shapes.meshes
             if mesh.name in used and mesh.vertices > self.options.max_vertices
         )
+
+    def _explain_condim(self, control: Control) -> Iterator[Finding]:
+        most = max(c.condim for c in (control.contact, *(own for _, own in control.contacts)))
+        if self.options.condim is not None and most > self.options.condim:
+            yield Finding(
+                "mjx.condim",
+                "info",
+                "recipe mjx.condim",
+                f"contacts of condim {most} have {self.options.condim} in the mjx model: less "
+                "friction against twisting and rolling, fewer rows to solve",
+                data={"condim": self.options.condim, "was": most},
+            )
 
     def _explain(self, left_out: tuple[str, ...], capped: tuple[str, ...]) -> Iterator[Finding]:
         if left_out:

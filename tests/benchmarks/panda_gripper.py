@@ -1,14 +1,16 @@
-"""Panda's finger: the recess behind its pad stays open under `auto`, and a hull closes it.
+"""Panda's gripper: what is open stays open under `auto` with `keep_open`; a hull closes it.
 
 python tests/benchmarks/panda_gripper.py [picture.svg]
 
-The probe is found from the mesh: the deepest ball inside the hull that touches no triangle.
+Three places: the recess behind the finger's pad and the hand's underside, found from the mesh (the
+deepest ball inside the hull that touches no triangle), and the gap between the fingers of the whole
+gripper, open by 80 mm, as one body.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +24,10 @@ from assetbuild.collision.auto import Auto
 from assetbuild.collision.hull import Hull
 from assetbuild.mesh.cover import Reference, blocked_by
 from assetbuild.mesh.solid import ConvexPiece, sobol
+from assetbuild.mesh.triangles import TriangleMesh, merged
+from assetbuild.mesh.weld import cleaned
 from assetbuild.recipe.collision import PRESETS
+from assetbuild.robot.pose import Pose, quat_of_rpy
 
 SOURCE = (PlacedSource.of_mesh("mesh"),)
 SHARE = 0.6
@@ -39,6 +44,26 @@ def deepest(reference: Reference) -> ProbeSource:
     best = int(np.argmax(room))
     x, y, z = (float(v) for v in np.round(points[best], 4))
     return ProbeSource(start=(x, y, z), end=(x, y, z), radius=round(SHARE * float(room[best]), 4))
+
+
+def gripper() -> TriangleMesh:
+    """Hand and both fingers, each 40 mm out, in the frame of the hand."""
+    finger = load_link("panda_finger")
+    left = Pose((0.0, 0.04, 0.0584))
+    right = Pose((0.0, -0.04, 0.0584), quat_of_rpy(0.0, 0.0, np.pi))
+    return cleaned(merged([load_link("panda_hand"), finger.placed(left), finger.placed(right)]))
+
+
+GAP = ProbeSource(start=(0.0, -0.03, 0.1), end=(0.0, 0.03, 0.1), radius=0.008)
+"""Between the pads, 10 mm clear of either."""
+
+
+def cases() -> Iterator[tuple[str, Reference, ProbeSource]]:
+    """(name, mesh, the place that must stay open)."""
+    for link in ("panda_finger", "panda_hand"):
+        reference = Reference(load_link(link))
+        yield link, reference, deepest(reference)
+    yield "panda_gripper", Reference(gripper()), GAP
 
 
 def picture(cuts: dict[str, Sequence[ConvexPiece]], probe: ProbeSource, r: Reference) -> str:
@@ -65,8 +90,9 @@ def picture(cuts: dict[str, Sequence[ConvexPiece]], probe: ProbeSource, r: Refer
             colour = "#1f6fb2" if is_covered and not is_in else "#999" if is_covered else "#e5b567"
             u, v = number * width + (x - xs[0]) / step * 2, height - 10 - (z - zs[0]) / step * 2
             out.append(f'<rect x="{u:.1f}" y="{v:.1f}" width="2" height="2" fill="{colour}"/>')
-        u = number * width + (probe.start[axis] - xs[0]) / step * 2
-        v = height - 10 - (probe.start[2] - zs[0]) / step * 2
+        middle = np.add(probe.start, probe.end) / 2.0
+        u = number * width + (middle[axis] - xs[0]) / step * 2
+        v = height - 10 - (middle[2] - zs[0]) / step * 2
         radius = probe.radius / step * 2
         out.append(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{radius:.1f}" fill="none" stroke="red"/>')
     head = f'<svg xmlns="http://www.w3.org/2000/svg" width="{width * len(cuts):.0f}" '
@@ -80,9 +106,7 @@ def picture(cuts: dict[str, Sequence[ConvexPiece]], probe: ProbeSource, r: Refer
 
 def main(arguments: Sequence[str]) -> None:
     """Print who closes the probe."""
-    for link in ("panda_finger", "panda_hand"):
-        reference = Reference(load_link(link))
-        probe = deepest(reference)
+    for link, reference, probe in cases():
         auto = Auto.model_validate(
             {"sources": SOURCE, "probes": (probe,), **PRESETS["manipulation"]}
         )
@@ -91,7 +115,7 @@ def main(arguments: Sequence[str]) -> None:
             "auto, keep_open": auto.fit(reference).pieces,
         }
         at = ", ".join(f"{1e3 * v:.1f}" for v in probe.start)
-        print(f"{link}: a ball of {1e3 * probe.radius:.1f} mm at ({at}) mm")
+        print(f"{link}: a probe of radius {1e3 * probe.radius:.1f} mm at ({at}) mm")
         for name, pieces in cuts.items():
             closing = sum(blocked_by(piece, probe.probe) for piece in pieces)
             state = f"closed by {closing} pieces" if closing else "open"

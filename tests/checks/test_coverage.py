@@ -6,11 +6,13 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tiny import TinyRobot, box_obj, pendulum, run_step, write_robot_ports
 
 from assetbuild.checks.coverage import Coverage
 from assetbuild.findings import Finding
+from assetbuild.mesh.solids import distance_to
 from assetbuild.robot.model import Box, Capsule, Geometry, Mesh, MeshAsset, Shape, Shapes
 from assetbuild.robot.pose import Pose
 
@@ -55,3 +57,9 @@ def test_a_shorter_and_a_thicker_shape_are_simplifications(tmp_path: Path):
     assert told(Capsule(0.02, 0.2), (0.0, 0.0, 0.0), tmp_path / "a") == []
     assert told(Box((0.1, 0.1, 0.35)), (0.0, 0.0, 0.0), tmp_path / "b") == []
     assert told(Box((0.05, 0.04, 0.1)), (0.0, 0.0, 0.1), tmp_path / "c") == []
+
+
+def test_points_in_one_plane_are_as_far_as_their_box():
+    flat = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    points = np.array([[1.0, 0.5, 0.3], [5.0, 0.5, 4.0], [1.0, 0.5, 0.0]])
+    assert distance_to(flat, Pose())(points) == pytest.approx([0.3, 5.0, 0.0])

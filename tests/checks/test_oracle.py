@@ -80,15 +80,18 @@ def figures(folder: Path) -> dict[str, float]:
 def test_an_mjcf_written_by_hand_is_the_same_robot(robots: Path, tmp_path: Path):
     assert by_hand(robots, tmp_path) == []
     found = figures(tmp_path)
-    assert max(found[f"{k}_error"] for k in ("kinematics", "mass_matrix", "gravity")) < 1e-12
+    assert (
+        max(found[f"{k}_error"] for k in ("inertia", "kinematics", "mass_matrix", "gravity"))
+        < 1e-12
+    )
     assert (found["nv"], found["mass_mjcf_kg"]) == (7, 4.0)
 
 
 @pytest.mark.parametrize(
     ("rules", "old", "new"),
     [
-        ({"mass_matrix", "gravity"}, 'mass="1"', 'mass="1.000001"'),
-        ({"mass_matrix"}, "0.02 0.02 0.001", "0.02 0.02000001 0.001"),
+        ({"inertia", "mass_matrix", "gravity"}, 'mass="1"', 'mass="1.000001"'),
+        ({"inertia", "mass_matrix"}, "0.02 0.02 0.001", "0.02 0.02000001 0.001"),
         ({"kinematics", "mass_matrix", "gravity"}, 'axis="0 1 0"', 'axis="0 -1 0"'),
         ({"kinematics", "mass_matrix", "gravity"}, 'pos="0 0 0.5"', 'pos="0 0 0.500001"'),
         ({"kinematics"}, 'pos="0 0 -0.4"', 'pos="0 0 -0.400001"'),
@@ -142,6 +145,9 @@ def test_go1_is_the_same_robot_to_nine_digits(go1_root: Path, tmp_path: Path):
     path = go1_root / "robots/go1_description/urdf/go1.urdf"
     assert by_target(robot_folder(path.read_bytes(), tmp_path)) == []
     found = figures(tmp_path)
-    assert max(found[f"{k}_error"] for k in ("kinematics", "mass_matrix", "gravity")) < 1e-12
+    assert (
+        max(found[f"{k}_error"] for k in ("inertia", "kinematics", "mass_matrix", "gravity"))
+        < 1e-12
+    )
     assert found["mass_source_kg"] == pytest.approx(found["mass_mjcf_kg"], rel=1e-12)
     assert found["nv"] == 18

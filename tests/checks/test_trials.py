@@ -104,6 +104,26 @@ def test_a_centre_of_mass_beyond_the_feet_is_told(tmp_path: Path):
     assert balance.data["margin_m"] < 0.0
 
 
+def test_the_least_margin_of_support_is_the_recipe_s(tmp_path: Path):
+    (balance,) = [f for f in tried(QUADRUPED, tmp_path, support=0.5) if f.rule == "trials.balance"]
+    assert "inside" in balance.message
+
+
+def test_what_it_does_without_its_drives_is_information(tmp_path: Path):
+    """Four bent legs fold: the trunk sinks, and no finding complains."""
+    assert tried(QUADRUPED, tmp_path) == []
+    passive = json.loads((tmp_path / "out/figures.json").read_text())["without_drives"]
+    assert passive["base_sinks_m"] > 0.05
+
+
+def test_a_file_with_hundreds_of_joints_is_not_simulated():
+    import mujoco
+
+    rows = "".join(f'<body pos="{i} 0 0"><joint/><geom size="0.1"/></body>' for i in range(301))
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{rows}</worldbody></mujoco>")
+    assert rules(list(Trials().examine(model, {}))) == {"trials.large"}
+
+
 def test_a_robot_without_damping_does_not_come_to_rest(tmp_path: Path):
     assert "trials.rest" in rules(tried(drives(kd=0.0, damping=0.0, friction=0.0), tmp_path))
 

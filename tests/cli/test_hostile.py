@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
+import time
 import zipfile
 import zlib
 from pathlib import Path
@@ -139,13 +140,44 @@ def test_an_archive_that_escapes_is_one_error(tiny: Workplace):
     refused(tiny, 2, "escaped.stl", "robot.zip", "urdf: r.urdf")
 
 
+def test_every_broken_mesh_is_named_at_once(tiny: Workplace):
+    (tiny.folder / "robot").mkdir(parents=True)
+    meshes = {"a.stl": stl(CORNERS, 9), "b.stl": b"garbage", "c.stl": stl(CORNERS**2, 2)}
+    for name, data in meshes.items():
+        (tiny.folder / "robot" / name).write_bytes(data)
+    shown = "".join(
+        f'<visual><geometry><mesh filename="{name}"/></geometry></visual>' for name in meshes
+    )
+    text = URDF.format(mesh="c.stl").replace("</link>", f"{shown}</link>")
+    (tiny.folder / "robot/r.urdf").write_text(text)
+    (tiny.folder / "r.yaml").write_text(RECIPE.format(path="robot", main="urdf: r.urdf"))
+    done = tiny.run("build", "r.yaml", "-j1")
+    assert done.returncode == 1
+    assert done.stderr.count("error: ") == 2, done.stderr
+    assert "a.stl: the header promises 9 faces" in done.stderr
+    assert "b.stl: 7 bytes are too few" in done.stderr
+    assert not (tiny.folder / "build").exists()
+
+
+@pytest.mark.slow  # the limit itself is half a minute, so that large robots have time
+def test_a_xacro_that_loops_for_ever_is_stopped_at_its_limit(tiny: Workplace):
+    (tiny.folder / "robot").mkdir(parents=True)
+    head = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    loop = '<link name="${python.sum(python.range(10**15))}"/>'
+    (tiny.folder / "robot/r.xacro").write_text(f"{head}{loop}</robot>")
+    started = time.monotonic()
+    refused(tiny, 2, "took more than 30 s and was stopped", "robot", "xacro: r.xacro")
+    assert time.monotonic() - started < 60.0
+
+
 @pytest.mark.parametrize(
     ("body", "says"),
     [
+        ('<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>', "uses itself without end"),
         ('<xacro:include filename="../secret.xacro"/>', "secret.xacro"),
         ('<link name="$(env HOME)"/>', "HOME"),
     ],
-    ids=["a file outside", "the environment"],
+    ids=["itself", "a file outside", "the environment"],
 )
 def test_a_xacro_that_looks_around_is_one_error(tiny: Workplace, body: str, says: str):
     (tiny.folder / "robot").mkdir(parents=True)

@@ -32,6 +32,19 @@ def test_a_good_and_a_bad_mjcf(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert "error lint.range" in said
 
 
+def test_the_drives_of_a_foreign_mjcf_are_tried(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A gain in N m per degree moves nothing."""
+    path = tmp_path / "arm.xml"
+    drive = '<actuator><position joint="a" kp="{}" kv="20" forcerange="-9 9"/></actuator>'
+    path.write_text(ARM.format(drive.format(100)).replace('name="a"', 'name="a" frictionloss="1"'))
+    assert "trials.dead" not in ran(capsys, path)[1]
+    path.write_text(ARM.format(drive.format(1.7)).replace('name="a"', 'name="a" frictionloss="1"'))
+    code, said = ran(capsys, path)
+    assert (code, "error trials.dead" in said) == (1, True)
+
+
 def test_a_urdf_with_an_impossible_tensor(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

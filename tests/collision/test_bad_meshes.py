@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -104,6 +106,13 @@ WORKS: dict[str, TriangleMesh] = {
 }
 
 
+MANY = "327,000 faces"
+CASES: dict[str, Callable[[], TriangleMesh]] = {
+    **{name: partial(dict.__getitem__, kind, name) for kind in (STOPS, WORKS) for name in kind},
+    MANY: partial(rippled, 327_000),
+}
+
+
 def attempt(tmp_path: Path, bad: TriangleMesh, cpu_limit: float = 3.0):
     """(pieces, findings); the file itself is bad, past what the converter would have refused."""
     folder = tmp_path / "in/shapes/0"
@@ -150,9 +159,9 @@ def test_a_strange_mesh_still_gets_collision_geometry(tmp_path, name):
 
 @pytest.mark.slow
 def test_three_hundred_thousand_faces_stay_within_the_limits(tmp_path):
-    pieces, _ = attempt(tmp_path, rippled(327_000), cpu_limit=20.0)
+    pieces, _ = attempt(tmp_path, CASES[MANY](), cpu_limit=20.0)
     assert 1 <= len(pieces) <= 8
 
 
 def test_there_are_27_of_them():
-    assert len(STOPS) + len(WORKS) + 1 == 27
+    assert len(CASES) == 27

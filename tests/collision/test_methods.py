@@ -317,3 +317,41 @@ def test_a_link_without_geometry_may_have_explicit_pieces(tmp_path):
     assert record.pieces[0].X_frame_piece.xyz == (0.0, 0.0, 1.0)
     with pytest.raises(ValidationError, match="a box has size"):
         ExplicitPiece(type="box", radius=0.1)
+
+
+def own_mesh(tmp_path: Path, mesh: TriangleMesh, **more):
+    """(pieces, hulls, findings by rule) of one explicit mesh in a link with the unit box."""
+    folder = tmp_path / "in/own/0"
+    folder.mkdir(parents=True)
+    write_converted(folder, [MaterialPart(SurfaceMaterial(), mesh)])
+    piece = ExplicitPiece(type="mesh", file="own/0", **more)
+    return fit(tmp_path, Explicit(sources=MESH, pieces=(piece,)), BOX)[:3]
+
+
+def test_a_convex_mesh_of_the_users_is_taken_as_it_is(tmp_path):
+    pieces, (hull,), findings = own_mesh(tmp_path, BOX, xyz=(0.5, 0.0, 0.0))
+    assert len(pieces) == 1
+    assert signed_volume(hull) == pytest.approx(1.0)
+    assert hull.bounds[0] == pytest.approx((0.0, -0.5, -0.5))
+    # Half of the box is covered, and as much lies outside: a third of the union is common.
+    assert findings["collision.gap"].data["iou"] == pytest.approx(1.0 / 3.0, abs=1e-3)
+    assert not {"collision.not_convex", "collision.open_piece"} & set(findings)
+
+
+def test_a_mesh_of_the_users_that_is_not_convex_is_told(tmp_path):
+    _, (hull,), findings = own_mesh(tmp_path, l_shape())
+    assert findings["collision.not_convex"].data["share_of_hull"] == pytest.approx(
+        3.0 / 3.5, abs=1e-3
+    )
+    assert signed_volume(hull) == pytest.approx(3.5)
+
+
+def test_a_mesh_of_the_users_that_is_open_is_told(tmp_path):
+    _, (hull,), findings = own_mesh(tmp_path, BOX.select(np.arange(10)))
+    assert "collision.open_piece" in findings
+    assert signed_volume(hull) == pytest.approx(1.0)
+
+
+def test_a_flat_mesh_of_the_users_is_refused(tmp_path):
+    with pytest.raises(StepError, match="piece 1: flat"):
+        own_mesh(tmp_path, BOX.select(np.flatnonzero((BOX.corners[:, :, 2] > 0.0).all(axis=1))))

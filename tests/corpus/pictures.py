@@ -28,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 
-from corpus.run import data_root, run
+from corpus.run import data_root, run, with_hulls
 
 ROBOTS = {
     "panda": "panda_description/urdf/panda.urdf",
@@ -75,6 +75,7 @@ def built(urdf: Path, folder: Path) -> Path:
     if done.returncode == 0:
         text = re.sub(r"(?m)^targets:.*", "targets: [mjcf]", recipe.read_text())
         recipe.write_text(text)
+        with_hulls(recipe)  # nobody sees collision here
         done = run("build", str(recipe), "-o", str(folder / "bundle"))
     for bundle in (folder / "bundle", folder / "bundle.failed"):
         found = [path for path in (bundle / "mjcf").glob("*.xml") if path.name != "scene.xml"]

@@ -1,5 +1,7 @@
 """Every robot of example-robot-data through `init` and `build`, as a Markdown table.
 
+Collision is hulls of the source's meshes, whatever `init` proposes.
+
     python tests/corpus/run.py -o table.md [--only NAME ...] [--jobs N]
 
 The data: `--data FOLDER` or $ASSETBUILD_TEST_DATA (a folder that holds
@@ -23,13 +25,12 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Lock
-from xml.etree.ElementTree import Element, ParseError
 
-from defusedxml.ElementTree import parse
-
-from corpus.xacros import Given, given, xacros
+from corpus.counts import counts_in, counts_out
+from corpus.others import Given, given, others
 
 PACKAGE = "example-robot-data==6.0.0"
+KINDS = ("inertia", "kinematics", "mass_matrix", "gravity")
 ROOT_IN_WHEEL = "cmeel.prefix/share/example-robot-data"
 
 
@@ -43,7 +44,7 @@ def main() -> int:
     parser.add_argument("--work", type=Path, help="keep recipes and bundles here")
     options = parser.parse_args()
     root = data_root(options.data)
-    names = corpus(root) + xacros()
+    names = corpus(root) + others()
     if options.only:
         names = [name for name in names if any(part in name for part in options.only)]
     state = options.out.with_suffix(".json")
@@ -100,10 +101,11 @@ def one(root: Path, name: str, work: Path) -> dict[str, object]:
     folder.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
     row: dict[str, object] = {"result": "refused", "note": "", "seconds": 0.0}
-    got = given(name, root, folder) if name in xacros() else Given(root / "robots" / name, {})
-    row |= counts_in(as_urdf(got, folder), root)
+    got = given(name, root, folder) if name in others() else Given(root / "robots" / name, {})
+    row |= counts_in(got, root, folder)
     done = run("init", str(got.file), *got.words, "-o", str(folder / "recipe.yaml"), "--force")
     if done.returncode == 0:
+        with_hulls(folder / "recipe.yaml")
         done = run("build", str(folder / "recipe.yaml"), "-o", str(folder / "bundle"))
         row |= judged(folder, done.returncode)
     row["seconds"] = round(time.monotonic() - started, 1)
@@ -112,6 +114,12 @@ def one(root: Path, name: str, work: Path) -> dict[str, object]:
             row["result"] = "crashed"
         row["note"] = error_of(done.stderr + done.stdout).replace(str(root), "")
     return row
+
+
+def with_hulls(recipe: Path) -> None:
+    """Convex hulls for collision: this is about the robots, not about decomposition."""
+    text = recipe.read_text(encoding="utf-8")
+    recipe.write_text(text.replace("{method: auto,", "{method: hull,"), encoding="utf-8")
 
 
 def run(*words: str) -> subprocess.CompletedProcess[str]:
@@ -123,62 +131,6 @@ def error_of(text: str) -> str:
     """The first error line."""
     lines = [line for line in text.splitlines() if "error" in line.lower()] or text.splitlines()
     return lines[0].removeprefix("error: ")[:200] if lines else ""
-
-
-def as_urdf(got: Given, folder: Path) -> Path:
-    """The description itself, of a xacro what it expands to."""
-    if got.file.suffix == ".urdf":
-        return got.file
-    from assetbuild.init.source import find_source
-
-    expanded = folder / "expanded.urdf"
-    expanded.write_bytes(find_source(got.file, {}, got.args).data)
-    return expanded
-
-
-def counts_in(urdf: Path, root: Path) -> dict[str, object]:
-    """Shapes, textures and mass that the source states, read by another library than ours."""
-    try:
-        robot = parse(urdf).getroot()
-    except ParseError:
-        return {}
-    masses = [float(m.get("value") or 0) for m in robot.iterfind("link/inertial/mass")]
-    return {
-        "visual_in": len(robot.findall("link/visual")),
-        "collision_in": len(robot.findall("link/collision")),
-        "mass_source": sum(masses),
-        "textures_in": len(pictures_of(robot, urdf, root)),
-    }
-
-
-def pictures_of(robot: Element, urdf: Path, root: Path) -> set[Path]:
-    """Pictures of what is seen: the files that the visual meshes name, as far as they exist."""
-    found: set[Path] = set()
-    for mesh in robot.iterfind("link/visual/geometry/mesh"):
-        uri = mesh.get("filename", "")
-        inside = re.sub(r"^package:/+[^/]+/", "", uri)
-        path = urdf.parent / uri if inside == uri else root / inside
-        if path.is_file():
-            found |= {picture.resolve() for picture in named_by(path) if picture.is_file()}
-    return found
-
-
-def named_by(mesh: Path) -> list[Path]:
-    """Pictures that a COLLADA file or an OBJ's material library names."""
-    if mesh.suffix.lower() == ".dae":
-        images = [e for e in parse(mesh).getroot().iter() if e.tag.endswith("}image")]
-        names = [e.text for image in images for e in image.iter() if e.tag.endswith("}init_from")]
-        return [mesh.parent / name.strip() for name in names if name]
-    if mesh.suffix.lower() == ".obj":
-        text = mesh.read_text(errors="replace")
-        libraries = [mesh.parent / n for n in re.findall(r"(?m)^mtllib (.+?)\s*$", text)]
-        return [
-            library.parent / name
-            for library in libraries
-            if library.is_file()
-            for name in re.findall(r"(?m)^\s*map_Kd (.+?)\s*$", library.read_text())
-        ]
-    return []
 
 
 def judged(folder: Path, code: int) -> dict[str, object]:
@@ -201,30 +153,31 @@ def judged(folder: Path, code: int) -> dict[str, object]:
             :240
         ]
         row["where"] = first["where"]
-    row["figures"] = said["checks"].get("oracle", {}).get("figures", {})
-    equal = said["checks"].get("mjcf_equal", {}).get("figures", {})
-    row["inertia_error"] = equal.get("worst_relative_error", {}).get("inertia")
+    row |= compared(said["checks"])
     row["edits"] = dict(Counter(f["rule"][5:] for f in findings if f["rule"].startswith("edit.")))
     row["lost"] = sorted({f["subject"] for f in findings if f["rule"].startswith("count.")})
     return row | counts_out(bundle)
 
 
-def counts_out(bundle: Path) -> dict[str, object]:
-    """Shapes and mass of the MJCF, as MuJoCo compiles it."""
-    import mujoco
-
-    (path,) = [p for p in (bundle / "mjcf").glob("*.xml") if p.name != "scene.xml"]
-    try:
-        model = mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as error:
-        return {"note": f"MuJoCo: {error}"[:200]}
-    groups = Counter(model.geom_group.tolist())
-    return {
-        "visual_out": groups[2],
-        "collision_out": groups[3],
-        "textures_out": sum(1 for kind in model.tex_type if kind == mujoco.mjtTexture.mjTEXTURE_2D),
-        "mass_mjcf": float(model.body_mass.sum()),
+def compared(checks: dict[str, dict]) -> dict[str, object]:
+    """Relative errors against the source: a URDF in pinocchio, an MJCF in MuJoCo."""
+    figures = checks.get("oracle", {}).get("figures", {})
+    errors = {kind: figures.get(f"{kind}_error") for kind in KINDS}
+    same = checks.get("mjcf_source", {}).get("figures", {})
+    if not same:
+        return {"errors": errors}
+    worst = same.get("worst_relative_error", {})
+    parts = {
+        "inertia": ("mass", "com", "inertia"),
+        "kinematics": ("pose", "axis", "anchor", "site"),
+        "mass_matrix": ("mass_matrix",),
+        "gravity": ("forces",),
     }
+    errors = {
+        kind: max((worst[p] for p in names if p in worst), default=None)
+        for kind, names in parts.items()
+    }
+    return {"errors": errors, "compared": same.get("compared", {})}
 
 
 # --- the table ------------------------------------------------------------------------------
@@ -239,28 +192,40 @@ def table(rows: dict[str, dict]) -> str:
     lines += [line_of(name, rows[name]) for name in sorted(rows)]
     lines += [
         "",
-        "Errors are relative. Kinematics, mass matrix, gravity: MJCF against pinocchio on the",
-        "source, of edited robots on the URDF that was written (50 poses). Inertia: MJCF against",
-        "the robot, worst link. Shapes: in → out. Edits: what `init` wrote, counted by link.",
+        "Errors are relative. A URDF (of a xacro, what it expands to) is compared in pinocchio,",
+        "its 50 poses and the spatial inertia of all that moves with each link, with our MJCF in",
+        "MuJoCo; an edited robot by the URDF that was written. An MJCF is compared in MuJoCo with",
+        "ours: gravity is then all forces. Shapes: in → out, in brackets the meshes among them.",
+        "Edits: what `init` wrote, counted by link. E/W/I: errors, warnings and infos.",
+        *counted(rows),
     ]
     return "\n".join(lines) + "\n"
 
 
+def counted(rows: dict[str, dict]) -> list[str]:
+    """What of each MJCF was found again, by kind."""
+    found = {name: row["compared"] for name, row in sorted(rows.items()) if row.get("compared")}
+    if not found:
+        return []
+    kinds = sorted({kind for compared in found.values() for kind in compared})
+    lines = ["", f"| MJCF | {' | '.join(kinds)} |", "|" + " --- |" * (len(kinds) + 1)]
+    for name, compared in found.items():
+        cells = ["{} → {}".format(*compared.get(kind, (0, 0))) for kind in kinds]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return [*lines, "", "Compiled by MuJoCo: in the source → found by name in ours."]
+
+
 def line_of(name: str, row: dict) -> str:
-    figures, findings = row.get("figures", {}), row.get("findings", {})
+    findings, errors = row.get("findings", {}), row.get("errors", {})
     cells = [
         name.removesuffix(".urdf"),
         row["result"],
         ", ".join(f"{count} {name}" for name, count in row.get("edits", {}).items()),
         f"{row.get('mass_source', 0):.4g}",
         number(mass_error(row)),
-        number(row.get("inertia_error")),
-        *(
-            number(figures.get(f"{kind}_error"))
-            for kind in ("kinematics", "mass_matrix", "gravity")
-        ),
-        f"{row.get('visual_in', '-')} → {row.get('visual_out', '-')}",
-        f"{row.get('collision_in', '-')} → {row.get('collision_out', '-')}",
+        *(number(errors.get(kind)) for kind in KINDS),
+        f"{shapes(row, 'visual', 'in')} → {shapes(row, 'visual', 'out')}",
+        f"{shapes(row, 'collision', 'in')} → {shapes(row, 'collision', 'out')}",
         f"{row.get('textures_in', '-')} → {row.get('textures_out', '-')}",
         ", ".join(row["lost"]) or "none" if "lost" in row else "-",
         f"{row['seconds']:.0f}",
@@ -268,6 +233,13 @@ def line_of(name: str, row: dict) -> str:
         str(row["note"]).replace("|", "\\|").replace("\n", " "),
     ]
     return "| " + " | ".join(cells) + " |"
+
+
+def shapes(row: dict, role: str, side: str) -> str:
+    """`44 (40)`: all of a role, and the meshes among them."""
+    if f"{role}_{side}" not in row:
+        return "-"
+    return f"{row[f'{role}_{side}']} ({row[f'{role}_meshes_{side}']})"
 
 
 def mass_error(row: dict) -> float | None:
@@ -283,45 +255,41 @@ def number(value: float | None) -> str:
 def summary(rows: dict[str, dict]) -> str:
     results = Counter(row["result"] for row in rows.values())
     worst = {
-        kind: max(
-            (row.get("figures", {}).get(f"{kind}_error", 0.0) for row in rows.values()), default=0
-        )
-        for kind in ("kinematics", "mass_matrix", "gravity")
+        kind: max((row.get("errors", {}).get(kind) or 0.0 for row in rows.values()), default=0.0)
+        for kind in KINDS
     }
     alike = [row for row in rows.values() if not row.get("edits")]
     masses = [e for e in map(mass_error, alike) if e is not None]
-    inertias = [row["inertia_error"] for row in rows.values() if row.get("inertia_error")]
     told = ", ".join(f"{count} {result}" for result, count in sorted(results.items()))
     errors = ", ".join(f"{kind.replace('_', ' ')} {value:.1e}" for kind, value in worst.items())
     seconds = sum(row["seconds"] for row in rows.values())
     mass = f"{max(masses):.1e}" if masses else "-"
     return (
         f"{len(rows)} robots: {told}. {len(rows) - len(alike)} edited. "
-        f"Worst errors: mass {mass} (not edited), "
-        f"inertia {max(inertias, default=0):.1e}, {errors}. "
+        f"Worst errors: mass {mass} (not edited), {errors}. "
         f"{seconds:.0f} s in all. "
         f"{shapes_summary(rows)}"
     )
 
 
 def shapes_summary(rows: dict[str, dict]) -> str:
-    """Sums over the robots that have an MJCF, and who lost a shape or a texture."""
+    """Sums over the robots that have an MJCF, and who lost a shape, a mesh or a texture."""
     there = {name: row for name, row in rows.items() if "visual_out" in row}
+    roles = ("visual", "visual_meshes", "collision", "textures")
     sums = {
         key: sum(row.get(key, 0) for row in there.values())
-        for kind in ("visual", "collision", "textures")
-        for key in (f"{kind}_in", f"{kind}_out")
+        for role in roles
+        for key in (f"{role}_in", f"{role}_out")
     }
     losers = [
         name
         for name, row in there.items()
         if row.get("lost")
-        or row["visual_out"] < row["visual_in"]
+        or any(row[f"{role}_out"] < row[f"{role}_in"] for role in ("visual", "visual_meshes"))
         or row.get("textures_out", 0) != row.get("textures_in", 0)
     ]
     counts = ", ".join(
-        f"{kind} {sums[f'{kind}_in']} → {sums[f'{kind}_out']}"
-        for kind in ("visual", "collision", "textures")
+        f"{role.replace('_', ' ')} {sums[f'{role}_in']} → {sums[f'{role}_out']}" for role in roles
     )
     return f"Shapes: {counts}. Lost a shape or texture: {', '.join(losers) or 'none'}."
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from corpus.run import mass_error, one
+from corpus.run import KINDS, mass_error, one
 
 ROBOTS = {
     "asr_twodof_description/urdf/TwoDofs.urdf": "a root called world",
@@ -29,8 +29,8 @@ def test_init_and_build(name: str, go1_root: Path, tmp_path: Path, monkeypatch: 
     error = mass_error(row)
     assert error is not None
     assert error < 1e-12
-    for kind in ("kinematics", "mass_matrix", "gravity"):
-        assert row["figures"][f"{kind}_error"] < 1e-9  # type: ignore[index] # data of a report
+    for kind in KINDS:
+        assert row["errors"][kind] < 1e-9  # type: ignore[index] # data of a report
     assert row["visual_out"] >= row["visual_in"]  # type: ignore[operator] # as above
     assert row["lost"] == []
     assert row["textures_out"] == row["textures_in"]

@@ -124,6 +124,22 @@ def test_writing_to_an_input_fails_the_step_and_the_store_heals(session, source)
 # --- scheduling
 
 
+class Told(Write):
+    """Reads a file of the user's: all broken ones are to be named."""
+
+    all_told = True
+
+
+def test_a_failure_stops_all_but_those_of_a_kind_that_names_every_file(session):
+    planner = Planner(session)
+    planner.add("first", Told(write=()))
+    planner.add("other", Mix())
+    planner.add("second", Told(write=("more",)))
+    planner.add("good", Told(write=("out",)))
+    results = execute(planner.graph(), session, jobs=1)
+    assert statuses(results) == ["failed", "blocked", "failed", "ran"]
+
+
 def test_nodes_after_a_failure_are_blocked_and_the_others_go_on(session):
     planner = Planner(session)
     bad = planner.add("bad", Write(write=()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 from pathlib import Path
 
 import pytest
@@ -103,6 +104,15 @@ def test_a_server_that_is_not_there_is_one_warning(tmp_path, robot, server, gold
     machine = Machine(tmp_path / "a", "http://127.0.0.1:9")
     assert outputs(machine.build(robot)) == gold
     assert len(machine.warnings) == 1
+
+
+def test_a_server_that_never_shakes_hands_costs_a_bounded_time(tmp_path, robot, gold):
+    with socket.create_server(("127.0.0.1", 0)) as silent:  # connects, and never says a word
+        url = f"https://127.0.0.1:{silent.getsockname()[1]}"
+        machine = Machine(tmp_path / "a", url, budget=QUICK)
+        assert outputs(machine.build(robot)) == gold
+    assert len(machine.warnings) == 1
+    assert machine.seconds < 15
 
 
 def test_errors_while_writing_cost_nothing_but_a_warning(tmp_path, robot, server, gold):

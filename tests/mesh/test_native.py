@@ -50,6 +50,11 @@ def gorge() -> list[TriangleMesh]:
     return [TriangleMesh(np.ones((100_000_000, 3)), UNIT.faces)]
 
 
+def killed() -> list[TriangleMesh]:
+    os.kill(os.getpid(), signal.SIGKILL)  # as the system does when memory is short
+    return []
+
+
 def refuse() -> list[TriangleMesh]:
     raise ValueError("no such mesh")
 
@@ -61,6 +66,7 @@ def refuse() -> list[TriangleMesh]:
         (abort, "crash", "length_error"),
         (hang, "time", "2 CPU s"),
         (gorge, "memory", "256 MB"),
+        (killed, "memory", "killed by the system"),
         (refuse, "error", "no such mesh"),
     ],
 )

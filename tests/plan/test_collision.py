@@ -92,6 +92,28 @@ def test_explicit_pieces_need_no_geometry_in_the_source(tmp_path):
     assert arm.step().pieces[0].radius == 1.0
 
 
+def test_a_file_of_the_users_is_an_input_whose_name_is_not_in_the_key(tmp_path):
+    (tmp_path / "pad.stl").write_bytes(b"")
+    piece = "{type: mesh, file: pad.stl, scale: [1, 1, 2]}"
+    rule = f"{{method: explicit, pieces: [{piece}, {piece}]}}"
+    *_, arm = jobs(tmp_path, f"  links:\n    arm: {rule}\n")
+    assert [(mesh.path.name, mesh.scale) for mesh in arm.own] == [("pad.stl", (1.0, 1.0, 2.0))]
+    assert [piece.file for piece in arm.step().pieces] == ["own/0", "own/0"]
+
+
+@pytest.mark.parametrize(
+    ("file", "said"),
+    [("missing.stl", "no file `missing.stl`"), ("pad.step", "no mesh by its name")],
+)
+def test_a_piece_without_its_file_is_refused_with_its_line(tmp_path, file, said):
+    (tmp_path / "pad.step").write_bytes(b"")
+    piece = f"{{type: mesh, file: {file}}}"
+    recipe = loaded(tmp_path, f"  default: {{method: explicit, pieces: [{piece}]}}\n")
+    with pytest.raises(RecipeError, match=said) as caught:
+        check_rule(recipe, recipe.recipe.collision.default, ("collision", "default"))
+    assert caught.value.where.line == 5
+
+
 @pytest.mark.parametrize(
     ("rule", "key"),
     [

@@ -18,9 +18,19 @@ def test_an_error_blocks_training_and_names_the_next_step_with_its_line():
     report = make_report("r", [RADIUS, TRIANGLE], {}, {}, nowhere)
     assert not report.verdict.ready
     assert report.verdict.blocked_by == ("inertia.triangle",)
-    assert report.verdict.next_step == "robot.urdf:17: check the CoM"
+    assert report.verdict.next_step == "robot.urdf:17: link calf: check the CoM"
     assert [finding.rule for finding in report.findings] == ["inertia.triangle", "inertia.radius"]
     assert fails(report, "error")
+
+
+def test_what_a_check_could_not_work_on_never_hides_why():
+    """`equal.mjcf.load` comes first by its letters, last by its meaning."""
+    follows = Finding("equal.mjcf.load", "error", "robot", "nothing to compare")
+    refused = Finding("mjcf.load", "error", "robot", "MuJoCo refuses r.xml")
+    report = make_report("r", [follows, refused, TRIANGLE], {}, {}, nowhere)
+    assert report.verdict.blocked_by == ("inertia.triangle", "mjcf.load")
+    assert report.verdict.next_step.startswith("robot.urdf:17: link calf")
+    assert [f.rule for f in report.findings][-1] == "equal.mjcf.load"
 
 
 def test_a_waiver_changes_the_severity_and_stays_visible():

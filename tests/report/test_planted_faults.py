@@ -131,10 +131,10 @@ def feet_above_the_floor(robot: TinyRobot) -> TinyRobot:
 
 
 FAULTS = {
-    knee_reversed: ("stand.start", "mirror."),
+    knee_reversed: ("stand.start", "mirror.limits"),
     inertia_in_wrong_frame: ("mass.axes",),
-    mass_times_ten: ("mass.density", "mass.total"),
-    limits_swapped: ("mirror.",),
+    mass_times_ten: ("mass.density", "mass.total", "mirror.mass"),
+    limits_swapped: ("mirror.limits",),
     collision_shifted: ("coverage.shift",),
     gain_in_degrees: ("stand.", "trials.dead"),
     feet_above_the_floor: ("stand.start",),
@@ -169,9 +169,16 @@ def test_the_robot_is_sound_before(tmp_path: Path):
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda f: f.__name__)
 def test_each_fault_is_found_by_a_named_check_and_seen_in_the_report(fault, tmp_path: Path):
     rules = FAULTS[fault]
-    if rules == ("mirror.",) and "mirror" not in CHECKS:
-        pytest.skip("needs the check `mirror`")
     found, page = checked(fault(sound()), tmp_path)
     named = [f for f in found if f.rule.startswith(rules)]
     assert named, [(f.rule, f.message) for f in found]
     assert all(f"<code>{f.rule}</code>" in page for f in named)
+
+
+def test_swapped_limits_are_told_with_their_numbers(tmp_path: Path):
+    found, page = checked(limits_swapped(sound()), tmp_path)
+    message = "its range is -0.9 to 0.4 rad, but as the mirror image of `FL_hip_joint` it would be "
+    (told,) = [f for f in found if f.rule == "mirror.limits"]
+    assert told.message.startswith(message + "-0.4 to 0.9 rad")
+    assert (told.data["lower"], told.data["upper_of_other"]) == (-0.9, 0.4)
+    assert "as the mirror image of" in page

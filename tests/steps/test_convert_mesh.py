@@ -76,13 +76,16 @@ def test_parts_follow_the_first_use_of_their_material(tmp_path):
         for pair in [(b"b", b"1 3 2"), (b"a", b"1 2 4"), (b"b", b"1 4 3"), (b"c", b"2 3 4")]
     )
     record, _, _, files = convert(tmp_path, data, format="obj")
-    assert [(p.material, p.faces) for p in record.parts] == [("b", 2), ("a", 1), ("c", 1)]
+    assert [(p.material, p.faces) for p in record.parts] == [("b", 2), ("a", 3), ("c", 3)]
     assert record.watertight  # the parts close one another
     assert record.volume_m3 == pytest.approx(1 / 6)
     assert set(files) == {"0.obj", "1.obj", "2.obj", "mesh.json"}
 
 
-TRIANGLE = b"mtllib ./a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nusemtl m\nf 1/1 2/2 3/1\n"
+TRIANGLE = (
+    b"mtllib ./a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 9\nvt 0 0\nvt 1 0\nusemtl m\n"
+    b"f 1/1 2/2 3/1\nf 1/1 2/1 4/1\n"
+)
 
 
 def png(rgb=(255, 0, 0), size=(2, 2), format="PNG") -> bytes:
@@ -105,7 +108,7 @@ def test_texture_coordinates_stay_only_with_a_texture(tmp_path):
     assert mesh.uv is None
     assert [f.rule for f in findings] == ["mesh.uv"]
     _, mesh, findings, _ = convert_with(tmp_path, TRIANGLE, plain, format="obj", keep_uv=True)
-    assert mesh.uv.tolist() == [[[0, 0], [1, 0], [0, 0]]]
+    assert mesh.uv[:1].tolist() == [[[0, 0], [1, 0], [0, 0]]]
     assert findings == []
 
 
@@ -115,7 +118,7 @@ def test_a_texture_becomes_a_png_beside_its_part(tmp_path):
     record, mesh, findings, written = convert_with(tmp_path, TRIANGLE, files, format="obj")
     (part,) = record.parts
     assert findings == []
-    assert mesh.uv.tolist() == [[[0, 0], [1, 0], [0, 0]]]
+    assert mesh.uv[:1].tolist() == [[[0, 0], [1, 0], [0, 0]]]
     assert (part.uv, part.rgba) == (True, (1.0, 1.0, 1.0, 1.0))  # black would hide the picture
     picture = Image.open(io.BytesIO(written[part.texture]))
     assert (picture.format, picture.size, picture.mode) == ("PNG", (3, 2), "RGB")
@@ -204,7 +207,8 @@ def test_a_mesh_that_is_inside_out_is_told(tmp_path):
 
 
 def test_normals_are_kept_and_missing_ones_are_those_of_the_face(tmp_path):
-    text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 3 4\nvn 0 0 0\nf 1//1 2//1 3//2\n"
+    corners = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvn 0 3 4\nvn 0 0 0\n"
+    text = corners + b"f 1//1 2//1 3//2\nf 1//1 2//1 4//1\n"
     normals = convert(tmp_path, text, format="obj")[1].normals[0]
     assert normals.tolist() == [[0.0, 0.6, 0.8], [0.0, 0.6, 0.8], [0.0, 0.0, 1.0]]
 
@@ -242,3 +246,29 @@ def test_more_faces_than_mujoco_reads_from_an_stl_arrive(tmp_path):
     record, mesh, _, _ = convert(tmp_path, stl(faces.reshape(-1, 3, 3) * 0.001), format="stl")
     assert record.faces == len(mesh.faces) == 2 * side * side == 328_050
     assert record.area_m2 == pytest.approx((0.001 * side) ** 2)
+
+
+ONE = np.array([[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
+
+
+def test_a_single_triangle_gets_a_fourth_corner_on_its_surface(tmp_path):
+    record, mesh, findings, _ = convert(tmp_path, stl(ONE), format="stl")
+    assert findings == []
+    assert (len(mesh.vertices), record.faces) == (4, 3)
+    assert record.area_m2 == pytest.approx(1.0)
+    assert not mesh.vertices[:, 2].any()
+    normals = np.cross(*(mesh.corners[:, i] - mesh.corners[:, 0] for i in (1, 2)))
+    assert (normals[:, 2] > 0.0).all()
+
+
+def test_a_part_that_is_a_line_is_left_out_and_told(tmp_path):
+    line = b"v 3 0 0\nv 4 0 0\nv 5 0 0\n"
+    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n" + line + b"usemtl a\nf 1 2 3\nusemtl b\nf 4 5 6\n"
+    record, _, findings, _ = convert(tmp_path, data, format="obj")
+    assert [part.material for part in record.parts] == ["a"]
+    assert "mesh.no_area" in [finding.rule for finding in findings]
+
+
+def test_nothing_but_a_line_is_refused(tmp_path):
+    with pytest.raises(StepError, match="no triangle has an area"):
+        convert(tmp_path, stl(ONE * [1.0, 0.0, 1.0]), format="stl")

@@ -9,7 +9,9 @@ import pytest
 from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Body, Inertial, Joint, Shape, Shapes, Sphere, Tree
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.model import Body, Inertial, Joint, Limits, Shape, Shapes, Sphere, Tree
+from assetbuild.steps._inertia_rules import Bounds
 from assetbuild.steps.lint_bodies import LintBodies
 
 BRICK = box_inertial(1.0, (0.1, 0.1, 0.1))
@@ -24,6 +26,18 @@ def lint(inertial: Inertial | None, tmp_path: Path, kind: str = "continuous") ->
     tree = Tree("arm", "floating", (Body("base", BRICK), Body("arm", inertial)), (joint,))
     inputs = write_robot_ports(tmp_path / "in", TinyRobot(tree, tree))
     return run_step(LintBodies(), inputs, tmp_path / "out")
+
+
+@pytest.mark.parametrize(("upper", "rules"), [(-1.5, ["joint.limits"]), (1.5, [])])
+def test_crossed_limits_are_an_error_in_what_is_simulated(
+    upper: float, rules: list[str], tmp_path: Path
+):
+    joint = Joint("j", "revolute", "base", "arm", limits=Limits(-1.0, upper, 1.0, 1.0))
+    tree = Tree("arm", "floating", (Body("base", BRICK), Body("arm", BRICK)), (joint,))
+    inputs = write_robot_ports(tmp_path / "in", TinyRobot(tree, tree))
+    findings = run_step(LintBodies(), inputs, tmp_path / "out")
+    assert [f.rule for f in findings] == rules
+    assert all(f.severity == "error" for f in findings)
 
 
 @pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()])
@@ -126,3 +140,20 @@ def test_go1s_singular_base_is_valid_once_merged(go1_root: Path, tmp_path: Path)
     assert {f.subject for f in raw} == {"link base"}
     run_step(MergeFixedJoints(), folder, folder)
     assert run_step(LintBodies(), folder, folder) == []
+
+
+def test_the_recipe_draws_the_lines():
+    said = {"inertia": {"radius": 1.0, "triangle_slack": 0.2, "density": 8000, "small_mass": 0.1}}
+    recipe = Recipe.model_validate(
+        {
+            "schema": "assetbuild/v1",
+            "robot": "r",
+            "source": {"path": ".", "urdf": "r.urdf"},
+            "validate": said,
+        }
+    )
+    bounds = Bounds.of(recipe)
+    assert (bounds.radius_m, bounds.triangle_slack) == (1.0, 0.2)
+    assert (bounds.density_kg_m3, bounds.small_mass_kg) == (8000.0, 0.1)
+    default = Recipe.model_validate(recipe.model_dump(by_alias=True) | {"validate": {}})
+    assert Bounds.of(default) == Bounds()

@@ -147,12 +147,6 @@ def test_each_planted_defect_is_found_and_its_fix_named(
     assert {"set_limits", "set_mass", "set_inertia", "flip_axis"} <= set(edits)
 
 
-def test_an_axis_the_wrong_way_round_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    findings = told(export(tmp_path, right_axis="0 -1 0"), tmp_path, monkeypatch)
-    found = findings["joint.mirror joint right_joint"]
-    assert "flip_axis: {joint: right_joint, limits: keep}" in str(found["hint"])
-
-
 def test_a_list_of_other_joints_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     urdf = export(tmp_path)
     names = tmp_path / "arm/config/joint_names_arm.yaml"

@@ -38,7 +38,7 @@ def test_good_robots_have_no_warning(robot: TinyRobot, tmp_path: Path):
 @pytest.mark.parametrize(
     ("rule", "severity", "limits"),
     [
-        ("joint.limits", "error", Limits(1.0, -1.0, 1.0, 1.0)),
+        ("joint.limits", "warning", Limits(1.0, -1.0, 1.0, 1.0)),
         ("joint.locked", "warning", Limits(0.0, 0.0, 1.0, 1.0)),
         ("joint.range", "warning", Limits(-4.0, 4.0, 1.0, 1.0)),
         ("joint.effort_zero", "warning", Limits(-1.0, 1.0, 0.0, 1.0)),

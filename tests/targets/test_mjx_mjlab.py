@@ -40,6 +40,22 @@ def test_the_mjx_model_is_the_robot_with_other_options(tmp_path: Path) -> None:
     assert (tmp_path / "b/out/mjx/scene_mjx.xml").exists()
 
 
+def test_contacts_with_fewer_dimensions_are_told(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    sole = replace(robot.control.contact, condim=6, priority=1)
+    control = replace(robot.control, contacts=(("FR_foot_collision", sole),))
+    inputs = write_robot_ports(tmp_path / "in", replace(robot, control=control))
+    asked = Options.model_validate({"condim": 3})
+    (finding,) = run_step(Mjx(robot="robot", options=asked), inputs, tmp_path / "out")
+    assert (finding.rule, finding.data) == ("mjx.condim", {"condim": 3, "was": 6})
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjx/robot_mjx.xml"))
+    assert set(model.geom_condim) == {3}
+    assert model.geom("FR_foot_collision").priority == 1
+    assert run_step(Mjx(robot="robot"), inputs, tmp_path / "as_it_is") == []
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "as_it_is/mjx/robot_mjx.xml"))
+    assert model.geom("FR_foot_collision").condim == 6
+
+
 def test_a_hull_with_many_corners_is_capped_and_told(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     shapes = tuple(

@@ -13,13 +13,14 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
+from assetbuild.robot.mirror import Tolerances, mirror_findings, twins
 from assetbuild.simulators.mujoco import Loaded, load
 
 
 class MjcfCompiles(Check):
     """Loads each file at the top of `mjcf/`; figures: the sizes of the compiled models."""
 
-    version = "2"
+    version = "3"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -76,3 +77,4 @@ def lint_file(path: Path) -> Iterator[Finding]:
         return
     yield from said_by_mujoco(path.name, loaded)
     yield from lint_model.lint(loaded.model)
+    yield from mirror_findings(twins(lint_model.parts_of(loaded.model)), Tolerances())

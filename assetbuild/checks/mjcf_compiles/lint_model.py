@@ -1,27 +1,19 @@
-"""What a compiled model shows: poses and targets in range, drives, left and right alike."""
+"""What a compiled model shows: poses and targets in range, drives; its parts, left and right."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from assetbuild.findings import Finding
+from assetbuild.robot.mirror import Motion, Part
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 
 RANGE_TOLERANCE = 1e-6
 """rad or m; a number that was rounded from the limit itself is inside."""
 TARGET_TOLERANCE = 1e-3
-MASS_TOLERANCE, INERTIA_TOLERANCE = 0.02, 0.1
-"""Relative; what CAD exports of two mirrored parts differ by is mostly below."""
-PLACE_TOLERANCE_M, LIMIT_TOLERANCE = 5e-3, 5e-3
-SIDES = (("left", "right"), ("FL", "FR"), ("RL", "RR"), ("HL", "HR"), ("LF", "RF"), ("LH", "RH"),
-         ("L", "R"), ("l", "r"))  # fmt: skip
-FLIP = np.diag([1.0, -1.0, 1.0])
-"""Mirror at the plane y = 0 of the root body."""
 
 
 def lint(model: mujoco.Model) -> Iterator[Finding]:
@@ -29,7 +21,6 @@ def lint(model: mujoco.Model) -> Iterator[Finding]:
     yield from _drives(model)
     for key in range(model.nkey):
         yield from _keyframe(model, key)
-    yield from _mirror(model)
 
 
 def _drives(model: mujoco.Model) -> Iterator[Finding]:
@@ -101,121 +92,58 @@ def _target(
 # --- left and right -------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Side:
-    """One body at qpos0 in the frame of the root. inertia: (3, 3) about its centre of mass."""
-
-    index: int
-    place: Array
-    com: Array
-    inertia: Array
-    mass: float
-
-
-def mirrored(name: str) -> str | None:
-    """The name on the other side; None for a part in the middle."""
-    words = re.split(r"([_./ -])", name)
-    for left, right in SIDES:
-        for a, b in ((left, right), (right, left)):
-            if a in words:
-                return "".join(b if word == a else word for word in words)
-    for a, b in (("left", "right"), ("right", "left"), ("Left", "Right"), ("Right", "Left")):
-        if a in name:
-            return name.replace(a, b)
-    return None
-
-
-def _mirror(model: mujoco.Model) -> Iterator[Finding]:
+def parts_of(model: mujoco.Model) -> tuple[Part, ...]:
+    """Bodies and joints at qpos0 in the frame of the first body, as `robot.mirror` compares."""
     import mujoco as mj
 
     if model.nbody < 3:
-        return
+        return ()
     data = mj.MjData(model)
     mj.mj_kinematics(model, data)
-    names = {mujoco.name_of(model, "body", i): i for i in range(1, model.nbody)}
-    for name, index in names.items():
-        other = names.get(mirrored(name) or "")
-        if other is None or other <= index:
-            continue
-        a, b = _side(model, data, index), _side(model, data, other)
-        apart = float(np.linalg.norm(FLIP @ a.place - b.place))
-        if apart > PLACE_TOLERANCE_M or abs(a.place[1]) < PLACE_TOLERANCE_M:
-            continue  # not mirrored at the root's plane: an arm beside another, fingers of a hand
-        there = mujoco.name_of(model, "body", other)
-        yield from _bodies_alike(name, there, a, b)
-        yield from _joints_alike(model, data, a, b)
-
-
-def _side(model: mujoco.Model, data: mujoco.Data, index: int) -> _Side:
-    root = np.array(data.xmat[1]).reshape(3, 3)
-    origin = np.array(data.xpos[1])
-    turn = root.T @ np.array(data.ximat[index]).reshape(3, 3)
-    return _Side(
-        index,
-        root.T @ (np.array(data.xpos[index]) - origin),
-        root.T @ (np.array(data.xipos[index]) - origin),
-        turn @ np.diag(model.body_inertia[index]) @ turn.T,
-        float(model.body_mass[index]),
-    )
-
-
-def _bodies_alike(name: str, other: str, a: _Side, b: _Side) -> Iterator[Finding]:
-    wanted = FLIP @ a.inertia @ FLIP
-    size = float(np.linalg.norm(wanted)) or 1.0
-    for what, difference, limit, unit in (
-        ("mass", abs(a.mass - b.mass) / max(a.mass, b.mass, 1e-12), MASS_TOLERANCE, "relative"),
-        ("centre of mass", float(np.linalg.norm(FLIP @ a.com - b.com)), PLACE_TOLERANCE_M, "m"),
-        (
-            "inertia",
-            float(np.linalg.norm(wanted - b.inertia)) / size,
-            INERTIA_TOLERANCE,
-            "relative",
-        ),
-    ):
-        if difference > limit:
-            yield Finding(
-                "lint.mirror",
-                "warning",
-                f"link {name}",
-                f"its {what} is not the mirror image of `{other}`'s: {difference:.3g} {unit}",
-                hint="was one side edited, or a sign of a product of inertia lost?",
-                data={"what": what, "difference": difference, "limit": limit},
+    root, origin = np.array(data.xmat[1]).reshape(3, 3), np.array(data.xpos[1])
+    drives = {int(model.actuator_trnid[i, 0]): i for i in range(model.nu)
+              if int(model.actuator_trntype[i]) == 0}  # fmt: skip
+    parts = []
+    for index in range(1, model.nbody):
+        turn = root.T @ np.array(data.ximat[index]).reshape(3, 3)
+        first, count = int(model.body_jntadr[index]), int(model.body_jntnum[index])
+        joints = [j for j in range(first, first + count) if int(model.jnt_type[j]) >= 2]
+        parts.append(
+            Part(
+                mujoco.name_of(model, "body", index),
+                root.T @ (np.array(data.xpos[index]) - origin),
+                float(model.body_mass[index]),
+                root.T @ (np.array(data.xipos[index]) - origin),
+                turn @ np.diag(model.body_inertia[index]) @ turn.T,
+                tuple(
+                    _motion(model, joint, root.T @ np.array(data.xaxis[joint]), drives.get(joint))
+                    for joint in joints
+                ),
             )
+        )
+    return tuple(parts)
 
 
-def _joints_alike(model: mujoco.Model, data: mujoco.Data, a: _Side, b: _Side) -> Iterator[Finding]:
-    """Limits and the first pose. A mirrored hinge turns about minus the mirrored axis."""
-    if not (model.body_jntnum[a.index] == model.body_jntnum[b.index] == 1):
-        return
-    i, j = int(model.body_jntadr[a.index]), int(model.body_jntadr[b.index])
-    if model.jnt_type[i] != model.jnt_type[j] or model.jnt_type[i] < 2:
-        return
-    root = np.array(data.xmat[1]).reshape(3, 3)
-    turns = -1.0 if model.jnt_type[i] == 3 else 1.0
-    along = float((turns * FLIP @ root.T @ data.xaxis[i]) @ (root.T @ data.xaxis[j]))
-    name, other = mujoco.name_of(model, "joint", i), mujoco.name_of(model, "joint", j)
-    if abs(abs(along) - 1.0) > LIMIT_TOLERANCE:
-        yield _unlike(name, f"its axis is not the mirror image of `{other}`'s", abs(along))
-        return
-    sign = 1.0 if along > 0 else -1.0
-    low, high = sorted(sign * float(v) for v in model.jnt_range[i])
-    found = [float(v) for v in model.jnt_range[j]]
-    difference = max(abs(low - found[0]), abs(high - found[1]))
-    if model.jnt_limited[i] != model.jnt_limited[j] or difference > LIMIT_TOLERANCE:
-        yield _unlike(name, f"its limits are not the mirror image of `{other}`'s", difference)
-    if model.nkey:
-        q, p = (float(model.key_qpos[0, model.jnt_qposadr[k]]) for k in (i, j))
-        if abs(sign * q - p) > TARGET_TOLERANCE:
-            message = f"at the first keyframe it is not the mirror image of `{other}`"
-            yield _unlike(name, message, abs(sign * q - p))
-
-
-def _unlike(joint: str, message: str, difference: float) -> Finding:
-    return Finding(
-        "lint.mirror",
-        "warning",
-        f"joint {joint}",
-        f"{message}: {difference:.3g}",
-        hint="was one side edited, or the sign of an axis changed?",
-        data={"difference": difference},
+def _motion(model: mujoco.Model, joint: int, axis: Array, drive: int | None) -> Motion:
+    dof, at = int(model.jnt_dofadr[joint]), int(model.jnt_qposadr[joint])
+    values: dict[str, float | None] = {
+        "damping": float(np.ravel(model.dof_damping[dof])[0]),
+        "friction": float(model.dof_frictionloss[dof]),
+        "armature": float(model.dof_armature[dof]),
+    }
+    if drive is not None:
+        values["gain"] = float(model.actuator_gainprm[drive, 0])
+        values["force range"] = (
+            float(model.actuator_forcerange[drive, 1])
+            if model.actuator_forcelimited[drive]
+            else None
+        )
+    low, high = (float(v) for v in model.jnt_range[joint])
+    return Motion(
+        mujoco.name_of(model, "joint", joint),
+        int(model.jnt_type[joint]) == 3,
+        axis,
+        (low, high) if model.jnt_limited[joint] else None,
+        float(model.key_qpos[0, at]) if model.nkey else None,
+        values,
     )

@@ -43,7 +43,7 @@ ROUNDING = 1e-14
 class MjcfEqual(Check):
     """Findings `equal.mjcf.<what>`; all are errors and carry both values."""
 
-    version = "3"
+    version = "4"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -148,22 +148,36 @@ class _Comparison:
         nv = sum(dofs.get(joint.kind, 1) for joint in tree.joints)
         nv += 6 if tree.base == "floating" else 0
         driven = [a for a in control.actuators if a.model != "passive"]
-        pairs = [pair for pair in control.excludes if not self.absent & {*pair}]
         held = sum(joint.mimic is not None or _is_locked(joint) for joint in tree.joints)
         for what, expected, found in (
             ("bodies", len(tree.bodies) - len(self.absent), model.nbody - 1),
             ("degrees of freedom", nv, model.nv),
             ("actuators", len(driven) + self.opaque("actuator"), model.nu),
             ("keyframes", len(control.keyframes), model.nkey),
-            ("excluded pairs", len(pairs), model.nexclude),
             ("equalities", held + self.opaque("equality"), model.neq),
             ("shapes", len(self.shapes.shapes) + self.opaque("body", "<geom"), model.ngeom),
         ):
             if expected != found:
                 yield _differs("count", "robot", f"number of {what}", expected, found)
+        yield from self.excludes()
         masses = [body.inertial.mass_kg for body in tree.bodies if body.inertial]
         total, found_total = math.fsum(masses), math.fsum(model.body_mass)
         yield from self.compare("total_mass", "robot", "total mass (kg)", [total], [found_total])
+
+    def excludes(self) -> Iterator[Finding]:
+        """Every pair of the recipe is left out, by an element or by MuJoCo's own rule; no other."""
+        model = self.model
+        said = {(int(pair) >> 16, int(pair) & 0xFFFF) for pair in model.exclude_signature}
+        wanted = set()
+        for pair in self.control.excludes:
+            found = sorted(self.index["body"].get(self.names[name], 0) for name in pair)
+            if not self.absent & {*pair} and found[0]:  # a body that is lost has its own finding
+                wanted.add((found[0], found[1]))
+        left_out = {pair for pair in wanted if pair in said or mujoco.passes(model, *pair)}
+        if missing := len(wanted - left_out):
+            yield _differs("count", "robot", "number of excluded pairs not there", 0, missing)
+        if more := len(said - wanted) - self.opaque("contact", "<exclude"):
+            yield _differs("count", "robot", "number of excluded pairs too many", 0, more)
 
     def opaque(self, place: str, start: str = "<") -> int:
         """How many elements of a section only MJCF has."""

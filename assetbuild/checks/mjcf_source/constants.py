@@ -148,13 +148,21 @@ class Constants(Comparison):
             fields += ["num", "margin", "solref_lim", "solimp_lim", "width", "group", "armature"]
             yield from self.fields("tendon", f"tendon {name}", "tendon", fields, i, j)
         if "merge" not in self.stated:
-            lost = _excluded(self.a.model) - _excluded(self.b.model, self.names)
+            there = _excluded(self.a.model)
+            lost = there - _excluded(self.b.model, self.names) - self._filtered(there)
             for first, second in sorted(lost):
                 words = f"excluded pair {first}, {second}"
                 yield differs("exclude", "robot", words, "there", "missing")
         if self.a.model.npair != self.b.model.npair:
             pairs = self.a.model.npair, self.b.model.npair
             yield from self.same("exclude", "robot", "contact pairs", *pairs)
+
+    def _filtered(self, pairs: set[tuple[str, str]]) -> set[tuple[str, str]]:
+        """Pairs of the source's bodies that MuJoCo leaves out in ours by its own rule."""
+        index = self.b.ids["body"]
+        ours = {pair: [index.get(self.names.get(name, name), 0) for name in pair] for pair in pairs}
+        model = self.b.model
+        return {pair for pair, (a, b) in ours.items() if a and b and mujoco.passes(model, a, b)}
 
     def _sensors(self) -> Iterator[Finding]:
         yield from self.missing("sensor", self.a.ids["sensor"])

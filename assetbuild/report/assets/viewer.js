@@ -172,7 +172,7 @@
     const slider = sliders[name];
     if (slider) {
       slider.input.value = value;
-      slider.output.textContent = `${value.toFixed(3)} ${joint.unit}`;
+      slider.output.textContent = `${(Math.round(value * 1000) / 1000 + 0).toFixed(3)} ${joint.unit}`;
     }
     for (const other of Object.values(joints)) {
       if (other.mimic && other.mimic.joint === name) {

@@ -25,6 +25,7 @@ from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.simulators.usd_names import joint_identifiers
 from assetbuild.targets.isaaclab import events
+from assetbuild.targets.isaaclab.measure import script
 
 Generation = Literal[2, 3]
 
@@ -48,8 +49,12 @@ LIMITS: Mapping[tuple[Generation, bool], tuple[tuple[str, ...], tuple[str, ...]]
 
 
 class IsaacLab(Target):
-    """`python/<robot>_isaaclab_2.py` and `_3.py`; they look for the USD beside them."""
+    """`python/<robot>_isaaclab_2.py` and `_3.py`, which look for the USD beside them.
 
+    `_measure.py` is for Isaac Lab's half of the comparison.
+    """
+
+    version = "3"
     outputs = ("isaaclab/",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     folder = "python"
@@ -87,6 +92,9 @@ class IsaacLab(Target):
             )
             path = folder / f"{module_name(self.robot)}_isaaclab_{generation}.py"
             path.write_text(module.text(), encoding="utf-8")
+        name = module_name(self.robot)
+        path = folder / f"{name}_isaaclab_measure.py"
+        path.write_text(script(self.robot, name, tree), encoding="utf-8")
         yield from self._findings(control)
         if self.randomize is not None:
             yield from events.lost(self.randomize, control, tree)

@@ -2,13 +2,15 @@
 
 Three levels: the robot (what all joints share), its motors (what all joints with one motor, gains
 and limits share), and families (joints of one motor with one axis and range: all hips). Only
-what *every* member says is lifted, so a class never has to be contradicted.
+what *every* member says is lifted, so a class never has to be contradicted; but for the axis, which
+every joint has: the robot's class says that of most joints, as Menagerie's do.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from assetbuild.targets.mjcf.drives import PLACING, Drive, Row
 from assetbuild.targets.mjcf.xml import Element, element
@@ -16,6 +18,8 @@ from assetbuild.targets.mjcf.xml import Element, element
 MOTOR_MEMBERS = 2
 FAMILY_MEMBERS = 3
 """Fewest members that make a class worth its lines."""
+VAGUE = frozenset({"joint", "joints", "link_visual", "link_collision", "link"})
+"""Words that all names of a robot may share."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +59,13 @@ class Names:
     def __contains__(self, name: str) -> bool:
         return name in self._taken
 
-    def take(self, wanted: str) -> str:
-        """`wanted`, or `wanted_2`, ... when that is taken."""
+    def take(self, wanted: str, first: str = "") -> str:
+        """`wanted`; when that is taken or says nothing, the `first` member's name, else a number.
+
+        A class `joint_1.0` for the joints 1, 5 and 9 of a hand says more than `joint_2` would.
+        """
+        if first and (wanted in self._taken or wanted in VAGUE):
+            wanted = first
         name, count = wanted, 1
         while name in self._taken:
             count += 1
@@ -74,7 +83,16 @@ def find_defaults(robot: str, rows: tuple[Row, ...], names: Names) -> Defaults:
         _Level(_motor_key, MOTOR_MEMBERS, _motor_name),
         _Level(_family_key, FAMILY_MEMBERS, _family_name),
     )
-    return _defaults(robot, rows, _Said({}, {}), levels, names)
+    axis = _usual_axis(rows)
+    found = _defaults(robot, rows, _Said(axis, {}), levels, names)
+    return replace(found, joint={**axis, **found.joint})
+
+
+def _usual_axis(rows: tuple[Row, ...]) -> dict[str, str]:
+    """Of more than half of the joints: every joint has one, so the others say theirs."""
+    axes = Counter(row.attributes["axis"] for row in rows)
+    axis, count = axes.most_common(1)[0] if axes else ("", 0)
+    return {"axis": axis} if count >= FAMILY_MEMBERS and 2 * count > len(rows) else {}
 
 
 def uses(defaults: Defaults) -> dict[str, Use]:
@@ -111,7 +129,7 @@ def _defaults(
         for group in _groups(rows, level.key):
             if len(group) < level.members or not _worth_a_class(group, inside, levels[1:]):
                 continue
-            child_name = names.take(level.name(group))
+            child_name = names.take(level.name(group), group[0].joint.name)
             children.append(_defaults(child_name, group, inside, levels[1:], names))
             direct = [row for row in direct if row not in group]
     return Defaults(name, joint, drive, tuple(children), tuple(direct))

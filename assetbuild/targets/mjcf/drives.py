@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Actuator, Control, General, Joint, Tree
-from assetbuild.targets.mjcf.xml import number, numbers
+from assetbuild.targets.mjcf.xml import direction, number, numbers
 
 EXTERNAL = ("ideal_pd", "dc_motor")
 """Models whose gains act outside the simulator."""
@@ -63,7 +63,7 @@ def row_of(joint: Joint, actuator: Actuator | None) -> Row:
     armature = actuator.armature if actuator else 0.0
     attributes = {
         "type": "slide" if joint.kind == "prismatic" else None,
-        "axis": numbers(joint.axis),
+        "axis": direction(joint.axis),
         "range": _range(joint),
         "damping": number(damping) if damping else None,
         "frictionloss": number(friction) if friction else None,

@@ -34,9 +34,15 @@ class Geoms:
     """Geom elements and their default classes, which say what geoms have in common."""
 
     def __init__(
-        self, shapes: Shapes, control: Control, roles: Mapping[str, str], names: Names
+        self,
+        shapes: Shapes,
+        control: Control,
+        roles: Mapping[str, str],
+        names: Names,
+        X_body_shape: Mapping[str, Pose],
     ) -> None:
-        """roles: the class names of `visual` and `collision`, already taken from `names`."""
+        """roles: the class names of `visual` and `collision`, already taken from `names`;
+        X_body_shape by the shape's name."""
         surfaces = dict(control.contacts)
         visual = {"type": "mesh", "contype": "0", "conaffinity": "0", "group": VISUAL_GROUP}
         collision = {
@@ -45,13 +51,17 @@ class Geoms:
         }
         rows = {
             "visual": [
-                GeomRow(s, _attributes(s) | ({"material": s.material} if s.material else {}))
+                GeomRow(
+                    s,
+                    _attributes(s, X_body_shape[s.name])
+                    | ({"material": s.material} if s.material else {}),
+                )
                 for s in shapes.of("visual")
             ],
             "collision": [
                 GeomRow(
                     s,
-                    _attributes(s),
+                    _attributes(s, X_body_shape[s.name]),
                     surface_attributes(surfaces.get(s.name, control.contact), control.contact),
                 )
                 for s in shapes.of("collision")
@@ -71,7 +81,7 @@ class Geoms:
         """The default classes of both roles, without those of roles that no shape has."""
         return [role.element() for role in self._classes]
 
-    def geom(self, shape: Shape, X_body_shape: Pose) -> Element:
+    def geom(self, shape: Shape) -> Element:
         """One geom, with only what its class does not say."""
         use = self._uses[shape.name]
         said = dict(use.attributes)
@@ -83,15 +93,15 @@ class Geoms:
                 "type": said.pop("type", None),
                 "size": said.pop("size", None),
                 "mesh": shape.geometry.mesh if isinstance(shape.geometry, Mesh) else None,
-                **pose_attributes(X_body_shape),
                 **said,
             },
         )
 
 
-def _attributes(shape: Shape) -> dict[str, str]:
+def _attributes(shape: Shape, X_body_shape: Pose) -> dict[str, str]:
     kind, size = _geometry(shape)
-    return {"type": kind, "size": size} if size else {"type": kind}
+    said = {"type": kind, "size": size, **pose_attributes(X_body_shape)}
+    return {key: value for key, value in said.items() if value is not None}
 
 
 def _geometry(shape: Shape) -> tuple[str, str | None]:

@@ -30,7 +30,14 @@ from assetbuild.targets.mjcf.sensors import (
     sensor_section,
     site_elements,
 )
-from assetbuild.targets.mjcf.xml import Element, element, number, numbers, pose_attributes
+from assetbuild.targets.mjcf.xml import (
+    Element,
+    direction,
+    element,
+    number,
+    numbers,
+    pose_attributes,
+)
 
 SITE_GROUP = "4"
 DEFAULT_GRAVITY = (0.0, 0.0, -9.81)
@@ -82,7 +89,9 @@ class RobotXml:
         roles = {role: names.take(role) for role in ("visual", "collision")}
         self.defaults: Defaults = find_defaults(self.robot_class, self.rows, names)
         self.uses: dict[str, Use] = uses(self.defaults)
-        self.geoms = Geoms(shapes, control, roles, names)
+        self.placed = _placed(tree, shapes)
+        poses = {name: pose for name, (_, pose) in self.placed.items()}
+        self.geoms = Geoms(shapes, control, roles, names, poses)
         self.cameras = cameras_by_body(tree, control)
         refuse_hidden(control, self.seats.hidden)
 
@@ -280,9 +289,8 @@ class RobotXml:
         for role in ("visual", "collision"):
             for shape in self.shapes.shapes:
                 if shape.role == role:
-                    body, X_body_link = self.tree.placement(shape.link)
-                    geom = self.geoms.geom(shape, X_body_link @ shape.X_link_shape)
-                    found.setdefault(body, []).append(geom)
+                    body, _ = self.placed[shape.name]
+                    found.setdefault(body, []).append(self.geoms.geom(shape))
         return found
 
     def _sites_by_body(self) -> dict[str, list[Element]]:
@@ -294,14 +302,27 @@ class RobotXml:
     # --- tail -------------------------------------------------------------------------------
 
     def contact(self) -> Element:
-        """All pairs of the recipe, also those of parent and child, which MuJoCo filters itself
-        unless the parent is fixed to the world or the filter is switched off."""
+        """The pairs of the recipe that MuJoCo does not filter itself."""
         pairs = [
             element("exclude", {"body1": self.body_names[a], "body2": self.body_names[b]})
             for a, b in self.control.excludes
             if not {a, b} & self.seats.hidden  # without shapes, they touch nothing
+            and not (self._filtered(a, b) or self._filtered(b, a))
         ]
         return element("contact", None, pairs, gap=True)
+
+    def _filtered(self, parent: str, child: str) -> bool:
+        """MuJoCo lets parent and child pass through each other, unless the parent is part of the
+        world or the filter is switched off (which only an MJCF source says)."""
+        unfiltered = any("filterparent" in item.element for item in self.control.mjcf_only)
+        return self.seats.parent(child) == parent and not unfiltered and not self._stands(parent)
+
+    def _stands(self, body: str) -> bool:
+        """Whether fixed joints alone hold the body to a fixed base."""
+        above = self.tree.joint_above.get(body)
+        while above is not None and above.kind == "fixed":
+            above = self.tree.joint_above.get(above.parent)
+        return above is None and self.tree.base == "fixed"
 
     def equality(self) -> Element:
         """Mimic joints: q = offset + multiplier * q(leader). Locked ones: q = a constant."""
@@ -395,8 +416,17 @@ def depth_first(tree: Tree) -> tuple[str, ...]:
     return tuple(order)
 
 
+def _placed(tree: Tree, shapes: Shapes) -> dict[str, tuple[str, Pose]]:
+    """(body, X_body_shape) by the shape's name."""
+    found = {}
+    for shape in shapes.shapes:
+        body, X_body_link = tree.placement(shape.link)
+        found[shape.name] = body, X_body_link @ shape.X_link_shape
+    return found
+
+
 def _position(pose: Pose) -> str | None:
-    return numbers(pose.xyz) if pose.xyz != (0.0, 0.0, 0.0) else None
+    return pose_attributes(pose)["pos"]
 
 
 def _material(material: Material, textures: Mapping[str, str]) -> Element:
@@ -421,7 +451,7 @@ def _planar_elements(joint: Joint, X_body_joint: Pose) -> list[Element]:
                 "class": "main",
                 "type": "slide" if suffix != "yaw" else None,
                 "pos": _position(X_body_joint),
-                "axis": numbers(vec3(turn[:, column])),
+                "axis": direction(vec3(turn[:, column])),
             },
         )
         for column, suffix in enumerate(("x", "y", "yaw"))

@@ -13,6 +13,8 @@ from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.mjcf.xml import Element, element, numbers
 
 SMALLEST_EXTENT_M = 0.5
+BELOW_M = 0.01
+"""A bolted robot that reaches further below its base (a hand) hangs over the floor, not in it."""
 
 
 def scene(
@@ -35,7 +37,7 @@ def scene(
             ),
             _looks(),
             _floor_assets(floor_material),
-            _world(floor_material, free("floor"), control),
+            _world(floor_material, free("floor"), control, floor_height(tree, control)),
         ],
     )
 
@@ -47,6 +49,16 @@ def view(tree: Tree, control: Control) -> tuple[tuple[float, ...], float]:
     size = max(SMALLEST_EXTENT_M, math.dist(lower, upper))
     center = tuple(round(float(v), 2) for v in (lower + upper) / 2)
     return center, round(size, 2)
+
+
+def floor_height(tree: Tree, control: Control) -> float:
+    """0, or lower under a bolted robot that reaches below its base in its first keyframe, m."""
+    origins = _origins(tree, control.keyframes[0] if control.keyframes else None)
+    lowest = float(origins[:, 2].min())
+    if tree.base == "floating" or lowest > -BELOW_M:
+        return 0.0
+    reach = lowest - math.dist(origins.min(axis=0), origins.max(axis=0)) / 2
+    return math.floor(reach * 10) / 10
 
 
 def _origins(tree: Tree, keyframe: Keyframe | None) -> Array:
@@ -124,15 +136,16 @@ def _floor_assets(material: str) -> Element:
     )
 
 
-def _world(material: str, name: str, control: Control) -> Element:
+def _world(material: str, name: str, control: Control, height: float) -> Element:
     # MuJoCo takes the larger of two frictions: the floor has the robot's smallest, so that what the
     # recipe says is what acts, also below the default of 1. A priority decides without the floor.
     surfaces = [control.contact, *(own for _, own in control.contacts if not own.priority)]
     friction = [min(values) for values in zip(*(s.friction for s in surfaces), strict=True)]
-    floor = {
+    floor: dict[str, str | None] = {
         "name": name,
         "type": "plane",
         "size": "0 0 0.05",
+        "pos": numbers((0.0, 0.0, height)) if height else None,
         "friction": numbers(friction),
         "material": material,
     }

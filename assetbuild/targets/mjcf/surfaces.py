@@ -1,11 +1,14 @@
 """Geoms of one role and the classes that say what they share, found in the data.
 
-`collision` (or `visual`) says what all its geoms say alike. Below it stand a class for each other
-surface (feet, mostly) and one for each size that three shapes or more have: all hips, all calves.
+`collision` (or `visual`) says what all its geoms say alike, and the type and material of most.
+Below it stand a class for each other surface (feet, mostly) and one for each size that three shapes
+or more have (all hips, all calves), with their place where that is one and the same, or one for the
+pieces of a link that fixed joints put elsewhere.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -16,6 +19,7 @@ from assetbuild.targets.mjcf.xml import Element, element, numbers
 SURFACE_MEMBERS = 2
 SIZE_MEMBERS = 3
 """Fewest shapes that make a class worth its lines."""
+_PLACE = frozenset({"pos", "quat"})
 
 
 @dataclass(frozen=True)
@@ -88,11 +92,12 @@ def find_geom_classes(
     name: str, fixed: Mapping[str, str], rows: Sequence[GeomRow], names: Names
 ) -> GeomClass:
     """The class of one role. fixed: what it says in any case (group, masks of visuals)."""
-    common = {**fixed, **_shared(rows, fixed)}
+    common = {**fixed, **_shared(rows, fixed), **_usual(rows)}
     children, placed = [], set[str]()
     for members, least, suffix in [
         *((group, SURFACE_MEMBERS, "") for group in _by_surface(rows, common)),
         *((group, SIZE_MEMBERS, f"_{name}") for group in _by_size(rows, common)),
+        *((group, SIZE_MEMBERS, f"_{name}") for group in _by_place(rows, common)),
     ]:
         free = [row for row in members if row.shape.name not in placed]
         own = _shared(free, common)
@@ -102,7 +107,8 @@ def find_geom_classes(
         wanted = f"{words}_{name}" if words in names else f"{words}{suffix}"
         placed |= {row.shape.name for row in free}
         members_of = frozenset(row.shape.name for row in free)
-        children.append(GeomClass(names.take(wanted), own, (), members_of))
+        class_name = names.take(wanted, f"{free[0].shape.link}_{name}")
+        children.append(GeomClass(class_name, own, (), members_of))
     rest = frozenset(row.shape.name for row in rows if row.shape.name not in placed)
     return GeomClass(name, common, tuple(children), rest)
 
@@ -131,6 +137,18 @@ def _shared(rows: Sequence[GeomRow], said: Mapping[str, str]) -> dict[str, str]:
     }
 
 
+def _usual(rows: Sequence[GeomRow]) -> dict[str, str]:
+    """The type and material of most shapes, where all have one: the others say theirs."""
+    found = {}
+    for key in ("type", "material"):
+        worn = [row.said[key] for row in rows if key in row.said]
+        if worn and len(worn) == len(rows):
+            value, count = Counter(worn).most_common(1)[0]
+            if count >= SIZE_MEMBERS and (key == "material" or 2 * count > len(rows)):
+                found[key] = value
+    return found
+
+
 def _by_surface(rows: Sequence[GeomRow], common: Mapping[str, str]) -> list[list[GeomRow]]:
     """Groups of shapes whose surface says something that not all say."""
     found: dict[frozenset[tuple[str, str]], list[GeomRow]] = {}
@@ -144,7 +162,19 @@ def _by_surface(rows: Sequence[GeomRow], common: Mapping[str, str]) -> list[list
 def _by_size(rows: Sequence[GeomRow], common: Mapping[str, str]) -> list[list[GeomRow]]:
     found: dict[frozenset[tuple[str, str]], list[GeomRow]] = {}
     for row in rows:
-        own = frozenset((k, v) for k, v in row.said.items() if common.get(k) != v)
+        own = frozenset(
+            (k, v) for k, v in row.said.items() if common.get(k) != v and k not in _PLACE
+        )
         if any(key == "size" for key, _ in own):
             found.setdefault(own, []).append(row)
+    return list(found.values())
+
+
+def _by_place(rows: Sequence[GeomRow], common: Mapping[str, str]) -> list[list[GeomRow]]:
+    """The pieces of one link that stand in one place of its body, which is not the origin."""
+    found: dict[tuple[str, frozenset[tuple[str, str]]], list[GeomRow]] = {}
+    for row in rows:
+        place = frozenset((k, v) for k, v in row.said.items() if k in _PLACE and common.get(k) != v)
+        if place:
+            found.setdefault((row.shape.link, place), []).append(row)
     return list(found.values())

@@ -1,12 +1,19 @@
-"""XML as Menagerie writes it: two spaces, name and class first, shortest exact numbers."""
+"""XML as Menagerie writes it: two spaces, 120 columns, name and class first, shortest numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
 from assetbuild.robot.pose import Pose
+
+COLUMNS = 120
+DIRT_ULPS = 4
+"""A sum of decimals misses the decimal that it means by so many units in the last place."""
+NOTHING = 1e-15
+"""Components of poses and unit vectors below this are what sin(pi) leaves, m or 1."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +39,15 @@ def element(
 
 
 def number(value: float) -> str:
-    """Shortest text that reads back to the same double: `1`, `0.0375`, `1e-06`."""
-    text = repr(float(value) + 0.0)  # + 0.0: negative zero is zero
-    return text.removesuffix(".0")
+    """Shortest text that reads back to the same double: `1`, `0.0375`, `1e-06`.
+
+    Where that is a short decimal but for the rounding of a sum (0.6799999999999999), the decimal.
+    """
+    value = float(value) + 0.0  # + 0.0: negative zero is zero
+    decimal = float(f"{value:.12g}")
+    if abs(decimal - value) <= DIRT_ULPS * math.ulp(value):
+        value = decimal
+    return repr(value).removesuffix(".0")
 
 
 def numbers(values: Iterable[float]) -> str:
@@ -42,12 +55,24 @@ def numbers(values: Iterable[float]) -> str:
     return " ".join(number(value) for value in values)
 
 
+def direction(vector: Sequence[float]) -> str:
+    """A unit vector or a position, without what rounding leaves where 0 is meant."""
+    return numbers(0.0 if abs(v) < NOTHING else v for v in vector)
+
+
 def pose_attributes(pose: Pose) -> dict[str, str | None]:
     """`pos` and `quat`, each only where it is not MuJoCo's default."""
-    return {
-        "pos": numbers(pose.xyz) if pose.xyz != (0.0, 0.0, 0.0) else None,
-        "quat": numbers(pose.quat) if pose.quat != (1.0, 0.0, 0.0, 0.0) else None,
-    }
+    pos, quat = direction(pose.xyz), _quaternion(pose.quat)
+    return {"pos": pos if pos != "0 0 0" else None, "quat": quat if quat != "1 0 0 0" else None}
+
+
+def _quaternion(quat: Sequence[float]) -> str:
+    """A quarter turn is `1 1 0 0`: MuJoCo normalises, and people can read it."""
+    turning = [v for v in quat if abs(v) >= NOTHING]
+    size = abs(turning[0]) if turning else 1.0
+    if len(turning) == 2 and all(abs(abs(v) - size) < NOTHING for v in turning):
+        return direction([v / size if abs(v) >= NOTHING else 0.0 for v in quat])
+    return direction(quat)
 
 
 def document(root: Element, comment: str) -> str:
@@ -65,14 +90,26 @@ def document(root: Element, comment: str) -> str:
             continue
         if item.gap:
             lines.append("")
-        attributes = "".join(f" {key}={_quoted(value)}" for key, value in item.attributes)
+        lines += _wrapped(indent, item)
         if not item.children:
-            lines.append(f"{indent}<{item.tag}{attributes}/>")
             continue
-        lines.append(f"{indent}<{item.tag}{attributes}>")
         waiting.append((depth, f"</{item.tag}>"))
         waiting += [(depth + 1, child) for child in reversed(item.children)]
     return "\n".join(lines) + "\n"
+
+
+def _wrapped(indent: str, item: Element) -> list[str]:
+    """The opening tag, attributes that do not fit on lines of their own, as Menagerie has it."""
+    columns = max(COLUMNS, len(indent) + COLUMNS // 2)
+    lines = [f"{indent}<{item.tag}"]
+    for key, value in item.attributes:
+        word = f"{key}={_quoted(value)}"
+        if len(lines[-1]) + 1 + len(word) + 2 > columns:  # 2: the tag's end
+            lines.append(f"{indent}  {word}")
+        else:
+            lines[-1] += f" {word}"
+    lines[-1] += ">" if item.children else "/>"
+    return lines
 
 
 def _quoted(value: str) -> str:

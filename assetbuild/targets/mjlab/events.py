@@ -143,8 +143,8 @@ def _joints(
             yield Term(f"gains_{index}", "pd_gains", f"actuator_ids={loops!r}", gains)
         limited = [i for i in loops if groups[i][0].effort is not None]
         if limited and ranges.effort != (1.0, 1.0):
-            effort = (("effort_limit_range", repr(ranges.effort)),)
-            yield Term(f"effort_{index}", "effort_limits", f"actuator_ids={limited!r}", effort)
+            share = (("effort_limit_range", repr(ranges.effort)),)
+            yield Term(f"effort_{index}", "effort_limits", f"actuator_ids={limited!r}", share)
         names = _names("joint_names", joints)
         for key, func in JOINT_TERMS.items():
             factor = getattr(ranges, key)

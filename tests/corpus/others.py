@@ -1,6 +1,7 @@
-"""Robots of the corpus that come as xacro: what `init` gets for them.
+"""Robots of the corpus that are no URDF: what `init` gets for them.
 
-They lie in `$ASSETBUILD_SHARED/data`; the Go1's meshes are those of example-robot-data.
+The xacros lie in `$ASSETBUILD_SHARED/data`; the Go1's meshes are those of example-robot-data.
+The MJCFs are mjlab's, in its wheel, unpacked in `$ASSETBUILD_MJLAB`.
 """
 
 from __future__ import annotations
@@ -24,16 +25,23 @@ class Given:
         return [word for k, v in self.args.items() for word in ("--arg", f"{k}={v}")]
 
 
-def xacros() -> list[str]:
-    """Names of the robots; [] where the data are not there."""
-    return sorted(_GIVEN) if _data() else []
+def others() -> list[str]:
+    """Names of the robots whose data are there."""
+    return [*(sorted(_XACROS) if _data() else []), *(sorted(_MJCFS) if _mjlab() else [])]
 
 
 def given(name: str, root: Path, folder: Path) -> Given:
     """The files of one robot; folder: where a package may be put together."""
-    data = _data()
-    assert data is not None  # `xacros` named it
-    return _GIVEN[name](data, root, folder)
+    data, mjlab = _data(), _mjlab()
+    if mjlab and name in _MJCFS:
+        return Given(mjlab / "mjlab/asset_zoo/robots" / _MJCFS[name], {})
+    assert data is not None  # `others` named it
+    return _XACROS[name](data, root, folder)
+
+
+def _mjlab() -> Path | None:
+    wheel = os.environ.get("ASSETBUILD_MJLAB")
+    return Path(wheel) if wheel and Path(wheel).is_dir() else None
 
 
 def _data() -> Path | None:
@@ -55,7 +63,12 @@ def _go1(data: Path, root: Path, folder: Path) -> Given:
     return Given(package / "xacro/robot.xacro", {})
 
 
-_GIVEN: dict[str, Callable[[Path, Path, Path], Given]] = {
+_MJCFS = {
+    "mjlab/g1": "unitree_g1/xmls/g1.xml",
+    "mjlab/go1": "unitree_go1/xmls/go1.xml",
+    "mjlab/yam": "i2rt_yam/xmls/yam.xml",
+}
+_XACROS: dict[str, Callable[[Path, Path, Path], Given]] = {
     "xacro/go1": _go1,
     "xacro/ur10e": _ur10e,
 }

@@ -1,0 +1,41 @@
+"""Are left and right of the robot mirror images of each other?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Self
+
+from assetbuild.engine.step import Files
+from assetbuild.findings import Finding
+from assetbuild.kinds import Check, write_figures
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.codec import decode
+from assetbuild.robot.mirror import Tolerances, mirror_findings, parts_of, twins
+from assetbuild.robot.model import Control, Tree
+
+
+class Mirror(Check):
+    """Findings `mirror.<what>`; figures: the pairs, and which axis of the root points sideways."""
+
+    tools = ("numpy",)
+    preload = ("numpy",)
+    reads = ("tree.json", "control.json")
+
+    allowed: Tolerances = Tolerances()
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self | None:
+        """With the tolerances of `validate.mirror`."""
+        wish = recipe.validate_.mirror
+        return None if wish is None else cls(allowed=Tolerances(**wish.model_dump()))
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads the bodies, their joints, the table and the first keyframe."""
+        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        found = twins(parts_of(tree, control), self.allowed.place)
+        figures: dict[str, object] = {"pairs": [[a.name, b.name] for a, b in found.pairs]}
+        if found.pairs:
+            figures["sideways"] = "xyz"[found.axis]
+        write_figures(files, figures)
+        yield from mirror_findings(found, self.allowed)

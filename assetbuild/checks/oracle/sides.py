@@ -1,0 +1,207 @@
+"""The same robot in two libraries: the source in pinocchio, our MJCF in MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from assetbuild.robot.chains import find_chains
+from assetbuild.robot.inertia import combine, move_inertial, tensor_of
+from assetbuild.robot.model import Inertial, Tree
+from assetbuild.robot.pose import Array, Pose, normalised_quat, vec3
+from assetbuild.simulators.mujoco import body_names, inertia_of, load
+
+
+class PinocchioSide:
+    """The source URDF in pinocchio. dof: velocity index by joint name."""
+
+    def __init__(self, urdf: str, links: Tree, tree: Tree) -> None:
+        import pinocchio
+
+        self.tree = tree
+        self._pin: Any = pinocchio  # Any: pinocchio has no types
+        free = (pinocchio.JointModelFreeFlyer(),) if tree.base == "floating" else ()
+        self._model = pinocchio.buildModelFromXML(urdf, *free)
+        self._data = self._model.createData()
+        self.X_body_root = tree.placement(links.root)[1]
+        self.nv = int(self._model.nv)
+        self.mass = float(pinocchio.computeTotalMass(self._model))
+        names = [joint.name for joint in tree.moving_joints]
+        missing = [name for name in names if not self._model.existJointName(name)]
+        if missing:
+            raise ValueError(f"pinocchio finds no moving joint `{missing[0]}`")
+        self._joint = {n: self._model.joints[self._model.getJointId(n)] for n in names}
+        self.dof = {name: int(joint.idx_v) for name, joint in self._joint.items()}
+        self._moving = {joint.name: joint for joint in tree.moving_joints}
+        self._links = [body.name for body in links.bodies]
+        self._q = pinocchio.neutral(self._model)
+
+    def move(self, positions: Mapping[str, float], X_world_root_link: Pose) -> None:
+        """Place it; positions in rad or m by joint name."""
+        q = self._q
+        if self.tree.base == "floating":
+            w, x, y, z = X_world_root_link.quat
+            q[:7] = [*X_world_root_link.xyz, x, y, z, w]
+        for name, joint in self._joint.items():
+            value = positions[name]
+            if joint.nq == 2:  # continuous: (cos, sin)
+                q[joint.idx_q : joint.idx_q + 2] = np.cos(value), np.sin(value)
+            else:
+                q[joint.idx_q] = value
+        self._pin.forwardKinematics(self._model, self._data, q)
+        self._pin.updateFramePlacements(self._model, self._data)
+
+    def link_poses(self) -> Iterator[tuple[str, Array]]:
+        """(name, X_world_link (4, 4)) of every link of the source."""
+        body = self._pin.FrameType.BODY  # joints and links share names
+        for name in self._links:
+            if self._model.existFrame(name, body):
+                yield name, self._data.oMf[self._model.getFrameId(name, body)].homogeneous
+
+    def mass_matrix(self) -> Array:
+        """(nv, nv), symmetric: crba fills the upper triangle only."""
+        upper = np.triu(self._pin.crba(self._model, self._data, self._q))
+        symmetric: Array = upper + np.triu(upper, 1).T
+        return symmetric
+
+    def gravity(self) -> Array:
+        """(nv,) generalised gravity at the placed pose."""
+        g: Array = self._pin.computeGeneralizedGravity(self._model, self._data, self._q).copy()
+        return g
+
+    def inertias(self) -> Iterator[tuple[str, Inertial]]:
+        """(link, everything that moves with it) in the frame of the link, merged by pinocchio.
+
+        The links below the moving joints, and the root link of a floating base.
+        """
+        below = {joint.child: int(self._joint[n].id) for n, joint in self._moving.items()}
+        if self.tree.base == "floating":
+            below = {self.tree.root: 1, **below}
+        for link, index in below.items():
+            told = self._model.inertias[index]
+            tensor = tensor_of(told.inertia)
+            merged = Inertial(float(told.mass), vec3(told.lever), tensor)
+            is_root = link == self.tree.root
+            yield link, move_inertial(merged, self.X_body_root) if is_root else merged
+
+    def set_gravity(self, gravity: Array) -> None:
+        """Pull it as the MJCF does."""
+        self._model.gravity.linear = gravity
+
+
+class MujocoSide:
+    """Our MJCF in MuJoCo. dof: velocity index by joint name."""
+
+    def __init__(self, path: Path, tree: Tree) -> None:
+        import mujoco
+
+        self._mj: Any = mujoco  # Any: mujoco's bindings have no complete types
+        self._model = load(path, visuals=False).model
+        self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        self._data = mujoco.MjData(self._model)
+        self.nv = int(self._model.nv)
+        self.mass = float(self._model.body_mass.sum())
+        self.tree = tree
+        self.dof: dict[str, int] = {}
+        self._qpos: dict[str, int] = {}
+        for joint in tree.moving_joints:
+            at = self._id("JOINT", joint.name)
+            if at >= 0:
+                self.dof[joint.name] = int(self._model.jnt_dofadr[at])
+                self._qpos[joint.name] = int(self._model.jnt_qposadr[at])
+        self._written = body_names(tree)
+        # Massless links between joints need not be there; `equal.mjcf` knows which must.
+        self._between = {link for chain in find_chains(tree) for link in chain.between}
+        self._links = {body.name: (body.name, Pose()) for body in tree.bodies}
+        self._links |= {f.name: (f.body, f.X_body_frame) for f in tree.frames}
+
+    def _id(self, kind: str, name: str) -> int:
+        objects = self._mj.mjtObj
+        return int(self._mj.mj_name2id(self._model, getattr(objects, f"mjOBJ_{kind}"), name))
+
+    def unlike(self, pin: PinocchioSide) -> str:
+        """What keeps the two from being compared, or ""; makes gravity alike."""
+        for joint in self.tree.moving_joints:
+            if joint.name not in self.dof:
+                return f"the MJCF has no joint `{joint.name}`"
+        for body in self.tree.bodies:
+            if body.name not in self._between and self._id("BODY", self._written[body.name]) < 0:
+                return f"the MJCF has no body `{self._written[body.name]}`"
+        free = self._mj.mjtJoint.mjJNT_FREE
+        if self.tree.base == "floating" and not (
+            self._model.njnt and self._model.jnt_type[0] == free
+        ):
+            return "the base floats, but the first joint of the MJCF is no free joint"
+        if self.nv != pin.nv:
+            return f"the MJCF has {self.nv} degrees of freedom, the source {pin.nv}"
+        pin.set_gravity(self._model.opt.gravity)
+        return ""
+
+    def move(self, positions: Mapping[str, float], X_world_body: Pose | None) -> None:
+        """Place it at rest; None = the base is where the MJCF fixes it."""
+        if X_world_body is not None:
+            self._data.qpos[:7] = [*X_world_body.xyz, *X_world_body.quat]
+        for name, index in self._qpos.items():
+            self._data.qpos[index] = positions[name]
+        self._data.qvel[:] = 0.0
+        self._mj.mj_forward(self._model, self._data)
+
+    def link_poses(self, name: str) -> Iterator[Array]:
+        """X_world_link (4, 4) through the robot's frames, and by the site of that name."""
+        body, X_body_link = self._links[name]
+        at = self._id("BODY", self._written[body])
+        if at < 0:
+            return
+        X_world_body = _matrix(self._data.xpos[at], self._data.xmat[at])
+        yield X_world_body @ X_body_link.matrix()
+        site = self._id("SITE", name) if name != body else -1
+        if site >= 0:
+            yield _matrix(self._data.site_xpos[site], self._data.site_xmat[site])
+
+    def mass_matrix(self) -> Array:
+        """(nv, nv) without armature."""
+        out = np.zeros((self.nv, self.nv))
+        self._mj.mj_fullM(self._model, self._data, out)
+        return out - np.diag(self._model.dof_armature)
+
+    def gravity(self) -> Array:
+        """(nv,): at rest the bias force is gravity alone."""
+        bias: Array = self._data.qfrc_bias.copy()
+        return bias
+
+    def inertia(self, link: str) -> Inertial | None:
+        """Everything that moves with a body, in its frame; None for one that MuJoCo lacks."""
+        top = self._id("BODY", self._written[link])
+        if top < 0:
+            return None
+        X_top = {top: Pose()}
+        parts = []
+        for body in range(top, self._model.nbody):  # parents come before children
+            if self._model.body_weldid[body] != top:
+                continue
+            if body != top:
+                w, x, y, z = (float(v) for v in self._model.body_quat[body])
+                place = vec3(self._model.body_pos[body])
+                X_parent_body = Pose(place, normalised_quat((w, x, y, z)))
+                X_top[body] = X_top[int(self._model.body_parentid[body])] @ X_parent_body
+            tensor = tensor_of(inertia_of(self._model, body))
+            own = Inertial(
+                float(self._model.body_mass[body]), vec3(self._model.body_ipos[body]), tensor
+            )
+            parts.append(move_inertial(own, X_top[body]))
+        return combine(parts)
+
+    def dof_subject(self, index: int) -> str:
+        """`joint NAME` of a velocity index, `link ROOT` of the free base."""
+        names = {at: f"joint {name}" for name, at in self.dof.items()}
+        return names.get(index, f"link {self.tree.root}")
+
+
+def _matrix(position: Array, rotation: Array) -> Array:
+    out = np.eye(4)
+    out[:3, :3] = np.reshape(rotation, (3, 3))
+    out[:3, 3] = position
+    return out

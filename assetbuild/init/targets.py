@@ -1,0 +1,35 @@
+"""What a robot can become: a target that cannot hold it is left out, with the reason."""
+
+from __future__ import annotations
+
+from assetbuild.edits.share_mass import meeting_point
+from assetbuild.errors import RecipeError
+from assetbuild.init.look import Looked
+from assetbuild.init.words import plain
+from assetbuild.robot.chains import find_chains
+
+
+def targets(robot: Looked) -> str:
+    """The line of the recipe."""
+    free = next((joint.name for joint in robot.tree.joints if joint.kind == "floating"), None)
+    if free is not None:
+        reason = f"joint {plain(free)} is floating, which only a base can be in MJCF and USD"
+        return f"targets: [urdf]   # {reason}"
+    reason = not_in_usd(robot)
+    if reason:
+        return f"targets: [urdf, mjcf]   # no usd: {plain(reason, 160)}"
+    return "targets: [urdf, mjcf, usd]"
+
+
+def not_in_usd(robot: Looked) -> str:
+    """Why no articulation of PhysX is this robot, exactly; "" when one is."""
+    for joint in robot.tree.joints:
+        if joint.kind == "planar":
+            return f"joint {joint.name} is planar, which no articulation holds"
+    for chain in find_chains(robot.links, {shape.link for shape in robot.shapes.shapes}):
+        for link in chain.between:
+            try:
+                meeting_point(link, chain.joints[chain.between.index(link) + 1 :])
+            except RecipeError as error:
+                return f"a body without mass: {error.message.partition(': ')[2]}"
+    return ""

@@ -1,0 +1,144 @@
+"""What is no plain file where a file is asked for, a disk that is really full, a later clock."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from .conftest import Legs, new_legs
+
+MESH = b"""solid m
+facet normal 0 0 1
+outer loop
+vertex 0 0 0
+vertex 1 0 0
+vertex 0 1 0
+endloop
+endfacet
+endsolid m
+"""
+MOTORS = "m: {effort: 10, velocity: 20}\n"
+ODD: dict[str, Callable[[Path], object]] = {
+    "a pipe": os.mkfifo,
+    "a link to itself": lambda path: path.symlink_to(path.name),
+    "a link to nothing": lambda path: path.symlink_to("nowhere"),
+    "a folder": Path.mkdir,
+    "a device": lambda path: path.symlink_to("/dev/zero"),
+}
+WHERE = ("legs.yaml", "motors.yaml", "robot/four_legs.urdf", "robot/foot.stl")
+LIMIT_S = 20.0
+"""For a refusal on a busy machine; a build that waits for a pipe or reads a device never ends."""
+
+
+@pytest.fixture
+def whole(legs: Legs) -> Legs:
+    """A recipe that names a file in every way it can."""
+    (legs.folder / "robot/foot.stl").write_bytes(MESH)
+    (legs.folder / "motors.yaml").write_text(MOTORS)
+    text = legs.urdf.read_text()
+    visual = '<visual><geometry><mesh filename="foot.stl"/></geometry></visual>'
+    legs.urdf.write_text(text.replace("<collision>", f"{visual}<collision>", 1))
+    legs.recipe.write_text(f"{legs.recipe.read_text()}motor_file: motors.yaml\n")
+    return legs
+
+
+def test_the_recipe_builds_with_plain_files(whole: Legs):
+    done = whole.build()
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("kind", ODD)
+@pytest.mark.parametrize("name", WHERE)
+def test_what_is_no_file_is_refused_in_seconds(whole: Legs, name: str, kind: str):
+    path = whole.folder / name
+    path.unlink()
+    ODD[kind](path)
+    began = time.monotonic()
+    done = whole.build()
+    assert time.monotonic() - began < LIMIT_S
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stderr.count("error: ") == 1, done.stderr
+    assert path.name in done.stderr
+    assert not whole.bundle.exists()
+
+
+def test_names_that_are_no_text_lie_in_the_source_unharmed(whole: Legs):
+    strange = os.fsencode(whole.folder / "robot") + b"/\xff\xfe.stl"
+    with open(strange, "wb") as file:  # noqa: PTH123 - the name is bytes
+        file.write(MESH)
+    done = whole.build()
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_robot_in_a_folder_whose_name_is_no_text(tmp_path: Path):
+    folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9 \xff"))
+    legs = new_legs(folder, tmp_path / "store")
+    done = subprocess.run(
+        legs.command("build", "legs.yaml"), cwd=folder, env=legs.env(), capture_output=True
+    )
+    assert done.returncode == 0, done.stderr.decode(errors="replace")
+
+
+def test_a_clock_a_year_on_changes_no_byte(tmp_path: Path):
+    """Every Python of the build believes that it is another year."""
+    shift = tmp_path / "shift"
+    shift.mkdir()
+    (shift / "sitecustomize.py").write_text(
+        "import time\n"
+        "_s, _ns, _l, _g = time.time, time.time_ns, time.localtime, time.gmtime\n"
+        "YEAR = 366 * 86400\n"
+        "time.time = lambda: _s() + YEAR\n"
+        "time.time_ns = lambda: _ns() + YEAR * 10**9\n"
+        "time.localtime = lambda s=None: _l(_s() + YEAR if s is None else s)\n"
+        "time.gmtime = lambda s=None: _g(_s() + YEAR if s is None else s)\n"
+    )
+    gold, later = new_legs(tmp_path / "gold"), new_legs(tmp_path / "later")
+    assert gold.build().returncode == 0
+    path = os.pathsep.join([str(shift), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+    done = later.build(PYTHONPATH=path)
+    assert done.returncode == 0, done.stderr
+    name = "manifest.json"
+    assert (later.bundle / name).read_bytes() == (gold.bundle / name).read_bytes()
+
+
+SMALL_DISK = 'mount -t tmpfs -o size={size}k none "$1" && cd "$2" && shift 2 && exec "$@"'
+
+
+def _on_small_disk(legs: Legs, disk: Path, kilobytes: int) -> subprocess.CompletedProcess[str]:
+    """The build with its store on a disk of that size, in a mount namespace of its own."""
+    words = ["sh", "-c", SMALL_DISK.format(size=kilobytes), "sh", str(disk), str(legs.folder)]
+    return subprocess.run(
+        ["unshare", "-Urm", *words, *legs.command("build", "legs.yaml")],
+        env=legs.env(ASSETBUILD_CACHE=str(disk / "store")),
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+
+
+def _can_mount(folder: Path) -> bool:
+    if shutil.which("unshare") is None:
+        return False
+    tried = ["unshare", "-Urm", "mount", "-t", "tmpfs", "none", str(folder)]
+    return subprocess.run(tried, capture_output=True).returncode == 0
+
+
+@pytest.mark.parametrize("kilobytes", [16, 48, 96])
+def test_a_small_disk_that_fills_up_is_one_error(legs: Legs, tmp_path: Path, kilobytes: int):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    if not _can_mount(disk):
+        pytest.skip("no disk can be mounted here without being root")
+    done = _on_small_disk(legs, disk, kilobytes)
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    assert "o space left" in done.stderr
+    assert not legs.bundle.exists()
+    assert legs.build().returncode == 0

@@ -1,0 +1,84 @@
+"""Gains and the home pose that `init` proposes: they hold the robot and do not creep."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from assetbuild.init.anatomy import study
+from assetbuild.init.drives import MOST_DAMPED, SAG, Row, drive_rows
+from assetbuild.init.home import home_pose
+from assetbuild.init.look import Looked, judge, look
+from assetbuild.init.relief import HEAVY
+from assetbuild.init.source import find_source
+from assetbuild.init.text import recipe_text
+
+LINK = """\
+<link name="{name}"><inertial><mass value="{mass}"/><origin xyz="{reach} 0 0"/>
+<inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+"""
+JOINT = """\
+<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>
+<origin xyz="{x} 0 0"/><axis xyz="0 1 0"/><limit lower="-0.5" upper="1.5" effort="{effort}"
+velocity="5"/><dynamics damping="{damping}" friction="{friction}"/></joint>
+"""
+
+
+def arm(folder: Path, links: list[tuple[float, float]], **limits: float) -> Looked:
+    """A chain that reaches along x from a bolted base. links: (mass, distance of its centre)."""
+    said = {"effort": 15.0, "damping": 0.0, "friction": 0.0} | limits
+    text = ['<robot name="arm"><link name="world"/>']
+    above, reach = "world", 0.0
+    for index, (mass, distance) in enumerate(links):
+        name = f"link{index}"
+        inertia = mass * distance**2 / 10
+        text.append(LINK.format(name=name, mass=mass, reach=distance, i=inertia))
+        text.append(JOINT.format(name=f"j{index}", parent=above, child=name, x=reach, **said))
+        above, reach = name, 2 * distance
+    path = folder / "arm.urdf"
+    path.write_text("\n".join([*text, "</robot>"]))
+    return judge(look(find_source(path, {})), "fixed")
+
+
+def rows_of(robot: Looked) -> tuple[dict[str, float], tuple[Row, ...]]:
+    legs = study(robot).legs
+    pose = home_pose(robot.tree, legs)
+    return pose, drive_rows(robot.tree, pose, legs)
+
+
+def test_joints_of_a_hand_get_a_frequency_each_and_its_impossible_dampers_go(tmp_path: Path):
+    robot = arm(tmp_path, [(0.2, 0.03), (0.05, 0.02), (0.01, 0.01)], damping=10.0, friction=10.0)
+    _, (row,) = rows_of(robot)
+    assert row.kp is None
+    assert row.frequency is not None
+    assert row.damping_ratio == 1.0
+    assert (row.drops_damping, row.drops_friction) == (True, True)
+    # Gravity on a point at a distance l: sag = g / (l (2 pi f)^2), most for the tip's 10 mm.
+    assert 9.81 / (0.01 * 1.1 * (2 * math.pi * row.frequency) ** 2) <= SAG["rad"] * 1.1
+    text = recipe_text(robot, study(robot), find_source(tmp_path / "arm.urdf", {}), tmp_path / "a")
+    assert "damping_ratio: 1.0, damping: 0, friction: 0}" in text
+
+
+def test_dampers_that_can_be_meant_stay(tmp_path: Path):
+    _, (row,) = rows_of(arm(tmp_path, [(2.0, 0.2), (1.0, 0.2)], damping=0.1, friction=0.1))
+    assert (row.drops_damping, row.drops_friction) == (False, False)
+
+
+def test_one_pair_of_gains_holds_the_arm_and_neither_rings_nor_creeps(tmp_path: Path):
+    pose, (row,) = rows_of(arm(tmp_path, [(4.0, 0.2)], effort=60.0))
+    assert pose == {"j0": 0.0}
+    assert row.kp
+    assert row.kd
+    assert 4.0 * 9.81 * 0.2 / row.kp <= SAG["rad"]
+    inertia = 4.0 * 0.2**2 * 1.1
+    assert 0.65 <= row.kd / (2 * math.sqrt(row.kp * inertia)) <= MOST_DAMPED
+
+
+@pytest.mark.parametrize(("effort", "hangs"), [(14.0, False), (7.0, True)])
+def test_an_arm_that_cannot_be_held_stretched_out_hangs(effort: float, hangs: bool, tmp_path: Path):
+    """Stretched out it needs m g l = 7.8 N m; at 1.5 rad cos(1.5) = 7 % of it."""
+    pose, _ = rows_of(arm(tmp_path, [(4.0, 0.2)], effort=effort))
+    assert (pose["j0"] > 0.0) == hangs
+    assert 4.0 * 9.81 * 0.2 * math.cos(pose["j0"]) <= HEAVY * effort

@@ -1,0 +1,199 @@
+"""Robots that nobody expects: `init` writes a recipe that loads, or says one clear thing."""
+
+# ruff: noqa: E501 # one robot per line reads better than wrapped XML
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from assetbuild.errors import SourceError
+from assetbuild.init import propose, write
+from assetbuild.recipe.loader import load_recipe
+from assetbuild.recipe.models import Recipe
+
+INERTIAL = '<inertial><origin xyz="0 0 0.01"/><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+BOX = '<visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual>'
+HIT = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+LIMIT = '<limit lower="-1" upper="1" effort="10" velocity="5"/>'
+TRIANGLE = (
+    b"one triangle".ljust(80)
+    + struct.pack("<I", 1)
+    + np.array([0, 0, 0, 0, 0, 0, 0.1, 0, 0, 0, 0.1, 0], dtype="<f4").tobytes()
+    + b"\0\0"
+)
+
+
+def initialised(urdf: str | bytes, folder: Path) -> Recipe:
+    """The recipe that `init` writes of it, read again."""
+    (folder / "r.urdf").write_bytes(urdf.encode() if isinstance(urdf, str) else urdf)
+    write(propose(folder / "r.urdf", folder / "r.yaml", {}), force=True)
+    return load_recipe(folder / "r.yaml").recipe
+
+
+def assetbuild(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"ASSETBUILD_CACHE": str(folder / "cache")}
+    command = [sys.executable, "-m", "assetbuild", *words]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+
+
+def robot(*parts: str, name: str = "r") -> str:
+    return f'<?xml version="1.0"?>\n<robot name="{name}">\n{"".join(parts)}</robot>\n'
+
+
+def link(name: str, body: str = INERTIAL + BOX) -> str:
+    return f'<link name="{name}">{body}</link>\n'
+
+
+def mesh(file: str) -> str:
+    return f'{INERTIAL}<visual><geometry><mesh filename="{file}"/></geometry></visual>'
+
+
+def joint(
+    name: str, parent: str, child: str, kind: str = "revolute", more: str = LIMIT, x: float = 0.0
+) -> str:
+    axis = "" if kind in ("fixed", "floating") else '<axis xyz="0 0 1"/>'
+    return (
+        f'<joint name="{name}" type="{kind}"><origin xyz="{x} 0 0.2"/><parent link="{parent}"/>'
+        f'<child link="{child}"/>{axis}{more}</joint>\n'
+    )
+
+
+TWO = robot(link("base"), link("arm"), joint("j", "base", "arm"))
+BARE = TWO.partition("\n")[2]
+STRANGE: dict[str, str | bytes] = {
+    "words of YAML": robot(
+        link("yes"),
+        link("~"),
+        link("- x: {y}"),
+        joint("on", "yes", "~"),
+        joint("#c", "~", "- x: {y}"),
+        name="null",
+    ),
+    "names that are patterns": robot(
+        link("a.*"), link("(b"), link("[c"), joint("j+", "a.*", "(b"), joint("k|\\d", "(b", "[c")
+    ),
+    "names beyond ASCII": robot(
+        link("körper 1"),
+        link("arm/链"),
+        link("😀"),
+        joint("ö j", "körper 1", "arm/链"),
+        joint("🦾", "arm/链", "😀"),
+        name="Rö bot/1",
+    ),
+    "names with quotes": robot(
+        link("a&quot;b"), link("c&apos;d\\"), joint("&lt;j&gt;", "a&quot;b", "c&apos;d\\")
+    ),
+    "names with line ends": robot(
+        link("a&#10;b"), link("c&#9;d"), joint("j&#10;# k", "a&#10;b", "c&#9;d")
+    ),
+    "one link": robot(link("only")),
+    "one link without anything": robot(link("only", "")),
+    "nothing moves": robot(link("a"), link("b"), joint("j", "a", "b", "fixed", "")),
+    "followers in a row": robot(
+        link("a"),
+        link("b"),
+        link("c"),
+        joint("1", "a", "b", "continuous", ""),
+        joint("2", "b", "c", more=LIMIT + '<mimic joint="1" multiplier="-2"/>'),
+    ),
+    "a byte order mark": b"\xef\xbb\xbf" + TWO.encode(),
+    "UTF-16": b"\xff\xfe" + BARE.encode("utf-16-le"),
+    "lines of Windows": TWO.replace("\n", "\r\n"),
+    "a link called world": robot(
+        link("world", ""),
+        link("arm"),
+        link("tip"),
+        joint("f", "world", "arm", "fixed", ""),
+        joint("j", "arm", "tip"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", STRANGE)
+def test_a_strange_robot_gets_a_recipe_that_loads(name: str, tmp_path: Path):
+    assert initialised(STRANGE[name], tmp_path).targets == ("urdf", "mjcf", "usd")
+
+
+@pytest.mark.parametrize(
+    ("targets", "parts"),
+    [
+        (("urdf", "mjcf"), (joint("p", "a", "b", "planar"), joint("j", "b", "c"))),
+        (("urdf",), (joint("p", "a", "b", "floating", ""), joint("j", "b", "c"))),
+        (("urdf", "mjcf", "usd"), (joint("p", "a", "b"), joint("j", "b", "c"))),
+    ],
+    ids=["planar", "floating", "revolute"],
+)
+def test_a_target_that_cannot_hold_a_joint_is_left_out(
+    targets: tuple[str, ...], parts: tuple[str, ...], tmp_path: Path
+):
+    text = robot(link("a"), link("b"), link("c"), *parts)
+    recipe = initialised(text, tmp_path)
+    assert recipe.targets == targets
+    reason = "joint p is" in (tmp_path / "r.yaml").read_text()
+    assert reason == (len(targets) < 3)
+
+
+@pytest.mark.parametrize(("x", "usd"), [(0.0, True), (0.1, False)], ids=["meet", "pass by"])
+def test_massless_links_share_mass_where_their_axes_meet(x: float, usd: bool, tmp_path: Path):
+    last = joint("k", "between", "end", x=x).replace('"0 0 1"', '"0 1 0"')
+    third = joint("l", "end", "tip").replace('"0 0 1"', '"1 0 0"')
+    second = link("between", "")
+    text = robot(
+        link("base"),
+        second,
+        link("end", ""),
+        link("tip"),
+        joint("j", "base", "between"),
+        last.replace("0.2", "0"),
+        third.replace("0.2", "0" if usd else "0.1"),
+    )
+    recipe = initialised(text, tmp_path)
+    assert ("usd" in recipe.targets) == usd
+    assert bool(recipe.edits) == usd
+
+
+REFUSED = {
+    "absent meshes": (robot(link("a", mesh("x.stl")), link("b", mesh("y.stl")), joint("j", "a", "b")), r"r\.urdf:3: link a: no file `x.stl` \(and 1 more: `y.stl`\)"),
+    "a mesh in other letters": (robot(link("a", mesh("T.STL"))), "did you mean `t.stl`"),
+    "a mesh of no format": (robot(link("a", mesh("t"))), "of no known format"),
+    "a backslash": (robot(link("a", mesh("m\\t.stl"))), "has a backslash"),
+    "a blank line first": ("\n" + TWO, "delete what stands before"),
+    "undeclared Latin-1": (TWO.replace("base", "körper").encode("latin-1"), "state its encoding"),
+    "a follower of a planar joint": (robot(link("a"), link("b"), link("c"), joint("1", "a", "b", "planar", ""), joint("2", "b", "c", more=LIMIT + '<mimic joint="1"/>')), "no single position"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_is_one_clear_error(name: str, tmp_path: Path):
+    text, says = REFUSED[name]
+    (tmp_path / "r.urdf").write_bytes(text.encode() if isinstance(text, str) else text)
+    (tmp_path / "t.stl").write_bytes(TRIANGLE)
+    with pytest.raises(SourceError, match=says):
+        propose(tmp_path / "r.urdf", None, {})
+
+
+def test_planar_a_held_follower_and_a_mesh_of_one_triangle_build(tmp_path: Path):
+    text = robot(
+        link("a"), link("b"), link("c"), link("d", mesh("t.stl") + HIT),
+        joint("p", "a", "b", "planar"), joint("f", "b", "c", "fixed", ""),
+        joint("j", "c", "d", "continuous", '<mimic joint="f" offset="0.3"/>'),
+    )  # fmt: skip
+    (tmp_path / "r.urdf").write_text(text)
+    (tmp_path / "t.stl").write_bytes(TRIANGLE)
+    assert assetbuild(tmp_path, "init", "r.urdf").returncode == 0
+    built = assetbuild(tmp_path, "build", "r.yaml")
+    assert built.returncode == 0, built.stdout + built.stderr
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "build/r/mjcf/r.xml"))
+    assert (model.nmesh, model.njnt, model.neq) == (1, 4, 1)
+    assert model.eq_data[0][0] == 0.3
+    report = json.loads((tmp_path / "build/r/report/report.json").read_text())
+    assert {"joint.mimic_fixed", "mjcf.planar_joint"} <= {f["rule"] for f in report["findings"]}
