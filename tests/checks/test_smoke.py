@@ -157,9 +157,9 @@ def test_isaac_lab_is_asked_only_where_it_is(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_mjlab_takes_the_tiny_robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Minutes: torch, warp and mjlab are imported, kernels are compiled once."""
-    python = os.environ.get("ASSETBUILD_MJLAB")
+    python = os.environ.get("ASSETBUILD_MJLAB_PYTHON")
     if not python:
-        pytest.skip("no mjlab here: set ASSETBUILD_MJLAB to the Python of its environment")
+        pytest.skip("no mjlab here: set ASSETBUILD_MJLAB_PYTHON to the Python of its environment")
     monkeypatch.setattr(Environment, "python", property(lambda self: Path(python)))
     ranges = {
         "links": {".*": {"density": [0.8, 1.2], "com": 0.01}},

@@ -139,8 +139,8 @@ def _joints(
         mine = [i for i, (a, names) in enumerate(groups) if set(names) <= set(joints)]
         loops = [i for i in mine if groups[i][0].model in WITH_GAINS]
         if loops and (ranges.kp, ranges.kd) != ((1.0, 1.0), (1.0, 1.0)):
-            params = (("kp_range", repr(ranges.kp)), ("kd_range", repr(ranges.kd)))
-            yield Term(f"gains_{index}", "pd_gains", f"actuator_ids={loops!r}", params)
+            gains = (("kp_range", repr(ranges.kp)), ("kd_range", repr(ranges.kd)))
+            yield Term(f"gains_{index}", "pd_gains", f"actuator_ids={loops!r}", gains)
         limited = [i for i in loops if groups[i][0].effort is not None]
         if limited and ranges.effort != (1.0, 1.0):
             share = (("effort_limit_range", repr(ranges.effort)),)
@@ -149,8 +149,8 @@ def _joints(
         for key, func in JOINT_TERMS.items():
             factor = getattr(ranges, key)
             if factor != (1.0, 1.0):
-                params = (("ranges", repr(factor)), ("operation", '"scale"'))
-                yield Term(f"{key}_{index}", func, names, params)
+                scale = (("ranges", repr(factor)), ("operation", '"scale"'))
+                yield Term(f"{key}_{index}", func, names, scale)
         if ranges.encoder_bias:
             bias = (("bias_range", repr((-ranges.encoder_bias, ranges.encoder_bias))),)
             yield Term(f"encoder_bias_{index}", "encoder_bias", names, bias)
