@@ -33,6 +33,7 @@ class MjcfSource(Check):
     What the recipe itself says (`stated`) is not compared.
     """
 
+    version = "2"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
