@@ -31,8 +31,12 @@ XACRO = """\
   <link name="$(arg ur_type)_base"/>
 </robot>
 """
-ELSEWHERE = {"--executor dask": "tests/cli/test_cluster.py"}
-"""What a page shows and needs another machine for: the test that runs it."""
+ELSEWHERE = {
+    "--executor dask": "tests/cli/test_cluster.py",
+    "assetbuild smoke": "tests/checks/test_smoke.py",
+    "_isaaclab.json": "tests/targets/test_isaaclab_measure.py",
+}
+"""What a page shows and needs another machine or simulator for: the test that runs it."""
 FIRST = ("assetbuild init", "assetbuild build recipes/", "assetbuild cache push")
 """Others read what these write."""
 EXIT = {"--exit-code": 1}
