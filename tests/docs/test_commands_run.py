@@ -36,7 +36,7 @@ ELSEWHERE = {
     "assetbuild smoke": "tests/checks/test_smoke.py",
     "_isaaclab.json": "tests/targets/test_isaaclab_measure.py",
 }
-"""What a page shows and needs another machine for: the test that runs it."""
+"""What a page shows and needs another machine or simulator for: the test that runs it."""
 FIRST = ("assetbuild init", "assetbuild build recipes/", "assetbuild cache push")
 """Others read what these write."""
 EXIT = {"--exit-code": 1}
