@@ -49,11 +49,11 @@ base: floating
 collision:
   default: {{method: none}}
   links:
-    trunk: {{method: primitive, max_hulls: 4, from: visual}}
+    trunk: {{method: primitive, max_hulls: 2, from: visual}}
     ".*_hip": {{method: primitive, max_hulls: 2, from: visual}}
     ".*_thigh": {{method: primitive, shape: capsule, max_hulls: 3, from: visual}}
-    ".*_calf": {{method: primitive, shape: capsule, from: collision}}
-    ".*_foot": {{method: keep, from: collision}}
+    # The calf's mesh ends in the foot: its second capsule, almost a ball, is the foot's contact.
+    ".*_calf": {{method: primitive, shape: capsule, max_hulls: 2, from: visual}}
 targets: [mjcf]
 validate: {{free_fall: null}}
 """
