@@ -1,6 +1,7 @@
 """`assetbuild sample` on the real Go1, read back by MuJoCo."""
 
 import json
+import re
 
 import mujoco
 import pytest
@@ -13,12 +14,22 @@ randomize:
 """
 
 
-def test_three_robots_load_and_differ_as_drawn(place):
-    place.edit_recipe("\ncontact:", f"{RANGES}\ncontact:")
-    done = place.run("sample", "recipes/go1.yaml", "-n", "3", "--judge", "300", "-o", "drawn")
+@pytest.fixture
+def bare(place):
+    """The Go1 without the ranges of its own recipe."""
+    text = place.recipe.read_text()
+    without = re.sub(r"\nrandomize:.*?\n(?=\n)", "", text, flags=re.DOTALL)
+    assert without != text
+    place.recipe.write_text(without)
+    return place
+
+
+def test_three_robots_load_and_differ_as_drawn(bare):
+    bare.edit_recipe("\ncontact:", f"{RANGES}\ncontact:")
+    done = bare.run("sample", "recipes/go1.yaml", "-n", "3", "--judge", "300", "-o", "drawn")
     assert done.returncode == 0, done.stderr
     assert "300 draws" in done.stdout and "trunk" in done.stdout
-    folder = place.folder / "drawn"
+    folder = bare.folder / "drawn"
     samples = json.loads((folder / "samples.json").read_text())["samples"]
     masses = []
     for index, sample in enumerate(samples):
@@ -33,8 +44,8 @@ def test_three_robots_load_and_differ_as_drawn(place):
     assert (folder / "draws.svg").read_text().startswith("<svg")
 
 
-def test_a_recipe_without_ranges_says_what_to_add(place):
-    done = place.run("sample", "recipes/go1.yaml")
+def test_a_recipe_without_ranges_says_what_to_add(bare):
+    done = bare.run("sample", "recipes/go1.yaml")
     assert done.returncode == 2
     assert "has no `randomize`" in done.stderr and "hint: add" in done.stderr
 
@@ -47,9 +58,9 @@ def test_a_recipe_without_ranges_says_what_to_add(place):
         ("{friction: [1, 0.5]}", "must not exceed the second"),
     ],
 )
-def test_wrong_ranges_are_told_with_their_line(place, ranges, message):
-    place.edit_recipe("\ncontact:", f"\nrandomize: {ranges}\ncontact:")
-    done = place.run("sample", "recipes/go1.yaml")
+def test_wrong_ranges_are_told_with_their_line(bare, ranges, message):
+    bare.edit_recipe("\ncontact:", f"\nrandomize: {ranges}\ncontact:")
+    done = bare.run("sample", "recipes/go1.yaml")
     assert done.returncode == 2
     assert message in done.stderr and "recipes/go1.yaml:" in done.stderr
     assert "Traceback" not in done.stderr
