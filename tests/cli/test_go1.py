@@ -10,7 +10,17 @@ from pathlib import Path
 
 from .conftest import Workplace, new_workplace
 
-CONTROL_READERS = {"control", "ratings", "mjcf", "mjx", "mjlab", "usd", "urdf", "pose"}
+CONTROL_READERS = {
+    "control",
+    "state_ranges",
+    "ratings",
+    "mjcf",
+    "mjx",
+    "mjlab",
+    "usd",
+    "urdf",
+    "pose",
+}
 
 
 def test_the_bundle_is_whole_and_matches_its_manifest(place: Workplace):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -92,10 +93,7 @@ def test_surfaces_of_shapes_made_anew_are_told(tmp_path: Path):
 
 def test_commands_of_keyframes_follow_their_drives(arm: Reading, tmp_path: Path):
     text = write(arm, tmp_path / "out").xml.read_text()
-    names = [
-        line.split('name="')[1].split('"')[0]
-        for line in text.split("<actuator>")[1].split("</actuator>")[0].strip().splitlines()
-    ]
+    names = re.findall(r' name="(\w+)"', text.split("<actuator>")[1].split("</actuator>")[0])
     ctrl = text.split('ctrl="')[-1].split('"')[0].split()
     stated = dict(zip(names, map(float, ctrl), strict=True))
     assert stated["grip"] == 100.0
