@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from assetbuild.cli.cache import add_remote
+from assetbuild.cli.recipes import Recipes
 from assetbuild.errors import AssetBuildError
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_plain_arguments(parser: argparse.ArgumentParser) -> None:
     """Those that `watch` takes too."""
-    parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE")
+    parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE", action=Recipes)
     parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="default: build/<robot>")
     parser.add_argument("-j", "--jobs", type=_positive, metavar="N", help="default: all cores")
     parser.add_argument("-k", "--keep-going", action="store_true", help="build what still can be")

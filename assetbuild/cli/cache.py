@@ -9,6 +9,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from assetbuild.cli.recipes import Recipes
+
 if TYPE_CHECKING:
     from assetbuild.engine.store import Store
 
@@ -28,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ("pull", "fetch what other machines built of recipes"),
     ):
         verb = verbs.add_parser(name, help=text)
-        verb.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE")
+        verb.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE", action=Recipes)
         verb.add_argument("--variant", metavar="NAME", help="a variant of the recipes")
         add_remote(verb)
 

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from assetbuild.cli import print_error
+from assetbuild.cli.recipes import recipes_of
 from assetbuild.errors import AssetBuildError, UsageError
 
 HELP = "check recipes: schema, paths, static lints, lock up to date; runs nothing heavy"
@@ -42,10 +43,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _recipes(named: list[Path]) -> list[Path]:
-    """The recipes to check; a lock stands for its recipe."""
+    """The recipes to check."""
     if not named:
         named = sorted(Path("recipes").glob("*.yaml"))
         if not named:
             raise UsageError("no recipe given, and there is none in `recipes/`")
-    recipes = (path.with_name(path.name.replace(".lock.", ".")) for path in named)
-    return list(dict.fromkeys(recipes))
+    return recipes_of(named)

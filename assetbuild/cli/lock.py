@@ -6,12 +6,14 @@ import argparse
 import sys
 from pathlib import Path
 
+from assetbuild.cli.recipes import Recipes
+
 HELP = "pin a recipe's source in <recipe>.lock.yaml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE")
+    parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE", action=Recipes)
 
 
 def run(arguments: argparse.Namespace) -> int:

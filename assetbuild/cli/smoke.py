@@ -5,13 +5,15 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from assetbuild.cli.recipes import Recipes
+
 HELP = "build the bundle and let a trainer load, step and train it for a moment"
 CONSUMERS = ("mjlab", "newton", "isaaclab")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
-    parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE")
+    parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE", action=Recipes)
     parser.add_argument(
         "--consumer", choices=CONSUMERS, action="append", required=True, help="may be repeated"
     )

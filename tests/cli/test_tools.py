@@ -12,6 +12,8 @@ from assetbuild.cli import VERBS, main
 from assetbuild.cli.completion import words_by_verb
 from assetbuild.cli.doctor import examine
 
+from .conftest import Legs
+
 
 def test_doctor_names_each_thing_once_and_says_how_to_get_what_is_missing():
     rows = list(examine())
@@ -76,3 +78,13 @@ def test_diff_says_by_its_exit_code_whether_anything_differs(tmp_path: Path, rob
     assert main(["diff", same, str(other), "--exit-code"]) == 1
     assert main(["diff", same, str(other)]) == 0
     assert "CRITICAL" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("verb", ["build", "check", "lock"])
+def test_all_files_of_the_folder_name_each_recipe_once(legs: Legs, verb: str):
+    """A shell turns `*.yaml` into recipes and locks alike."""
+    (legs.folder / "legs.lock.yaml").write_text("schema: assetbuild-lock/v1\n")
+    words = ["legs.lock.yaml", "legs.yaml"]
+    done = legs.run(verb, *words)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("legs.yaml: ") <= 1
