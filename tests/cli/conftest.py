@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from dataclasses import dataclass, field
@@ -24,6 +25,11 @@ actuators:
   - {joints: ".*", model: pd, kp: 20, kd: 1, effort: 10, velocity: 20}
 targets: [urdf]
 """
+
+
+def hear_ctrl_c() -> None:
+    """In a new process: tests that run in the background of a shell are deaf to it themselves."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @dataclass

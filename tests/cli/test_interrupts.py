@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import Workplace
+from .conftest import Workplace, hear_ctrl_c
 
 
 def descendants(pid: int) -> set[int]:
@@ -51,6 +51,7 @@ def test_an_interrupted_build_leaves_nothing_running(
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=hear_ctrl_c,
     )
     assert build.stderr is not None
     line = next(line for line in build.stderr if "convert" in line and " ran " in line)

@@ -214,5 +214,5 @@ def test_fifty_thousand_mistakes_cost_little_time_and_memory(tmp_path):
     seconds, megabytes, text = done.stdout.split("|")
     assert "missing key" in text or "unknown key" in text
     assert "more errors" in text
-    assert float(seconds) < 2.0
+    assert float(seconds) < 4.0  # about 1 on a quiet machine
     assert int(megabytes) < 200
