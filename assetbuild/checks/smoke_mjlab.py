@@ -87,7 +87,6 @@ def _shown(answer: Mapping[str, Any]) -> dict[str, object]:  # Any: the child's 
 
 def judged(answer: Mapping[str, Any], effort_factor: float = 1.0) -> Iterator[Finding]:
     """What is wrong with an answer; separate, so that it can be tried on bad ones."""
-
     if not answer["finite"] or not answer["weights_finite"]:
         what = "observations or rewards" if not answer["finite"] else "the policy's weights"
         yield _finding("smoke.finite", f"{what} are not finite", "a gain or timestep too large?")

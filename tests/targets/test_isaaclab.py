@@ -363,3 +363,17 @@ def test_recipe_configures_it() -> None:
     target = IsaacLab.configure(recipe)
     assert target.options.soft_joint_pos_limit_factor == 0.9
     assert not target.has_usd
+
+
+def test_the_usd_is_looked_for_beside_a_link_to_the_module(tmp_path: Path, generation: int) -> None:
+    """As a step sees its inputs: links into the store, where nothing lies beside the file."""
+    load(tiny_quadruped(), tmp_path, generation)
+    (path,) = (tmp_path / "out/isaaclab").glob(f"*_isaaclab_{generation}.py")
+    link = tmp_path / "staged/isaaclab" / path.name
+    link.parent.mkdir(parents=True)
+    link.symlink_to(path)
+    spec = importlib.util.spec_from_file_location(path.stem, link)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert Path(module.USD) == tmp_path / "staged/usd/robot.usda"

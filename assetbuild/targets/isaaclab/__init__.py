@@ -54,7 +54,7 @@ class IsaacLab(Target):
     `_measure.py` is for Isaac Lab's half of the comparison.
     """
 
-    version = "3"
+    version = "5"
     outputs = ("isaaclab/",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     folder = "python"
@@ -165,7 +165,8 @@ class Module:
                 "",
                 *self._imports(),
                 "",
-                f'USD = str(Path(__file__).resolve().parents[1] / "usd" / "{self.robot}.usda")',
+                # Not resolved: `smoke` shows it links into the store, where no USD is beside it.
+                f'USD = str(Path(__file__).absolute().parents[1] / "usd" / "{self.robot}.usda")',
                 f"DT = {simulation.timestep!r}  # s",
                 f"DECIMATION = {simulation.decimation}  # simulation steps per control step",
                 f"GRAVITY = {simulation.gravity!r}  # m/s2",
