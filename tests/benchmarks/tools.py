@@ -73,7 +73,7 @@ def _doit(folder: Path, robots: int) -> None:
     rows = [(t.output, list(t.inputs), t.command) for t in tasks(robots)]
     (folder / "dodo.py").write_text(f"""
 import os
-DOIT_CONFIG = {{"verbosity": 0, "reporter": "zero"}}
+DOIT_CONFIG = {{"verbosity": 0, "reporter": "zero", "backend": "sqlite3"}}
 ROWS = {rows!r}
 def task_it():
     for output, inputs, command in ROWS:
@@ -129,7 +129,7 @@ def _dvc(folder: Path, robots: int) -> None:
 TOOLS = (
     Tool("assetbuild", _nothing, ("assetbuild",), ("store",)),
     Tool("ninja", _ninja, ("ninja", "-j2", "--quiet"), (".ninja_log", ".ninja_deps")),
-    Tool("doit", _doit, ("doit", "-n2"), (".doit.db", ".doit.db.db", ".doit.db.dat")),
+    Tool("doit", _doit, ("doit", "-n2"), (".doit.db",)),
     Tool("snakemake", _snakemake, ("snakemake", "-j2", "--quiet", "all"), (".snakemake",)),
     Tool("dvc", _dvc, ("dvc", "repro", "-q"), (".dvc/cache", ".dvc/tmp", "dvc.lock"), slow=True),
 )
