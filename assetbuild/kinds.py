@@ -18,6 +18,7 @@ untouched description (but for comments) as `source.urdf` when `needs` says "sou
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import json
 import pkgutil
 import re
@@ -240,6 +241,14 @@ class Check(Step):
     def missing(self) -> str:
         """What else this machine lacks for it, and how to get it; "" = nothing."""
         return ""
+
+
+def lacking(requires: Mapping[str, str]) -> str:
+    """What is not installed and how to get it; "" = all is there. requires: module -> extra."""
+    for module, extra in requires.items():
+        if importlib.util.find_spec(module) is None:
+            return f"needs `{module}`: pip install 'assetbuild[{extra}]'"
+    return ""
 
 
 def write_figures(files: Files, figures: Mapping[str, object]) -> None:

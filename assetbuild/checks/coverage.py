@@ -25,8 +25,6 @@ from assetbuild.robot.pose import IDENTITY, Array
 
 MOST_POINTS = 4000
 """Of a body's visual vertices, evenly spread over their list: enough for a percentile."""
-SHARE = 0.08
-"""Of the body's size: a shift below it is a simplification."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +51,14 @@ class Coverage(Check):
 
     max_shift: float = 0.015
     """m."""
+    max_shift_share: float = 0.08
+    """Of the body's size: a shift below it is a simplification."""
 
     @classmethod
     def configure(cls, recipe: Recipe) -> Self:
-        """The limit stands in `validate.max_shift`."""
-        return cls(max_shift=recipe.validate_.max_shift)
+        """The limits stand in `validate`."""
+        wish = recipe.validate_
+        return cls(max_shift=wish.max_shift, max_shift_share=wish.max_shift_share)
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads tree, shapes and meshes."""
@@ -85,7 +86,7 @@ class Coverage(Check):
         write_figures(files, {"bodies": rows})
         for name, fit in fits.items():
             largest = max(map(abs, fit.shift_m))
-            limit = max(self.max_shift, SHARE * fit.size_m)
+            limit = max(self.max_shift, self.max_shift_share * fit.size_m)
             if largest > limit and fit.over_m > 0.5 * largest:
                 axis = "xyz"[int(np.argmax(np.abs(fit.shift_m)))]
                 yield Finding(
@@ -95,7 +96,7 @@ class Coverage(Check):
                     f"its collision geometry lies {1e3 * largest:.3g} mm along {axis} from its "
                     "visual geometry",
                     hint="compare their `<origin>` in the source; look at the report's 3D view",
-                    data={"shift_m": fit.shift_m, "limit_m": self.max_shift},
+                    data={"shift_m": fit.shift_m, "limit_m": limit},
                 )
 
 

@@ -14,9 +14,6 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
 from assetbuild.simulators import experiments, mujoco
 
-BROKEN = 0.05
-"""Relative error above which something is wrong with the model, not with the integrator."""
-
 
 class FreeFall(Check):
     """Compares the drop of the centre of mass in MuJoCo with g/2 t (t + dt)."""
@@ -32,6 +29,8 @@ class FreeFall(Check):
     seconds: float = 0.4
     tolerance: float = 0.003
     """Relative, of the drop; also of the motion across gravity."""
+    broken: float = 0.05
+    """The same, above which the model is wrong and not the integrator."""
 
     @classmethod
     def configure(cls, recipe: Recipe) -> Self | None:
@@ -39,7 +38,7 @@ class FreeFall(Check):
         wish = recipe.validate_.free_fall
         if wish is None or "mujoco" not in recipe.validate_.simulators:
             return None
-        return cls(robot=recipe.robot, seconds=wish.seconds, tolerance=wish.tolerance)
+        return cls(robot=recipe.robot, **wish.model_dump())
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `tree.json` and `mjcf/<robot>.xml`."""
@@ -84,7 +83,7 @@ class FreeFall(Check):
         # Compared as lengths, so that without gravity nothing may move at all.
         error = max(abs(fall.drop_m - fall.expected_m), fall.sideways_m)
         if error > self.tolerance * fall.expected_m + 1e-9:
-            broken = error > BROKEN * fall.expected_m
+            broken = error > self.broken * fall.expected_m
             yield Finding(
                 "free_fall.drop",
                 "error" if broken else "warning",

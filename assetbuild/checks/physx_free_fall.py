@@ -14,9 +14,6 @@ from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import FreeFall
 
-BROKEN = 0.05
-"""Relative error above which something is wrong with the asset, not with the solver."""
-
 
 class PhysxFreeFall(Check):
     """Compares the drop of the centre of mass with g/2 t (t + dt/N), N position iterations."""
@@ -39,6 +36,8 @@ class PhysxFreeFall(Check):
     seconds: float = 0.4
     tolerance: float = 0.003
     """Relative, of the drop; also of the motion across gravity."""
+    broken: float = 0.05
+    """The same, above which the asset is wrong and not the solver."""
     iterations: int = 8
     """Position iterations of the solver, as the USD target writes them."""
 
@@ -50,8 +49,7 @@ class PhysxFreeFall(Check):
             return None
         return cls(
             robot=recipe.robot,
-            seconds=wish.seconds,
-            tolerance=wish.tolerance,
+            **wish.model_dump(),
             iterations=recipe.usd.articulation.solver_position_iterations,
         )
 
@@ -85,7 +83,7 @@ class PhysxFreeFall(Check):
         if error > self.tolerance * fall.expected_m + 1e-6:
             yield Finding(
                 "physx.free_fall",
-                "error" if error > BROKEN * fall.expected_m else "warning",
+                "error" if error > self.broken * fall.expected_m else "warning",
                 "robot",
                 f"fell {fall.drop_m:.6g} m and {fall.sideways_m:.3g} m sideways in "
                 f"{fall.seconds:g} s, expected {fall.expected_m:.6g} m",

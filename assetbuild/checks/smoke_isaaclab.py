@@ -14,12 +14,11 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Severity
 from assetbuild.kinds import write_figures
 from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.trials import SmokeBounds
 from assetbuild.simulators.consumers import ConsumerCheck
 from assetbuild.simulators.environments import Environment
 
 VARIABLE = "ASSETBUILD_ISAACLAB"
-LOW = 0.7
-"""Share of the initial height below which a robot has sunk."""
 
 
 class Installed(Environment):
@@ -42,12 +41,14 @@ class SmokeIsaacLab(ConsumerCheck):
 
     steps: int = 400
     base: str = "fixed"
+    bounds: SmokeBounds = SmokeBounds.model_validate({})
 
     @classmethod
     def configure(cls, recipe: Recipe) -> Self | None:
         """With the recipe's base: what is bolted cannot sink."""
         step = super().configure(recipe)
-        return step.model_copy(update={"base": recipe.base}) if step else None
+        bounds = recipe.validate_.smoke_bounds
+        return step.model_copy(update={"base": recipe.base, "bounds": bounds}) if step else None
 
     @classmethod
     def absent(cls) -> str:
@@ -69,14 +70,18 @@ class SmokeIsaacLab(ConsumerCheck):
             return
         shown = {name: answer[name] for name in ("generation", "finite")}
         write_figures(files, shown | {"height_m": round(float(str(answer["height_m"])), 3)})
-        yield from judged(answer, self.base)
+        yield from judged(answer, self.base, self.bounds)
 
 
-def judged(answer: Mapping[str, Any], base: str) -> Iterator[Finding]:  # Any: the child's JSON
+def judged(
+    answer: Mapping[str, Any],  # Any: the child's JSON
+    base: str,
+    bounds: SmokeBounds,
+) -> Iterator[Finding]:
     """What is wrong with an answer."""
     if not answer["finite"]:
         yield _finding("smoke.finite", "positions are not finite")
-    elif base == "floating" and answer["height_m"] < LOW * answer["start_m"]:
+    elif base == "floating" and answer["height_m"] < bounds.low * answer["start_m"]:
         message = f"the root sinks from {answer['start_m']:.3f} to {answer['height_m']:.3f} m"
         yield _finding("smoke.height", message, "warning")
 

@@ -12,13 +12,9 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Severity
 from assetbuild.kinds import write_figures
 from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.trials import SmokeBounds
 from assetbuild.simulators.consumers import ConsumerCheck
 from assetbuild.simulators.environments import Environment
-
-LOW = 0.7
-"""Share of the home height below which a robot that stands has sunk."""
-MOST_FALLEN = 0.25
-"""Share of environments that may fall under zero actions."""
 
 
 class SmokeMjlab(ConsumerCheck):
@@ -39,6 +35,7 @@ class SmokeMjlab(ConsumerCheck):
     """Control steps of each environment per iteration, on a CPU."""
     effort_factor: float = 1.0
     """The largest factor by which the recipe's `randomize` raises an effort limit."""
+    bounds: SmokeBounds = SmokeBounds.model_validate({})
 
     @classmethod
     def configure(cls, recipe: Recipe) -> Self | None:
@@ -46,7 +43,8 @@ class SmokeMjlab(ConsumerCheck):
         step = super().configure(recipe)
         ranges = recipe.randomize.joints.values() if recipe.randomize else ()
         factor = max((row.effort[1] for row in ranges), default=1.0)
-        return step.model_copy(update={"effort_factor": factor}) if step else None
+        bounds = recipe.validate_.smoke_bounds
+        return step.model_copy(update={"effort_factor": factor, "bounds": bounds}) if step else None
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures without times, which differ from machine to machine."""
@@ -67,7 +65,7 @@ class SmokeMjlab(ConsumerCheck):
             )
             return
         write_figures(files, _shown(answer))
-        yield from judged(answer, self.effort_factor)
+        yield from judged(answer, self.bounds, self.effort_factor)
 
 
 def _shown(answer: Mapping[str, Any]) -> dict[str, object]:  # Any: the child's JSON
@@ -85,15 +83,19 @@ def _shown(answer: Mapping[str, Any]) -> dict[str, object]:  # Any: the child's 
     return figures
 
 
-def judged(answer: Mapping[str, Any], effort_factor: float = 1.0) -> Iterator[Finding]:
+def judged(
+    answer: Mapping[str, Any],  # Any: the child's JSON
+    bounds: SmokeBounds,
+    effort_factor: float = 1.0,
+) -> Iterator[Finding]:
     """What is wrong with an answer; separate, so that it can be tried on bad ones."""
     if not answer["finite"] or not answer["weights_finite"]:
         what = "observations or rewards" if not answer["finite"] else "the policy's weights"
         yield _finding("smoke.finite", f"{what} are not finite", "a gain or timestep too large?")
-    if answer["fell"] > MOST_FALLEN * answer["envs"]:
+    if answer["fell"] > bounds.fallen * answer["envs"]:
         message = f"{answer['fell']} of {answer['envs']} robots fall under zero actions"
         yield _finding("smoke.fell", message, "see the checks `stand` and `gains`", "warning")
-    elif answer["walks"] and answer["height_m"] < LOW * answer["start_m"]:
+    elif answer["walks"] and answer["height_m"] < bounds.low * answer["start_m"]:
         message = f"the root sinks from {answer['start_m']:.3f} to {answer['height_m']:.3f} m"
         yield _finding("smoke.height", message, "see the checks `stand` and `gains`", "warning")
     if answer["effort_share"] > effort_factor * 1.001:

@@ -15,13 +15,8 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Shapes, Tree
 from assetbuild.simulators import mujoco
 
-SOLE_TOLERANCE_M = 1e-3
-START_ERROR_M = 1e-2
-"""Feet further than this from the floor at the start are an error: each reset drops the robot."""
-FALLEN = 0.5
-"""Share of the base's height whose loss is a fall, and the tilt in rad that is one."""
-SATURATED = 0.98
-"""Share of the effort limit at which a drive counts as saturated."""
+FAR = 10.0
+"""Times `sole`: feet so far from the floor at the start are an error; a reset drops the robot."""
 EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor"})
 """Actuator models whose PD law this check applies itself, from kp and kd of the table."""
 
@@ -44,6 +39,12 @@ class Stand(Check):
     """rad, of the base."""
     max_drift: float = 0.02
     """m, sideways."""
+    sole: float = 1e-3
+    """m, between a sole and the floor at the start; of shapes inside each other."""
+    fall: float = 0.5
+    """Share of the base's height whose loss is a fall, and the tilt in rad that is one."""
+    saturated: float = 0.98
+    """Share of the effort limit at which a drive counts as saturated."""
     feet: str | None = None
     """Pattern of the source links that may touch the floor; None = any may."""
 
@@ -84,8 +85,8 @@ class Stand(Check):
             yield from self._judge_start(stood, link_of)
             yield from self._judge_base(stood)
             yield from self._judge_contacts(stood, link_of)
-        yield from _judge_overlaps(stood, link_of)
-        yield from _judge_loads(stood)
+        yield from self._judge_overlaps(stood, link_of)
+        yield from self._judge_loads(stood)
 
     def _is_foot(self, link: str) -> bool:
         return self.feet is None or re.fullmatch(self.feet, link) is not None
@@ -109,19 +110,19 @@ class Stand(Check):
                 hint="give the feet collision geometry, or correct validate.stand.feet",
             )
         for link, gap in sorted(lowest.items()):
-            if abs(gap) > SOLE_TOLERANCE_M:
+            if abs(gap) > self.sole:
                 yield Finding(
                     "stand.start",
-                    "error" if abs(gap) > START_ERROR_M else "warning",
+                    "error" if abs(gap) > FAR * self.sole else "warning",
                     f"link {link}",
                     f"at `{self.keyframe}` its sole is {abs(gap) * 1e3:.3g} mm "
                     f"{'above' if gap > 0 else 'inside'} the floor",
                     hint="use `base: on_ground`, and make the legs of the keyframe equal",
-                    data={"gap_m": gap, "tolerance_m": SOLE_TOLERANCE_M},
+                    data={"gap_m": gap, "tolerance_m": self.sole},
                 )
 
     def _judge_base(self, stood: mujoco.Stand) -> Iterator[Finding]:
-        if stood.sag_m > FALLEN * stood.height_m or stood.tilt_rad > FALLEN:
+        if stood.sag_m > self.fall * stood.height_m or stood.tilt_rad > self.fall:
             yield Finding(
                 "stand.fall",
                 "error",
@@ -169,6 +170,30 @@ class Stand(Check):
         if not at_end:
             yield Finding("stand.contact", "error", "robot", "nothing touches the floor at the end")
 
+    def _judge_overlaps(self, stood: mujoco.Stand, link_of: Mapping[str, str]) -> Iterator[Finding]:
+        for (a, b), depth in stood.overlapping.items():
+            if depth > self.sole:
+                yield Finding(
+                    "stand.overlap",
+                    "warning",
+                    f"link {link_of.get(a, a)}",
+                    f"its shape {a} is {depth * 1e3:.3g} mm inside {b} at the start",
+                    hint="exclude the pair, or make the shapes smaller",
+                    data={"depth_m": depth},
+                )
+
+    def _judge_loads(self, stood: mujoco.Stand) -> Iterator[Finding]:
+        for joint, load in stood.load.items():
+            if load >= self.saturated:
+                yield Finding(
+                    "stand.torque",
+                    "warning",
+                    f"actuator {joint}",
+                    f"needs all of its effort limit to stand ({load:.0%})",
+                    hint="check the effort limit and the pose",
+                    data={"load": load},
+                )
+
 
 def _external(control: Control) -> dict[str, mujoco.Gains]:
     return {
@@ -176,32 +201,6 @@ def _external(control: Control) -> dict[str, mujoco.Gains]:
         for a in control.actuators
         if a.model in EXTERNAL
     }
-
-
-def _judge_overlaps(stood: mujoco.Stand, link_of: Mapping[str, str]) -> Iterator[Finding]:
-    for (a, b), depth in stood.overlapping.items():
-        if depth > SOLE_TOLERANCE_M:
-            yield Finding(
-                "stand.overlap",
-                "warning",
-                f"link {link_of.get(a, a)}",
-                f"its shape {a} is {depth * 1e3:.3g} mm inside {b} at the start",
-                hint="exclude the pair, or make the shapes smaller",
-                data={"depth_m": depth},
-            )
-
-
-def _judge_loads(stood: mujoco.Stand) -> Iterator[Finding]:
-    for joint, load in stood.load.items():
-        if load >= SATURATED:
-            yield Finding(
-                "stand.torque",
-                "warning",
-                f"actuator {joint}",
-                f"needs all of its effort limit to stand ({load:.0%})",
-                hint="check the effort limit and the pose",
-                data={"load": load},
-            )
 
 
 def _figures(stood: mujoco.Stand) -> dict[str, object]:

@@ -15,14 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--out", type=Path, metavar="RECIPE", help="default: <robot>.yaml, - prints it"
     )
-    parser.add_argument(
-        "--package",
-        action="append",
-        default=[],
-        type=_package,
-        metavar="NAME=PATH",
-        help="the folder that package://NAME stands for; others are looked for above the URDF",
-    )
+    add_package_argument(parser)
     parser.add_argument(
         "--arg",
         action="append",
@@ -32,6 +25,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="an argument of a xacro file",
     )
     parser.add_argument("--force", action="store_true", help="replace a recipe that exists")
+
+
+def add_package_argument(parser: argparse.ArgumentParser) -> None:
+    """`--package NAME=PATH`, as often as wanted: pairs in `arguments.package`."""
+    parser.add_argument(
+        "--package",
+        action="append",
+        default=[],
+        type=_package,
+        metavar="NAME=PATH",
+        help="the folder that package://NAME stands for; others are looked for above the URDF",
+    )
 
 
 def _package(text: str) -> tuple[str, Path]:

@@ -6,6 +6,8 @@ import argparse
 import json
 from pathlib import Path
 
+from assetbuild.cli.init import add_package_argument
+
 HELP = "check a bundle, or any MJCF, URDF or USD file"
 
 
@@ -13,13 +15,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("path", type=Path, metavar="FILE_OR_BUNDLE")
     parser.add_argument("--json", action="store_true", help="findings as JSON")
+    parser.add_argument("--static", action="store_true", help="read the file, simulate nothing")
+    add_package_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print each finding; 1 when one is an error, else 0."""
-    from assetbuild.pipeline.validating import validate, worst
+    from assetbuild.cli.progress import progress
+    from assetbuild.pipeline.validating import Wish, validate, worst
 
-    found = validate(arguments.path)
+    with progress(arguments.path.stem) as shown:
+        wish = Wish(not arguments.static, dict(arguments.package), shown.on_event)
+        found = validate(arguments.path, wish)
     if arguments.json:
         rows = [
             {"file": one.file, "kind": one.kind, "findings": [f.to_json() for f in one.findings]}

@@ -14,7 +14,7 @@ import re
 import secrets
 import shutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,7 +25,8 @@ from assetbuild.errors import MachineError, UsageError
 
 MARK = "manifest.json"
 """A folder with this file is a bundle and may be replaced."""
-OWN_FILES = (MARK, "provenance.json")
+PROVENANCE = "provenance.json"
+OWN_FILES = (MARK, PROVENANCE)
 """Files of a bundle that its manifest does not list."""
 
 AT_FDCWD = -100
@@ -122,6 +123,25 @@ def publish(staging: Path, out_dir: Path, manifest: Mapping[str, str] | None = N
         if claim is not None:
             os.close(claim)
     return found
+
+
+def lies_there(out_dir: Path, wanted: Mapping[str, str], digest: Callable[[Path], str]) -> bool:
+    """Whether `out_dir` holds these files, path -> SHA-256, and nothing else: no swap is needed.
+
+    digest: of a file; OSError counts as another one.
+    """
+    out = _real(out_dir)
+    left = dict(wanted)
+    try:
+        for path in out.rglob("*"):
+            if path.is_dir() and not path.is_symlink():
+                continue
+            expected = left.pop(path.relative_to(out).as_posix(), None)
+            if expected is None or path.is_symlink() or digest(path) != expected:
+                return False
+    except OSError:
+        return False
+    return bool(wanted) and not left
 
 
 def set_aside(out: Path, manifest: Mapping[str, str]) -> Published:

@@ -6,18 +6,19 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from assetbuild.engine.execute import execute, first_error, restore
+from assetbuild.engine.execute import NodeResult, restore
 from assetbuild.engine.graph import Planner
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.lock import Lock
 from assetbuild.pipeline import OnEvent
 from assetbuild.pipeline.opening import open_session, pin
+from assetbuild.pipeline.rounds import settle
 from assetbuild.plan.bench import LEVELS, LevelOutline, Source, plan_level, with_level
 from assetbuild.recipe.loader import LoadedRecipe, load_recipe
 from assetbuild.report.bundle import json_text
@@ -108,28 +109,26 @@ def _built(
 ) -> _Built:
     """(plan, execute)* of one level; raises the first error of a step."""
     spent: dict[str, float] = {}
-    while True:
-        planner = Planner(session)
-        outline = plan_level(loaded, lock, planner)
-        results = execute(planner.graph(), session, jobs=request.jobs, on_event=on_event)
-        error = first_error(results)
-        if error is not None:
-            raise error
+
+    def count(results: Mapping[str, NodeResult]) -> None:
         for result in results.values():
             if result.cpu_seconds:
                 spent[result.key] = result.cpu_seconds
             spent.setdefault(result.key, result.saved_seconds)
-        if not planner.questions:
-            keys = {results[node.label].key for node in outline.fits}  # shared results count once
-            seconds = sum(spent.get(key, 0.0) for key in keys)
-            fell = sum(
-                any(
-                    finding.rule == "collision.library_failed"
-                    for finding in results[n.label].findings
-                )
-                for n in outline.fits
-            )
-            return _Built(outline, planner, seconds, fell)
+
+    done = settle(
+        lambda planner: plan_level(loaded, lock, planner),
+        session,
+        on_event,
+        jobs=request.jobs,
+        after=count,
+    )
+    if done.errors:
+        raise done.errors[0]
+    fits = [done.results[node.label] for node in done.outline.fits]
+    seconds = sum(spent.get(key, 0.0) for key in {fit.key for fit in fits})  # shared: once
+    fell = sum(any(f.rule == "collision.library_failed" for f in fit.findings) for fit in fits)
+    return _Built(done.outline, done.planner, seconds, fell)
 
 
 def _read(built: _Built, session: Session) -> bytes:

@@ -10,10 +10,18 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from assetbuild import __version__
+from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.execute import NodeResult
 from assetbuild.engine.graph import Graph
 from assetbuild.engine.keys import tool_version
-from assetbuild.engine.publish import discard, new_staging, publish
+from assetbuild.engine.publish import (
+    PROVENANCE,
+    discard,
+    heal,
+    lies_there,
+    new_staging,
+    publish,
+)
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import machine_error
 from assetbuild.errors import StepError
@@ -28,6 +36,7 @@ from assetbuild.report.bundle import (
     notice,
     package_url,
     provenance,
+    same_provenance,
 )
 from assetbuild.report.card import model_card
 from assetbuild.report.document import Report
@@ -221,7 +230,14 @@ def _subject(
 
 
 def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tuple[str, ...]:
-    """Write the bundle beside its place, then swap; returns what the user had edited there."""
+    """Write the bundle beside its place, then swap; returns what the user had edited there.
+
+    A bundle that lies there already, byte for byte, is left alone: of twenty robots an edit changes
+    one, and the files of the others keep their stamps.
+    """
+    if _lies_there(files, out, session):
+        heal(out)
+        return ()
     staging = new_staging(out)
     try:
         for file in files:
@@ -232,6 +248,20 @@ def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tupl
     finally:
         discard(staging)
     return (*published.edited, *published.added)
+
+
+def _lies_there(files: list[BundleFile], out: Path, session: Session) -> bool:
+    """Provenance may tell of another time and host, for the same build."""
+    wanted = {file.path: file.sha256 for file in files}
+    for ours in (file.content for file in files if file.path == PROVENANCE and file.content):
+        try:
+            theirs = (out / PROVENANCE).read_bytes()
+        except OSError:
+            return False
+        if not same_provenance(ours, theirs):
+            return False
+        wanted[PROVENANCE] = digest_bytes(theirs)
+    return lies_there(out, wanted, session.stat_cache.digest)
 
 
 def _place(file: BundleFile, path: Path, session: Session) -> None:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from assetbuild.engine.execute import NodeResult, execute
 from assetbuild.engine.graph import Planner
 from assetbuild.engine.publish import check_replaceable
 from assetbuild.engine.session import Session
@@ -17,6 +16,7 @@ from assetbuild.findings import Finding
 from assetbuild.pipeline import OnEvent
 from assetbuild.pipeline.bundling import publish_bundle
 from assetbuild.pipeline.opening import open_session, pin
+from assetbuild.pipeline.rounds import Settled, settle
 from assetbuild.plan.samples import SamplesOutline, plan_samples
 from assetbuild.recipe.loader import LoadedRecipe, load_recipe
 from assetbuild.report.bundle import BundleFile, json_text, manifest
@@ -53,26 +53,22 @@ def sample(request: SampleRequest, on_event: OnEvent, say: Callable[[str], None]
     check_replaceable(out)
     lock = pin(loaded, frozen=False, say=say)
     with open_session(loaded) as session:
-        while True:
-            planner = Planner(session)
-            outline = plan_samples(
+
+        def add(planner: Planner) -> SamplesOutline:
+            return plan_samples(
                 loaded, lock, planner, keep=request.keep, judge=request.judge, seed=request.seed
             )
-            results = execute(planner.graph(), session, jobs=request.jobs, on_event=on_event)
-            errors = tuple(result.error for result in results.values() if result.error)
-            if errors:
-                return Sampled(None, {}, errors=errors)
-            if not planner.questions:
-                return _publish(loaded, outline, results, session, out)
+
+        done = settle(add, session, on_event, jobs=request.jobs)
+        if done.errors:
+            return Sampled(None, {}, errors=done.errors)
+        return _publish(loaded, done, session, out)
 
 
 def _publish(
-    loaded: LoadedRecipe,
-    outline: SamplesOutline,
-    results: dict[str, NodeResult],
-    session: Session,
-    out: Path,
+    loaded: LoadedRecipe, done: Settled[SamplesOutline], session: Session, out: Path
 ) -> Sampled:
+    outline, results = done.outline, done.results
     assert outline.draws is not None  # noqa: S101 # a plan without questions is whole
     drawn = results[outline.draws.label]
     statistics = json.loads(session.read(drawn["statistics.json"]))

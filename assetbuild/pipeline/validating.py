@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from assetbuild.engine.step import Files, Step
-from assetbuild.errors import SourceError, UsageError
+from assetbuild.errors import AssetBuildError, SourceError, UsageError
 from assetbuild.findings import Finding, worst_first
+from assetbuild.pipeline import OnEvent
 from assetbuild.robot.codec import decode
 from assetbuild.robot.mirror import Tolerances, mirror_findings, parts_of, twins
 from assetbuild.robot.model import Control, Tree
@@ -35,15 +36,26 @@ class Validated:
     findings: tuple[Finding, ...]
 
 
-def validate(path: Path) -> list[Validated]:
-    """Every file that can be checked: the one, or those of a bundle. Raises AssetBuildError."""
+@dataclass(frozen=True)
+class Wish:
+    """How to look at a file. simulate: not only read it; packages: package:// name -> folder."""
+
+    simulate: bool = True
+    packages: Mapping[str, Path] = field(default_factory=dict)
+    on_event: OnEvent = lambda event: None
+
+
+def validate(path: Path, wish: Wish) -> list[Validated]:
+    """Every file that can be checked: the one, or those of a bundle. Raises AssetBuildError.
+
+    A URDF or USD of a bundle is only read: its build has simulated the robot, with more than is
+    known here.
+    """
     if path.is_dir():
-        files = _of_bundle(path)
-    elif path.is_file():
-        files = [path]
-    else:
+        return [_validated(file, path, replace(wish, simulate=False)) for file in _of_bundle(path)]
+    if not path.is_file():
         raise UsageError(f"no such file or folder: `{path}`")
-    return [_validated(file, path) for file in files]
+    return [_validated(path, path, wish)]
 
 
 def _of_bundle(folder: Path) -> list[Path]:
@@ -61,13 +73,16 @@ def _of_bundle(folder: Path) -> list[Path]:
     return found
 
 
-def _validated(file: Path, asked: Path) -> Validated:
+def _validated(file: Path, asked: Path, wish: Wish) -> Validated:
     name = file.relative_to(asked).as_posix() if asked.is_dir() else str(file)
     if file.stat().st_size > LARGEST_MB << 20:
         raise UsageError(f"{name}: larger than {LARGEST_MB} MB")
     kind = _kind(file, name)
     run = {"mjcf": _mjcf, "urdf": _urdf, "usd": _usd}[kind]
-    return Validated(name, kind, tuple(worst_first(list(run(file)))))
+    findings = list(run(file))
+    if wish.simulate and kind in TRIALS:
+        findings += TRIALS[kind](file, wish, findings)
+    return Validated(name, kind, tuple(worst_first(findings)))
 
 
 def _kind(file: Path, name: str) -> str:
@@ -138,6 +153,43 @@ def _urdf(file: Path) -> Iterator[Finding]:
         tree = decode(Tree, (ports / "tree.json").read_bytes())
         for finding in mirror_findings(twins(parts_of(tree, Control())), Tolerances()):
             yield _at(finding, file, lines)
+
+
+def _try_urdf(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
+    """What a build of the recipe that `init` would write finds besides."""
+    from assetbuild.pipeline.trying import try_urdf
+
+    if any(finding.rule == "urdf.unreadable" for finding in read):
+        return []
+    try:
+        report = try_urdf(file, wish.packages, wish.on_event)
+    except AssetBuildError as error:
+        where = str(error.where or "")
+        hint = error.hint or "`--static` only reads the file"
+        message = f"not simulated: {error.message}"
+        return [Finding("validate.untried", "warning", "robot", message, hint, where)]
+    said = {(finding.rule, finding.subject) for finding in read}
+    return [
+        finding
+        for finding in report.findings
+        if finding.severity != "info"
+        and not finding.subject.startswith("recipe ")  # nobody has written it
+        and (finding.rule, finding.subject) not in said
+    ]
+
+
+def _try_usd(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
+    """Dropped, and left on a floor, in PhysX, where it is installed."""
+    from assetbuild.pipeline.trying import try_usd
+
+    return [] if any(f.severity == "error" for f in read) else list(try_usd(file))
+
+
+TRIALS: Mapping[str, Callable[[Path, Wish, Sequence[Finding]], list[Finding]]] = {
+    "urdf": _try_urdf,
+    "usd": _try_usd,
+}
+"""What a file of a kind is tried with; an MJCF is tried while it is read."""
 
 
 def _lines(ports: Path) -> dict[str, int]:

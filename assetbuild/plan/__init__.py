@@ -10,14 +10,13 @@ the open question is built, and the recipe is planned again. An answer only ever
 
 from __future__ import annotations
 
-import importlib.util
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from assetbuild.engine.graph import Node, Planner, Ref
-from assetbuild.kinds import Check, Target, load_plugin, plugin_names
+from assetbuild.kinds import Check, Target, lacking, load_plugin, plugin_names
 from assetbuild.lock import Lock, lock_path, read_lock
 from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
 from assetbuild.plan.companions import companions
@@ -67,8 +66,11 @@ class Outline:
     ranges: Node | None = None
 
 
-def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
-    """Add the graph of one recipe to the planner, as far as the answers reach."""
+def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = True) -> Outline:
+    """Add the graph of one recipe to the planner, as far as the answers reach.
+
+    drawn: with pictures and the 3D view.
+    """
     recipe, outline = loaded.recipe, Outline()
     check_names(loaded)
     check_parts(loaded)
@@ -117,7 +119,8 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Outline:
         step = StateRanges(robot=recipe.robot, randomize=recipe.randomize)
         ports = {port: outline.robot[port] for port in ("tree.json", "control.json")}
         outline.ranges = p.add("state_ranges", step, ports)
-    outline.looks = looks(recipe, outline.robot, p)
+    if drawn:
+        outline.looks = looks(recipe, outline.robot, p)
     _checks(recipe, outline, _sources(recipe, outline, read), p)
     return outline
 
@@ -255,12 +258,7 @@ def _checks(
         step = check.configure(recipe)
         if step is None:
             continue
-        missing = [m for m in check.requires if importlib.util.find_spec(m) is None]
-        if missing:
-            extra = check.requires[missing[0]]
-            outline.skipped[name] = f"needs `{missing[0]}`: pip install 'assetbuild[{extra}]'"
-            continue
-        if lack := step.missing():
+        if lack := lacking(check.requires) or step.missing():
             outline.skipped[name] = lack
             continue
         without = [n for n in check.needs if n not in outline.targets and n not in sources]

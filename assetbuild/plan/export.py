@@ -25,8 +25,8 @@ def lint_export(
     table = posixpath.join(folder, f"{stem}.csv")
     config = posixpath.normpath(posixpath.join(folder, "..", "config"))
     names = posixpath.join(config, f"joint_names_{stem}.yaml")
-    folders = (folder or ".", *(() if config.startswith("..") else (config,)))
-    beside = source.below(folders, (".csv", ".yaml"))
+    wanted = {table} if config.startswith("..") else {table, names}
+    beside = source.present("export tables", wanted)
     if beside is None:
         return
     inputs = {"robot.urdf": description.ref, "links.json": read.robot["links.json"]}

@@ -36,7 +36,7 @@ class FolderSource:
             near = [str(PurePosixPath(path).parent / f.name) for f in full.parent.glob("*")]
             hint = did_you_mean(path, near) or "check `source.root` and `source.packages`"
             raise SourceError(f"{what}: no file `{path}` in the source", where=where, hint=hint)
-        if not full.resolve().is_relative_to(self.root):
+        if not self._holds(full):
             raise SourceError(
                 f"{what}: `{path}` is a link that leads out of the source",
                 where=where,
@@ -58,11 +58,11 @@ class FolderSource:
         }
 
     def below(self, folders: tuple[str, ...], suffixes: tuple[str, ...]) -> dict[str, Ref] | None:
-        """See `Source`. Links that lead out of the source are not among them."""
+        """See `Source`. Links that lead out of the source, or nowhere, are not among them."""
         found = {}
         for folder in folders:
             for path in _files_below(self.root / folder):
-                if path.suffix.lower() in suffixes and path.resolve().is_relative_to(self.root):
+                if path.suffix.lower() in suffixes and is_file(path) and self._holds(path):
                     name = Path(os.path.normpath(path)).relative_to(self.root).as_posix()
                     found[name] = path
         return {name: self._p.source(path) for name, path in sorted(found.items())}
@@ -72,11 +72,15 @@ class FolderSource:
         found = {}
         for path in sorted(paths):
             full = self.root / path
-            if is_file(full) and full.resolve().is_relative_to(self.root):
+            if is_file(full) and self._holds(full):
                 found[path] = self._p.source(full)
             elif not os.path.lexists(full):
                 self._absent.append(full)
         return found
+
+    def _holds(self, path: Path) -> bool:
+        """Behind all links; `resolve` would raise on a loop of them."""
+        return Path(os.path.realpath(path)).is_relative_to(self.root)
 
     @property
     def absent(self) -> tuple[Path, ...]:

@@ -28,7 +28,14 @@ from assetbuild.recipe.randomize import Randomize
 from assetbuild.recipe.sensing import Cameras, Feet, Imu, Sensors
 from assetbuild.recipe.surface import Contact as Contact
 from assetbuild.recipe.surface import Simulation as Simulation
-from assetbuild.recipe.trials import DriveBounds, InertiaBounds, Mirror, TotalMass, Trials
+from assetbuild.recipe.trials import (
+    DriveBounds,
+    InertiaBounds,
+    Mirror,
+    SmokeBounds,
+    TotalMass,
+    Trials,
+)
 from assetbuild.recipe.usd import Usd
 
 
@@ -219,7 +226,10 @@ class FreeFall(Model):
     """Dropped without contact and drives."""
 
     seconds: Positive = Field(0.4, description="s")
-    tolerance: Positive = Field(0.003, description="relative, against the integrator's formula")
+    tolerance: Positive = Field(
+        0.003, description="relative, against the integrator's formula, warning"
+    )
+    broken: Positive = Field(0.05, description="the same, error")
 
 
 class Stand(Model):
@@ -230,6 +240,17 @@ class Stand(Model):
     max_sag: Positive = Field(0.03, description="m of base height, warning")
     max_tilt: Positive = Field(0.1, description="rad of the base, warning")
     max_drift: Positive = Field(0.02, description="m sideways, warning")
+    sole: Positive = Field(
+        0.001,
+        description="m between a sole and the floor at the start, and of two shapes inside each "
+        "other, warning; a gap ten times as large is an error",
+    )
+    fall: Positive = Field(
+        0.5, description="share of the base's height lost, or rad of tilt, that is a fall, error"
+    )
+    saturated: Positive = Field(
+        0.98, description="share of an effort limit that standing may need, warning"
+    )
     feet: Pattern | None = Field(
         None, description="source links that may touch the floor; without it `feet.links`"
     )
@@ -274,6 +295,14 @@ class Validate(Model):
     max_shift: Positive = Field(
         0.015, description="m: collision geometry beside the visual geometry of its body, warning"
     )
+    max_shift_share: Positive = Field(
+        0.08, description="the same as a share of the body's size; the larger of the two counts"
+    )
+    equality: Positive = Field(
+        1e-9,
+        le=1e-6,
+        description="relative: any number of the MJCF, read back, against the robot's, error",
+    )
     simulators: tuple[Literal["mujoco", "physx"], ...] = Field(
         ("mujoco",),
         description="engines that run the physical checks; `physx` needs assetbuild[physx]",
@@ -283,6 +312,7 @@ class Validate(Model):
         description="trainers that try the bundle, each in an environment of its own, which "
         "`assetbuild smoke` makes",
     )
+    smoke_bounds: SmokeBounds = Field(default_factory=lambda: SmokeBounds.model_validate({}))
 
 
 class Waiver(Model):

@@ -52,6 +52,13 @@ class DriveBounds(Model):
     )
 
 
+class SmokeBounds(Model):
+    """What a robot may do under zero actions in a trainer."""
+
+    low: Positive = Field(0.7, lt=1, description="share of the starting height, warning below")
+    fallen: Positive = Field(0.25, lt=1, description="share of environments that fall, warning")
+
+
 class Mirror(Model):
     """What left and right parts may differ by; more is information, a slip a warning."""
 

@@ -148,3 +148,19 @@ def provenance(
         },
     }
     return BundleFile.of_text("provenance.json", "provenance", json_text(statement))
+
+
+def same_provenance(one: bytes, other: bytes) -> bool:
+    """Whether two `provenance.json` tell of the same build, run at whatever time and place."""
+    told = _timeless(one)
+    return told is not None and told == _timeless(other)
+
+
+def _timeless(statement: bytes) -> object | None:
+    """Without `runDetails.metadata`; None when it is no provenance."""
+    try:
+        told = json.loads(statement)
+        del told["predicate"]["runDetails"]["metadata"]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
+    return told

@@ -127,16 +127,18 @@ def clear_of_floor(base: Pose | None) -> Pose:
 
 
 def perform(
-    main: Path, experiments: Sequence[Experiment], seconds: float = 240.0
+    main: Path, experiments: Sequence[Experiment], seconds: float = 240.0, *, copied: bool = True
 ) -> dict[str, Outcome]:
     """Run experiments on the asset `main`, by name. A crash or a NaN ends only its own.
 
-    seconds: wall-clock limit of the whole.
+    seconds: wall-clock limit of the whole. copied: with its whole folder, as the inputs of a step
+    must be: they are links into the store, and a resolver that follows them gets lost.
     """
     with _workplace() as folder:
-        # A copy: inputs are links into the store, and a resolver that follows them gets lost.
-        shutil.copytree(main.parent, folder / "asset")
-        asset = folder / "asset" / main.name
+        asset = main.resolve()
+        if copied:
+            shutil.copytree(main.parent, folder / "asset")
+            asset = folder / "asset" / main.name
         jobs = {}
         for experiment in experiments:
             stage = folder / f"{experiment.name}.usda"

@@ -9,11 +9,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from assetbuild.engine import null
-from assetbuild.engine.digest import digest_file
+from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.execute import execute, first_error
 from assetbuild.engine.folders import cache_root
 from assetbuild.engine.graph import Planner, Ref
-from assetbuild.engine.publish import new_staging, publish
+from assetbuild.engine.publish import lies_there, new_staging, publish
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Files, Step
 from assetbuild.engine.store import Store
@@ -60,14 +60,15 @@ def build(record: str, robots: int) -> int:
         if first_error(results) is not None:
             return 1
         digests = {name.removeprefix("out/"): results[name]["out"] for name in made}
-        _publish(digests, session)
-    digests["manifest.json"] = digest_file(OUT / "manifest.json")
-    files = {**read, **{f"out/{name}": digest for name, digest in digests.items()}}
+        files = dict(read)
+        for folder, held in _by_robot(digests).items():
+            held |= _publish(folder, held, session)
+            files |= {str(folder / name): digest for name, digest in held.items()}
     null.write(
         record,
         options="bench",
         files=files,
-        folders=[str(OUT)],
+        folders=[str(OUT / f"r{robot}") for robot in range(robots)],
         exit_code=0,
         summary="",
         began_ns=began_ns,
@@ -75,12 +76,27 @@ def build(record: str, robots: int) -> int:
     return 0
 
 
-def _publish(digests: dict[str, str], session: Session) -> None:
-    staging = new_staging(OUT)
+def _by_robot(digests: dict[str, str]) -> dict[Path, dict[str, str]]:
+    """A folder for each robot, as `assetbuild build` makes them."""
+    folders: dict[Path, dict[str, str]] = {}
+    for name, digest in digests.items():
+        robot, _, file = name.partition("/")
+        folders.setdefault(OUT / robot, {})[file] = digest
+    return folders
+
+
+def _publish(out: Path, digests: dict[str, str], session: Session) -> dict[str, str]:
+    """What a bundle has besides: its manifest."""
+    text = json.dumps(digests)
+    own = {"manifest.json": digest_bytes(text.encode())}
+    if lies_there(out, digests | own, session.stat_cache.digest):
+        return own
+    staging = new_staging(out)
     for name, digest in digests.items():
         session.store.restore(digest, staging / name)
-    (staging / "manifest.json").write_text(json.dumps(digests))
+    (staging / "manifest.json").write_text(text)
     before = None
-    if (OUT / "manifest.json").is_file():
-        before = json.loads((OUT / "manifest.json").read_bytes())
-    publish(staging, OUT, before)
+    if (out / "manifest.json").is_file():
+        before = json.loads((out / "manifest.json").read_bytes())
+    publish(staging, out, before)
+    return own

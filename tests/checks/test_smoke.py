@@ -15,9 +15,11 @@ from assetbuild.checks.smoke_mjlab import SmokeMjlab, judged
 from assetbuild.checks.smoke_newton import judged as judge_newton
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.randomize import Randomize
+from assetbuild.recipe.trials import SmokeBounds
 from assetbuild.simulators.environments import MADE, Environment, ask
 from assetbuild.targets.mjlab import Mjlab
 
+BOUNDS = SmokeBounds.model_validate({})
 GOOD: dict[str, Any] = {
     "envs": 8,
     "fell": 0,
@@ -45,13 +47,13 @@ BAD = {
 
 
 def test_a_good_answer_says_nothing() -> None:
-    assert list(judged(GOOD)) == []
-    assert list(judged({**GOOD, "effort_share": 1.09}, effort_factor=1.1)) == []
+    assert list(judged(GOOD, BOUNDS)) == []
+    assert list(judged({**GOOD, "effort_share": 1.09}, BOUNDS, effort_factor=1.1)) == []
 
 
 @pytest.mark.parametrize("rule", BAD)
 def test_each_fault_has_its_rule(rule: str) -> None:
-    assert [finding.rule for finding in judged({**GOOD, **BAD[rule]})] == [rule]
+    assert [finding.rule for finding in judged({**GOOD, **BAD[rule]}, BOUNDS)] == [rule]
 
 
 def recipe(**keys: Any) -> Recipe:
@@ -150,9 +152,9 @@ def test_isaac_lab_is_asked_only_where_it_is(monkeypatch: pytest.MonkeyPatch) ->
     assert step is not None
     assert "ASSETBUILD_ISAACLAB" in step.missing()
     good = {"finite": True, "start_m": 0.3, "height_m": 0.28}
-    assert list(judge_isaac(good, "floating")) == []
+    assert list(judge_isaac(good, "floating", BOUNDS)) == []
     for rule, bad in {"smoke.finite": {"finite": False}, "smoke.height": {"height_m": 0.1}}.items():
-        assert [f.rule for f in judge_isaac({**good, **bad}, "floating")] == [rule]
+        assert [f.rule for f in judge_isaac({**good, **bad}, "floating", BOUNDS)] == [rule]
 
 
 def test_mjlab_takes_the_tiny_robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -25,6 +26,18 @@ def test_two_recipes_are_one_graph_and_share_their_steps(place: Workplace):
     assert (place.folder / "build/other/manifest.json").is_file()
     alone = place.build()
     assert "0 ran" in alone.stdout
+    _an_edit_of_one_leaves_the_bundle_of_the_other(place, other)
+
+
+def _an_edit_of_one_leaves_the_bundle_of_the_other(place: Workplace, other: Path):
+    bundles = [place.folder / "build" / name for name in ("go1", "other")]
+    before = [bundle.stat().st_ino for bundle in bundles]
+    other.write_text(other.read_text() + "# a word\n")
+    done = place.run("build", "recipes/go1.yaml", "recipes/other.yaml", "-j2")
+    assert done.returncode == 0, done.stdout + done.stderr
+    after = [bundle.stat().st_ino for bundle in bundles]
+    assert after[0] == before[0]
+    assert after[1] != before[1]  # its provenance names the recipe's digest
 
 
 def test_two_recipes_of_one_robot_are_refused(place: Workplace):

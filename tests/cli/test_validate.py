@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 from pathlib import Path
 
@@ -9,6 +10,25 @@ import pytest
 
 from assetbuild.cli import main
 
+CUBE = """#usda 1.0
+(
+    defaultPrim = "cube"
+    metersPerUnit = 1
+    upAxis = "Z"
+)
+def Xform "cube" (
+    prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]
+)
+{
+    float physics:mass = 1
+    def Cube "shape" (
+        prepend apiSchemas = ["PhysicsCollisionAPI"]
+    )
+    {
+        double size = 0.2
+    }
+}
+"""
 ARM = """<mujoco><worldbody><body name="arm"><joint name="a" range="-1 1"/>
 <geom size="0.1"/></body></worldbody>{}</mujoco>"""
 URDF = """<robot name="r"><link name="a"><inertial><mass value="1"/>
@@ -19,7 +39,7 @@ def ran(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, st
     code = main(["validate", *map(str, arguments)])
     said = capsys.readouterr()
     assert "Traceback" not in said.err
-    return code, said.out + said.err
+    return code, said.out if "--json" in arguments else said.out + said.err
 
 
 def test_a_good_and_a_bad_mjcf(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -56,6 +76,51 @@ def test_a_urdf_with_an_impossible_tensor(
     assert "inertia.triangle" in rules
     path.write_text("<robot")
     assert "urdf.unreadable" in ran(capsys, path)[1]
+
+
+SHIFTED = """<robot name="r"><link name="a">
+<inertial><mass value="1"/><inertia ixx=".01" iyy=".01" izz=".01" ixy="0" ixz="0" iyz="0"/></inertial>
+<visual><geometry><box size=".2 .2 .2"/></geometry></visual>
+<collision><origin xyz="0 0 {}"/><geometry><box size=".2 .2 .2"/></geometry></collision>
+</link></robot>"""
+
+
+def test_a_urdf_is_tried_as_init_would_build_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What only the built robot shows: collision beside what is seen."""
+    monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "cache"))
+    path = tmp_path / "r.urdf"
+    path.write_text(SHIFTED.format(0))
+    assert "0 errors, 0 warnings" in ran(capsys, path)[1]
+    path.write_text(SHIFTED.format(0.06))
+    code, said = ran(capsys, path)
+    assert (code, "warning coverage.shift" in said) == (0, True)
+    assert "0 warnings" in ran(capsys, path, "--static")[1]
+    assert [p.name for p in tmp_path.iterdir() if p.name != "cache"] == ["r.urdf"]
+
+
+def test_a_urdf_that_cannot_be_built_says_why_it_was_not_tried(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "r.urdf"
+    mesh = '<mesh filename="package://nobody/a.stl"/>'
+    path.write_text(SHIFTED.format(0).replace('<box size=".2 .2 .2"/>', mesh, 1))
+    code, said = ran(capsys, path)
+    assert (code, "warning validate.untried" in said) == (0, True)
+    assert "--package nobody=FOLDER" in said
+
+
+def test_a_usd_is_tried_in_physx_or_says_how(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "a.usda"
+    path.write_text(CUBE)
+    said = ran(capsys, path, "--json")[1]
+    rules = {f["rule"] for one in json.loads(said) for f in one["findings"]}
+    physx = importlib.util.find_spec("ovphysx") is not None
+    assert ("physx.articulation" if physx else "validate.untried") in rules
+    assert "validate.untried" not in ran(capsys, path, "--static")[1]
 
 
 def test_a_file_of_another_kind_or_none_is_a_wrong_command(

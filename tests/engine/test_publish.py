@@ -9,7 +9,14 @@ import pytest
 
 from assetbuild.engine import publish as module
 from assetbuild.engine.digest import digest_file
-from assetbuild.engine.publish import Published, discard, heal, new_staging, publish
+from assetbuild.engine.publish import (
+    Published,
+    discard,
+    heal,
+    lies_there,
+    new_staging,
+    publish,
+)
 from assetbuild.errors import MachineError, UsageError
 
 EXCHANGE_POINTS = ["kept the user's files", "exchanged", "removed the old one"]
@@ -203,3 +210,39 @@ def test_killed_at_any_point_a_whole_bundle_is_there_after_the_next_call(out, wa
     assert all(text.startswith("three") for text in content(out).values())
     assert names_in(out.parent) == ["go1", "go1.edited"]
     assert content(out.with_name("go1.edited")) == {"urdf/go1.urdf": "edited by the user"}
+
+
+def test_a_bundle_that_lies_there_needs_no_swap(out: Path):
+    make(out, "v1")
+    wanted = {name: digest_file(out / name) for name in content(out)}
+    assert lies_there(out, wanted, digest_file)
+    assert not lies_there(out.with_name("absent"), wanted, digest_file)
+    assert not lies_there(out.with_name("absent"), {}, digest_file)
+
+
+@pytest.mark.parametrize("how", ["edited", "added", "lost", "linked", "a folder", "unreadable"])
+def test_a_bundle_that_the_user_touched_does_not_lie_there(out: Path, how: str):
+    make(out, "v1")
+    wanted = {name: digest_file(out / name) for name in content(out)}
+    file = out / "mjcf/go1.xml"
+    text = file.read_bytes()
+    if how == "edited":
+        file.write_bytes(text[:-1] + b"!")
+    elif how == "added":
+        (out / "mjcf/mine.xml").write_text("mine")
+    else:
+        file.unlink()
+        if how == "linked":
+            (out.parent / "same.xml").write_bytes(text)
+            file.symlink_to(out.parent / "same.xml")
+        elif how == "a folder":
+            file.mkdir()
+        elif how == "unreadable":
+            os.mkfifo(file)
+
+    def digest(path: Path) -> str:
+        if not path.is_file():
+            raise OSError("not a regular file")
+        return digest_file(path)
+
+    assert not lies_there(out, wanted, digest)

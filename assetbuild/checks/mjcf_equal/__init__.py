@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
+from assetbuild.recipe.models import Recipe
 from assetbuild.robot.chains import axis_in_body, find_chains
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import (
@@ -34,8 +36,6 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import IDENTITY, Array, Pose, normalised_quat, vec3
 from assetbuild.simulators import mujoco
 
-TOLERANCE = 1e-9
-"""Relative to the size of what is compared; rounding of MuJoCo's own sums is about 1e-15."""
 ROUNDING = 1e-14
 """Absolute, in SI units: where the expected value is zero."""
 
@@ -51,6 +51,13 @@ class MjcfEqual(Check):
     reads = ("tree.json", "shapes.json", "control.json")
 
     robot: str
+    tolerance: float = 1e-9
+    """Relative to the size of what is compared; rounding of MuJoCo's own sums is about 1e-15."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Self:
+        """The limit stands in `validate.equality`."""
+        return cls(robot=recipe.robot, tolerance=recipe.validate_.equality)
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/<robot>.xml`."""
@@ -65,7 +72,7 @@ class MjcfEqual(Check):
                 "equal.mjcf.load", "error", "robot", f"nothing to compare: {error.message}"
             )
             return
-        comparison = _Comparison(model, tree, shapes, control)
+        comparison = _Comparison(model, tree, shapes, control, self.tolerance)
         yield from comparison.findings()
         write_figures(files, comparison.figures())
 
@@ -91,7 +98,15 @@ class _Worst:
 
 
 class _Comparison:
-    def __init__(self, model: mujoco.Model, tree: Tree, shapes: Shapes, control: Control) -> None:
+    def __init__(
+        self,
+        model: mujoco.Model,
+        tree: Tree,
+        shapes: Shapes,
+        control: Control,
+        tolerance: float = 1e-9,
+    ) -> None:
+        self.tolerance = tolerance
         self.model, self.tree, self.shapes, self.control = model, tree, shapes, control
         self.names = mujoco.body_names(tree)
         chains = find_chains(tree, {shape.link for shape in shapes.shapes})
@@ -136,7 +151,7 @@ class _Comparison:
         return {
             "total_mass_kg": float(np.sum(self.model.body_mass)),
             "total_mass_expected_kg": math.fsum(masses),
-            "tolerance": TOLERANCE,
+            "tolerance": self.tolerance,
             "worst_relative_error": dict(self.worst.values),
         }
 
@@ -423,7 +438,7 @@ class _Comparison:
         distance, size = float(np.linalg.norm(a - b)), float(np.linalg.norm(a))
         if size > 0.0:
             self.worst.note(what, distance / size)
-        if not distance <= TOLERANCE * size + ROUNDING:
+        if not distance <= self.tolerance * size + ROUNDING:
             yield _differs(what, subject, words, a.ravel().tolist(), b.ravel().tolist())
 
     def compare_pose(self, subject: str, expected: Pose, found: Pose) -> Iterator[Finding]:

@@ -1,0 +1,118 @@
+"""A robot that has no recipe, simulated: an URDF in MuJoCo, a USD in PhysX."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from assetbuild.findings import Finding
+from assetbuild.init import propose, write
+from assetbuild.kinds import lacking
+from assetbuild.pipeline import OnEvent
+from assetbuild.pipeline.judging import judged
+from assetbuild.pipeline.opening import open_session
+from assetbuild.pipeline.rounds import settle
+from assetbuild.plan import plan
+from assetbuild.recipe.collision import CollisionRule
+from assetbuild.recipe.loader import LoadedRecipe, load_recipe
+from assetbuild.report.document import Report
+from assetbuild.robot.pose import Pose, Vec3
+from assetbuild.simulators import physx
+
+TIMESTEP_S, DROP_S, HIGH_M = 0.005, 0.5, 1.0
+GRAVITY: Vec3 = (0.0, 0.0, -9.81)
+BROKEN = 0.05
+"""Relative error of a fall above which something is wrong with the asset."""
+
+
+def try_urdf(file: Path, packages: Mapping[str, Path], on_event: OnEvent) -> Report:
+    """Findings and checks in MuJoCo, with the recipe that `init` would write.
+
+    Every mesh collides as its hull: a decomposition takes minutes and changes no joint. Nothing is
+    written outside the store. packages: package:// name -> folder. Raises AssetBuildError for what
+    cannot be built.
+    """
+    with tempfile.TemporaryDirectory(prefix="try-") as folder:
+        recipe = Path(folder).resolve() / "recipe.yaml"
+        write(propose(file, recipe, packages), force=True)
+        loaded = _in_mujoco(load_recipe(recipe, None))
+        with open_session(loaded) as session:
+            done = settle(lambda p: plan(loaded, None, p, drawn=False), session, on_event)
+            if done.errors:
+                raise done.errors[0]
+            return judged(loaded, done.outline, done.results, session)
+
+
+def _in_mujoco(loaded: LoadedRecipe) -> LoadedRecipe:
+    """Hulls in place of every method but `none`, and no target that the trials do not read."""
+    recipe = loaded.recipe
+    collision = recipe.collision.model_copy(
+        update={
+            "default": _hulls(recipe.collision.default),
+            "links": {name: _hulls(rule) for name, rule in recipe.collision.links.items()},
+        }
+    )
+    targets = tuple(target for target in recipe.targets if target == "mjcf")
+    return replace(
+        loaded, recipe=recipe.model_copy(update={"collision": collision, "targets": targets})
+    )
+
+
+def _hulls(rule: CollisionRule) -> CollisionRule:
+    if rule.method == "none":
+        return rule
+    return CollisionRule.model_validate({"method": "hull", "from": rule.from_})
+
+
+def try_usd(file: Path) -> Iterator[Finding]:
+    """Loaded, dropped without contacts, and left on a floor for two seconds."""
+    if lack := lacking(physx.REQUIRES):
+        yield Finding("validate.untried", "info", "robot", f"not tried in PhysX: {lack}")
+        return
+    air = physx.Setting(TIMESTEP_S, GRAVITY, contacts=False)
+    floor = physx.Setting(TIMESTEP_S, GRAVITY, at=Pose((0.0, 0.0, HIGH_M)), floor_friction=1.0)
+    steps = round(DROP_S / TIMESTEP_S)
+    done = physx.perform(
+        file,
+        (
+            physx.Experiment("fall", air, steps=steps, every=steps),
+            physx.Experiment("floor", floor, steps=4 * steps, every=steps),
+        ),
+        copied=False,
+    )
+    held = done["fall"].held
+    if held is None or held.articulations + len(held.loose) == 0:
+        why = done["fall"].failure or "it holds no body that moves"
+        yield Finding("physx.load", "error", "robot", f"PhysX does not load it: {why}")
+        return
+    for name, where in (("fall", "in free fall"), ("floor", "on a floor")):
+        if not done[name].finite:
+            why = done[name].failure or "its state is not finite"
+            yield Finding("physx.finite", "error", "robot", f"{where}: {why}")
+    if held.articulations != 1:
+        message = f"PhysX holds {held.articulations} articulations, not one"
+        yield Finding("physx.articulation", "warning", "robot", message)
+    for body in held.loose:
+        message = "PhysX keeps it outside of every articulation"
+        yield Finding("physx.loose_body", "warning", f"link {body}", message)
+    if held.articulations == 1 and not held.fixed_base and done["fall"].finite:
+        yield from _fell(done["fall"], air)
+
+
+def _fell(outcome: physx.Outcome, setting: physx.Setting) -> Iterator[Finding]:
+    """Whatever the solver's iterations, gravity makes between g/2 t^2 and g/2 t (t + dt)."""
+    fall = physx.free_fall_of(outcome, setting, iterations=1)
+    least = fall.expected_m - 0.5 * abs(GRAVITY[2]) * fall.seconds * setting.timestep
+    error = max(least - fall.drop_m, fall.drop_m - fall.expected_m, fall.sideways_m)
+    if error > BROKEN * fall.expected_m:
+        yield Finding(
+            "physx.free_fall",
+            "warning",
+            "robot",
+            f"fell {fall.drop_m:.4g} m and {fall.sideways_m:.3g} m sideways in "
+            f"{fall.seconds:g} s, expected {fall.expected_m:.4g} m",
+            hint="is a body damped, welded, or outside of the articulation?",
+            data={"drop_m": fall.drop_m, "expected_m": fall.expected_m},
+        )
