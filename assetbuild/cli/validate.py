@@ -22,10 +22,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print each finding; 1 when one is an error, else 0."""
     from assetbuild.cli.progress import progress
+    from assetbuild.init import propose, write
     from assetbuild.pipeline.validating import Wish, validate, worst
 
+    def recipe_for(robot: Path, out: Path) -> None:
+        write(propose(robot, out, dict(arguments.package)), force=True)
+
     with progress(arguments.path.stem) as shown:
-        wish = Wish(not arguments.static, dict(arguments.package), shown.on_event)
+        wish = Wish(not arguments.static, recipe_for, shown.on_event)
         found = validate(arguments.path, wish)
     if arguments.json:
         rows = [

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from assetbuild.findings import Finding
-from assetbuild.init import propose, write
 from assetbuild.kinds import lacking
 from assetbuild.pipeline import OnEvent
 from assetbuild.pipeline.judging import judged
@@ -27,16 +26,15 @@ BROKEN = 0.05
 """Relative error of a fall above which something is wrong with the asset."""
 
 
-def try_urdf(file: Path, packages: Mapping[str, Path], on_event: OnEvent) -> Report:
-    """Findings and checks in MuJoCo, with the recipe that `init` would write.
+def try_urdf(propose: Callable[[Path], None], on_event: OnEvent) -> Report:
+    """Findings and checks in MuJoCo, with the recipe that `propose` writes to a path.
 
     Every mesh collides as its hull: a decomposition takes minutes and changes no joint. Nothing is
-    written outside the store. packages: package:// name -> folder. Raises AssetBuildError for what
-    cannot be built.
+    written outside the store. Raises AssetBuildError for what cannot be built.
     """
     with tempfile.TemporaryDirectory(prefix="try-") as folder:
         recipe = Path(folder).resolve() / "recipe.yaml"
-        write(propose(file, recipe, packages), force=True)
+        propose(recipe)
         loaded = _in_mujoco(load_recipe(recipe, None))
         with open_session(loaded) as session:
             done = settle(lambda p: plan(loaded, None, p, drawn=False), session, on_event)

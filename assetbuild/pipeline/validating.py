@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.engine.step import Files, Step
@@ -38,11 +39,14 @@ class Validated:
 
 @dataclass(frozen=True)
 class Wish:
-    """How to look at a file. simulate: not only read it; packages: package:// name -> folder."""
+    """How to look at a file. simulate: not only read it.
 
-    simulate: bool = True
-    packages: Mapping[str, Path] = field(default_factory=dict)
-    on_event: OnEvent = lambda event: None
+    propose: writes a recipe for the first path, a robot's description, to the second.
+    """
+
+    simulate: bool
+    propose: Callable[[Path, Path], None]
+    on_event: OnEvent
 
 
 def validate(path: Path, wish: Wish) -> list[Validated]:
@@ -162,7 +166,7 @@ def _try_urdf(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
     if any(finding.rule == "urdf.unreadable" for finding in read):
         return []
     try:
-        report = try_urdf(file, wish.packages, wish.on_event)
+        report = try_urdf(functools.partial(wish.propose, file), wish.on_event)
     except AssetBuildError as error:
         where = str(error.where or "")
         hint = error.hint or "`--static` only reads the file"

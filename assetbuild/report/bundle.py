@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
+from typing import Any
 
 from assetbuild import __version__
 from assetbuild.recipe.models import Recipe
@@ -159,7 +160,7 @@ def same_provenance(one: bytes, other: bytes) -> bool:
 def _timeless(statement: bytes) -> object | None:
     """Without `runDetails.metadata`; None when it is no provenance."""
     try:
-        told = json.loads(statement)
+        told: dict[str, Any] = json.loads(statement)  # Any: JSON
         del told["predicate"]["runDetails"]["metadata"]
     except (ValueError, KeyError, TypeError, RecursionError):
         return None

@@ -79,7 +79,7 @@ def test_a_urdf_with_an_impossible_tensor(
 
 
 SHIFTED = """<robot name="r"><link name="a">
-<inertial><mass value="1"/><inertia ixx=".01" iyy=".01" izz=".01" ixy="0" ixz="0" iyz="0"/></inertial>
+<inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>
 <visual><geometry><box size=".2 .2 .2"/></geometry></visual>
 <collision><origin xyz="0 0 {}"/><geometry><box size=".2 .2 .2"/></geometry></collision>
 </link></robot>"""
