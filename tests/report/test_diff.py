@@ -115,6 +115,43 @@ def test_the_markdown_is_one_table_row_for_each_change():
     assert text.count("\n| ") == len(found) + 2
 
 
+BALL = """
+    def Xform "{0}" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
+    {{
+        double3 xformOp:translate = ({1}, 0, 2)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+        float physics:mass = {2}
+        point3f physics:centerOfMass = (0, 0, 0)
+        float3 physics:diagonalInertia = (0.01, 0.01, 0.01)
+        quatf physics:principalAxes = (1, 0, 0, 0)
+    }}
+"""
+TWO_BALLS = f"""#usda 1.0
+(
+    defaultPrim = "r"
+    metersPerUnit = 1
+)
+def Xform "r"
+{{{BALL.format("a", 1.0, 1)}{BALL.format("b", 1.4, 3)}
+    def PhysicsFixedJoint "weld"
+    {{
+        rel physics:body0 = </r/a>
+        rel physics:body1 = </r/b>
+    }}
+    def PhysicsFixedJoint "bolt"
+    {{
+        rel physics:body1 = </r/a>
+    }}
+    def PhysicsRevoluteJoint "swing"
+    {{
+        rel physics:body0 = </r/a>
+        rel physics:body1 = </r/b>
+        uniform token physics:axis = "X"
+    }}
+}}
+"""
+
+
 @pytest.mark.parametrize("target", [Mjcf, Usd])
 def test_our_own_files_say_the_same_as_the_robot(target: type, tmp_path: Path):
     """Masses, axes, limits and gains by another road: MuJoCo, pxr."""
@@ -125,6 +162,21 @@ def test_our_own_files_say_the_same_as_the_robot(target: type, tmp_path: Path):
     found = changes(snapshot(), foreign_snapshot(main))
     loud = [c for c in found if c.quantity not in ("collision", "timestep, s")]
     assert [c for c in loud if c.rank in ("CRITICAL", "HIGH")] == []
+
+
+def test_bodies_that_fixed_joints_hold_are_one(tmp_path: Path):
+    """Two balls of 1 and 3 kg, 0.4 m apart: m1 m2 / (m1 + m2) d2 about their common centre."""
+    file = tmp_path / "two.usda"
+    file.write_text(TWO_BALLS)
+    facts = foreign_snapshot(file).facts
+    assert facts["robot", "robot", "total mass, kg"] == 4.0
+    assert facts["robot", "robot", "base"] == "fixed"
+    assert ("body", "b", "mass, kg") not in facts
+    assert facts["body", "a", "mass, kg"] == 4.0
+    assert facts["body", "a", "centre of mass, m"] == pytest.approx((0.3, 0, 0))
+    moments = (0.02, 0.02 + 0.75 * 0.16, 0.02 + 0.75 * 0.16)
+    assert facts["body", "a", "principal moments, kg m2"] == pytest.approx(moments)
+    assert facts["joint", "swing", "kp"] == 0.0
 
 
 def test_our_urdf_says_the_same_as_the_robot(tmp_path: Path):
