@@ -110,7 +110,8 @@ class Gains(Check):
             },
         )
         for name, one in found.items():
-            yield from self._judge(control.by_joint[name], one, control)
+            slides = tree.by_joint[name].kind == "prismatic"
+            yield from self._judge(control.by_joint[name], one, control, slides=slides)
         if self.inherited and found:
             yield _inherited(found)
         yield from _customary(tree, found, control, _kind(tree, shapes, self.feet))
@@ -153,17 +154,26 @@ class Gains(Check):
         # Both kinds at once: v' = ((1 - b) v - a x / dt) / (1 + c); stable for a + 2 b < 4 + 2 c.
         return (4.0 + 2.0 * c) / (stiffness + 2.0 * b)
 
-    def _judge(self, actuator: Actuator, one: Effective, control: Control) -> Iterator[Finding]:
+    def _judge(
+        self, actuator: Actuator, one: Effective, control: Control, *, slides: bool
+    ) -> Iterator[Finding]:
         subject = f"actuator {actuator.joint}"
-        yield from _judge_strength(actuator, one, subject, self.torque, self.sag)
+        units = ("m", "N") if slides else ("rad", "N m")
+        yield from _judge_strength(actuator, one, subject, units, (self.torque, self.sag))
         timestep = control.simulation.timestep
         yield from _judge_stability(one, timestep, subject, self.margin)
         yield from _judge_damping(actuator, one, subject, self.damping_ratio)
 
 
 def _judge_strength(
-    actuator: Actuator, one: Effective, subject: str, torque: float, sag: float
+    actuator: Actuator,
+    one: Effective,
+    subject: str,
+    units: tuple[str, str],
+    limits: tuple[float, float],
 ) -> Iterator[Finding]:
+    """units: of way and effort; limits: most share of the effort, most way."""
+    (way, unit), (torque, sag) = units, limits
     if one.load is not None and one.load > torque:
         cannot = one.load > 1.0
         yield Finding(
@@ -171,7 +181,7 @@ def _judge_strength(
             "error" if cannot else "warning",
             subject,
             f"{'cannot hold' if cannot else 'hardly holds'} its pose: {one.holding:.3g} of "
-            f"{actuator.effort:g} N m",
+            f"{actuator.effort:g} {unit}",
             hint="choose a pose with the feet under the hips, or check the effort limit",
             data={"holding": one.holding, "load": one.load},
         )
@@ -180,7 +190,7 @@ def _judge_strength(
             "gains.sag",
             "warning",
             subject,
-            f"gives way by {one.sag:.3g} rad under the robot's weight at kp {actuator.kp:.3g}",
+            f"gives way by {one.sag:.3g} {way} under the robot's weight at kp {actuator.kp:.3g}",
             hint="raise kp; a policy learns around it, a viewer shows a crouch",
             data={"sag": one.sag, "limit": sag},
         )
@@ -189,7 +199,7 @@ def _judge_strength(
             "gains.saturated",
             "info",
             subject,
-            f"saturates at {actuator.effort / actuator.kp:.3g} rad of error: it is a switch "
+            f"saturates at {actuator.effort / actuator.kp:.3g} {way} of error: it is a switch "
             "more than a spring",
             hint="lower kp where a policy commands positions",
             data={"error_at_limit": actuator.effort / actuator.kp},

@@ -143,7 +143,7 @@ def _pictures() -> Iterator[Row]:
 
     kind = renderer()
     if kind == "none":
-        told = "no EGL and no OSMesa: reports have no pictures"
+        told = "no EGL and no OSMesa, or MUJOCO_GL=disable: reports have no pictures"
         yield Row("pictures", "missing", told, APT)
     else:
         yield _tried(kind)

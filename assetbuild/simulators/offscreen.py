@@ -24,13 +24,18 @@ from assetbuild.simulators.mujoco import Data, Model
 Pixels = NDArray[np.uint8]
 VENDORS = ("/usr/share/glvnd/egl_vendor.d", "/etc/glvnd/egl_vendor.d")
 """Where the drivers behind libEGL are registered."""
+OFF = ("disable", "disabled", "off", "false", "0")
+"""Values of `MUJOCO_GL` that ask for no rendering."""
 
 
 def renderer() -> str:
     """What this machine would draw with: `egl 50_mesa`, `osmesa`, `cgl`, or `none`.
 
-    Looks at files and loads the dispatcher only, so it costs a millisecond.
+    Looks at files and loads the dispatcher only, so it costs a millisecond. `MUJOCO_GL=disable`,
+    as MuJoCo's own Python package understands it, draws nothing.
     """
+    if os.environ.get("MUJOCO_GL", "").lower() in OFF:
+        return "none"
     if sys.platform == "darwin":
         return "cgl"
     drivers = sorted({path.stem for folder in VENDORS for path in Path(folder).glob("*.json")})

@@ -34,6 +34,7 @@ from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import forward_kinematics
+from assetbuild.steps._actuator_findings import actuator_findings, row_findings
 from assetbuild.steps._senses import (
     check_sensors,
     contacts,
@@ -54,7 +55,7 @@ class ControlStep(Step):
     `source_control.json`, whose words hold where the recipe has none.
     """
 
-    version = "3"
+    version = "4"
     outputs = ("control.json",)
 
     rows: tuple[ActuatorRow, ...] = ()
@@ -109,7 +110,7 @@ class ControlStep(Step):
         tree = decode(model.Tree, (files.inputs / "tree.json").read_bytes())
         shapes = decode(model.Shapes, (files.inputs / "shapes.json").read_bytes())
         actuators = self._resolved(tree)
-        yield from _tuned_findings(self.rows, actuators)
+        yield from row_findings(self.rows, tree, actuators)
 
         ground = _Ground(tree, shapes, files.inputs / "meshes")
         keyframes = []
@@ -142,7 +143,7 @@ class ControlStep(Step):
             control = joined.control
             yield from joined.findings
         control = _with_sampled(control, files.inputs / "sampled_pairs.json")
-        yield from _actuator_findings(tree, control.actuators, has_table=bool(self.rows))
+        yield from actuator_findings(tree, control.actuators, has_table=bool(self.rows))
         (files.outputs / "control.json").write_bytes(encode(control))
 
 
@@ -164,52 +165,6 @@ def _fields(row: BaseModel) -> dict[str, Any]:  # Any: the dataclasses have the 
 
 def _general(row: ActuatorRow) -> model.General | None:
     return model.General(**_fields(row.general)) if row.general is not None else None
-
-
-def _tuned_findings(
-    rows: tuple[ActuatorRow, ...], actuators: tuple[model.Actuator, ...]
-) -> Iterator[Finding]:
-    """One per row whose gains come from a frequency or damping ratio: the numbers it led to."""
-    for index, row in enumerate(rows):
-        if row.frequency is None and row.damping_ratio is None:
-            continue
-        mine = [a for a in actuators if re.fullmatch(row.joints, a.joint)]
-        kp, kd = [a.kp for a in mine], [a.kd for a in mine]
-        moved = "the armature alone" if row.inertia == "armature" else "what moves at `home`"
-        yield Finding(
-            rule="actuator.tuned",
-            severity="info",
-            subject=f"recipe actuators.{index}",
-            message=f"`{row.joints}`: kp {min(kp):.4g} to {max(kp):.4g}, kd {min(kd):.4g} to "
-            f"{max(kd):.4g} from frequency and damping ratio on {moved}",
-            data={"kp_min": min(kp), "kp_max": max(kp), "kd_min": min(kd), "kd_max": max(kd)},
-        )
-
-
-def _actuator_findings(
-    tree: model.Tree, actuators: tuple[model.Actuator, ...], *, has_table: bool
-) -> Iterator[Finding]:
-    if actuators and not has_table and all(a.model == "passive" for a in actuators):
-        yield Finding(
-            rule="actuator.none",
-            severity="warning",
-            subject="robot",
-            message=f"no actuator table: all {len(actuators)} moving joints are passive",
-            hint="add `actuators:` to the recipe",
-            data={"joints": len(actuators)},
-        )
-    for actuator in actuators:
-        stated = tree.by_joint[actuator.joint].limits
-        for name in ("effort", "velocity"):
-            if getattr(stated, name) == 0.0 and getattr(actuator, name) is None:
-                yield Finding(
-                    rule="actuator.zero_limit",
-                    severity="warning",
-                    subject=f"joint {actuator.joint}",
-                    message=f"the source's {name} limit is 0 and is taken as unlimited",
-                    hint=f"give `{name}` in the actuator row or its motor",
-                    data={name: 0.0},
-                )
 
 
 # --- keyframes ------------------------------------------------------------------------------

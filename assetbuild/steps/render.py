@@ -89,7 +89,9 @@ class Render(Step):
 
     def _pictures(self, scene: Path) -> tuple[list[Picture], str]:
         if self.renderer == "none":
-            raise StepError("this machine has no OpenGL without a window (EGL or OSMesa)")
+            raise StepError(
+                "no OpenGL without a window (EGL or OSMesa) here, or `MUJOCO_GL` says so"
+            )
         model = mujoco.load(scene).model
         with offscreen.studio(model, self.renderer, WIDTH, HEIGHT) as studio:
             data = at_home(model)

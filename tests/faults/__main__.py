@@ -64,11 +64,13 @@ class Legs:
     def start(self, *command: str) -> subprocess.Popen[bytes]:
         words = command or ("-m", "assetbuild", "build", "legs.yaml")
         kept = {k: v for k, v in os.environ.items() if not k.startswith("ASSETBUILD_")}
+        own = {"ASSETBUILD_CACHE": str(self.store), "PYTHONPATH": str(ROOT)}
+        own["MUJOCO_GL"] = "disable"  # pictures would be half of every build
         with (self.folder / "log").open("wb") as log:
             return subprocess.Popen(
                 [sys.executable, *words],
                 cwd=self.folder,
-                env=kept | {"ASSETBUILD_CACHE": str(self.store), "PYTHONPATH": str(ROOT)},
+                env=kept | own,
                 stdout=log,
                 stderr=log,
                 start_new_session=True,

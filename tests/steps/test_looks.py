@@ -184,3 +184,8 @@ def test_a_box_robot_needs_no_mesh_to_be_seen(tmp_path: Path):
     run_step(Viewer(), inputs, tmp_path / "out")
     (row,) = json.loads((tmp_path / "out/viewer.json").read_text())["shapes"]
     assert row["kind"] == "box" and row["dims"] == [0.1, 0.2, 0.3]
+
+
+def test_mujoco_s_own_variable_switches_drawing_off(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("MUJOCO_GL", "Disable")
+    assert renderer() == "none"

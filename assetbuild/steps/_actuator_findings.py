@@ -1,0 +1,102 @@
+"""What a recipe's actuator table led to, and where it says other things than the source."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from assetbuild.findings import Finding
+from assetbuild.recipe.models import ActuatorRow
+from assetbuild.robot.model import Actuator, Joint, Tree
+
+
+def row_findings(
+    rows: tuple[ActuatorRow, ...], tree: Tree, actuators: tuple[Actuator, ...]
+) -> Iterator[Finding]:
+    """`actuator.tuned` and `actuator.overrides`, for each row of the table."""
+    yield from _tuned_findings(rows, actuators)
+    yield from _override_findings(rows, tree, actuators)
+
+
+def _tuned_findings(
+    rows: tuple[ActuatorRow, ...], actuators: tuple[Actuator, ...]
+) -> Iterator[Finding]:
+    """One per row whose gains come from a frequency or damping ratio: the numbers it led to."""
+    for index, row in enumerate(rows):
+        if row.frequency is None and row.damping_ratio is None:
+            continue
+        mine = [a for a in actuators if re.fullmatch(row.joints, a.joint)]
+        kp, kd = [a.kp for a in mine], [a.kd for a in mine]
+        moved = "the armature alone" if row.inertia == "armature" else "what moves at `home`"
+        yield Finding(
+            rule="actuator.tuned",
+            severity="info",
+            subject=f"recipe actuators.{index}",
+            message=f"`{row.joints}`: kp {min(kp):.4g} to {max(kp):.4g}, kd {min(kd):.4g} to "
+            f"{max(kd):.4g} from frequency and damping ratio on {moved}",
+            data={"kp_min": min(kp), "kp_max": max(kp), "kd_min": min(kd), "kd_max": max(kd)},
+        )
+
+
+def _override_findings(
+    rows: tuple[ActuatorRow, ...], tree: Tree, actuators: tuple[Actuator, ...]
+) -> Iterator[Finding]:
+    """One per row and quantity that the source states otherwise, its limits of 0 left out."""
+    for index, row in enumerate(rows):
+        mine = [a for a in actuators if re.fullmatch(row.joints, a.joint)]
+        for name in ("damping", "friction", "effort", "velocity"):
+            pairs = [(_of_source(tree.by_joint[a.joint], name), getattr(a, name)) for a in mine]
+            other = [(was, now) for was, now in pairs if was is not None and was != now]
+            if other:
+                source, own = ([pair[i] for pair in other] for i in (0, 1))
+                yield Finding(
+                    rule="actuator.overrides",
+                    severity="info",
+                    subject=f"recipe actuators.{index}",
+                    message=f"`{row.joints}`: {name} {_span(own)} in place of the source's "
+                    f"{_span(source)} ({len(other)} joints)",
+                    data={"own": _span(own), "source": _span(source), "joints": len(other)},
+                )
+
+
+def _of_source(joint: Joint, name: str) -> float | None:
+    """None where the source states none; a limit of 0 says nothing."""
+    if name in ("damping", "friction"):
+        return float(value) if (value := getattr(joint, name)) is not None else None
+    return getattr(joint.limits, name) or None
+
+
+def _span(values: list[float | None]) -> str:
+    """`0.1 to 0.2`; None = unlimited."""
+    known = sorted({value for value in values if value is not None})
+    words = (
+        [f"{known[0]:.4g}" + (f" to {known[-1]:.4g}" if len(known) > 1 else "")] if known else []
+    )
+    return " or ".join([*words, *(["unlimited"] if None in values else [])])
+
+
+def actuator_findings(
+    tree: Tree, actuators: tuple[Actuator, ...], *, has_table: bool
+) -> Iterator[Finding]:
+    """`actuator.none` and `actuator.zero_limit`, of the finished table."""
+    if actuators and not has_table and all(a.model == "passive" for a in actuators):
+        yield Finding(
+            rule="actuator.none",
+            severity="warning",
+            subject="robot",
+            message=f"no actuator table: all {len(actuators)} moving joints are passive",
+            hint="add `actuators:` to the recipe",
+            data={"joints": len(actuators)},
+        )
+    for actuator in actuators:
+        stated = tree.by_joint[actuator.joint].limits
+        for name in ("effort", "velocity"):
+            if getattr(stated, name) == 0.0 and getattr(actuator, name) is None:
+                yield Finding(
+                    rule="actuator.zero_limit",
+                    severity="warning",
+                    subject=f"joint {actuator.joint}",
+                    message=f"the source's {name} limit is 0 and is taken as unlimited",
+                    hint=f"give `{name}` in the actuator row or its motor",
+                    data={name: 0.0},
+                )
