@@ -354,20 +354,26 @@ def test_a_source_s_limit_of_zero_is_reported(run):
     assert findings["actuator.zero_limit"].data == {"velocity": 0.0}
 
 
-def test_what_a_row_states_over_the_source_is_told(run):
+def test_what_a_row_states_over_the_source_is_told(tmp_path: Path):
     tree = quadruped()
     joints = tuple(replace(joint, damping=0.01, friction=None) for joint in tree.joints)
-    rows = """
-actuators:
-  - {joints: ".*_thigh_joint", model: pd, kp: 20, kd: 1, damping: 0, friction: 0.2, effort: 30}
-  - {joints: ".*_calf_joint", model: pd, kp: 20, kd: 1, damping: 0.01, velocity: unlimited}
-"""
-    _, findings = run(rows, replace(tree, joints=joints), feet())
-    told = {f.subject[-1] + f.message.split(": ", 1)[1] for f in findings if "overr" in f.rule}
+    drive = {"model": "pd", "kp": 20.0, "kd": 1.0}
+    rows = [
+        drive | {"joints": ".*_thigh_joint", "damping": 0.0, "friction": 0.2, "effort": 30.0},
+        drive | {"joints": ".*_calf_joint", "damping": 0.01, "velocity": "unlimited"},
+    ]
+    inputs = {"tree.json": encode(replace(tree, joints=joints)), "shapes.json": encode(feet())}
+    (tmp_path / "out").mkdir(exist_ok=True)
+    (tmp_path / "in").mkdir(exist_ok=True)
+    for name, data in inputs.items():
+        (tmp_path / "in" / name).write_bytes(data)
+    step = ControlStep.configure(recipe(actuators=rows))
+    findings = list(step.run(Files(tmp_path / "in", tmp_path / "out")))
+    told = {(f.subject, f.message.split(": ", 1)[1]) for f in findings if "overr" in f.rule}
     assert told == {
-        "0damping 0 in place of the source's 0.01 (4 joints)",
-        "0effort 30 in place of the source's 20 (4 joints)",
-        "1velocity unlimited in place of the source's 30 (4 joints)",
+        ("recipe actuators.0", "damping 0 in place of the source's 0.01 (4 joints)"),
+        ("recipe actuators.0", "effort 30 in place of the source's 20 (4 joints)"),
+        ("recipe actuators.1", "velocity unlimited in place of the source's 30 (4 joints)"),
     }
 
 
