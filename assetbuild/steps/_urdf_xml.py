@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 MAX_BYTES = 64 * 1024 * 1024
 XACRO = ("http://www.ros.org/wiki/xacro", "http://ros.org/wiki/xacro", "http://wiki.ros.org/xacro")
 
+_VERSION = re.compile(rb"""\A\s*<\?xml\s+version\s*=\s*["'](?!1\.[01]["'])([0-9.]{1,8})["']""")
+
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 
 
@@ -169,6 +171,7 @@ def read_xml(data: bytes, file: str, what: str) -> Node:
     if len(data) > MAX_BYTES:
         size = f"{len(data) / 1e6:.0f} MB"
         raise SourceError(f"{size} of {what}; at most 64 MiB are read", where=Where(file))
+    data = in_xml_1(data)
     _refuse_doctype(data, file)
     parser = etree.XMLParser(
         resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False,
@@ -181,6 +184,21 @@ def read_xml(data: bytes, file: str, what: str) -> Node:
     if etree.ElementTree(root).docinfo.doctype:  # type: ignore[attr-defined] # stubs lack it
         raise _doctype(file, 0)
     return Node(root, file)
+
+
+def xml_version(data: bytes) -> str:
+    """The version of XML that a file states where there is no such version; "" when all is well.
+
+    `0.0` and `1` stand in many files of Bullet's, whose reader does not look.
+    """
+    found = _VERSION.match(data)
+    return found[1].decode() if found else ""
+
+
+def in_xml_1(data: bytes) -> bytes:
+    """The same text as XML 1.0, where it states a version that does not exist."""
+    found = _VERSION.match(data)
+    return data[: found.start(1)] + b"1.0" + data[found.end(1) :] if found else data
 
 
 def _refuse_doctype(data: bytes, file: str) -> None:

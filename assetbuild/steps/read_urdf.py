@@ -16,7 +16,15 @@ from assetbuild.robot.model import Base, Body, Joint, Tree
 from assetbuild.steps._urdf_joints import build_tree, read_joint
 from assetbuild.steps._urdf_links import Geometries, named, read_body, read_shapes
 from assetbuild.steps._urdf_paths import Paths
-from assetbuild.steps._urdf_xml import Node, Problems, homeless, parse, without_comments
+from assetbuild.steps._urdf_xml import (
+    Node,
+    Problems,
+    homeless,
+    in_xml_1,
+    parse,
+    without_comments,
+    xml_version,
+)
 
 
 class ReadUrdf(Step):
@@ -30,7 +38,7 @@ class ReadUrdf(Step):
     """
 
     tools = ("lxml",)
-    version = "2"
+    version = "3"
     outputs = ("links.json", "shapes.json", "meshes.json", "source_map.json", "source.urdf")
     isolated = True
     preload = ("lxml.etree",)
@@ -57,7 +65,15 @@ class ReadUrdf(Step):
         nodes = {f"{n.tag} {n.get('name')}": n for n in root.all("link") + root.all("joint")}
         tree, held = build_tree(name, self.base, bodies, joints, nodes, problems)
         _write(files, tree, geometries, self._source_map(root, nodes, geometries))
-        (files.outputs / "source.urdf").write_bytes(without_comments(data))
+        (files.outputs / "source.urdf").write_bytes(without_comments(in_xml_1(data)))
+        if version := xml_version(data):
+            yield Finding(
+                "urdf.xml_version",
+                "warning",
+                "robot",
+                f"it says it is XML {version}, which does not exist: read as XML 1.0",
+                hint='many readers refuse it: write `<?xml version="1.0"?>`',
+            )
         yield from [*unnamed, *geometries.findings, *findings, *held, *_dropped(root)]
 
     def _source_map(

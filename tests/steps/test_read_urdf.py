@@ -169,6 +169,17 @@ def test_inertia_given_in_turned_axes_is_read_into_link_axes(robots: Path, tmp_p
     assert inertial.com_m == (0.1, 0.2, 0.3)
 
 
+@pytest.mark.parametrize("version", ["0.0", "1", "2.7"])
+def test_a_version_of_xml_that_does_not_exist_is_told(version: str, tmp_path: Path):
+    """As in many files of Bullet's, whose reader does not look."""
+    body = '<robot name="r"><link name="a"/></robot>'
+    reading = read(f'<?xml version="{version}" encoding="utf-8"?>\n{body}', tmp_path)
+    assert reading.rules() == ["urdf.xml_version"]
+    assert reading.lines["link a"] == 2
+    assert (reading.folder / "source.urdf").read_bytes().startswith(b"<robot")
+    assert read(f'<?xml version="1.0"?>\n{body}', tmp_path, name="b").rules() == []
+
+
 def test_numbers_without_a_rotation_keep_every_bit(tmp_path: Path):
     inertia = 'ixx="0.10000000000000003" ixy="1e-17" ixz="-3.3e-9" iyy=".2" iyz="+4E-3" izz="3."'
     text = _robot(f'<link name="a"><inertial><origin xyz="1e-300 2 3" rpy="0 -0 0"/>'
