@@ -11,6 +11,7 @@ from tiny import run_step
 from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Recipe
+from assetbuild.simulators import mujoco
 
 TET = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 FLOATING = """<mujoco model="r">
@@ -111,3 +112,18 @@ def test_what_the_recipe_says_itself_is_not_compared(tmp_path: Path):
 def test_a_robot_from_urdf_has_no_such_check():
     recipe = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
     assert MjcfSource.configure(Recipe.model_validate(recipe)) is None
+
+
+WALKER = """<mujoco><worldbody>
+  <geom name="floor" type="plane" size="5 5 .1"/>
+  <body name="torso" pos="0 0 1"><joint name="x" type="slide" axis="1 0 0"/>
+    <joint name="z" type="slide" axis="0 0 1"/><geom name="{}" size=".1"/></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("name", ["ball", "ground"])
+def test_a_robot_on_the_floor_of_its_source_gets_no_second_one(name: str, tmp_path: Path):
+    """Planar walkers hang on the world by slides: its floor is part of them."""
+    written = write(read(WALKER.format(name), tmp_path / "read"), tmp_path / "write")
+    model = mujoco.load(written.xml.with_name("scene.xml")).model
+    assert list(model.geom_type).count(0) == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
@@ -40,6 +41,7 @@ from assetbuild.targets.mjcf.xml import (
 )
 
 SITE_GROUP = "4"
+NAME = re.compile(r"""\bname="([^"]*)\"""")
 DEFAULT_GRAVITY = (0.0, 0.0, -9.81)
 
 
@@ -113,9 +115,10 @@ class RobotXml:
         return element("mujoco", {"model": self.robot}, kept)
 
     def free_name(self, wanted: str) -> str:
-        """`wanted`, or with an underscore more, unless a shape or material has that name."""
+        """`wanted`, with an underscore more while anything of the robot that is drawn has it."""
         taken = {shape.name for shape in self.shapes.shapes}
         taken |= {material.name for material in self.shapes.materials}
+        taken |= {name for item in self.control.mjcf_only for name in NAME.findall(item.element)}
         while wanted in taken:
             wanted += "_"
         return wanted

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -15,6 +16,7 @@ from assetbuild.targets.mjcf.xml import Element, element, numbers
 SMALLEST_EXTENT_M = 0.5
 BELOW_M = 0.01
 """A bolted robot that reaches further below its base (a hand) hangs over the floor, not in it."""
+_PLANE = re.compile(r"""<geom\b[^>]*\btype="plane\"""")
 
 
 def scene(
@@ -37,7 +39,7 @@ def scene(
             ),
             _looks(),
             _floor_assets(floor_material),
-            _world(floor_material, free("floor"), control, floor_height(tree, control)),
+            _world(floor_material, free("floor"), tree, control),
         ],
     )
 
@@ -136,7 +138,24 @@ def _floor_assets(material: str) -> Element:
     )
 
 
-def _world(material: str, name: str, control: Control, height: float) -> Element:
+def _has_floor(tree: Tree, control: Control) -> bool:
+    """Whether the robot, joined to the world of its source, brings a plane from there."""
+    root = tree.bodies[0].name
+    return tree.base == "fixed" and any(
+        item.place == "body" and item.owner in ("", root) and _PLANE.match(item.element)
+        for item in control.mjcf_only
+    )
+
+
+def _world(material: str, name: str, tree: Tree, control: Control) -> Element:
+    light = {"pos": "0 0 2.5", "dir": "0 0 -1", "directional": "true"}
+    parts = [element("light", light)]
+    if not _has_floor(tree, control):
+        parts.append(_floor(material, name, control, floor_height(tree, control)))
+    return element("worldbody", None, parts, gap=True)
+
+
+def _floor(material: str, name: str, control: Control, height: float) -> Element:
     # MuJoCo takes the larger of two frictions: the floor has the robot's smallest, so that what the
     # recipe says is what acts, also below the default of 1. A priority decides without the floor.
     surfaces = [control.contact, *(own for _, own in control.contacts if not own.priority)]
@@ -149,5 +168,4 @@ def _world(material: str, name: str, control: Control, height: float) -> Element
         "friction": numbers(friction),
         "material": material,
     }
-    light = {"pos": "0 0 2.5", "dir": "0 0 -1", "directional": "true"}
-    return element("worldbody", None, [element("light", light), element("geom", floor)], gap=True)
+    return element("geom", floor)
