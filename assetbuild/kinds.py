@@ -145,7 +145,7 @@ class Edit(Step):
         raise NotImplementedError
 
     def meshes(self, shapes: Shapes) -> tuple[Shape, ...]:
-        """Shapes whose converted meshes it reads, as `mesh/<shape>/parts/` and `.../mesh.json`."""
+        """Shapes whose meshes it reads; the first is `mesh/0/parts/` and `mesh/0/mesh.json`."""
         return ()
 
     def patterns(self) -> tuple[tuple[tuple[str, ...], str, str], ...]:

@@ -19,7 +19,7 @@ from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Role, Shapes
+from assetbuild.robot.model import Capsule, Role, Shapes
 
 
 class Counts(Check):
@@ -30,6 +30,7 @@ class Counts(Check):
     asks for collision.
     """
 
+    version = "2"
     tools = ("defusedxml",)
     needs = ("source", "mjcf")
     reads = ("shapes.json",)
@@ -37,13 +38,19 @@ class Counts(Check):
     robot: str
     rules: tuple[tuple[str, str, str], ...] = ()
     """(pattern of links, method, from) of the recipe's collision rules, the default last."""
+    written: bool = False
+    """The source is a URDF that we wrote: a capsule, which URDF lacks, is three elements of it."""
 
     @classmethod
     def configure(cls, recipe: Recipe) -> Self:
         """Knows which links shall have no collision."""
         collision = recipe.collision
         named = [*collision.links.items(), (".*", collision.default)]
-        return cls(robot=recipe.robot, rules=tuple(_rule(p, rule) for p, rule in named))
+        return cls(
+            robot=recipe.robot,
+            rules=tuple(_rule(p, rule) for p, rule in named),
+            written=bool(recipe.source.mjcf or recipe.edits or recipe.compose),
+        )
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `source.urdf`, `shapes.json` and `mjcf/<robot>.xml`."""
@@ -54,7 +61,11 @@ class Counts(Check):
             role: Counter(shape.link for shape in shapes.of(role))
             for role in ("visual", "collision")
         }
-        yield from _visuals(stated["visual"], built["visual"])
+        drawn = built["visual"].copy()
+        if self.written:
+            capsules = (s.link for s in shapes.of("visual") if isinstance(s.geometry, Capsule))
+            drawn.update({link: 2 * count for link, count in Counter(capsules).items()})
+        yield from _visuals(stated["visual"], drawn)
         yield from self._collisions(stated, built["collision"])
         mjcf = _root(files.inputs / "mjcf" / f"{self.robot}.xml")
         wanted, shown = _textures(shapes), _shown(mjcf, files.inputs / "mjcf/assets")

@@ -189,7 +189,7 @@ def _compare_links(held: physx.Held, tree: Tree, book: Book) -> None:
         if found is None:
             book.differ("missing_link", subject, "PhysX holds no such body")
             continue
-        if body.inertial is None:
+        if body.inertial is None or body.is_massless:
             continue  # `usd.mass_missing` says what PhysX does then
         book.number("mass", subject, "mass", found.mass_kg, body.inertial.mass_kg)
         off = float(np.abs(found.com_m - np.array(body.inertial.com_m)).max())

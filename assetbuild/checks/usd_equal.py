@@ -50,7 +50,7 @@ UNDERFLOW = 1e-37
 class UsdEqual(Check):
     """Bodies, joints, limits, gains and shapes of `usd/<robot>.usda` against the robot."""
 
-    version: ClassVar[str] = "2"
+    version: ClassVar[str] = "3"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     reads: ClassVar[tuple[str, ...]] = (
         "tree.json",
@@ -250,7 +250,7 @@ def _compare_pose(kind: str, subject: str, found: Array, expected: Pose, book: B
 
 def _compare_mass(body: Body, prim: Usd.Prim, book: Book) -> None:
     subject, inertial = f"link {body.name}", body.inertial
-    if inertial is None:
+    if inertial is None or body.is_massless:
         if _get(prim, "physics:mass") is not None:
             book.differ("mass", subject, "has a mass in USD, none in the robot")
         return

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -72,6 +74,11 @@ class InertiaFromGeometry(Edit):
     def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
         """See `Edit`."""
 
+        folder_of = {
+            shape.name: files.inputs / "mesh" / str(index)
+            for index, shape in enumerate(self.meshes(shapes))
+        }
+
         def change(body: Body) -> tuple[Inertial, Finding]:
             own = [shape for shape in shapes.of(self.from_) if shape.link == body.name]
             if not own:
@@ -79,7 +86,7 @@ class InertiaFromGeometry(Edit):
                     f"inertia_from_geometry: link `{body.name}` has no {self.from_} geometry",
                     hint=f"try `from: {'collision' if self.from_ == 'visual' else 'visual'}`",
                 )
-            parts = [self._solid(shape, files) for shape in own]
+            parts = [self._solid(shape, folder_of) for shape in own]
             volume = math.fsum(part.mass_kg for part in parts)
             density = self.density if self.density is not None else (self.mass or 0.0) / volume
             after = combine([_times(part, density) for part in parts])
@@ -88,14 +95,13 @@ class InertiaFromGeometry(Edit):
         tree, findings = edit_inertials(tree, self.link, change)
         return Edited(tree, shapes, findings)
 
-    def _solid(self, shape: Shape, files: Files) -> Inertial:
+    def _solid(self, shape: Shape, folder_of: Mapping[str, Path]) -> Inertial:
         """Mass properties at density 1, in the link frame."""
         if isinstance(shape.geometry, Mesh):
-            return move_inertial(self._of_mesh(shape, files), shape.X_link_shape)
+            return move_inertial(self._of_mesh(shape, folder_of[shape.name]), shape.X_link_shape)
         return move_inertial(of_primitive(shape.geometry), shape.X_link_shape)
 
-    def _of_mesh(self, shape: Shape, files: Files) -> Inertial:
-        folder = files.inputs / "mesh" / shape.name
+    def _of_mesh(self, shape: Shape, folder: Path) -> Inertial:
         record = decode(ConvertedMesh, (folder / "mesh.json").read_bytes())
         parts = [read_triangles((folder / "parts" / p.file).read_bytes()) for p in record.parts]
         mesh = cleaned(merged(parts))

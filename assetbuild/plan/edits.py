@@ -65,13 +65,13 @@ def apply_edits(
             return None
         _check_patterns(loaded, edit, key, decode(Tree, links))
         inputs = dict(robot)
-        for shape in edit.meshes(decode(Shapes, shapes)):
+        for index, shape in enumerate(edit.meshes(decode(Shapes, shapes))):
             if geometry is None:
                 return None
             assert isinstance(shape.geometry, Mesh)  # noqa: S101 # that is what it asked for
             node = geometry.converted(shape.geometry)
-            inputs[f"mesh/{shape.name}/parts/"] = node["parts/"]
-            inputs[f"mesh/{shape.name}/mesh.json"] = node["mesh.json"]
+            inputs[f"mesh/{index}/parts/"] = node["parts/"]
+            inputs[f"mesh/{index}/mesh.json"] = node["mesh.json"]
         node = p.add(edit_label(number, name), edit, inputs)
         robot = {port: node[port] for port in robot}
     return robot

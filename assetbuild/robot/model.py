@@ -46,6 +46,12 @@ class Body:
     name: str
     inertial: Inertial | None = None
 
+    @property
+    def is_massless(self) -> bool:
+        """Nothing is stated, or zeros throughout, which many write to quieten a parser."""
+        held = self.inertial
+        return held is None or not any((held.mass_kg, *held.inertia_com_kg_m2))
+
 
 @dataclass(frozen=True)
 class Limits:

@@ -7,12 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tiny import run_step
+from tiny import run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.checks.counts import Counts
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import encode
-from assetbuild.robot.model import Box, Material, Shape, Shapes, Sphere
+from assetbuild.robot.model import Box, Capsule, Material, Shape, Shapes, Sphere
+from assetbuild.targets.urdf import Urdf
 
 SOURCE = """<robot name="r">
   <link name="trunk"><visual/><visual/><collision/></link>
@@ -22,6 +23,7 @@ SOURCE = """<robot name="r">
 MJCF = """<mujoco><asset><texture name="t" type="2d" file="skin-1.png"/>
   <material name="skin" texture="t"/></asset>
   <worldbody><body><geom material="skin"/></body></worldbody></mujoco>"""
+ROBOT = tiny_quadruped()
 WHOLE = Shapes(
     (
         Shape("a", "trunk", "visual", Box((1.0, 1.0, 1.0)), material="skin"),
@@ -35,15 +37,20 @@ WHOLE = Shapes(
 
 
 def check(
-    tmp_path: Path, shapes: Shapes, mjcf: str = MJCF, rules=((".*", "auto", "auto"),)
+    tmp_path: Path,
+    shapes: Shapes,
+    mjcf: str = MJCF,
+    rules=((".*", "auto", "auto"),),
+    source: str = SOURCE,
+    **fields: object,
 ) -> tuple[list[Finding], dict[str, object]]:
     inputs, outputs = tmp_path / "in", tmp_path / "out"
     (inputs / "mjcf/assets").mkdir(parents=True)
     (inputs / "mjcf/assets/skin-1.png").write_bytes(b"a picture")
     (inputs / "mjcf/r.xml").write_text(mjcf)
-    (inputs / "source.urdf").write_text(SOURCE)
+    (inputs / "source.urdf").write_text(source)
     (inputs / "shapes.json").write_bytes(encode(shapes))
-    findings = run_step(Counts(robot="r", rules=rules), inputs, outputs)
+    findings = run_step(Counts(robot="r", rules=rules, **fields), inputs, outputs)
     return findings, json.loads((outputs / "figures.json").read_text())
 
 
@@ -62,6 +69,21 @@ def test_a_whole_robot_passes_with_its_counts(tmp_path: Path):
         "textures": 1,
         "textures_mjcf": 1,
     }
+
+
+def test_a_capsule_is_three_elements_of_a_urdf_that_we_wrote(tmp_path: Path):
+    robot = replace(
+        ROBOT, shapes=Shapes((Shape("p", ROBOT.tree.root, "visual", Capsule(0.1, 0.2)),))
+    )
+    written = tmp_path / "urdf"
+    run_step(Urdf(robot="tiny"), write_robot_ports(tmp_path / "ports", robot), written)
+    text = (written / "urdf/tiny.urdf").read_text()
+    shapes = replace(WHOLE, shapes=robot.shapes.shapes)
+    options = {"rules": ((".*", "none", "auto"),), "mjcf": "<mujoco/>", "source": text}
+    shapes = Shapes(shapes.shapes)
+    assert check(tmp_path, shapes, **options, written=True)[0] == []
+    (lost,) = check(tmp_path / "lost", Shapes(), **options, written=True)[0]
+    assert (lost.rule, lost.data["source"]) == ("count.visual", 3)
 
 
 @pytest.mark.parametrize(

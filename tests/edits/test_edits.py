@@ -44,16 +44,16 @@ EMPTY = Shapes()
 
 
 def edited(tmp_path: Path, name: str, tree: Tree, shapes=EMPTY, meshes=(), **fields):
-    """(Tree, Shapes, findings) after one edit; meshes: (shape, OBJ bytes) it reads."""
+    """(Tree, Shapes, findings) after one edit; meshes: (shape, OBJ bytes) it reads, in order."""
     inputs, outputs = tmp_path / "in", tmp_path / "out"
     inputs.mkdir(exist_ok=True)
     (inputs / "links.json").write_bytes(encode(tree))
     (inputs / "shapes.json").write_bytes(encode(shapes))
-    for shape, data in meshes:
+    for index, (shape, data) in enumerate(meshes):
         source = tmp_path / f"source {shape}"
         source.mkdir()
         (source / "mesh").write_bytes(data)
-        run_step(ConvertMesh(format="obj"), source, inputs / "mesh" / shape)
+        run_step(ConvertMesh(format="obj"), source, inputs / "mesh" / str(index))
     step = load_plugin(Edit, "assetbuild.edits", name).model_validate(fields, strict=True)
     findings = run_step(step, inputs, outputs)
     assert all(f.rule == f"edit.{name}" for f in findings)

@@ -33,6 +33,7 @@ from tiny import (
     write_robot_ports,
 )
 
+from assetbuild.checks.usd_equal import UsdEqual
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.robot.inertia import matrix_of
@@ -42,6 +43,7 @@ from assetbuild.robot.model import (
     Capsule,
     Cylinder,
     Frame,
+    Inertial,
     Joint,
     Keyframe,
     Limits,
@@ -234,6 +236,19 @@ def test_fixed_base_stands_on_a_joint_that_carries_the_articulation(tmp_path: Pa
     assert joint.GetBody0Rel().GetTargets() == []
     assert [str(t) for t in joint.GetBody1Rel().GetTargets()] == ["/robot/base"]
     assert [f.severity for f in findings if f.rule == "usd.mass_missing"] == ["info"]
+
+
+def test_a_base_that_states_zeros_states_no_mass(tmp_path: Path) -> None:
+    """USD refuses an inertia of 0; MuJoCo and PhysX never move that body."""
+    robot = pendulum()
+    zeros = Inertial(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
+    bodies = (replace(robot.tree.bodies[0], inertial=zeros), *robot.tree.bodies[1:])
+    robot = replace(robot, tree=replace(robot.tree, bodies=bodies))
+    folder, findings = build(robot, tmp_path)
+    assert [f.severity for f in findings if f.rule == "usd.mass_missing"] == ["info"]
+    inputs = write_robot_ports(tmp_path / "equal", robot)
+    shutil.copytree(folder, inputs / "usd", dirs_exist_ok=True)
+    assert run_step(UsdEqual(robot="robot"), inputs, tmp_path / "equal_out") == []
 
 
 def test_drive_gains_are_per_degree_and_the_effort_is_not(quadruped: UsdCore.Stage) -> None:

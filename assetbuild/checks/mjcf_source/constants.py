@@ -11,6 +11,7 @@ from assetbuild.checks.mjcf_source.compare import (
     FREE,
     HINGE,
     MESH,
+    SIZES,
     SLIDE,
     Comparison,
     Side,
@@ -92,7 +93,9 @@ class Constants(Comparison):
             subject = f"shape {name}"
             yield from self.same("geom", subject, "type", a.geom_type[i], b.geom_type[j])
             if a.geom_type[i] != MESH:
-                yield from self.same("geom", subject, "size (m)", a.geom_size[i], b.geom_size[j])
+                count = SIZES.get(int(a.geom_type[i]), 3)
+                sizes = a.geom_size[i][:count], b.geom_size[j][:count]
+                yield from self.same("geom", subject, "size (m)", *sizes)
             fields = ["contype", "conaffinity", "group"]
             if touches[i]:
                 fields += ["priority", "solmix", "solref", "solimp", "margin", "gap", "fluid"]

@@ -73,7 +73,7 @@ def apply_rigid_bodies(
                 ),
             },
         )
-        if body.inertial is not None:
+        if body.inertial is not None and not body.is_massless:
             _apply_mass(prim, body.inertial)
         else:
             yield _no_mass(body, is_held=tree.base == "fixed" and body.name == tree.root)
