@@ -63,7 +63,7 @@ class TextureUse(BaseModel):
 class Assemble(Step):
     """Source shapes + meshes + pieces -> the final shapes, file paths swapped for digests."""
 
-    version = "3"
+    version = "4"
     outputs = ("shapes.json", "meshes/")
 
     visuals: tuple[VisualUse, ...]
@@ -86,7 +86,9 @@ class Assemble(Step):
         for collision in self.collisions:
             origin = by_name[collision.shape] if collision.shape else None
             made = _collision_shapes(collision, origin, files.inputs, library)
-            shapes += self._called(made, collision.shape)
+            # What is made of a visual shape does not take its name, which that one has already.
+            hit = origin is not None and origin.role == "collision"
+            shapes += self._called(made, collision.shape if hit else None)
         final = Shapes(_named(shapes), palette.used(), library.assets())
         (files.outputs / "shapes.json").write_bytes(encode(final))
         yield from palette.findings

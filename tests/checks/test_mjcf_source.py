@@ -127,3 +127,17 @@ def test_a_robot_on_the_floor_of_its_source_gets_no_second_one(name: str, tmp_pa
     written = write(read(WALKER.format(name), tmp_path / "read"), tmp_path / "write")
     model = mujoco.load(written.xml.with_name("scene.xml")).model
     assert list(model.geom_type).count(0) == 1
+
+
+CLOSE = """<mujoco><worldbody><body><joint/>
+  <inertial pos="0 0 .1" quat="1 0 0 .2" mass="1" diaginertia=".003 .002 .001"/>
+  <geom name="g" type="capsule" size=".02 .05" pos="0 0 .1" quat="1 0 2e-7 .2"/>
+</body></worldbody></mujoco>"""
+
+
+def test_frames_that_mujoco_takes_for_one_are_one(tmp_path: Path):
+    """Its compiler gives the geom the frame of the inertia, 4e-7 rad away."""
+    reading = read(CLOSE, tmp_path / "read")
+    model = mujoco.load(reading.flat / "source.xml").model
+    assert model.geom_sameframe[0] == 2
+    assert compared(write(reading, tmp_path / "write")) == []

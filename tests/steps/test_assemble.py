@@ -109,3 +109,18 @@ def test_links_that_hit_nothing_are_told(tmp_path: Path):
     assert finding.rule == "collision.none"
     assert "`rotor`" in finding.message
     assert "`foot`" not in finding.message
+
+
+def test_collision_made_of_what_is_seen_leaves_that_its_name(tmp_path: Path):
+    """Shapes of an MJCF keep their names; two geoms of one name are refused by MuJoCo."""
+    source = Shapes((Shape("lid", "box", "visual", Box((1.0, 1.0, 1.0))),))
+    step = Assemble(
+        visuals=(VisualUse(shape="lid"),),
+        collisions=(CollisionUse(link="box", shape="lid"),),
+        keep_names=True,
+    )
+    shapes, _ = assembled(tmp_path, source, step)
+    assert [(s.name, s.role) for s in shapes.shapes] == [
+        ("lid", "visual"),
+        ("box_collision", "collision"),
+    ]

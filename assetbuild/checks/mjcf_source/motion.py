@@ -6,12 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from assetbuild.checks.mjcf_source.compare import FREE, MESH, Comparison, Side
+from assetbuild.checks.mjcf_source.compare import FREE, MESH, ROUNDING, Comparison, Side
 from assetbuild.findings import Finding
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
 
 POSITIONS = 6
+SAME_FRAME = 2e-6
+"""Two frames that differ by less count as one in MuJoCo's compiler, in each of the two files."""
 MESH_TOLERANCE = 2e-6
 """Relative to a mesh's size: MuJoCo keeps vertices as float32."""
 
@@ -91,16 +93,24 @@ class Motion(Comparison):
         for name, i, j in self.pairs(
             "site", expected=self.on_robot("site", self.a.model.site_bodyid)
         ):
+            slack = self._shared("site", i, j)
             yield from self.same(
-                "site", f"link {name}", "place (m)", a.site_xpos[i], b.site_xpos[j]
+                "site", f"link {name}", "place (m)", a.site_xpos[i], b.site_xpos[j], absolute=slack
             )
-            yield from self.same("site", f"link {name}", "axes", a.site_xmat[i], b.site_xmat[j])
+            yield from self.same(
+                "site", f"link {name}", "axes", a.site_xmat[i], b.site_xmat[j], absolute=slack
+            )
         for name, i, j in self.pairs("camera"):
             yield from self.same(
                 "camera", f"camera {name}", "place (m)", a.cam_xpos[i], b.cam_xpos[j]
             )
             yield from self.same("camera", f"camera {name}", "axes", a.cam_xmat[i], b.cam_xmat[j])
         yield from self._shape_poses()
+
+    def _shared(self, kind: str, i: int, j: int) -> float:
+        """Absolute slack: MuJoCo takes the body's or the inertia's frame for one that is close."""
+        shared = (getattr(s.model, f"{kind}_sameframe")[n] for s, n in ((self.a, i), (self.b, j)))
+        return SAME_FRAME if any(shared) else ROUNDING
 
     def _shape_poses(self) -> Iterator[Finding]:
         a, b = self.a, self.b
@@ -116,10 +126,13 @@ class Motion(Comparison):
                         "mesh", subject, "bounds (m)", before, now, tolerance=0.0, absolute=slack
                     )
                 continue
+            slack, x, y = self._shared("geom", i, j), a.data, b.data
             yield from self.same(
-                "geom", subject, "place (m)", a.data.geom_xpos[i], b.data.geom_xpos[j]
+                "geom", subject, "place (m)", x.geom_xpos[i], y.geom_xpos[j], absolute=slack
             )
-            yield from self.same("geom", subject, "axes", a.data.geom_xmat[i], b.data.geom_xmat[j])
+            yield from self.same(
+                "geom", subject, "axes", x.geom_xmat[i], y.geom_xmat[j], absolute=slack
+            )
 
     def _forces(self) -> Iterator[Finding]:
         """Inertia, gravity and speeds, springs and dampers, drives; and what sensors see."""
