@@ -15,6 +15,7 @@ from assetbuild.errors import SourceError, Where
 from assetbuild.init.anatomy import Anatomy, study
 from assetbuild.init.home import home_pose
 from assetbuild.init.look import Looked, judge
+from assetbuild.init.packages import above, is_file
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.repairs import repairs
 from assetbuild.init.targets import targets
@@ -24,11 +25,10 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Shapes, Tree
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import merge_fixed_joints
+from assetbuild.steps._urdf_xml import MAX_BYTES
 from assetbuild.steps.flatten_mjcf import FlattenMjcf
 from assetbuild.steps.read_mjcf import ReadMjcf
 
-LEVELS = 4
-"""Folders above the MJCF that its meshes may lie below."""
 DRIVES = """\
 # The source drives no joint (mjlab's robots are driven from Python). A table here would:
 # actuators:
@@ -58,7 +58,7 @@ def find_mjcf(file: Path) -> Found:
     """
     real = Path(os.path.realpath(file))
     problem: SourceError | None = None
-    for root in list(real.parents)[:LEVELS]:
+    for root in above(real):
         try:
             return _read(root, real.relative_to(root).as_posix())
         except SourceError as error:
@@ -75,7 +75,8 @@ def _read(root: Path, name: str) -> Found:
         flat, read = _files(folder, "flat"), _files(folder, "read")
         beside = (root / name).parent
         for path in sorted(beside.rglob("*.xml")):
-            _copy(path, flat.inputs / "tree" / path.relative_to(root))
+            if is_file(path) and path.stat().st_size <= MAX_BYTES:  # what else may be an include
+                _copy(path, flat.inputs / "tree" / path.relative_to(root))
         list(FlattenMjcf(file=name).run(flat))
         for made in ("source.xml", "lines.json"):
             _copy(flat.outputs / made, read.inputs / made)
