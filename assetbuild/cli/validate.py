@@ -17,6 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print each finding; 1 when one is an error, else 0."""
+    from assetbuild.cli.public import shown_message
     from assetbuild.pipeline.validating import validate, worst
 
     found = validate(arguments.path)
@@ -30,7 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
     for one in found:
         for finding in one.findings:
             print(f"{finding.severity} {finding.rule}: {finding.where or one.file}: "
-                  f"{finding.subject}: {finding.message}")  # fmt: skip
+                  f"{finding.subject}: {shown_message(finding)}")  # fmt: skip
             if finding.hint and finding.severity != "info":
                 print(f"  hint: {finding.hint}")
         errors = sum(f.severity == "error" for f in one.findings)
