@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 
@@ -16,20 +17,28 @@ HELD_KG = 1e12
 """Inertia added to the six coordinates of a floating base to hold it. It then moves by less than
 float64 shows, and the joints' own rows of the mass matrix stay as they are."""
 
+Friction = Literal["soft", "hard", "none"]
+HARD = 0.9999
+"""Impedance of hard dry friction: a ten thousandth of a torque below its limit moves the joint."""
+
 
 def held_sine(
-    model: Model, sine: Sine, timestep: float, *, contacts: bool, rubbing: bool, every: int = 1
+    model: Model, sine: Sine, timestep: float, *, contacts: bool, friction: Friction, every: int = 1
 ) -> Motion:
     """All joints follow `sine`, the base held at the origin. The model is changed: load it anew.
 
-    contacts: False switches them off; rubbing: False takes joint friction and damping.
+    contacts: False switches them off. friction of the joints: "soft" = the model's; "hard": dry
+    friction that holds what it can, as in the textbook; "none" takes it, and damping.
     """
     import mujoco
 
     model.opt.timestep = timestep
     if not contacts:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-    if not rubbing:
+    if friction == "hard":
+        model.dof_solref[:] = (2.0 * timestep, 1.0)
+        model.dof_solimp[:, :2] = HARD
+    if friction == "none":
         model.dof_frictionloss[:] = 0.0
         model.dof_damping[:] = 0.0
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
