@@ -39,18 +39,25 @@ def holes(seen: TriangleMesh, solid: TriangleMesh) -> list[Hole]:
     """
     lower, upper = seen.bounds
     middle, reach = (lower + upper) / 2.0, 1.05 * seen.diagonal
+    if reach == 0.0:
+        return []
     spread = seen.vertices - seen.vertices.mean(axis=0)
     principal = np.linalg.eigh(spread.T @ spread)[1].T
+    directions = (*np.eye(3), *principal)
+    start = np.concatenate([_grid(middle, direction, reach) for direction in directions])
+    along = np.repeat(directions, GRID * GRID, axis=0)
+    through = missed(start, along, seen)  # all at once: what costs is the tree over the triangles
+    patches = [
+        number * GRID * GRID + rays
+        for number in range(len(directions))
+        for rays in _enclosed(through[number * GRID * GRID :][: GRID * GRID])
+    ]
     found = []
-    for direction in (*np.eye(3), *principal):
-        start = _grid(middle, direction, reach)
-        along = np.broadcast_to(direction, start.shape)
-        through = missed(start, along, seen)
-        for rays in _enclosed(through):
-            left = float(missed(start[rays], along[rays], solid).mean())
-            at = vec3(start[rays].mean(axis=0) + reach * direction)
-            area = len(rays) * (reach / GRID) ** 2
-            found.append(Hole(at, vec3(direction), area, left))
+    for rays in patches:
+        left = float(missed(start[rays], along[rays], solid).mean())
+        at = vec3(start[rays].mean(axis=0) + reach * along[rays[0]])
+        area = len(rays) * (reach / GRID) ** 2
+        found.append(Hole(at, vec3(along[rays[0]]), area, left))
     return sorted(found, key=lambda hole: -hole.area_m2)
 
 
