@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Literal
 
 import numpy as np
 
@@ -17,28 +16,38 @@ HELD_KG = 1e12
 """Inertia added to the six coordinates of a floating base to hold it. It then moves by less than
 float64 shows, and the joints' own rows of the mass matrix stay as they are."""
 
-Friction = Literal["soft", "hard", "none"]
 HARD = 0.9999
-"""Impedance of hard dry friction: a ten thousandth of a torque below its limit moves the joint."""
+"""Impedance of hard constraints: a ten thousandth of what loads them moves them."""
 
 
 def held_sine(
-    model: Model, sine: Sine, timestep: float, *, contacts: bool, friction: Friction, every: int = 1
+    model: Model,
+    sine: Sine,
+    timestep: float,
+    *,
+    contacts: bool,
+    rubbing: bool,
+    hard: bool = False,
+    every: int = 1,
 ) -> Motion:
     """All joints follow `sine`, the base held at the origin. The model is changed: load it anew.
 
-    contacts: False switches them off. friction of the joints: "soft" = the model's; "hard": dry
-    friction that holds what it can, as in the textbook; "none" takes it, and damping.
+    contacts: False switches them off; rubbing: False takes joint friction and damping. hard: dry
+    friction and coupled joints give way as little as in a textbook, not as the model says.
     """
     import mujoco
 
     model.opt.timestep = timestep
     if not contacts:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-    if friction == "hard":
-        model.dof_solref[:] = (2.0 * timestep, 1.0)
-        model.dof_solimp[:, :2] = HARD
-    if friction == "none":
+    if hard:
+        for solref, solimp in (
+            (model.dof_solref, model.dof_solimp),
+            (model.eq_solref, model.eq_solimp),
+        ):
+            solref[:] = (2.0 * timestep, 1.0)
+            solimp[:, :2] = HARD
+    if not rubbing:
         model.dof_frictionloss[:] = 0.0
         model.dof_damping[:] = 0.0
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)

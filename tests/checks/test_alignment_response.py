@@ -32,7 +32,7 @@ def row_beside(angle: np.ndarray, folder: Path, drive: Actuator = WRIST) -> Row:
     time = 1e-3 * np.arange(len(angle))
     still = np.zeros((len(time), 3))
     theirs = Motion(time, {"swing_joint": angle}, still, np.ones((len(time), 4)), still)
-    (row,) = Responses(folder / "out/mjcf/r.xml", control, SINE, {}).as_is(theirs, STEP)
+    (row,) = Responses(folder / "out/mjcf/r.xml", tree, control, SINE, {}).as_is(theirs, STEP)
     return row
 
 

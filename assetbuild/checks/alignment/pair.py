@@ -325,7 +325,7 @@ class Pair:
             return
         dt = self.control.simulation.timestep
         mjcf = self.files.inputs / "mjcf" / f"{self.robot}.xml"
-        sines = Responses(mjcf, self.control, sine, self.servos)
+        sines = Responses(mjcf, self.tree, self.control, sine, self.servos)
         pure, as_is = outcomes["sine"], outcomes["sine_as_is"]
         if pure.finite and pure.motion is not None:
             yield from sines.pure(pure.motion, FINE_DT, self.wish.tolerance)

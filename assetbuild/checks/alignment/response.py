@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.checks.alignment.row import Row
-from assetbuild.robot.model import Actuator, Control
+from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.simulators import mujoco, mujoco_motion
 from assetbuild.simulators.experiments import Motion, Sine, compare_response, phasor
 
+FRICTION, COUPLING = "dry friction", "coupling of joints"
 WARN_AS_IS, BROKEN = 0.05, 0.20
 """Shares of the swing, RMS: with contacts and friction, and where something is wrong."""
 
@@ -21,36 +22,48 @@ class Responses:
     """MuJoCo's half. servos: drives whose law is outside of the simulator."""
 
     mjcf: Path
+    tree: Tree
     control: Control
     sine: Sine
     servos: Mapping[str, Actuator]
 
     def pure(self, theirs: Motion, step: float, warn: float) -> Iterator[Row]:
         """Without contacts, joint friction and damping."""
-        ours = self._motion(step, "none")
-        for joint in self._swinging():
-            yield self._row("sine", joint, ours, theirs, warn)
+        leaders = {j.mimic.joint: COUPLING for j in self.tree.joints if j.mimic}
+        yield from self._rows("sine", theirs, step, warn, leaders)
 
     def as_is(self, theirs: Motion, step: float) -> Iterator[Row]:
         """With all that the robot has."""
-        ours, hard = self._motion(step, "soft"), None
-        for joint in self._swinging():
-            row = self._row("sine_as_is", joint, ours, theirs, WARN_AS_IS)
-            drive = self.control.by_joint.get(joint)
-            if drive and drive.friction > 0.0 and row.verdict in ("warning", "error"):
-                hard = hard or self._motion(step, "hard")
-                row = self._explained(row, joint, hard, theirs)
+        leaders = {j.mimic.joint: COUPLING for j in self.tree.joints if j.mimic}
+        rubbing = {a.joint: FRICTION for a in self.control.actuators if a.friction > 0.0}
+        yield from self._rows("sine_as_is", theirs, step, WARN_AS_IS, leaders | rubbing)
+
+    def _rows(
+        self, name: str, theirs: Motion, step: float, warn: float, soft: Mapping[str, str]
+    ) -> Iterator[Row]:
+        """soft: what of MuJoCo's may be why a joint's row is off, by joint."""
+        is_pure = name == "sine"
+        ours, hard = self._motion(step, is_pure), None
+        for joint, swing in self.sine.swing.items():
+            if swing <= 0.0:
+                continue
+            row = self._row(name, joint, ours, theirs, warn)
+            if joint in soft and row.verdict in ("warning", "error"):
+                hard = hard or self._motion(step, is_pure, hard=True)
+                row = self._explained(row, joint, soft[joint], hard, theirs)
             yield row
 
-    def _swinging(self) -> list[str]:
-        return [joint for joint, swing in self.sine.swing.items() if swing > 0.0]
-
-    def _motion(self, step: float, friction: mujoco_motion.Friction) -> Motion:
+    def _motion(self, step: float, is_pure: bool, hard: bool = False) -> Motion:
         model = mujoco.load(self.mjcf).model
         mujoco_motion.drive_as(model, self.servos)
-        every = max(1, round(0.005 / step))
         return mujoco_motion.held_sine(
-            model, self.sine, step, contacts=friction != "none", friction=friction, every=every
+            model,
+            self.sine,
+            step,
+            contacts=not is_pure,
+            rubbing=not is_pure,
+            hard=hard,
+            every=max(1, round(0.005 / step)),
         )
 
     def _row(self, name: str, joint: str, ours: Motion, theirs: Motion, warn: float) -> Row:
@@ -69,17 +82,18 @@ class Responses:
             lag_rad=None if ours.touched else response.lag_rad,
         )
 
-    def _explained(self, row: Row, joint: str, hard: Motion, theirs: Motion) -> Row:
-        """The row with its reason, where MuJoCo agrees with PhysX once its friction is made hard.
+    def _explained(self, row: Row, joint: str, what: str, hard: Motion, theirs: Motion) -> Row:
+        """The row with its reason, where MuJoCo agrees with PhysX once its constraints are hard.
 
-        MuJoCo's dry friction is a soft constraint: under a torque tau below its limit a joint of
-        inertia M creeps by v = (1 - d) tau / (d b M), d and b of solimp and solref. A hip stands;
-        a wrist of 1e-3 kg m2 moves by 1 rad/s for each N m, where PhysX's joint sticks.
+        MuJoCo's dry friction and its coupling of joints are soft constraints: under a torque tau
+        below the limit of friction a joint of inertia M creeps by v = (1 - d) tau / (d b M), d and
+        b of solimp and solref. A hip stands; a wrist of 1e-3 kg m2 moves by 1 rad/s for each N m,
+        where PhysX's joint sticks. A coupled finger gives way by a like amount.
         """
         left = compare_response(self.sine, joint, hard, theirs).rms
         if not left <= row.warn:
             return row
-        return replace(row, because=f"MuJoCo's dry friction is soft: made hard, {left:.3g} apart")
+        return replace(row, because=f"MuJoCo's {what} is soft: made hard, {left:.3g} apart")
 
     def _swing(self, joint: str, motion: Motion) -> float:
         start = len(motion.time) // 3

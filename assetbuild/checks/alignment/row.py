@@ -19,8 +19,8 @@ HINTS: Mapping[str, str] = {
     "stand_height": "do the soles start inside of the floor, or does a body touch another?",
 }
 SOFT = (
-    "both are what the engines do: give the joint its motor's armature, which makes MuJoCo's "
-    "friction harder, or randomize `friction`"
+    "both are what the engines do: the motor's armature on the joint makes MuJoCo's constraint "
+    "harder; else randomize `friction`"
 )
 
 
