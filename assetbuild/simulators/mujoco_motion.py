@@ -27,13 +27,15 @@ def held_sine(
     *,
     contacts: bool,
     rubbing: bool,
+    limited: bool = True,
     hard: bool = False,
     every: int = 1,
 ) -> Motion:
     """All joints follow `sine`, the base held at the origin. The model is changed: load it anew.
 
-    contacts: False switches them off; rubbing: False takes joint friction and damping. hard: dry
-    friction and coupled joints give way as little as in a textbook, not as the model says.
+    contacts: False switches them off; rubbing: False takes joint friction and damping; limited:
+    False the limits of effort. hard: dry friction and coupled joints give way as little as in a
+    textbook, not as the model says.
     """
     import mujoco
 
@@ -50,6 +52,9 @@ def held_sine(
     if not rubbing:
         model.dof_frictionloss[:] = 0.0
         model.dof_damping[:] = 0.0
+    if not limited:
+        model.actuator_forcelimited[:] = 0
+        model.jnt_actfrclimited[:] = 0
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     for joint in free:
         first = int(model.jnt_dofadr[joint])

@@ -47,6 +47,8 @@ URDFS = {
 """Of example-robot-data."""
 ROBOTS = (*LIBRARY, *URDFS)
 VALIDATOR_S = 1500.0
+BOTH = {"simulators": ["mujoco", "physx"], "trials": None, "mirror": None, "free_fall": {}}
+"""The keys of `validate`; what concerns MuJoCo alone is left out."""
 COUNT = """
 import json, sys
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
@@ -148,22 +150,42 @@ def built(name: str, folder: Path, data: Path | None) -> str:
         if done.returncode != 0:
             return error_of(done.stderr)
         with_hulls(recipe)
-    asking_both(recipe)
+        exclude_overlaps(recipe)
+    patch(recipe, targets=["mjcf", "usd"], validate=BOTH)
     words = ("-o", str(folder / "bundle"), "--fail-on", "never")
     done = run("build", str(recipe), *words)
     return "" if (folder / "bundle").is_dir() else error_of(done.stderr + done.stdout)
 
 
-def asking_both(recipe: Path) -> None:
-    """The recipe's robot, as MJCF and USD, in MuJoCo and in PhysX."""
+def patch(recipe: Path, **changes: Any) -> None:  # Any: YAML
+    """Put other keys into a recipe, those of `validate` beside what stands there."""
     said = yaml.safe_load(recipe.read_text(encoding="utf-8"))
-    said["targets"] = ["mjcf", "usd"]
-    unasked = {"trials": None, "mirror": None}  # of MuJoCo alone
-    both = {"simulators": ["mujoco", "physx"]}
-    said["validate"] = (said.get("validate") or {}) | both | unasked
+    checks = (said.get("validate") or {}) | changes.pop("validate", {})
+    said |= changes | {"validate": checks}
     for other in ("variants", "mjx"):
         said.pop(other, None)
     recipe.write_text(yaml.safe_dump(said, sort_keys=False), encoding="utf-8")
+
+
+def exclude_overlaps(recipe: Path) -> None:
+    """Exclude what lies in one another at home, as the check `stand` asks: hulls often do."""
+    import mujoco
+
+    folder = recipe.parent / "first"
+    patch(recipe, targets=["mjcf"], validate={"trials": None, "mirror": None, "free_fall": None})
+    run("build", str(recipe), "-o", str(folder), "--fail-on", "never")
+    models = [path for path in (folder / "mjcf").glob("*.xml") if path.name != "scene.xml"]
+    if not models:
+        return  # the build that follows says why
+    model = mujoco.MjModel.from_xml_path(str(models[0]))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    bodies = (sorted(int(model.geom_bodyid[g]) for g in c.geom) for c in data.contact[: data.ncon])
+    pairs = {(model.body(a).name, model.body(b).name) for a, b in bodies}
+    said = yaml.safe_load(recipe.read_text(encoding="utf-8"))["collision"]
+    said["exclude"]["pairs"] = [*said["exclude"].get("pairs", []), *map(list, sorted(pairs))]
+    patch(recipe, collision=said)
 
 
 def passed(findings: Sequence[Finding], *rules: str) -> str:

@@ -84,7 +84,13 @@ class Pair:
         gravity, dt = self.control.simulation.gravity, self.control.simulation.timestep
         base: Literal["asset", "held"] = "held" if self.tree.base == "floating" else "asset"
         pure = physx.Setting(
-            FINE_DT, gravity, base, contacts=False, rubbing=False, drives=self.servos
+            FINE_DT,
+            gravity,
+            base,
+            contacts=False,
+            rubbing=False,
+            limited=False,
+            drives=self.servos,
         )
         as_is = physx.Setting(dt, gravity, base, drives=self.servos)
         return [

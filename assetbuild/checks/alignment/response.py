@@ -28,7 +28,7 @@ class Responses:
     servos: Mapping[str, Actuator]
 
     def pure(self, theirs: Motion, step: float, warn: float) -> Iterator[Row]:
-        """Without contacts, joint friction and damping."""
+        """Without contacts, joint friction, damping, and limits of effort and speed."""
         leaders = {j.mimic.joint: COUPLING for j in self.tree.joints if j.mimic}
         yield from self._rows("sine", theirs, step, warn, leaders)
 
@@ -62,6 +62,7 @@ class Responses:
             step,
             contacts=not is_pure,
             rubbing=not is_pure,
+            limited=not is_pure,
             hard=hard,
             every=max(1, round(0.005 / step)),
         )
