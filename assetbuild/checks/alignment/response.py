@@ -9,7 +9,7 @@ from pathlib import Path
 
 from assetbuild.checks.alignment.row import Row
 from assetbuild.robot.model import Actuator, Control, Tree
-from assetbuild.simulators import mujoco, mujoco_motion
+from assetbuild.simulators import mujoco_motion
 from assetbuild.simulators.experiments import Motion, Sine, compare_response, phasor
 
 FRICTION, COUPLING = "dry friction", "coupling of joints"
@@ -54,7 +54,7 @@ class Responses:
             yield row
 
     def _motion(self, step: float, is_pure: bool, hard: bool = False) -> Motion:
-        model = mujoco.load(self.mjcf).model
+        model = mujoco_motion.held_model(self.mjcf)
         mujoco_motion.drive_as(model, self.servos)
         return mujoco_motion.held_sine(
             model,
