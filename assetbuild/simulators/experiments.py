@@ -69,11 +69,11 @@ def sine_of(
         lower, upper = bounds(joint)
         width = SWING_M if joint.kind == "prismatic" else SWING_RAD
         width = min(width, SHARE_OF_RANGE * (upper - lower))
+        room = 1.25 * width  # a small swing too: weight may press its joint against the stop
         actuator = control.by_joint.get(joint.name)
         limit = actuator.velocity if actuator else joint.limits.velocity
         if limit is not None:
             width = min(width, SHARE_OF_SPEED * limit / (2.0 * math.pi * frequency_hz))
-        room = 1.25 * width
         middle[joint.name] = min(max(home.get(joint.name, 0.0), lower + room), upper - room)
         driven = actuator is not None and actuator.kp > 0.0 and joint.mimic is None
         swing[joint.name] = width if driven else 0.0
