@@ -9,16 +9,19 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pxr import Usd, UsdPhysics
 from tiny import TinyRobot, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.checks.alignment import Alignment
 from assetbuild.checks.alignment.modules import World, mjlab_world, module_rows
+from assetbuild.checks.alignment.pair import stand_row
 from assetbuild.checks.alignment.row import Row, findings_of
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Recipe, Sine
 from assetbuild.report.summary import WITHHELD, public_message
+from assetbuild.simulators.experiments import Motion
 from assetbuild.targets.isaaclab import IsaacLab
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
@@ -151,6 +154,21 @@ def test_mjcf_that_does_not_load_is_an_error(tmp_path: Path) -> None:
     (inputs / "mjcf/scene.xml").write_text("<mujoco>")
     found = run_step(Alignment(robot="robot"), inputs, tmp_path / "out")
     assert [(f.rule, f.severity) for f in found] == [("alignment.physx.load", "error")]
+
+
+def standing(height: float, tilt: float) -> Motion:
+    """A root that ends at a height (m), tilted about y (rad)."""
+    root, turn = np.zeros((2, 3)), np.zeros((2, 4))
+    root[:, 2] = height
+    turn[:, 0], turn[:, 2] = math.cos(tilt / 2), math.sin(tilt / 2)
+    return Motion(np.array([0.0, 2.0]), {}, root, turn, root)
+
+
+def test_heights_are_compared_only_of_what_stands() -> None:
+    fallen = standing(0.1, 1.5)
+    assert stand_row(standing(0.3, 0.1), fallen).verdict == "error"
+    assert stand_row(standing(0.3, 0.1), standing(0.301, 0.1)).verdict == "ok"
+    assert stand_row(standing(0.2, 0.6), fallen).verdict == "told"
 
 
 def test_rows_are_judged_by_two_limits() -> None:

@@ -23,6 +23,7 @@ from assetbuild.simulators.experiments import Motion, Sine, sine_of
 EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor", "general"})
 """Their law runs outside of the simulator; the sine gives both engines the same servo instead."""
 FINE_DT = 0.001
+FALLEN_RAD = math.radians(20.0)
 STAND_S, DROP_S, DROP_M, SLOPE = 2.0, 1.2, 1.0, 0.5
 LANDING_S = math.sqrt(2.0 * DROP_M / 9.81)
 """0.452 s from 1 m under the gravity of the earth; scaled to the recipe's below."""
@@ -355,8 +356,7 @@ class Pair:
             )
         theirs = {name: outcomes[name].motion for name in ours if outcomes[name].finite}
         if (other := theirs.get("stand")) is not None:
-            one, two = float(ours["stand"].root[-1, 2]), float(other.root[-1, 2])
-            yield Row("stand_height", "MEDIUM", "robot", one, two, abs(one - two), 0.005, 0.01, "m")
+            yield stand_row(ours["stand"], other)
         if (other := theirs.get("drop")) is not None:
             yield from self._landing(ours["drop"], other)
         if (other := theirs.get("slope")) is not None:
@@ -380,6 +380,17 @@ class Pair:
             _bounce(motion, time) for motion, time in zip((ours, theirs), times, strict=True)
         ]
         yield Row("bounce_m", "LOW", "robot", heights[0], heights[1])
+
+
+def stand_row(ours: Motion, theirs: Motion) -> Row:
+    """Where the root stands at the end; two falls have nothing to do with one another."""
+    one, two = float(ours.root[-1, 2]), float(theirs.root[-1, 2])
+    _, x, y, _ = ours.turn[-1]
+    tilt = math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * float(x * x + y * y))))
+    falls = tilt > FALLEN_RAD
+    limits = (math.inf, math.inf) if falls else (0.005, 0.01)
+    unit = "m; it falls over in MuJoCo, as the check `stand` would say" if falls else "m"
+    return Row("stand_height", "MEDIUM", "robot", one, two, abs(one - two), *limits, unit)
 
 
 def _landing_time(motion: Motion) -> float:

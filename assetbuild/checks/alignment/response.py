@@ -79,9 +79,21 @@ class Responses:
             f"swing x {response.gain:.5f}, {response.lag_rad:+.4f} rad later",
             response.rms,
             *limits,
-            "of the swing, RMS" + ("; the robot touches itself" if ours.touched else ""),
+            f"of the swing, RMS{self._unfair(ours)}",
             lag_rad=None if ours.touched else response.lag_rad,
         )
+
+    def _unfair(self, ours: Motion) -> str:
+        """What lets two motions part that began alike, for the reader."""
+        if ours.touched:
+            return "; the robot touches itself"
+        loose = [
+            joint.name
+            for joint in self.tree.moving_joints
+            if joint.mimic is None and self.sine.swing[joint.name] == 0.0
+        ]
+        count = f"{len(loose)} joints without a position drive"
+        return f"; {count} swing freely, where small differences grow" if loose else ""
 
     def _explained(self, row: Row, joint: str, what: str, hard: Motion, theirs: Motion) -> Row:
         """The row with its reason, where MuJoCo agrees with PhysX once its constraints are hard.
