@@ -228,6 +228,8 @@ class Check(Step):
     outputs = ("figures.json",)
     needs: ClassVar[tuple[str, ...]] = ()
     """Names of targets; "source" for the untouched URDF, "source_mjcf" for an MJCF."""
+    also: ClassVar[tuple[str, ...]] = ()
+    """Targets that it looks at too, where the recipe builds them."""
     reads: ClassVar[tuple[str, ...]] = ROBOT_PORTS
     """The robot ports that this check really reads."""
     requires: ClassVar[Mapping[str, str]] = {}

@@ -13,18 +13,24 @@ from typing import Self
 import numpy as np
 
 from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
+from assetbuild.mesh.holes import holes
+from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import Primitive, tessellate
 from assetbuild.mesh.solids import Distance, distance_to
+from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Mesh, Shape, Shapes, Tree
-from assetbuild.robot.pose import IDENTITY, Array
+from assetbuild.robot.pose import IDENTITY, Array, Pose
 
 MOST_POINTS = 4000
 """Of a body's visual vertices, evenly spread over their list: enough for a percentile."""
+LEFT = 0.1
+"""A hole of which less than this is left is filled."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +47,10 @@ class Fit:
 
 
 class Coverage(Check):
-    """Finding `coverage.shift`; figures: a row for each body with both kinds of geometry."""
+    """Findings `coverage.*`; figures: a row for each body with both kinds of geometry."""
 
-    version = "2"
-    tools = ("numpy", "scipy")
+    version = "3"
+    tools = ("numpy", "scipy", "embreex")
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")
     reads = ("tree.json", "shapes.json", "meshes/")
@@ -64,10 +70,11 @@ class Coverage(Check):
         """Reads tree, shapes and meshes."""
         tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        clouds = {
-            asset.name: read_triangles((files.inputs / "meshes" / asset.file).read_bytes()).vertices
+        meshes = {
+            asset.name: read_triangles((files.inputs / "meshes" / asset.file).read_bytes())
             for asset in shapes.meshes
         }
+        clouds = {name: mesh.vertices for name, mesh in meshes.items()}
         seen = {b.name: _points(tree, shapes, clouds, b.name, "visual") for b in tree.bodies}
         visual = {name: points for name, points in seen.items() if points is not None}
         hulls = {name: distance_to(points, IDENTITY) for name, points in visual.items()}
@@ -98,6 +105,46 @@ class Coverage(Check):
                     hint="compare their `<origin>` in the source; look at the report's 3D view",
                     data={"shift_m": fit.shift_m, "limit_m": limit},
                 )
+        for name in fits:
+            yield from _filled(tree, shapes, meshes, name)
+
+
+def _filled(
+    tree: Tree, shapes: Shapes, meshes: Mapping[str, TriangleMesh], body: str
+) -> Iterator[Finding]:
+    """Holes that one sees through the body, and that nothing gets through in a simulator.
+
+    A mesh collides as its hull there, whatever its own form.
+    """
+    seen = _surfaces(tree, shapes, meshes, body, "visual")
+    solid = [_hull(surface) for surface in _surfaces(tree, shapes, meshes, body, "collision")]
+    filled = [hole for hole in holes(merged(seen), merged(solid)) if hole.open < LEFT]
+    if filled:
+        largest = filled[0]
+        x, y, z = (1e3 * v for v in largest.middle_m)
+        u, v, w = largest.direction
+        yield Finding(
+            "coverage.hole",
+            "info",
+            f"link {body}",
+            f"collision fills a hole of {1e4 * largest.area_m2:.3g} cm² at ({x:.3g}, {y:.3g}, "
+            f"{z:.3g}) mm, seen along ({u:.3g}, {v:.3g}, {w:.3g})",
+            hint="where something must pass: more pieces (`method: auto`), and `keep_open` there",
+            data={
+                "area_m2": largest.area_m2,
+                "middle_m": largest.middle_m,
+                "direction": largest.direction,
+                "open": largest.open,
+            },
+        )
+
+
+def _hull(surface: TriangleMesh) -> TriangleMesh:
+    """What collides; a flat surface, which has no hull, as it is."""
+    try:
+        return convex_hull(surface.vertices)
+    except StepError:
+        return surface
 
 
 def _fit(visual: Array, collision: Array, solids: Sequence[Distance], beyond_m: float) -> Fit:
@@ -131,10 +178,8 @@ def _beyond_robot(tree: Tree, hulls: Mapping[str, Distance], body: str, collisio
 
 def _solids(tree: Tree, shapes: Shapes, clouds: Mapping[str, Array], body: str) -> list[Distance]:
     return [
-        distance_to(_solid(shape, clouds), X_body_link @ shape.X_link_shape)
-        for shape in shapes.of("collision")
-        for owner, X_body_link in (tree.placement(shape.link),)
-        if owner == body
+        distance_to(_solid(shape, clouds), X_body_shape)
+        for shape, X_body_shape in _placed(tree, shapes, body, "collision")
     ]
 
 
@@ -146,15 +191,34 @@ def _points(
     tree: Tree, shapes: Shapes, clouds: Mapping[str, Array], body: str, role: str
 ) -> Array | None:
     """(n, 3) of a body's shapes of one role, in its frame, m."""
-    found = []
+    found = [
+        X_body_shape.apply(
+            clouds[shape.geometry.mesh]
+            if isinstance(shape.geometry, Mesh)
+            else tessellate(shape.geometry).vertices
+        )
+        for shape, X_body_shape in _placed(tree, shapes, body, role)
+    ]
+    return np.concatenate(found) if found else None
+
+
+def _surfaces(
+    tree: Tree, shapes: Shapes, meshes: Mapping[str, TriangleMesh], body: str, role: str
+) -> list[TriangleMesh]:
+    """A body's shapes of one role as triangles, in its frame, m."""
+    return [
+        (
+            meshes[shape.geometry.mesh]
+            if isinstance(shape.geometry, Mesh)
+            else tessellate(shape.geometry)
+        ).placed(X_body_shape)
+        for shape, X_body_shape in _placed(tree, shapes, body, role)
+    ]
+
+
+def _placed(tree: Tree, shapes: Shapes, body: str, role: str) -> Iterator[tuple[Shape, Pose]]:
+    """A body's shapes of one role, each with X_body_shape."""
     for shape in shapes.shapes:
         owner, X_body_link = tree.placement(shape.link)
         if owner == body and shape.role == role:
-            geometry = shape.geometry
-            own = (
-                clouds[geometry.mesh]
-                if isinstance(geometry, Mesh)
-                else tessellate(geometry).vertices
-            )
-            found.append((X_body_link @ shape.X_link_shape).apply(own))
-    return np.concatenate(found) if found else None
+            yield shape, X_body_link @ shape.X_link_shape

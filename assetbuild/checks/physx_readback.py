@@ -30,6 +30,7 @@ FULL_TURN = 2.0 * math.pi
 class PhysxReadback(Check):
     """`usd/<robot>.usda` in PhysX: bodies, joints, gains, limits; then 5 s on a floor."""
 
+    version: ClassVar[str] = "2"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json")
     requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
@@ -271,8 +272,9 @@ def _judge_motion(tree: Tree, outcome: physx.Outcome, where: str) -> Iterator[Fi
             "error",
             "robot",
             f"{where}: {outcome.failure or 'its state is not finite'}",
-            hint="shapes that fight (try `usd.articulation.self_collisions: false`)? "
-            "joint friction on tiny masses? a start outside of limits?",
+            hint="shapes that lie in one another at the start (`stand.overlap` and "
+            "`trials.overlap` name them; exclude the pairs, or `usd.articulation."
+            "self_collisions: false`)? a tiny inertia? a start outside of limits?",
         )
     elif outcome.motion is not None and tree.base == "fixed":
         drift = float(np.abs(outcome.motion.root - outcome.motion.root[0]).max())

@@ -27,7 +27,7 @@ LARGEST_DOFS = 300
 class Trials(Check):
     """Findings `trials.<what>`; one compilation of `mjcf/scene.xml` serves all experiments."""
 
-    version = "2"
+    version = "3"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Protocol
 
+from assetbuild.cli.public import shown_seconds
 from assetbuild.engine.execute import Event
 
 SLOW_S = 2.0
@@ -52,7 +53,8 @@ class PlainProgress:
         result = event.result
         if event.kind == "finished" and result is not None and result.status in ("ran", "failed"):
             counted = f"[{event.done}/{event.total}]"
-            self.say(f"{counted} {result.status:6} {event.label}  {result.seconds:.1f} s")
+            seconds = shown_seconds(event.label, result.seconds)
+            self.say(f"{counted} {result.status:6} {event.label}  {seconds}".rstrip())
 
     def say(self, text: str) -> None:
         """See `Progress`."""

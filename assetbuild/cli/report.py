@@ -9,6 +9,7 @@ import webbrowser
 from pathlib import Path
 
 from assetbuild.errors import UsageError
+from assetbuild.findings import finding_from_json
 
 HELP = "show the report of a bundle"
 
@@ -21,6 +22,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print verdict, checks and findings; 0 when ready for training, else 1."""
+    from assetbuild.cli.public import shown_message
+
     path: Path = arguments.bundle / "report" / "report.json"
     try:
         report = json.loads(path.read_bytes())
@@ -34,7 +37,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"  {check['status']:4}  {name}  {check.get('note', '')}".rstrip())
     for finding in report["findings"]:
         place = f"{finding['where']}: " if finding["where"] else ""
-        print(f"{finding['severity']}: {place}{finding['subject']}: {finding['message']}")
+        said = shown_message(finding_from_json(finding))
+        print(f"{finding['severity']}: {place}{finding['subject']}: {said}")
     if arguments.open:
         page = (arguments.bundle / "report" / "index.html").resolve()
         if not webbrowser.open(page.as_uri()):

@@ -27,6 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
     import sys
 
     from assetbuild.cli.build import build_and_print
+    from assetbuild.cli.public import shown_figures
     from assetbuild.errors import UsageError
     from assetbuild.pipeline import Request
     from assetbuild.pipeline.smoking import lacks, make_environments
@@ -53,7 +54,8 @@ def run(arguments: argparse.Namespace) -> int:
             result = outcome.report.checks.get(f"smoke_{name}")
             if result is not None:
                 figures = ", ".join(f"{k} {v}" for k, v in sorted(result.figures.items()))
-                print(f"{outcome.report.robot} in {name}: {result.status}; {figures}")
+                told = f"{result.status}; {shown_figures(name, figures)}"
+                print(f"{outcome.report.robot} in {name}: {told}")
     missing = lacks(outcomes, consumers)
     for line in missing:
         print(f"error: {line}", file=sys.stderr)

@@ -10,6 +10,7 @@ from itertools import groupby
 from pathlib import PurePosixPath
 
 from assetbuild.cli import print_error
+from assetbuild.cli.public import shown_message, shown_next_step, shown_seconds
 from assetbuild.findings import SEVERITIES, Finding, is_consequence
 from assetbuild.pipeline import Outcome
 from assetbuild.report.document import Report
@@ -52,7 +53,7 @@ def summary_lines(outcome: Outcome, report: Report) -> list[str]:
     head = [f"{report.robot}: ready for training: {_coloured(ready, ready)}"]
     if report.verdict.blocked_by:
         head.append(f"  blocked by {', '.join(report.verdict.blocked_by)}")
-    head += [f"  next: {report.verdict.next_step}", f"  steps: {_steps(outcome)}"]
+    head += [f"  next: {shown_next_step(report)}", f"  steps: {_steps(outcome)}"]
     head += [f"  checks: {_checks(report)}", f"  findings: {_counts(report.findings)}"]
     tail = [f"  you had changed {path}: kept in {outcome.out}.edited/" for path in outcome.edited]
     tail.append(f"  bundle: {outcome.out}")
@@ -94,7 +95,8 @@ def _steps(outcome: Outcome) -> str:
     text = f"{len(ran)} ran, {cached} cached, {outcome.seconds:.1f} s"
     slow = sorted(ran, key=lambda result: -result.seconds)[:2]
     if slow and slow[0].seconds >= 2.0:
-        text += f" (longest: {', '.join(f'{r.label} {r.seconds:.1f} s' for r in slow)})"
+        told = (f"{r.label} {shown_seconds(r.label, r.seconds)}".rstrip() for r in slow)
+        text += f" (longest: {', '.join(told)})"
     return text
 
 
@@ -146,7 +148,7 @@ def _group_lines(group: Sequence[Finding], width: int | None) -> list[str]:
     place = f"{first.where}: " if first.where else ""
     if width is not None:
         place = f"{PurePosixPath(place).name}"  # the file's name: folders stand in the report
-    line = f"    {first.severity} {first.rule}: {place}{first.subject}: {first.message}"
+    line = f"    {first.severity} {first.rule}: {place}{first.subject}: {shown_message(first)}"
     lines = [line]
     if first.hint:
         lines.append(f"      hint: {first.hint}")

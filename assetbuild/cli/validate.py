@@ -22,6 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print each finding; 1 when one is an error, else 0."""
     from assetbuild.cli.progress import progress
+    from assetbuild.cli.public import shown_message
     from assetbuild.init import propose, write
     from assetbuild.pipeline.validating import Wish, validate, worst
 
@@ -41,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     for one in found:
         for finding in one.findings:
             print(f"{finding.severity} {finding.rule}: {finding.where or one.file}: "
-                  f"{finding.subject}: {finding.message}")  # fmt: skip
+                  f"{finding.subject}: {shown_message(finding)}")  # fmt: skip
             if finding.hint and finding.severity != "info":
                 print(f"  hint: {finding.hint}")
         errors = sum(f.severity == "error" for f in one.findings)

@@ -20,6 +20,8 @@ GUESSED_DENSITY = 1000
 """kg/m3, of links without a mass: water's, and that of many a printed or hollow part."""
 GUESSED_MASS = 0.01
 """kg, of a moving link that has neither a mass nor a shape."""
+DUMMY_DENSITY = 1e6
+"""kg/m3: fifty times the densest matter. Below, a small inertia is odd but can be simulated."""
 
 _BROKEN = {"inertia.missing", "inertia.mass", "inertia.positive", "inertia.dense"}
 _LIMITS = {"joint.limits", "joint.locked"}
@@ -79,7 +81,7 @@ def _broken_links(robot: Looked) -> dict[str, list[Finding]]:
     """Links to repair with the findings on them; of a merged body those that spoil it."""
     bad: dict[str, Finding] = {}
     for finding in robot.body_findings:
-        grave = finding.severity == "error" and finding.rule in _BROKEN
+        grave = finding.rule in _BROKEN and (finding.severity == "error" or _is_dummy(finding))
         if grave or finding.rule == "inertia.triangle":  # MuJoCo refuses small violations too
             bad[finding.subject.partition(" ")[2]] = finding
     found: dict[str, list[Finding]] = {}
@@ -91,6 +93,14 @@ def _broken_links(robot: Looked) -> dict[str, list[Finding]]:
                 found.setdefault(name, []).append(finding)
     explained = {robot.tree.placement(link)[0] for link in found}
     return found | {body: [f] for body, f in bad.items() if body not in explained}
+
+
+def _is_dummy(finding: Finding) -> bool:
+    """So much mass in so little inertia that a touch of the body ends in NaN (iCub's root link)."""
+    if finding.rule != "inertia.dense":
+        return False
+    radius, mass = (float(str(finding.data[key])) for key in ("radius_m", "mass_kg"))
+    return mass > DUMMY_DENSITY * 4.0 / 3.0 * math.pi * radius**3
 
 
 def _spoils(robot: Looked, link: str) -> bool:
@@ -161,6 +171,17 @@ def _limits(robot: Looked) -> Iterator[_Repair]:
                 joint.name,
                 f"set_limits: {{{{joint: {{name}}, lower: {lower!r}, upper: {upper!r}}}}}",
                 "the two limits change places",
+                finding.message,
+            )
+        if finding.rule == "joint.mimic_limits":
+            name = finding.subject.partition(" ")[2]
+            lower, upper = (
+                float(f"{finding.data[f'led_{end}']:.9g}") for end in ("lower", "upper")
+            )
+            yield _Repair(
+                name,
+                f"set_limits: {{{{joint: {{name}}, lower: {lower!r}, upper: {upper!r}}}}}",
+                "no simulator holds both orders: it gets the range that it is led to",
                 finding.message,
             )
 

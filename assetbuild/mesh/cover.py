@@ -206,7 +206,7 @@ def measure(reference: Reference, pieces: Sequence[ConvexPiece], *, flat: int = 
     to_mesh = reference.surface.distance(surface_samples(skin, SAMPLES, 1)[0])
     to_skin = NearestSurface(skin).distance(reference.samples)
     origins, directions = reference.open_rays
-    kept = _missed(origins, directions, skin)
+    kept = missed(origins, directions, skin)
     hulls = [piece.hull for piece in pieces if piece.hull is not None]
     return replace(
         base,
@@ -300,13 +300,13 @@ def _open_rays(mesh: TriangleMesh, hull: TriangleMesh) -> tuple[Array, Array]:
         origins.append(middle - reach * direction + u * first + v * np.cross(direction, first))
         directions.append(np.repeat(direction[None], GRID * GRID, axis=0))
     start, along = np.concatenate(origins), np.concatenate(directions)
-    shown = ~_missed(start, along, hull)
+    shown = ~missed(start, along, hull)
     start, along = start[shown], along[shown]
-    passes = _missed(start, along, mesh)
+    passes = missed(start, along, mesh)
     return start[passes], along[passes]
 
 
-def _missed(origins: Array, directions: Array, mesh: TriangleMesh) -> NDArray[np.bool_]:
+def missed(origins: Array, directions: Array, mesh: TriangleMesh) -> NDArray[np.bool_]:
     """(n,) which rays strike no triangle; float32 of the ray tracer, in units of the size."""
     from embreex import rtcore_scene
     from embreex.mesh_construction import TriangleMesh as EmbreeMesh

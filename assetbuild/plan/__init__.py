@@ -266,7 +266,7 @@ def _checks(
             outline.skipped[name] = _WITHOUT[without[0]]
             continue
         inputs = {port: outline.robot[port] for port in check.reads}
-        for need in check.needs:
+        for need in (*check.needs, *(t for t in check.also if t in outline.targets)):
             built = outline.targets.get(need)
             inputs |= {f"{need}/": built[f"{need}/"]} if built else sources[need]
         outline.checks[name] = p.add(f"check {name}", step, inputs)

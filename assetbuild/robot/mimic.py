@@ -16,6 +16,21 @@ def with_mimics(tree: Tree, q: Mapping[str, float]) -> dict[str, float]:
     return {joint.name: _value(tree, joint, q, ()) for joint in tree.moving_joints}
 
 
+def led_range(tree: Tree, joint: Joint) -> tuple[float, float] | None:
+    """(lower, upper) that a mimic joint's leader asks of it, rad or m.
+
+    None = it mimics nothing, or a leader without limits.
+    """
+    if joint.mimic is None:
+        return None
+    leader = tree.by_joint[joint.mimic.joint]
+    limits = led_range(tree, leader) or (leader.limits.lower, leader.limits.upper)
+    if None in limits or (leader.kind == "continuous" and leader.mimic is None):
+        return None
+    ends = [joint.mimic.offset + joint.mimic.multiplier * v for v in limits if v is not None]
+    return min(ends), max(ends)
+
+
 def _value(tree: Tree, joint: Joint, q: Mapping[str, float], seen: tuple[str, ...]) -> float:
     if joint.mimic is None:
         return float(q.get(joint.name, 0.0))

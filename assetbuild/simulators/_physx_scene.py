@@ -30,7 +30,8 @@ class Setting:
     base: `asset` leaves it; `held` bolts a floating one to the world at the origin.
     at: X_world_robot of the whole asset. floor_friction: None = there is no floor.
     contacts: False switches every collider off. rubbing: False takes joint friction and damping.
-    drives: gains to write over the asset's own, by joint name.
+    limited: False takes the limits of effort and speed. drives: gains to write over the asset's
+    own, by joint name.
     """
 
     timestep: float
@@ -40,6 +41,7 @@ class Setting:
     floor_friction: float | None = None
     contacts: bool = True
     rubbing: bool = True
+    limited: bool = True
     drives: Mapping[str, Actuator] | None = None
 
 
@@ -181,6 +183,10 @@ def _change(prim: Usd.Prim, names: Names, setting: Setting) -> None:
                 "friction" in spelled or spelled == "newton:damping"
             ):
                 attribute.Set(0.0)
+    if not setting.limited:
+        for attribute in prim.GetAttributes():
+            if attribute.GetName().endswith((":physics:maxForce", ":maxJointVelocity")):
+                attribute.Block()  # unwritten, neither is limited
     actuator = (setting.drives or {}).get(name)
     if actuator is not None:
         per = math.pi / 180.0 if name in names.angular else 1.0

@@ -19,6 +19,8 @@ SWING_RAD = 0.3
 SWING_M = 0.05
 SHARE_OF_RANGE = 0.2
 """Largest swing as a share of the joint's range, so that narrow joints stay off their stops."""
+SHARE_OF_SPEED = 0.6
+"""Largest speed as a share of the joint's limit, which PhysX keeps and MuJoCo does not know."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class Sine:
 def sine_of(
     tree: Tree, control: Control, home: Mapping[str, float], frequency_hz: float, seconds: float
 ) -> Sine:
-    """A swing about `home` (0 without) that stays inside the limits of every joint.
+    """A swing about `home` (0 without) that stays inside the limits of every joint, speed too.
 
     A middle too near to a stop is moved off it: there two engines would compare their stops.
     Joints without a position gain have no swing; those that mimic follow their leader.
@@ -67,9 +69,12 @@ def sine_of(
         lower, upper = bounds(joint)
         width = SWING_M if joint.kind == "prismatic" else SWING_RAD
         width = min(width, SHARE_OF_RANGE * (upper - lower))
-        room = 1.25 * width
-        middle[joint.name] = min(max(home.get(joint.name, 0.0), lower + room), upper - room)
+        room = 1.25 * width  # a small swing too: weight may press its joint against the stop
         actuator = control.by_joint.get(joint.name)
+        limit = actuator.velocity if actuator else joint.limits.velocity
+        if limit is not None:
+            width = min(width, SHARE_OF_SPEED * limit / (2.0 * math.pi * frequency_hz))
+        middle[joint.name] = min(max(home.get(joint.name, 0.0), lower + room), upper - room)
         driven = actuator is not None and actuator.kp > 0.0 and joint.mimic is None
         swing[joint.name] = width if driven else 0.0
     return Sine(with_mimics(tree, middle), swing, frequency_hz, seconds)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
@@ -12,34 +13,65 @@ from assetbuild.robot.pose import Array
 from assetbuild.simulators.experiments import Motion, Sine
 from assetbuild.simulators.mujoco import Data, Model, caught_warnings, name_of
 
-HELD_KG = 1e12
-"""Inertia added to the six coordinates of a floating base to hold it. It then moves by less than
-float64 shows, and the joints' own rows of the mass matrix stay as they are."""
+HARD = 0.9999
+"""Impedance of hard constraints: a ten thousandth of what loads them moves them."""
+
+
+def held_model(path: Path) -> Model:
+    """The robot of an MJCF file with its floating base bolted to the origin; no keyframes.
+
+    The joint goes: a huge inertia on it instead would cost the constraints of light fingers the
+    solver's digits.
+    """
+    import mujoco
+
+    spec = mujoco.MjSpec.from_file(str(path))
+    spec.compiler.discardvisual = True
+    free = [joint for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
+    for joint in free:
+        joint.parent.pos, joint.parent.quat = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+    for gone in (*free, *spec.keys):
+        spec.delete(gone)
+    with caught_warnings():
+        return spec.compile()
 
 
 def held_sine(
-    model: Model, sine: Sine, timestep: float, *, contacts: bool, rubbing: bool, every: int = 1
+    model: Model,
+    sine: Sine,
+    timestep: float,
+    *,
+    contacts: bool,
+    rubbing: bool,
+    limited: bool = True,
+    hard: bool = False,
+    every: int = 1,
 ) -> Motion:
-    """All joints follow `sine`, the base held at the origin. The model is changed: load it anew.
+    """All joints follow `sine`, from its middle. The model is changed: load it anew.
 
-    contacts: False switches them off; rubbing: False takes joint friction and damping.
+    contacts: False switches them off; rubbing: False takes joint friction and damping; limited:
+    False the limits of effort. hard: dry friction and coupled joints give way as little as in a
+    textbook, not as the model says.
     """
     import mujoco
 
     model.opt.timestep = timestep
     if not contacts:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    if hard:
+        for solref, solimp in (
+            (model.dof_solref, model.dof_solimp),
+            (model.eq_solref, model.eq_solimp),
+        ):
+            solref[:] = (2.0 * timestep, 1.0)
+            solimp[:, :2] = HARD
     if not rubbing:
         model.dof_frictionloss[:] = 0.0
         model.dof_damping[:] = 0.0
-    free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
-    for joint in free:
-        first = int(model.jnt_dofadr[joint])
-        model.dof_armature[first : first + 6] = HELD_KG
+    if not limited:
+        model.actuator_forcelimited[:] = 0
+        model.jnt_actfrclimited[:] = 0
     data = mujoco.MjData(model)
-    for joint in free:
-        at = int(model.jnt_qposadr[joint])
-        data.qpos[at : at + 7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
     for name, middle in sine.middle.items():
         data.qpos[int(model.joint(name).qposadr[0])] = middle
     steps = round(sine.seconds / timestep)

@@ -14,7 +14,6 @@ import numpy as np
 
 from assetbuild.robot.pose import Array
 from assetbuild.simulators.mujoco import Data, Model, caught_warnings, name_of
-from assetbuild.simulators.mujoco_motion import HELD_KG
 
 SWING_RAD, SWING_M = 0.1, 0.02
 """How far a drive is told to move its joint; less where the range is short."""
@@ -22,6 +21,9 @@ FREQUENCY_HZ = 2.0
 TOUCH_M = 0.005
 """Shapes nearer than this to the floor count as standing on it."""
 SEED = 20_000
+HELD_KG = 1e6
+"""Inertia added to the six coordinates of a floating base to hold it: against 100 kg it moves by a
+ten thousandth. Much more costs the constraints of light fingers the solver's digits."""
 
 
 @contextmanager
@@ -51,7 +53,7 @@ def disable(model: Model, *flags: str) -> None:
 
 
 def hold_base(model: Model) -> None:
-    """A floating base with the inertia of a mountain."""
+    """A floating base with the inertia of a hill: see `HELD_KG`."""
     import mujoco
 
     for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):

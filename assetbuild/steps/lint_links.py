@@ -10,10 +10,14 @@ from pydantic import Field
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
+from assetbuild.robot.mimic import led_range
 from assetbuild.robot.model import Joint, Shapes, Tree
 from assetbuild.robot.tree import PLACEHOLDER_KG
 from assetbuild.steps._inertia_rules import Bounds, inertia_findings
 from assetbuild.steps._limit_rule import crossed_limits
+
+CONTRADICTION = 0.01
+"""Share of a range by which a mimic joint may be led over its limits: rounding in the source."""
 
 
 class LintLinks(Step):
@@ -23,7 +27,7 @@ class LintLinks(Step):
     joints a placeholder, and `lint_bodies` judges what will be simulated.
     """
 
-    version = "7"
+    version = "8"
 
     bounds: Bounds = Field(default_factory=Bounds)
 
@@ -35,6 +39,7 @@ class LintLinks(Step):
         for joint in tree.moving_joints:
             yield from _range(joint)
             yield from _drive(joint)
+            yield from _led(tree, joint)
         yield from _without_collision(tree, shapes)
 
 
@@ -73,6 +78,26 @@ def _drive(joint: Joint) -> Iterator[Finding]:
                 hint=f"give `{name}` in the recipe's actuator table",
                 data={name: value},
             )
+
+
+def _led(tree: Tree, joint: Joint) -> Iterator[Finding]:
+    """A mimic joint whose limits forbid where its leader takes it: two orders, one joint."""
+    led, lower, upper = led_range(tree, joint), joint.limits.lower, joint.limits.upper
+    if led is None or lower is None or upper is None or joint.kind == "continuous":
+        return
+    over = max(lower - led[0], led[1] - upper)
+    if joint.mimic is None or over <= CONTRADICTION * max(led[1] - led[0], upper - lower):
+        return
+    unit = "m" if joint.kind == "prismatic" else "rad"
+    yield Finding(
+        "joint.mimic_limits",
+        "warning",
+        f"joint {joint.name}",
+        f"mimics `{joint.mimic.joint}` from {led[0]:.4g} to {led[1]:.4g} {unit}, but its limits "
+        f"are {lower:g} to {upper:g}: PhysX blows up on the contradiction, MuJoCo holds both back",
+        "edit `set_limits`: the range that it is led to; or has the multiplier a wrong sign?",
+        data={"led_lower": led[0], "led_upper": led[1], "lower": lower, "upper": upper},
+    )
 
 
 def _without_collision(tree: Tree, shapes: Shapes) -> Iterator[Finding]:

@@ -9,16 +9,22 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pxr import Usd, UsdPhysics
 from tiny import TinyRobot, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.checks.alignment import Alignment
+from assetbuild.checks.alignment.modules import World, mjlab_world, module_rows
+from assetbuild.checks.alignment.pair import stand_row
 from assetbuild.checks.alignment.row import Row, findings_of
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Recipe, Sine
 from assetbuild.report.summary import WITHHELD, public_message
+from assetbuild.simulators.experiments import Motion
+from assetbuild.targets.isaaclab import IsaacLab
 from assetbuild.targets.mjcf import Mjcf
+from assetbuild.targets.mjlab import Mjlab
 from assetbuild.targets.usd import Usd as UsdTarget
 
 Spoil = Callable[[Usd.Stage], object]
@@ -29,7 +35,12 @@ needs_physx = pytest.mark.skipif(
 
 def check(robot: TinyRobot, folder: Path, spoil: Spoil | None = None) -> list[Finding]:
     inputs = write_robot_ports(folder / "inputs", robot)
-    for target, name in ((Mjcf(robot="robot"), "mjcf"), (UsdTarget(robot="robot"), "usd")):
+    for target, name in (
+        (Mjcf(robot="robot"), "mjcf"),
+        (UsdTarget(robot="robot"), "usd"),
+        (Mjlab(robot="robot"), "mjlab"),
+        (IsaacLab(robot="robot"), "isaaclab"),
+    ):
         run_step(target, inputs, folder / "built")
         (folder / "built" / name).rename(inputs / name)
     if spoil is not None:
@@ -55,6 +66,9 @@ def test_quadruped_is_the_same_in_both(tmp_path: Path) -> None:
     assert {row["verdict"] for row in rows} == {"ok", "told"}
     ranks = [row["rank"] for row in rows]
     assert ranks == sorted(ranks, key=("CRITICAL", "HIGH", "MEDIUM", "LOW").index)
+    modules = {row["of"] for row in rows if str(row["of"]).startswith("module ")}
+    names = ("robot_mjlab.py", "robot_isaaclab_2.py", "robot_isaaclab_3.py")
+    assert modules == {f"module {name}" for name in names}
     landing = next(row for row in rows if row["row"] == "landing_s")
     assert landing["physx"] == pytest.approx(math.sqrt(2 / 9.81), rel=0.01)
 
@@ -85,12 +99,76 @@ def test_torque_motors_follow_the_sine_too(tmp_path: Path) -> None:
     assert any(row["row"] == "sine" for row in rows_of(tmp_path))
 
 
+SCENES = World(0.005, (0.0, 0.0, -9.81))
+
+
+def rows_of_modules(folder: Path, old: str = "", new: str = "") -> dict[tuple[str, str], str]:
+    """(module, row) -> verdict, after `old` in the modules became `new`."""
+    inputs = write_robot_ports(folder / "inputs", tiny_quadruped())
+    for target, name in ((Mjlab(robot="r"), "mjlab"), (IsaacLab(robot="r"), "isaaclab")):
+        run_step(target, inputs, folder / "built")
+        (folder / "built" / name).rename(inputs / name)
+    for path in (*inputs.glob("mjlab/python/*.py"), *inputs.glob("isaaclab/*.py")):
+        path.write_text(path.read_text().replace(old, new) if old else path.read_text())
+    rows = module_rows(inputs, SCENES, SCENES)
+    return {(row.subject.removeprefix("module "), row.name): row.verdict for row in rows}
+
+
+def test_modules_set_the_time_and_gravity_of_the_scenes(tmp_path: Path) -> None:
+    verdicts = rows_of_modules(tmp_path)
+    assert len(verdicts) == 6
+    assert set(verdicts.values()) == {"ok"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "row", "modules"),
+    [
+        ("DT = 0.005", "DT = 1 / 60", "timestep", {"r_isaaclab_2.py", "r_isaaclab_3.py"}),
+        ("dt=DT, ", "", "timestep", {"r_isaaclab_2.py", "r_isaaclab_3.py"}),
+        ("gravity=GRAVITY", "gravity=(0.0, 0.0, -1.62)", "gravity",
+         {"r_isaaclab_2.py", "r_isaaclab_3.py"}),
+        ("TIMESTEP, DECIMATION = 0.005", "TIMESTEP, DECIMATION = 0.004", "timestep",
+         {"r_mjlab.py"}),
+        ("-9.81", "9.81", "gravity", {"r_mjlab.py", "r_isaaclab_2.py", "r_isaaclab_3.py"}),
+    ],
+)  # fmt: skip
+def test_a_module_that_says_something_else_is_a_critical_error(
+    old: str, new: str, row: str, modules: set[str], tmp_path: Path
+) -> None:
+    verdicts = rows_of_modules(tmp_path, old, new)
+    assert {key for key, verdict in verdicts.items() if verdict == "error"} == {
+        (module, row) for module in modules
+    }
+
+
+def test_the_task_of_mjlab_counts_not_the_constant() -> None:
+    text = "TIMESTEP = 0.005\nGRAVITY = (0, 0, -9.81)\ndef f(cfg):\n    {}\n"
+    said = text.format("cfg.sim.mujoco.timestep = 0.002")
+    assert mjlab_world(said) == World(0.002, (0.0, 0.0, -9.81))
+    assert mjlab_world(text.format("pass")) == SCENES
+
+
 def test_mjcf_that_does_not_load_is_an_error(tmp_path: Path) -> None:
     inputs = write_robot_ports(tmp_path / "inputs", tiny_quadruped())
     (inputs / "mjcf").mkdir()
     (inputs / "mjcf/scene.xml").write_text("<mujoco>")
     found = run_step(Alignment(robot="robot"), inputs, tmp_path / "out")
     assert [(f.rule, f.severity) for f in found] == [("alignment.physx.load", "error")]
+
+
+def standing(height: float, tilt: float) -> Motion:
+    """A root that ends at a height (m), tilted about y (rad)."""
+    root, turn = np.zeros((2, 3)), np.zeros((2, 4))
+    root[:, 2] = height
+    turn[:, 0], turn[:, 2] = math.cos(tilt / 2), math.sin(tilt / 2)
+    return Motion(np.array([0.0, 2.0]), {}, root, turn, root)
+
+
+def test_heights_are_compared_only_of_what_stands() -> None:
+    fallen = standing(0.1, 1.5)
+    assert stand_row(standing(0.3, 0.1), fallen).verdict == "error"
+    assert stand_row(standing(0.3, 0.1), standing(0.301, 0.1)).verdict == "ok"
+    assert stand_row(standing(0.2, 0.6), fallen).verdict == "told"
 
 
 def test_rows_are_judged_by_two_limits() -> None:

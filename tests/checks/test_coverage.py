@@ -12,14 +12,19 @@ from tiny import TinyRobot, box_obj, pendulum, run_step, write_robot_ports
 
 from assetbuild.checks.coverage import Coverage
 from assetbuild.findings import Finding
+from assetbuild.mesh.obj import obj_bytes
+from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solids import distance_to
+from assetbuild.mesh.triangles import merged
 from assetbuild.robot.model import Box, Capsule, Geometry, Mesh, MeshAsset, Shape, Shapes
-from assetbuild.robot.pose import Pose
+from assetbuild.robot.pose import Pose, Vec3
 
 SIZE = (0.05, 0.04, 0.3)
 
 
-def told(collision: Geometry, at: tuple[float, float, float], folder: Path) -> list[Finding]:
+def told(
+    collision: Geometry, at: tuple[float, float, float], folder: Path, obj: bytes = box_obj(SIZE)
+) -> list[Finding]:
     robot: TinyRobot = pendulum()
     link = robot.tree.bodies[-1].name
     asset = MeshAsset("bar-1", "bar-1.obj", 8, 12)
@@ -31,7 +36,7 @@ def told(collision: Geometry, at: tuple[float, float, float], folder: Path) -> l
         (),
         (asset,),
     )
-    robot = replace(robot, shapes=shapes, meshes={"bar-1.obj": box_obj(SIZE)})
+    robot = replace(robot, shapes=shapes, meshes={"bar-1.obj": obj})
     return run_step(Coverage(), write_robot_ports(folder / "in", robot), folder / "out")
 
 
@@ -63,3 +68,31 @@ def test_points_in_one_plane_are_as_far_as_their_box():
     flat = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     points = np.array([[1.0, 0.5, 0.3], [5.0, 0.5, 4.0], [1.0, 0.5, 0.0]])
     assert distance_to(flat, Pose())(points) == pytest.approx([0.3, 5.0, 0.0])
+
+
+def frame_of_bars(parts: tuple[tuple[Vec3, Vec3], ...]) -> bytes:
+    """An OBJ of boxes: (size, middle) each, m."""
+    boxes = [tessellate(Box(size)).placed(Pose(at)) for size, at in parts]
+    return obj_bytes(merged(boxes))
+
+
+SIDES = (((0.02, 0.02, 0.2), (-0.06, 0.0, 0.0)), ((0.02, 0.02, 0.2), (0.06, 0.0, 0.0)))
+TOP: tuple[Vec3, Vec3] = ((0.14, 0.02, 0.02), (0.0, 0.0, 0.09))
+BOTTOM: tuple[Vec3, Vec3] = ((0.14, 0.02, 0.02), (0.0, 0.0, -0.09))
+
+
+def test_a_hull_that_fills_a_hole_is_told_with_its_size_and_place(tmp_path: Path):
+    ring = frame_of_bars((*SIDES, TOP, BOTTOM))
+    (finding,) = told(Mesh("bar-1"), (0.0, 0.0, 0.0), tmp_path, ring)
+    assert (finding.rule, finding.severity) == ("coverage.hole", "info")
+    assert finding.data["area_m2"] == pytest.approx(0.10 * 0.16, rel=0.1)  # inside of the bars
+    assert finding.data["middle_m"] == pytest.approx((0.0, 0.0, 0.0), abs=5e-3)
+    assert np.abs(finding.data["direction"]) == pytest.approx((0.0, 1.0, 0.0), abs=1e-9)
+
+
+def test_a_notch_and_a_hole_left_open_are_no_holes_filled(tmp_path: Path):
+    notch = frame_of_bars((*SIDES, TOP))
+    assert told(Mesh("bar-1"), (0.0, 0.0, 0.0), tmp_path / "a", notch) == []
+    ring = frame_of_bars((*SIDES, TOP, BOTTOM))
+    beside = told(Box(SIDES[0][0]), SIDES[0][1], tmp_path / "b", ring)
+    assert [f.rule for f in beside if f.rule == "coverage.hole"] == []

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+import argparse
+import json
+from pathlib import Path
+
 import pytest
 
-from assetbuild.cli.progress import _Running, running_words
+from assetbuild.cli import report
+from assetbuild.cli.progress import PlainProgress, _Running, running_words
+from assetbuild.cli.public import shown_figures, shown_next_step
 from assetbuild.cli.summary import finding_lines
+from assetbuild.engine.execute import Event
+from assetbuild.engine.make import NodeResult
 from assetbuild.findings import Finding, worst_first
+from assetbuild.report.document import make_report
+from assetbuild.report.summary import WITHHELD
 
 HEAVY = [
     Finding("mass.density", "warning", f"link finger_{i}", "9000 kg per cubic metre" * 3, "look")
@@ -14,6 +24,7 @@ HEAVY = [
 ]
 REFUSED = Finding("mjcf.load", "error", "robot", "MuJoCo refuses r.xml", "read the lints")
 FOLLOWS = [Finding(f"{n}.load", "error", "robot", "nothing") for n in ("free_fall", "stand")]
+FELL = Finding("physx.free_fall", "error", "robot", "fell 0.125 m")
 MANY = [Finding(f"rule.number_{i}", "warning", "link a", "something is odd") for i in range(30)]
 
 
@@ -40,3 +51,32 @@ def test_what_follows_from_an_error_is_one_line_after_it():
 def test_the_progress_line_begins_with_what_most_steps_wait_for():
     running = [_Running("pictures", 90.0, 0), _Running("auto trunk", 88.0, 31)]
     assert running_words(running, 100.0) == "auto trunk 12 s (31 wait for it), pictures 10 s"
+
+
+def told(folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    """All that the console shows of `FELL`, by whatever verb."""
+    made = make_report("tiny", [FELL], {}, {}, lambda _: "")
+    ran = NodeResult(label="check physx_free_fall", status="ran", seconds=98.5)
+    PlainProgress("tiny").on_event(Event("finished", 1, 2, ran.label, ran))
+    (folder / "report").mkdir(exist_ok=True)
+    (folder / "report/report.json").write_text(json.dumps(made.to_json()))
+    report.run(argparse.Namespace(bundle=folder, open=False))
+    printed = capsys.readouterr()
+    lines = [*finding_lines([FELL]), shown_next_step(made), shown_figures("isaaclab", "0.125 m")]
+    return "\n".join([*lines, printed.out, printed.err])
+
+
+@pytest.mark.parametrize("name", ["CI", "GITHUB_ACTIONS"])
+def test_in_a_public_log_physx_passes_or_fails_without_figures(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    for other in ("CI", "GITHUB_ACTIONS"):
+        monkeypatch.delenv(other, raising=False)
+    at_home = told(tmp_path, capsys)
+    assert at_home.count("0.125") == 4
+    assert "98.5" in at_home
+    monkeypatch.setenv(name, "true")
+    in_public = told(tmp_path, capsys)
+    assert not any(figure in in_public for figure in ("0.125", "98.5"))
+    assert in_public.count(WITHHELD) == 4
+    assert "error physx.free_fall" in in_public

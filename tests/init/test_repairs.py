@@ -72,6 +72,23 @@ def test_a_point_mass_is_computed_from_the_shapes(tmp_path: Path):
     assert edit["inertia_from_geometry"]["mass"] == 1.5
 
 
+def test_a_dummy_that_is_positive_is_computed_too(tmp_path: Path):
+    """5 kg in 1e-6 kg m2 are a ball of 0.7 mm radius: a touch of it ends in NaN in PhysX."""
+    dummy = inertial(5.0, tensor(1e-6, 1e-6, 1e-6)) + BOX.format("visual")
+    (edit,) = edits_for(robot(dummy), tmp_path)
+    assert edit["inertia_from_geometry"]["mass"] == 5.0
+    dense = inertial(5.0, tensor(1e-3, 1e-3, 1e-3)) + BOX.format("visual")
+    assert edits_for(robot(dense), tmp_path) == []
+
+
+def test_a_mimic_joint_gets_the_range_that_it_is_led_to(tmp_path: Path):
+    text = robot(inertial(1.0), inertial(1.0))
+    mimic = "<mimic joint='joint0' multiplier='-2' offset='0.5'/></joint></robot>"
+    text = text.replace("</joint></robot>", mimic)
+    (edit,) = edits_for(text, tmp_path)
+    assert edit == {"set_limits": {"joint": "joint1", "lower": -1.5, "upper": 2.5}}
+
+
 def test_a_missing_mass_is_a_guess_that_says_so(tmp_path: Path):
     (edit,) = edits_for(robot(BOX.format("visual")), tmp_path)
     assert edit == {"inertia_from_geometry": {"link": "link0", "density": 1000, "open": "hull"}}

@@ -100,6 +100,19 @@ def test_the_sine_stays_off_the_stops() -> None:
         assert sine.middle[joint.name] + sine.swing[joint.name] < upper
 
 
+def test_a_slow_joint_swings_little_and_off_its_stop() -> None:
+    """0.1 rad/s at 1 Hz are 16 mrad of swing at most; PhysX keeps the limit, MuJoCo knows none."""
+    robot = tiny_quadruped()
+    slow = tuple(replace(a, velocity=0.1) for a in robot.control.actuators)
+    sine = sine_of(robot.tree, replace(robot.control, actuators=slow), {}, 1.0, 3.0)
+    for joint in robot.tree.moving_joints:
+        assert 2.0 * math.pi * sine.swing[joint.name] < 0.1
+        lower, upper = joint.limits.lower, joint.limits.upper
+        assert lower is not None and upper is not None
+        off = min(sine.middle[joint.name] - lower, upper - sine.middle[joint.name])
+        assert off > 10.0 * sine.swing[joint.name]
+
+
 def test_response_finds_gain_and_lag() -> None:
     time = np.linspace(0.0, 3.0, 601)
     sine = Sine({"a": 0.0}, {"a": 0.3})

@@ -8,7 +8,7 @@ import pytest
 from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Body, Box, Inertial, Joint, Limits, Shape, Shapes, Tree
+from assetbuild.robot.model import Body, Box, Inertial, Joint, Limits, Mimic, Shape, Shapes, Tree
 from assetbuild.steps.lint_links import LintLinks
 
 BRICK = box_inertial(1.0, (0.1, 0.1, 0.1))
@@ -50,6 +50,36 @@ def test_joint_limits_that_cannot_be_meant(
 ):
     (finding,) = lint(arm(limits), tmp_path)
     assert (finding.rule, finding.severity, finding.subject) == (rule, severity, "joint j")
+
+
+def coupled(multiplier: float, offset: float = 0.0) -> Tree:
+    """A finger of 0 to 0.5 rad that mimics another of the same range."""
+    lead = Joint("lead", "revolute", "base", "a", limits=Limits(0.0, 0.5, 1.0, 1.0))
+    follow = Joint(
+        *("follow", "revolute", "base", "b"),
+        limits=Limits(0.0, 0.5, 1.0, 1.0),
+        mimic=Mimic("lead", multiplier, offset),
+    )
+    return Tree("gripper", "fixed", (Body("base"), Body("a", BRICK), Body("b", BRICK)),
+                (lead, follow))  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("multiplier", "offset", "led"),
+    [(-1.0, 0.0, (-0.5, 0.0)), (1.5, 0.0, (0.0, 0.75)), (1.0, 0.3, (0.3, 0.8))],
+)
+def test_a_finger_that_is_led_over_its_limits(
+    multiplier: float, offset: float, led: tuple[float, float], tmp_path: Path
+):
+    (finding,) = lint(coupled(multiplier, offset), tmp_path)
+    assert (finding.rule, finding.severity) == ("joint.mimic_limits", "warning")
+    assert finding.subject == "joint follow"
+    assert (finding.data["led_lower"], finding.data["led_upper"]) == pytest.approx(led)
+
+
+@pytest.mark.parametrize(("multiplier", "offset"), [(1.0, 0.0), (-1.0, 0.5), (0.4, 0.1)])
+def test_a_finger_that_is_led_within_its_limits(multiplier: float, offset: float, tmp_path: Path):
+    assert lint(coupled(multiplier, offset), tmp_path) == []
 
 
 def test_a_long_slide_is_no_turn(tmp_path: Path):

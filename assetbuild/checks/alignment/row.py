@@ -18,6 +18,10 @@ HINTS: Mapping[str, str] = {
     "give the joint its motor's armature, or raise `usd.articulation.solver_position_iterations`",
     "stand_height": "do the soles start inside of the floor, or does a body touch another?",
 }
+SOFT = (
+    "both are what the engines do: the motor's armature on the joint makes MuJoCo's constraint "
+    "harder; else randomize `friction`"
+)
 
 
 @dataclass(frozen=True)
@@ -25,7 +29,8 @@ class Row:
     """One line of the form.
 
     off: what the limits bound; share, m, s or rad as `unit` says; None = only told.
-    lag_rad: of a response, PhysX behind MuJoCo, where that is a fair comparison.
+    lag_rad: of a response, PhysX behind MuJoCo, where that is a fair comparison. because: a proven
+    reason for the difference, which then is a warning at most.
     """
 
     name: str
@@ -38,13 +43,14 @@ class Row:
     error: float = math.inf
     unit: str = ""
     lag_rad: float | None = None
+    because: str = ""
 
     @property
     def verdict(self) -> Literal["ok", "warning", "error", "told"]:
         """By the two limits; what is not a number is over both."""
         if self.off is None or (self.warn == math.inf and not math.isnan(self.off)):
             return "told"
-        if not self.off <= self.error:
+        if not self.off <= self.error and not self.because:
             return "error"
         return "ok" if self.off <= self.warn else "warning"
 
@@ -60,7 +66,8 @@ class Row:
             for key, value in values.items()
         }
         head: dict[str, object] = {"rank": self.rank, "row": self.name, "of": self.subject}
-        return head | plain | {"unit": self.unit, "verdict": self.verdict}
+        reason = {"because": self.because} if self.because else {}
+        return head | plain | {"unit": self.unit, "verdict": self.verdict} | reason
 
 
 def findings_of(rows: Sequence[Row]) -> Iterator[Finding]:
@@ -69,7 +76,7 @@ def findings_of(rows: Sequence[Row]) -> Iterator[Finding]:
         bad = [row for row in rows if row.name == name and row.verdict in ("warning", "error")]
         if not bad:
             continue
-        worst = max(bad, key=lambda row: math.inf if math.isnan(row.off or 0.0) else row.off or 0.0)
+        worst = max(bad, key=lambda row: (row.verdict == "error", _size(row.off)))
         more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
         limit = worst.error if worst.verdict == "error" else worst.warn
         yield Finding(
@@ -77,10 +84,22 @@ def findings_of(rows: Sequence[Row]) -> Iterator[Finding]:
             "error" if worst.verdict == "error" else "warning",
             worst.subject,
             f"{worst.rank}: MuJoCo {_text(worst.mujoco)}, PhysX {_text(worst.physx)}: "
-            f"{worst.off:.3g} {worst.unit} apart, more than {limit:.3g}{more}",
-            hint=HINTS.get(name, "the report's table of `alignment` has every row"),
+            f"{worst.off:.3g} {worst.unit} apart, more than {limit:.3g}"
+            f"{f'; {worst.because}' if worst.because else ''}{more}",
+            hint=_hint(worst),
             data={"rank": worst.rank, "off": _finite(worst.off), "rows": len(bad)},
         )
+
+
+def _size(off: float | None) -> float:
+    """For ordering: what is not a number is worst."""
+    return math.inf if off is None or math.isnan(off) else off
+
+
+def _hint(row: Row) -> str:
+    if row.because:
+        return SOFT
+    return HINTS.get(row.name, "the report's table of `alignment` has every row")
 
 
 def _finite(value: float | None) -> float | None:

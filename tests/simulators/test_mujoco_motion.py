@@ -1,0 +1,37 @@
+"""A floating base that is held does not move, and its joints move as on a bolted one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from tiny import run_step, tiny_quadruped, write_robot_ports
+
+from assetbuild.simulators import mujoco, mujoco_motion
+from assetbuild.simulators.experiments import sine_of
+from assetbuild.targets.mjcf import Mjcf
+
+
+def test_a_held_base_is_the_bolted_robot(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    home = dict(robot.control.keyframes[0].joints)
+    sine = sine_of(robot.tree, robot.control, home, 2.0, 0.5)
+    tracks = []
+    for base in ("floating", "fixed"):
+        tree = replace(robot.tree, base=base)
+        keys = tuple(replace(key, base=None) for key in robot.control.keyframes)
+        control = robot.control if base == "floating" else replace(robot.control, keyframes=keys)
+        bot = replace(robot, tree=tree, links=replace(robot.links, base=base), control=control)
+        folder = tmp_path / base
+        run_step(Mjcf(robot="r"), write_robot_ports(folder / "in", bot), folder / "out")
+        path = folder / "out/mjcf/r.xml"
+        model = mujoco_motion.held_model(path) if base == "floating" else mujoco.load(path).model
+        assert model.nv == len(robot.tree.moving_joints)
+        tracks.append(
+            mujoco_motion.held_sine(model, sine, 0.002, contacts=False, rubbing=True, every=5)
+        )
+    held, bolted = tracks
+    assert np.abs(held.root).max() == 0.0
+    for joint, angles in held.joints.items():
+        np.testing.assert_allclose(angles, bolted.joints[joint], rtol=0.0, atol=1e-12)
