@@ -20,7 +20,7 @@ from pydantic import Field
 
 from assetbuild.collision import CollisionMethod, Fitted
 from assetbuild.findings import Finding
-from assetbuild.mesh.coacd import coacd_parts
+from assetbuild.mesh.coacd import Patience, coacd_parts
 from assetbuild.mesh.cover import Quality, Reference, blocked_by, rough
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.merge import grown_to, merge_steps
@@ -36,11 +36,12 @@ CONVEX = 0.98
 """Volume / volume of the hull: above it a mesh needs no decomposition."""
 FINE = 64
 """Parts of the first decomposition, or twice `max_hulls`."""
-COACD_FACES = 40_000
-"""CoACD's check for self-intersection takes seconds beyond this, its search minutes."""
-COACD_CPU_S = 20.0
-"""Most CPU seconds of CoACD here: on a clean link it needs two or three."""
-CORNERS = 20_000
+COACD_FACES = 12_000
+"""Above it CoACD's check for self-intersection takes up to 20 s, and its search minutes."""
+COACD_LOOKS = 100
+"""Most work of CoACD, see `Patience`: about 10 CPU s. Of 18 clean links 8 need no more, and most of
+them half of V-HACD's pieces or fewer; 9 of the other 10 had not ended after 16 CPU s."""
+CORNERS = 6_000
 """About so many vertices of a mesh, at most, pull V-HACD's parts back onto its surface."""
 TIGHT = 0.02
 """CoACD's threshold / diagonal where the tolerance is wider."""
@@ -63,7 +64,7 @@ class _Candidate:
 class Auto(CollisionMethod):
     """The fewest pieces of each source shape that meet the tolerances, else the best there are."""
 
-    version = "3"
+    version = "4"
     tools = (*CollisionMethod.hull_tools, "vhacdx", "coacd")
 
     max_hulls: int = Field(32, ge=1, le=1024)
@@ -76,7 +77,7 @@ class Auto(CollisionMethod):
     coacd: CoAcdOptions | None = None
     """None: the threshold follows `max_outside`."""
     cpu_limit: float = Field(60.0, gt=0)
-    """CPU seconds of one run of V-HACD; CoACD gets at most 20 of them."""
+    """CPU seconds of one run of V-HACD or CoACD, where the other or a hull comes next."""
     memory_limit_mb: int = Field(3072, ge=64)
     """Memory of one run, MB."""
 
@@ -100,9 +101,9 @@ class Auto(CollisionMethod):
     def _one_hull(self, reference: Reference) -> _Candidate:
         """Capped, with its volume given back or not: a hull that covers too much needs it not."""
         whole = ConvexPiece(reference.hull)
+        capped = super().verified(whole)
         candidates = [
-            self._judged(reference, [made], "hull")
-            for made in (self.verified(whole), super().verified(whole))
+            self._judged(reference, [made], "hull") for made in (_restored(capped, whole), capped)
         ]
         return min(candidates, key=_rank)
 
@@ -111,16 +112,18 @@ class Auto(CollisionMethod):
         if reference.exact is None or len(reference.mesh.faces) > COACD_FACES:
             return None, []
         wanted = min(self.max_outside or np.inf, TIGHT * reference.diagonal)
-        options = self.coacd or CoAcdOptions.model_validate({"threshold_m": wanted})
-        limits = self.native_limits
+        # Neither joined nor thinned out by CoACD: that takes as long again, and is done below.
+        options = self.coacd or CoAcdOptions.model_validate(
+            {"threshold_m": wanted, "merge": False, "decimate": False}
+        )
         try:
             parts = coacd_parts(
                 reference.mesh,
                 options,
                 max_hulls=None,
                 max_vertices=256,
-                limits=type(limits)(min(limits.cpu_s, COACD_CPU_S), limits.memory_mb),
-                only_clean=True,
+                limits=self.native_limits,
+                patience=Patience(COACD_LOOKS),
             )
         except NativeError as failure:
             if failure.cause == "stopped":
@@ -183,22 +186,8 @@ class Auto(CollisionMethod):
         return best
 
     def verified(self, piece: ConvexPiece) -> ConvexPiece | None:
-        """As everywhere; a piece that the caps made smaller gets its volume back.
-
-        A capped hull lies inside the full one and would miss 4 to 6 % of a round link. Scaled
-        about its centre, it misses and covers too much by about 2 % each.
-        """
-        capped = super().verified(piece)
-        if capped is None or capped.hull is None or piece.hull is None:
-            return capped
-        whole = signed_volume(convex_hull(piece.hull.vertices))
-        factor = (whole / signed_volume(capped.hull)) ** (1.0 / 3.0)
-        if factor < 1.0 + SCALED:
-            return capped
-        middle = centroid(capped.hull)
-        return ConvexPiece(
-            replace(capped.hull, vertices=middle + factor * (capped.hull.vertices - middle))
-        )
+        """As everywhere; a piece that the caps made smaller gets its volume back."""
+        return _restored(super().verified(piece), piece)
 
     def _judged(
         self, reference: Reference, pieces: Sequence[ConvexPiece | None], how: str
@@ -213,6 +202,24 @@ class Auto(CollisionMethod):
         )
         badness += BLOCKED * sum(blocked_by(p, c) for c in self.closed_places for p in capped)
         return _Candidate(capped, quality, badness, how)
+
+
+def _restored(capped: ConvexPiece | None, piece: ConvexPiece) -> ConvexPiece | None:
+    """The capped piece scaled about its centre to the volume that it had.
+
+    A capped hull lies inside the full one and would miss 4 to 6 % of a round link; scaled, it
+    misses and covers too much by about 2 % each.
+    """
+    if capped is None or capped.hull is None or piece.hull is None:
+        return capped
+    whole = signed_volume(convex_hull(piece.hull.vertices))
+    factor = (whole / signed_volume(capped.hull)) ** (1.0 / 3.0)
+    if factor < 1.0 + SCALED:
+        return capped
+    middle = centroid(capped.hull)
+    return ConvexPiece(
+        replace(capped.hull, vertices=middle + factor * (capped.hull.vertices - middle))
+    )
 
 
 def _rank(candidate: _Candidate) -> tuple[float, float, int]:

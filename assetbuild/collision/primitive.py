@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Literal
-
 from pydantic import Field
 
 from assetbuild.collision import CollisionMethod, Fitted
@@ -19,11 +16,16 @@ from assetbuild.mesh.primitives import Primitive
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.vhacd import vhacd_parts
-from assetbuild.recipe.collision import VHacdOptions
+from assetbuild.recipe.collision import PrimitiveName, VHacdOptions
 from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
 from assetbuild.robot.pose import Pose, Vec3
 
-SHAPES = {"box": Box, "sphere": Sphere, "capsule": Capsule, "cylinder": Cylinder}
+SHAPES: dict[PrimitiveName, type[Primitive]] = {
+    "box": Box,
+    "sphere": Sphere,
+    "capsule": Capsule,
+    "cylinder": Cylinder,
+}
 WORTH = 0.01
 """A further primitive must better the score, about 1 - IoU, by this."""
 PARTS = 32
@@ -33,12 +35,13 @@ PARTS = 32
 class FitPrimitive(CollisionMethod):
     """Few primitives for all shapes of a link, by a two-sided score of what is over and missing."""
 
-    version = "3"
+    version = "4"
     scope = "shapes"
     tools = (*CollisionMethod.hull_tools, "vhacdx")
 
-    shape: Literal["box", "sphere", "capsule", "cylinder"] | None = None
-    """Which; None = the one with the best score, the simpler one when two are as good."""
+    shape: PrimitiveName | tuple[PrimitiveName, ...] | None = None
+    """Which, or some to choose from; None = any. The best score is taken, the simpler one when
+    two are as good."""
     max_hulls: int = Field(1, ge=1, le=64)
     """Most primitives; fewer where one more is hardly better."""
     bones: tuple[Vec3, ...] = ()
@@ -53,30 +56,33 @@ class FitPrimitive(CollisionMethod):
     def exact(self) -> tuple[ConvexPiece, ...] | None:
         """A source that is a single primitive of the asked shape stays exactly as it is."""
         known = super().exact()
-        if known is None or self.shape is None:
-            return known
-        return known if isinstance(known[0].primitive, SHAPES[self.shape]) else None
+        return known if known and isinstance(known[0].primitive, self._kinds) else None
 
     def fit(self, reference: Reference) -> Fitted:
         """One primitive by itself; several by parts, as many as are worth it."""
-        kinds = KINDS if self.shape is None else (SHAPES[self.shape],)
         findings: tuple[Finding, ...] = ()
         if self.max_hulls == 1:
-            fits = [best_primitive(reference.mesh, kinds)]
+            fits = [best_primitive(reference.mesh, self._kinds)]
         else:
-            fits, findings = self._several(reference, kinds)
+            fits, findings = self._several(reference)
         pieces = tuple(ConvexPiece(None, primitive, pose) for primitive, pose in fits)
         return Fitted(pieces, findings, "primitives")
 
+    @property
+    def _kinds(self) -> tuple[type[Primitive], ...]:
+        """The asked ones, from simple to costly."""
+        asked = (self.shape,) if isinstance(self.shape, str) else self.shape or tuple(SHAPES)
+        return tuple(kind for kind in KINDS if kind in {SHAPES[name] for name in asked})
+
     def _several(
-        self, reference: Reference, kinds: Sequence[type[Primitive]]
+        self, reference: Reference
     ) -> tuple[list[tuple[Primitive, Pose]], tuple[Finding, ...]]:
         parts, findings = self._parts(reference)
         family = {len(points): points for points in merge_steps(parts)}
-        best, best_score = fit_parts(reference, [reference.hull], kinds, self.bones)
+        best, best_score = fit_parts(reference, [reference.hull], self._kinds, self.bones)
         for count in range(2, min(self.max_hulls, max(family)) + 1):
             hulls = [convex_hull(points) for points in family[count]]
-            fits, score = fit_parts(reference, hulls, kinds, self.bones)
+            fits, score = fit_parts(reference, hulls, self._kinds, self.bones)
             if score < best_score - WORTH * (count - len(best)):
                 best, best_score = fits, score
         return best, findings

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -12,6 +13,32 @@ from assetbuild.recipe.collision import CoAcdOptions
 
 NOT_CLEAN = b"Mesh Manifoldness: false"
 """What CoACD's log says when its own check (edges, self-intersection, orientation) fails."""
+TRIANGLES = re.compile(rb"# Triangles: (\d+)$")
+WAITING = re.compile(rb"iter \d+ ---- waiting pool: (\d+)$")
+"""What it says before the search, and before each round of it: the parts that wait for a cut."""
+FACES_PER_PART = 800
+"""A round takes about as long for so many faces of the mesh as for one part more."""
+
+
+class Patience:
+    """Hears CoACD's log; True at a mesh that is not clean, and where the work becomes too much.
+
+    Work is counted in looks at a part, each about 0.1 s of a processor: of a round they are its
+    parts and its share of the mesh's faces. So what is given up depends on the mesh and on the
+    options alone; a limit in seconds would let another processor come to another robot.
+    """
+
+    def __init__(self, most: float) -> None:
+        self._left = most
+        self._faces = 0
+
+    def __call__(self, line: bytes) -> bool:
+        """Whether this line of the log is where to stop."""
+        if found := TRIANGLES.search(line):
+            self._faces = int(found[1])
+        if found := WAITING.search(line):
+            self._left -= int(found[1]) + self._faces / FACES_PER_PART
+        return self._left < 0.0 or NOT_CLEAN in line
 
 
 def coacd_parts(
@@ -21,18 +48,19 @@ def coacd_parts(
     max_hulls: int | None,
     max_vertices: int,
     limits: NativeLimits,
-    only_clean: bool = False,
+    patience: Patience | None = None,
 ) -> list[TriangleMesh]:
     """Convex parts of a welded mesh; NativeError when there are none within the limits.
 
     max_hulls: parts that do not touch each other can exceed it; None = as many as needed.
-    only_clean: end with cause `stopped` before CoACD remeshes a mesh that fails its own check.
+    patience: when it ends the run the cause is `stopped`: before a mesh that is not clean is
+    remeshed, or before the round that is too much.
     """
 
     def work() -> list[TriangleMesh]:
-        return list(_parts(mesh, options, max_hulls, max_vertices, talks=only_clean))
+        return list(_parts(mesh, options, max_hulls, max_vertices, talks=patience is not None))
 
-    return run_apart(work, limits, stop_at=NOT_CLEAN if only_clean else b"")
+    return run_apart(work, limits, stop_when=patience)
 
 
 def _parts(

@@ -28,11 +28,11 @@ from assetbuild.mesh.fit import (
     turned_by,
 )
 from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.primitives import Primitive, distance_slopes, signed_distance
+from assetbuild.mesh.primitives import Primitive, distance_slopes, signed_distance, volume_of
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.solid import sobol
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.model import Capsule, Cylinder
+from assetbuild.robot.model import Capsule, Cylinder, Sphere
 from assetbuild.robot.pose import Array, Pose, Vec3, vec3
 
 POINTS = 4096
@@ -47,6 +47,8 @@ DISTANCE_WEIGHT = 15.0
 """Of the mean distance between the surfaces / the diagonal, beside shares of the volume."""
 SAMPLES = 1024
 """Points of the surface that the mean distance is taken from."""
+STUBBY = 2.0
+"""Length / radius of a capsule, its caps left out, up to which a sphere is tried in its place."""
 BOUNDS = (0.15, 0.5, math.log(1.8))
 """How far the refinement may go: shift in diagonals, turn in rad, size by a factor of 1.8."""
 
@@ -132,8 +134,28 @@ def fit_parts(
     fits = [_best_for(part, kinds, bones) for part in parts]
     for softness in SOFTNESS:
         fits = _refined(fits, cloud, softness * cloud.size)
+    if Sphere in kinds:
+        fits = _with_balls(fits, cloud)
     fits = [tidy(fitted) for fitted in fits]
     return fits, cloud.score(_union(fits, cloud.points))
+
+
+def _with_balls(fits: list[Fitted], cloud: Cloud) -> list[Fitted]:
+    """Short capsules become spheres where the union is as good: a foot touches in one point.
+
+    A part by itself is often a little better as a capsule; together with its neighbour, which
+    covers one end of it, the sphere is not worse.
+    """
+    for number, (primitive, pose) in enumerate(fits):
+        if not isinstance(primitive, Capsule) or primitive.length > STUBBY * primitive.radius:
+            continue
+        radius = (volume_of(primitive) / (4.0 / 3.0 * math.pi)) ** (1.0 / 3.0)
+        tried = [*fits[:number], (Sphere(radius), pose), *fits[number + 1 :]]
+        tried = _refined(tried, cloud, SOFTNESS[-1] * cloud.size)
+        best = cloud.score(_union(fits, cloud.points))
+        if cloud.score(_union(tried, cloud.points)) <= best + AS_GOOD:
+            fits = tried
+    return fits
 
 
 def _union(fits: Sequence[Fitted], points: Array) -> Array:

@@ -44,11 +44,15 @@ class NativeError(Exception):
 
 
 def run_apart(
-    work: Callable[[], Sequence[TriangleMesh]], limits: NativeLimits, *, stop_at: bytes = b""
+    work: Callable[[], Sequence[TriangleMesh]],
+    limits: NativeLimits,
+    *,
+    stop_when: Callable[[bytes], bool] | None = None,
 ) -> list[TriangleMesh]:
     """The meshes that `work` returns, computed in a forked process.
 
-    stop_at: end it as soon as it prints this text (cause `stopped`). Raises NativeError.
+    stop_when: told each line that it prints, in order and all of them, however fast it runs; True
+    ends it (cause `stopped`). Raises NativeError.
     """
     result_in, result_out = os.pipe()
     said_in, said_out = os.pipe()
@@ -60,7 +64,7 @@ def run_apart(
     os.close(result_out)
     os.close(said_out)
     try:
-        data, said, why = _collect(pid, result_in, said_in, limits, stop_at)
+        data, said, why = _collect(pid, result_in, said_in, limits, stop_when)
     finally:
         os.close(result_in)
         os.close(said_in)
@@ -110,11 +114,15 @@ def _set_limits(limits: NativeLimits) -> None:
 
 
 def _collect(
-    pid: int, result: int, said: int, limits: NativeLimits, stop_at: bytes
+    pid: int,
+    result: int,
+    said: int,
+    limits: NativeLimits,
+    stop_when: Callable[[bytes], bool] | None,
 ) -> tuple[bytes, bytes, tuple[str, str] | None]:
     """What it wrote and printed, until both ends are closed; and why it had to be ended."""
     deadline = time.monotonic() + WALL_PER_CPU * limits.cpu_s + WALL_EXTRA_S
-    data, text = bytearray(), bytearray()
+    data, text, line = bytearray(), bytearray(), b""
     open_ends = {result, said}
     while open_ends:
         left = deadline - time.monotonic()
@@ -129,8 +137,11 @@ def _collect(
                 data += piece
             else:
                 text = (text + piece)[-4 * CHUNK :]
-        if stop_at and stop_at in text:
-            return bytes(data), bytes(text), ("stopped", stop_at.decode())
+                *lines, line = (line + piece).split(b"\n")
+                line = line[-CHUNK:]
+                for told in lines:
+                    if stop_when is not None and stop_when(told):
+                        return bytes(data), bytes(text), ("stopped", told.decode(errors="replace"))
     return bytes(data), bytes(text), None
 
 

@@ -114,12 +114,17 @@ _SIZES = ("size", "radius", "length", "file")
 _NEEDED = {"box": {"size"}, "sphere": {"radius"}, "mesh": {"file"}}
 
 
+PrimitiveName = Literal["box", "sphere", "capsule", "cylinder"]
+
+
 class CollisionRule(Model):
     """How the collision geometry of a link is made, and how well it must fit."""
 
     method: str = Field("auto", description="auto, keep, none or a plug-in of assetbuild.collision")
-    shape: Literal["box", "sphere", "capsule", "cylinder"] | None = Field(
-        None, description="of `primitive`; without it the best fit of all"
+    shape: PrimitiveName | tuple[PrimitiveName, ...] | None = Field(
+        None,
+        min_length=1,
+        description="of `primitive`: which, or a list to choose from; without it the best of all",
     )
     from_: Literal["auto", "collision", "visual"] = Field(
         "auto", alias="from", description="the link's geometry to use; auto: collision, else visual"

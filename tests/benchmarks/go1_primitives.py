@@ -52,8 +52,8 @@ collision:
     trunk: {{method: primitive, max_hulls: 2, from: visual}}
     ".*_hip": {{method: primitive, max_hulls: 2, from: visual}}
     ".*_thigh": {{method: primitive, shape: capsule, max_hulls: 3, from: visual}}
-    # The calf's mesh ends in the foot: its second capsule, almost a ball, is the foot's contact.
-    ".*_calf": {{method: primitive, shape: capsule, max_hulls: 2, from: visual}}
+    # The calf's mesh ends in the foot, which is a sphere and touches in one point.
+    ".*_calf": {{method: primitive, shape: [capsule, sphere], max_hulls: 2, from: visual}}
 targets: [mjcf]
 validate: {{free_fall: null}}
 """

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import time
 from pathlib import Path
 
 import numpy as np
@@ -16,16 +18,18 @@ from assetbuild.collision.coacd import CoAcd
 from assetbuild.collision.hull import Hull
 from assetbuild.collision.vhacd import VHacd
 from assetbuild.kinds import Pieces
+from assetbuild.mesh import coacd
+from assetbuild.mesh.coacd import Patience
 from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
-from assetbuild.mesh.native import NativeError
+from assetbuild.mesh.native import NativeError, NativeLimits
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import face_areas
 from assetbuild.mesh.weld import cleaned
-from assetbuild.recipe.collision import VHacdOptions
+from assetbuild.recipe.collision import CoAcdOptions, VHacdOptions
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Box, Sphere
 from assetbuild.robot.pose import Pose
@@ -137,6 +141,59 @@ def test_a_library_that_fails_leaves_a_finding_and_the_next_rung(tmp_path, monke
     assert count == 1
     assert findings["collision.library_failed"].data["instead"] == "hull"
     assert "collision.tolerance" in findings
+
+
+def log_of(waiting: list[int], faces: int) -> list[bytes]:
+    """What CoACD says of a clean mesh when so many parts wait before each round."""
+    start = [b"[i] Mesh Manifoldness: true", b"[i] # Points: 9", b"[i] # Triangles: %d" % faces]
+    return [*start, *(b"[i] iter %d ---- waiting pool: %d" % row for row in enumerate(waiting))]
+
+
+def test_coacd_is_given_up_by_the_parts_and_faces_that_its_log_tells():
+    def heard(most: float, waiting: list[int], faces: int) -> int | None:
+        patience = Patience(most)
+        told = [patience(line) for line in log_of(waiting, faces)]
+        return told.index(True) if True in told else None
+
+    assert heard(100, [1, 2, 4, 8, 4], faces=800) is None  # 19 parts, 5 rounds of 800 faces
+    assert heard(24, [1, 2, 4, 8, 4], faces=800) is None
+    assert heard(23, [1, 2, 4, 8, 4], faces=800) == 3 + 4  # before the last round
+    assert heard(100, [1, 2, 4], faces=80_000) == 3 + 0
+    assert Patience(100)(b"[i] Mesh Manifoldness: false")
+
+
+@pytest.mark.parametrize("most", [100, 10], ids=["enough", "too little"])
+def test_a_slower_processor_comes_to_the_same_pieces(monkeypatch, most):
+    def outcome(rest: float) -> str | int:
+        def parts(*_, **__):
+            for line in log_of([1, 2, 4, 8], faces=800):
+                os.write(1, line + b"\n")
+                end = time.process_time() + rest
+                while time.process_time() < end:
+                    pass
+            yield L_SHAPE
+
+        monkeypatch.setattr(coacd, "_parts", parts)
+        limits, options = NativeLimits(cpu_s=60.0), CoAcdOptions()
+        try:
+            made = coacd.coacd_parts(
+                L_SHAPE, options, max_hulls=None, max_vertices=64, limits=limits,
+                patience=Patience(most),
+            )  # fmt: skip
+        except NativeError as error:
+            return str(error)
+        return len(made)
+
+    quick, slow = outcome(0.0), outcome(0.05)
+    assert quick == slow == (1 if most == 100 else "[i] iter 3 ---- waiting pool: 8")
+
+
+def test_a_mesh_that_takes_coacd_too_much_work_is_left_to_vhacd(tmp_path, monkeypatch):
+    monkeypatch.setattr(ladder, "COACD_LOOKS", 1)
+    count, findings = fit(tmp_path, Auto(sources=MESH, **TIGHT), L_SHAPE)
+    assert count == 2
+    assert findings["collision.gap"].data["method"] == "V-HACD"
+    assert set(findings) == {"collision.gap"}
 
 
 @pytest.mark.parametrize("kind", [VHacd, CoAcd])

@@ -286,6 +286,27 @@ def test_two_boxes_are_found_in_a_t(tmp_path):
     assert findings["collision.gap"].data["iou"] > 0.9
 
 
+@pytest.mark.parametrize("shape", [("capsule", "sphere"), ("sphere", "capsule")])
+def test_a_shin_is_a_capsule_and_its_foot_a_sphere(tmp_path, shape):
+    foot = ConvexPiece(None, Sphere(0.023), Pose((0.0, 0.0, -0.21)))
+    shin = ConvexPiece(None, Capsule(0.012, 0.2), Pose((0.0, 0.0, -0.1)))
+    method = FitPrimitive(sources=MESH, max_hulls=2, shape=shape)
+    pieces, _, findings, _ = fit(tmp_path, method, union_of([foot, shin])[1])
+    found = {type(piece.geometry): piece for piece in pieces}
+    assert set(found) == {Capsule, Sphere}
+    assert found[Sphere].geometry.radius == pytest.approx(0.023, rel=0.05)
+    assert found[Sphere].X_frame_piece.xyz == pytest.approx((0.0, 0.0, -0.21), abs=2e-3)
+    assert findings["collision.gap"].data["iou"] > 0.9
+
+
+def test_a_list_of_one_shape_is_that_shape(tmp_path):
+    one, other = (
+        fit(tmp_path, FitPrimitive(sources=MESH, shape=shape), BOX, run=run)[0]
+        for run, shape in (("a", "cylinder"), ("b", ("cylinder",)))
+    )
+    assert one == other
+
+
 def test_one_more_primitive_must_be_worth_it(tmp_path):
     pieces, _, _, _ = fit(tmp_path, FitPrimitive(sources=MESH, max_hulls=3), BOX)
     assert len(pieces) == 1

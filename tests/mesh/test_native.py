@@ -82,8 +82,26 @@ def test_work_is_stopped_at_a_word_that_it_prints():
         return hang()
 
     with pytest.raises(NativeError) as caught:
-        run_apart(talk, LIMITS, stop_at=b"Manifoldness: false")
+        run_apart(talk, LIMITS, stop_when=lambda line: line.endswith(b"Manifoldness: false"))
     assert caught.value.cause == "stopped"
+
+
+def test_work_that_ends_before_it_is_heard_is_stopped_all_the_same():
+    def talk() -> list[TriangleMesh]:
+        os.write(1, b"iter 1: 20\niter 2: ")
+        os.write(1, b"40\niter 3: 5\n")
+        return [UNIT]
+
+    heard: list[bytes] = []
+
+    def stop_when(line: bytes) -> bool:
+        heard.append(line)
+        return line == b"iter 2: 40"
+
+    with pytest.raises(NativeError) as caught:
+        run_apart(talk, LIMITS, stop_when=stop_when)
+    assert caught.value.cause == "stopped"
+    assert heard == [b"iter 1: 20", b"iter 2: 40"]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="counts children in /proc")
