@@ -29,6 +29,7 @@ from assetbuild.recipe.sensing import Cameras, Feet, Imu, Sensors
 from assetbuild.recipe.surface import Contact as Contact
 from assetbuild.recipe.surface import Simulation as Simulation
 from assetbuild.recipe.trials import (
+    Alignment,
     DriveBounds,
     InertiaBounds,
     Mirror,
@@ -264,6 +265,10 @@ class Sine(Model):
     tolerance: Positive = Field(
         0.01, description="of the swing, RMS between the engines without friction, warning"
     )
+    tolerance_as_is: Positive = Field(
+        0.05, description="the same with contacts, friction and limits, warning"
+    )
+    broken: Positive = Field(0.2, description="of the swing, either way, error")
 
 
 class Validate(Model):
@@ -307,6 +312,7 @@ class Validate(Model):
         ("mujoco",),
         description="engines that run the physical checks; `physx` needs assetbuild[physx]",
     )
+    alignment: Alignment = Field(default_factory=lambda: Alignment.model_validate({}))
     smoke: tuple[Literal["mjlab", "newton", "isaaclab"], ...] = Field(
         (),
         description="trainers that try the bundle, each in an environment of its own, which "

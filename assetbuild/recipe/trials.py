@@ -52,6 +52,17 @@ class DriveBounds(Model):
     )
 
 
+class Alignment(Model):
+    """Where MuJoCo and PhysX may part on a floor: a warning, and an error."""
+
+    stand_height: tuple[Positive, Positive] = Field(
+        (0.005, 0.01), description="m, between the roots after standing"
+    )
+    landing: tuple[Positive, Positive] = Field(
+        (0.03, 0.1), description="share of the time that a fall from 1 m takes, of either engine"
+    )
+
+
 class SmokeBounds(Model):
     """What a robot may do under zero actions in a trainer."""
 

@@ -166,9 +166,9 @@ def standing(height: float, tilt: float) -> Motion:
 
 def test_heights_are_compared_only_of_what_stands() -> None:
     fallen = standing(0.1, 1.5)
-    assert stand_row(standing(0.3, 0.1), fallen).verdict == "error"
-    assert stand_row(standing(0.3, 0.1), standing(0.301, 0.1)).verdict == "ok"
-    assert stand_row(standing(0.2, 0.6), fallen).verdict == "told"
+    assert stand_row(standing(0.3, 0.1), fallen, (0.005, 0.01)).verdict == "error"
+    assert stand_row(standing(0.3, 0.1), standing(0.301, 0.1), (0.005, 0.01)).verdict == "ok"
+    assert stand_row(standing(0.2, 0.6), fallen, (0.005, 0.01)).verdict == "told"
 
 
 def test_rows_are_judged_by_two_limits() -> None:

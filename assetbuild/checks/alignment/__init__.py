@@ -16,8 +16,10 @@ from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
+from assetbuild.recipe.models import FreeFall as FallWish
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.models import Sine as Wish
+from assetbuild.recipe.trials import Alignment as FloorWish
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import mujoco, physx
@@ -52,6 +54,8 @@ class Alignment(Check):
     robot: str
     """Name of the robot: the stem of the main files."""
     sine: Wish | None = Wish.model_validate({})
+    fall: FallWish = FallWish.model_validate({})
+    floor: FloorWish = FloorWish.model_validate({})
     iterations: int = 8
     """Position iterations of PhysX's solver."""
 
@@ -63,6 +67,8 @@ class Alignment(Check):
         return cls(
             robot=recipe.robot,
             sine=recipe.validate_.sine,
+            fall=recipe.validate_.free_fall or FallWish.model_validate({}),
+            floor=recipe.validate_.alignment,
             iterations=recipe.usd.articulation.solver_position_iterations,
         )
 
@@ -78,7 +84,9 @@ class Alignment(Check):
                 "alignment.physx.load", "error", "robot", f"nothing to compare: {error.message}"
             )
             return
-        pair = Pair(files, self.robot, tree, control, self.sine, self.iterations)
+        pair = Pair(
+            files, self.robot, tree, control, self.sine, self.iterations, self.fall, self.floor
+        )
         outcomes = physx.perform(files.inputs / f"usd/{self.robot}.usda", pair.experiments())
         broken = {name: done for name, done in outcomes.items() if not done.finite}
         rows = tuple(pair.rows(outcomes))

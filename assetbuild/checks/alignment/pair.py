@@ -14,7 +14,9 @@ from assetbuild.checks.alignment.modules import World, module_rows
 from assetbuild.checks.alignment.response import Responses
 from assetbuild.checks.alignment.row import NUMBER, Rank, Row
 from assetbuild.engine.step import Files
+from assetbuild.recipe.models import FreeFall as FallWish
 from assetbuild.recipe.models import Sine as Wish
+from assetbuild.recipe.trials import Alignment as FloorWish
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.robot.pose import Array, Pose, vec3
 from assetbuild.simulators import mujoco, mujoco_motion, physx
@@ -39,6 +41,8 @@ class Pair:
     control: Control
     wish: Wish | None
     iterations: int
+    fall: FallWish
+    floor: FloorWish
 
     @property
     def home(self) -> Keyframe | None:
@@ -321,8 +325,8 @@ class Pair:
             f"{ours.drop_m:.6g} m of {ours.expected_m:.6g}",
             f"{theirs.drop_m:.6g} m of {theirs.expected_m:.6g}",
             off,
-            0.003,
-            0.05,
+            self.fall.tolerance,
+            self.fall.broken,
             "of the drop",
         )
 
@@ -332,10 +336,10 @@ class Pair:
             return
         dt = self.control.simulation.timestep
         mjcf = self.files.inputs / "mjcf" / f"{self.robot}.xml"
-        sines = Responses(mjcf, self.tree, self.control, sine, self.servos)
+        sines = Responses(mjcf, self.tree, self.control, sine, self.wish, self.servos)
         pure, as_is = outcomes["sine"], outcomes["sine_as_is"]
         if pure.finite and pure.motion is not None:
-            yield from sines.pure(pure.motion, FINE_DT, self.wish.tolerance)
+            yield from sines.pure(pure.motion, FINE_DT)
         if as_is.finite and as_is.motion is not None:
             yield from sines.as_is(as_is.motion, dt)
 
@@ -356,7 +360,7 @@ class Pair:
             )
         theirs = {name: outcomes[name].motion for name in ours if outcomes[name].finite}
         if (other := theirs.get("stand")) is not None:
-            yield stand_row(ours["stand"], other)
+            yield stand_row(ours["stand"], other, self.floor.stand_height)
         if (other := theirs.get("drop")) is not None:
             yield from self._landing(ours["drop"], other)
         if (other := theirs.get("slope")) is not None:
@@ -374,7 +378,14 @@ class Pair:
         times = [_landing_time(motion) for motion in (ours, theirs)]
         off = max(abs(time - ideal) / ideal for time in times)
         yield Row(
-            "landing_s", "MEDIUM", "robot", times[0], times[1], off, 0.03, 0.10, "of the time"
+            "landing_s",
+            "MEDIUM",
+            "robot",
+            times[0],
+            times[1],
+            off,
+            *self.floor.landing,
+            "of the time",
         )
         heights = [
             _bounce(motion, time) for motion, time in zip((ours, theirs), times, strict=True)
@@ -382,13 +393,13 @@ class Pair:
         yield Row("bounce_m", "LOW", "robot", heights[0], heights[1])
 
 
-def stand_row(ours: Motion, theirs: Motion) -> Row:
+def stand_row(ours: Motion, theirs: Motion, allowed: tuple[float, float]) -> Row:
     """Where the root stands at the end; two falls have nothing to do with one another."""
     one, two = float(ours.root[-1, 2]), float(theirs.root[-1, 2])
     _, x, y, _ = ours.turn[-1]
     tilt = math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * float(x * x + y * y))))
     falls = tilt > FALLEN_RAD
-    limits = (math.inf, math.inf) if falls else (0.005, 0.01)
+    limits = (math.inf, math.inf) if falls else allowed
     unit = "m; it falls over in MuJoCo, as the check `stand` would say" if falls else "m"
     return Row("stand_height", "MEDIUM", "robot", one, two, abs(one - two), *limits, unit)
 

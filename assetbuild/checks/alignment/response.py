@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.checks.alignment.row import Row
+from assetbuild.recipe.models import Sine as Wish
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.simulators import mujoco_motion
 from assetbuild.simulators.experiments import Motion, Sine, compare_response, phasor
 
 FRICTION, COUPLING = "dry friction", "coupling of joints"
-WARN_AS_IS, BROKEN = 0.05, 0.20
-"""Shares of the swing, RMS: with contacts and friction, and where something is wrong."""
 
 
 @dataclass(frozen=True)
@@ -25,18 +24,21 @@ class Responses:
     tree: Tree
     control: Control
     sine: Sine
+    wish: Wish
     servos: Mapping[str, Actuator]
 
-    def pure(self, theirs: Motion, step: float, warn: float) -> Iterator[Row]:
+    def pure(self, theirs: Motion, step: float) -> Iterator[Row]:
         """Without contacts, joint friction, damping, and limits of effort and speed."""
         leaders = {j.mimic.joint: COUPLING for j in self.tree.joints if j.mimic}
-        yield from self._rows("sine", theirs, step, warn, leaders)
+        yield from self._rows("sine", theirs, step, self.wish.tolerance, leaders)
 
     def as_is(self, theirs: Motion, step: float) -> Iterator[Row]:
         """With all that the robot has."""
         leaders = {j.mimic.joint: COUPLING for j in self.tree.joints if j.mimic}
         rubbing = {a.joint: FRICTION for a in self.control.actuators if a.friction > 0.0}
-        yield from self._rows("sine_as_is", theirs, step, WARN_AS_IS, leaders | rubbing)
+        yield from self._rows(
+            "sine_as_is", theirs, step, self.wish.tolerance_as_is, leaders | rubbing
+        )
 
     def _rows(
         self, name: str, theirs: Motion, step: float, warn: float, soft: Mapping[str, str]
@@ -70,7 +72,7 @@ class Responses:
     def _row(self, name: str, joint: str, ours: Motion, theirs: Motion, warn: float) -> Row:
         response = compare_response(self.sine, joint, ours, theirs)
         # After a touch two motions have nothing more to do with one another: told, not judged.
-        limits = (math.inf, math.inf) if ours.touched else (warn, BROKEN)
+        limits = (math.inf, math.inf) if ours.touched else (warn, self.wish.broken)
         return Row(
             name,
             "HIGH",
