@@ -24,6 +24,7 @@ class UrdfReload(Check):
     and direction cosines.
     """
 
+    version: ClassVar = "2"
     tools: ClassVar = ("yourdfpy", "trimesh")
     isolated: ClassVar = True
     preload: ClassVar = ("yourdfpy",)

@@ -77,10 +77,15 @@ def forward_kinematics(tree: Tree, positions: Mapping[str, float]) -> dict[str, 
     return poses
 
 
+REACH = 100.0
+"""rad or m; at 1e6 rad a sine has lost six of its digits."""
+
+
 def sample_positions(tree: Tree, count: int, seed: int) -> list[dict[str, float]]:
     """`count` random positions of the moving joints, uniform within their limits, rad or m.
 
-    Where a limit is missing or empty: within +-pi rad, +-1 m. Same seed, same numbers.
+    Where a limit is missing or empty: within +-pi rad, +-1 m. Of a range beyond `REACH`, which
+    stands for no limit at all, the part within it. Same seed, same numbers.
     """
     random = np.random.default_rng(seed)
     samples = []
@@ -91,6 +96,8 @@ def sample_positions(tree: Tree, count: int, seed: int) -> list[dict[str, float]
             if lower is None or upper is None or not lower < upper:
                 upper = 1.0 if joint.kind == "prismatic" else math.pi
                 lower = -upper
+            elif lower < REACH and upper > -REACH:
+                lower, upper = max(lower, -REACH), min(upper, REACH)
             positions[joint.name] = float(random.uniform(lower, upper))
         samples.append(positions)
     return samples

@@ -34,6 +34,7 @@ class SamplePairs(Step):
     joints are 0 counts as one of the samples. Bodies without collision are in no pair.
     """
 
+    version = "2"
     tools = ("mujoco", "numpy")
     outputs = ("sampled_pairs.json",)
     isolated = True

@@ -198,6 +198,14 @@ def test_joints_turn_and_slide_about_their_axis():
         joint_motion(replace(hinge, kind="planar"), 1.0)
 
 
+def test_a_range_that_stands_for_none_is_not_sampled_to_its_ends():
+    tree = chain(("revolute", IDENTITY), ("revolute", IDENTITY))
+    ranges = Limits(-1e6, 1e6), Limits(5e3, 6e3)
+    joints = (replace(j, limits=r) for j, r in zip(tree.joints, ranges, strict=True))
+    samples = sample_positions(replace(tree, joints=tuple(joints)), 20, seed=5)
+    assert all(abs(s["j0"]) <= 100.0 and 5e3 <= s["j1"] <= 6e3 for s in samples)
+
+
 def test_samples_are_seeded_and_within_limits():
     tree = chain(("revolute", IDENTITY), ("continuous", IDENTITY))
     narrow = replace(tree.joints[0], limits=Limits(0.1, 0.2))

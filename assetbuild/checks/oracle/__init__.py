@@ -37,7 +37,7 @@ class Oracle(Check):
     Joint friction, damping, drives and contacts take no part; armature is subtracted.
     """
 
-    version: ClassVar = "5"
+    version: ClassVar = "6"
     tools: ClassVar = ("mujoco", "pin")
     isolated: ClassVar = True
     # With the other checks of MuJoCo in one process; pinocchio alone is not worth a second one.
