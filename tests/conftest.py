@@ -9,8 +9,15 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from assetbuild.engine.folders import cache_root
+
+# A busy machine is no reason to fail: nothing here is timed.
+settings.register_profile(
+    "any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("any machine")
 
 ROBOTS = Path(__file__).parent / "robots"
 PACKAGE = "example-robot-data==6.0.0"
