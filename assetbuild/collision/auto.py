@@ -38,6 +38,9 @@ FINE = 64
 """Parts of the first decomposition, or twice `max_hulls`."""
 COACD_FACES = 12_000
 """Above it CoACD's check for self-intersection takes up to 20 s, and its search minutes."""
+THIN = 0.5
+"""Volume / volume of the hull: below it walls are thin, and CoACD needs more pieces than `auto`
+may take: of eight such clean links one ended within COACD_LOOKS."""
 COACD_LOOKS = 100
 """Most work of CoACD, see `Patience`: about 10 CPU s. Of 18 clean links 8 need no more, and most of
 them half of V-HACD's pieces or fewer; 9 of the other 10 had not ended after 16 CPU s."""
@@ -109,7 +112,8 @@ class Auto(CollisionMethod):
 
     def _by_coacd(self, reference: Reference) -> tuple[_Candidate | None, list[Finding]]:
         """Only for meshes that CoACD need not remesh, which inflates them and takes minutes."""
-        if reference.exact is None or len(reference.mesh.faces) > COACD_FACES:
+        too_large = len(reference.mesh.faces) > COACD_FACES
+        if reference.exact is None or too_large or reference.convexity < THIN:
             return None, []
         wanted = min(self.max_outside or np.inf, TIGHT * reference.diagonal)
         # Neither joined nor thinned out by CoACD: that takes as long again, and is done below.

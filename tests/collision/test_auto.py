@@ -196,6 +196,15 @@ def test_a_mesh_that_takes_coacd_too_much_work_is_left_to_vhacd(tmp_path, monkey
     assert set(findings) == {"collision.gap"}
 
 
+def test_a_thin_walled_mesh_is_left_to_vhacd(tmp_path):
+    # Two walls of 5 cm and a floor: 14 % of the hull; the tolerances want three pieces.
+    wall, floor = (0.05, 1.0, 1.0), (1.0, 1.0, 0.05)
+    tray = solid((wall, (-0.475, 0, 0.5)), (wall, (0.475, 0, 0.5)), (floor, (0, 0, 0.025)))
+    method = Auto(sources=MESH, max_outside=0.05, max_missing=0.05, vhacd=COARSE)
+    _, findings = fit(tmp_path, method, tray)
+    assert findings["collision.gap"].data["method"] == "V-HACD"
+
+
 @pytest.mark.parametrize("kind", [VHacd, CoAcd])
 def test_a_library_over_its_time_falls_to_a_hull(tmp_path, kind):
     busy = {"vhacd": VHacdOptions(resolution=50_000_000)} if kind is VHacd else {}
