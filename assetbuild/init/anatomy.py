@@ -134,12 +134,17 @@ def _leaves(tree: Tree) -> list[str]:
     return [body.name for body in tree.bodies if body.name not in parents]
 
 
+def _is_spring(tree: Tree, joint: Joint) -> bool:
+    """A last body on a joint that nothing drives, as Cassie's heel: no limb of its own."""
+    return joint.limits.effort == 0.0 and joint.child in _leaves(tree)
+
+
 def _limb(robot: Looked, at_zero: Mapping[str, Pose], tip: str) -> Leg:
     """The chain from the last body where the robot branches to `tip`."""
     tree = robot.tree
     branches: dict[str, int] = defaultdict(int)
     for joint in tree.joints:
-        branches[joint.parent] += 1
+        branches[joint.parent] += not _is_spring(tree, joint)
     joints: list[Joint] = []
     for joint in chain_to(tree, tip)[::-1]:
         if joint.mimic is None and joint.kind in ("revolute", "continuous", "prismatic"):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,10 +32,29 @@ def held_model(path: Path) -> Model:
     free = [joint for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
     for joint in free:
         joint.parent.pos, joint.parent.quat = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+        # Parent and child never collide, unless the parent stands still: as this one now does.
+        still, moving = _held_together(joint.parent, joint)
+        for one, other in itertools.product(still, moving):
+            spec.add_exclude(bodyname1=one.name, bodyname2=other.name)
     for gone in (*free, *spec.keys):
         spec.delete(gone)
     with caught_warnings():
         return spec.compile()
+
+
+def _held_together(body: Any, free: Any) -> tuple[list[Any], list[Any]]:
+    """(the body and all that is welded to it, the bodies that move on those).
+
+    Any: mujoco.MjsBody, MjsJoint.
+    """
+    still, moving = [body], []
+    for child in body.bodies:
+        if any(joint is not free for joint in child.joints):
+            moving.append(child)
+        else:
+            below = _held_together(child, free)
+            still, moving = still + below[0], moving + below[1]
+    return still, moving
 
 
 def held_sine(

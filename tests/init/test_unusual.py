@@ -197,3 +197,27 @@ def test_planar_a_held_follower_and_a_mesh_of_one_triangle_build(tmp_path: Path)
     assert model.eq_data[0][0] == 0.3
     report = json.loads((tmp_path / "build/r/report/report.json").read_text())
     assert {"joint.mimic_fixed", "mjcf.planar_joint"} <= {f["rule"] for f in report["findings"]}
+
+
+def test_a_biped_whose_heels_hang_on_springs_floats(tmp_path: Path):
+    """A joint without effort at the heel is no branch of the leg (Cassie)."""
+    parts = [link("pelvis")]
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        above = "pelvis"
+        for name, xyz in (("hip", f"0 {y} 0"), ("knee", "0 0 -0.3"), ("tarsus", "0 0 -0.3")):
+            parts += [link(f"{side}_{name}"), hinge(above, f"{side}_{name}", xyz, 10.0)]
+            above = f"{side}_{name}"
+        parts += [link(f"{side}_heel"), hinge(above, f"{side}_heel", "-0.05 0 0", 0.0)]
+        parts += [
+            link(f"{side}_foot", INERTIAL + BOX + HIT),
+            hinge(above, f"{side}_foot", "0 0 -0.3", 10.0),
+        ]
+    assert initialised(robot(*parts), tmp_path).base == "floating"
+
+
+def hinge(parent: str, child: str, xyz: str, effort: float) -> str:
+    return (
+        f'<joint name="{child}_joint" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{xyz}"/><axis xyz="0 1 0"/>'
+        f'<limit lower="-1" upper="1" effort="{effort}" velocity="5"/></joint>\n'
+    )

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco as engine
 import numpy as np
 from tiny import run_step, tiny_quadruped, write_robot_ports
 
+from assetbuild.robot.model import Box, Shape
 from assetbuild.simulators import mujoco, mujoco_motion
 from assetbuild.simulators.experiments import sine_of
 from assetbuild.targets.mjcf import Mjcf
@@ -35,3 +37,21 @@ def test_a_held_base_is_the_bolted_robot(tmp_path: Path) -> None:
     assert np.abs(held.root).max() == 0.0
     for joint, angles in held.joints.items():
         np.testing.assert_allclose(angles, bolted.joints[joint], rtol=0.0, atol=1e-12)
+
+
+def test_hips_still_do_not_touch_the_trunk_that_is_held(tmp_path: Path) -> None:
+    """MuJoCo lets a body collide with a parent that stands still, not with one that floats."""
+    robot = tiny_quadruped()
+    fat = Shape("fat", "FR_hip", "collision", Box((1.0, 1.0, 1.0)))
+    shapes = replace(robot.shapes, shapes=(*robot.shapes.shapes, fat))
+    bot = replace(robot, shapes=shapes)
+    run_step(Mjcf(robot="r"), write_robot_ports(tmp_path / "in", bot), tmp_path / "out")
+    path = tmp_path / "out/mjcf/r.xml"
+    touching = []
+    for model in (mujoco.load(path).model, mujoco_motion.held_model(path)):
+        data = engine.MjData(model)
+        engine.mj_forward(model, data)
+        bodies = (sorted(int(model.geom_bodyid[g]) for g in c.geom) for c in data.contact)
+        touching.append({(model.body(a).name, model.body(b).name) for a, b in bodies})
+    assert ("trunk", "FR_hip") not in touching[1]
+    assert touching[0] == touching[1] != set()
