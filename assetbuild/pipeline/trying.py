@@ -67,7 +67,7 @@ def _hulls(rule: CollisionRule) -> CollisionRule:
 def try_usd(file: Path) -> Iterator[Finding]:
     """Loaded, dropped without contacts, and left on a floor for two seconds."""
     if lack := lacking(physx.REQUIRES):
-        yield Finding("validate.untried", "info", "robot", f"not tried in PhysX: {lack}")
+        yield Finding("trials.untried", "info", "robot", f"not tried in PhysX: {lack}")
         return
     air = physx.Setting(TIMESTEP_S, GRAVITY, contacts=False)
     floor = physx.Setting(TIMESTEP_S, GRAVITY, at=Pose((0.0, 0.0, HIGH_M)), floor_friction=1.0)

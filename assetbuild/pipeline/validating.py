@@ -171,7 +171,7 @@ def _try_urdf(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
         where = str(error.where or "")
         hint = error.hint or "`--static` only reads the file"
         message = f"not simulated: {error.message}"
-        return [Finding("validate.untried", "warning", "robot", message, hint, where)]
+        return [Finding("trials.untried", "warning", "robot", message, hint, where)]
     said = {(finding.rule, finding.subject) for finding in read}
     return [
         finding

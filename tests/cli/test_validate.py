@@ -107,7 +107,7 @@ def test_a_urdf_that_cannot_be_built_says_why_it_was_not_tried(
     mesh = '<mesh filename="package://nobody/a.stl"/>'
     path.write_text(SHIFTED.format(0).replace('<box size=".2 .2 .2"/>', mesh, 1))
     code, said = ran(capsys, path)
-    assert (code, "warning validate.untried" in said) == (0, True)
+    assert (code, "warning trials.untried" in said) == (0, True)
     assert "--package nobody=FOLDER" in said
 
 
@@ -119,8 +119,8 @@ def test_a_usd_is_tried_in_physx_or_says_how(
     said = ran(capsys, path, "--json")[1]
     rules = {f["rule"] for one in json.loads(said) for f in one["findings"]}
     physx = importlib.util.find_spec("ovphysx") is not None
-    assert ("physx.articulation" if physx else "validate.untried") in rules
-    assert "validate.untried" not in ran(capsys, path, "--static")[1]
+    assert ("physx.articulation" if physx else "trials.untried") in rules
+    assert "trials.untried" not in ran(capsys, path, "--static")[1]
 
 
 def test_a_file_of_another_kind_or_none_is_a_wrong_command(
