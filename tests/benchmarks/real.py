@@ -98,10 +98,10 @@ def build(recipes: list[Path], folder: Path, store: Path) -> Built:
     return Built(wall, used.ru_utime + used.ru_stime, memory.peak_mb)
 
 
-def steps(folder: Path) -> dict[str, float]:
-    """Seconds of each step that ran in the last build, by robot and label."""
+def steps(folder: Path, recipes: list[Path]) -> dict[str, float]:
+    """Seconds of each step that ran in the last build of these recipes, by robot and label."""
     found = {}
-    for log in sorted((folder / "build").glob("*.run.json")):
+    for log in (folder / "build" / f"{recipe.stem}.run.json" for recipe in recipes):
         for label, step in json.loads(log.read_text())["steps"].items():
             if step["status"] == "ran":
                 found[f"{log.name.partition('.')[0]}: {label}"] = float(step["seconds"])
@@ -151,12 +151,12 @@ def main() -> int:
             store = folder / f"store-{len(some)}"
             only_downloads(warm, store)
             print(build(some, folder, store).row(title, cores), flush=True)
-            longest = sorted(steps(folder).items(), key=lambda pair: -pair[1])[:5]
+            longest = sorted(steps(folder, some).items(), key=lambda pair: -pair[1])[:5]
             print(f"<!-- longest: {', '.join(f'{k} {v:.1f} s' for k, v in longest)} -->")
         runs = gain_changed(recipes[0], folder, warm, arguments.gains)
         wall, cpu = (statistics.median(getattr(r, n) for r in runs) for n in ("wall", "cpu"))
         print(f"a gain changed: {wall:.2f} s wall, {cpu:.2f} s processor; ran:")
-        print("  " + ", ".join(f"{k} {v:.2f}" for k, v in steps(folder).items()))
+        print("  " + ", ".join(f"{k} {v:.2f}" for k, v in steps(folder, own[:1]).items()))
     return 0
 
 
