@@ -74,15 +74,14 @@ class Coverage(Check):
             asset.name: read_triangles((files.inputs / "meshes" / asset.file).read_bytes())
             for asset in shapes.meshes
         }
-        clouds = {name: mesh.vertices for name, mesh in meshes.items()}
-        seen = {b.name: _points(tree, shapes, clouds, b.name, "visual") for b in tree.bodies}
+        seen = {b.name: _points(tree, shapes, meshes, b.name, "visual") for b in tree.bodies}
         visual = {name: points for name, points in seen.items() if points is not None}
         hulls = {name: distance_to(points, IDENTITY) for name, points in visual.items()}
         fits = {}
         for body in visual:
-            collision = _points(tree, shapes, clouds, body, "collision")
+            collision = _points(tree, shapes, meshes, body, "collision")
             if collision is not None:
-                solids = _solids(tree, shapes, clouds, body)
+                solids = _solids(tree, shapes, meshes, body)
                 beyond = _beyond_robot(tree, hulls, body, collision)
                 fits[body] = _fit(visual[body], collision, solids, beyond)
         rows = [
@@ -176,29 +175,26 @@ def _beyond_robot(tree: Tree, hulls: Mapping[str, Distance], body: str, collisio
     return max(float(np.min(apart, axis=0).max()), 0.0)
 
 
-def _solids(tree: Tree, shapes: Shapes, clouds: Mapping[str, Array], body: str) -> list[Distance]:
+def _solids(
+    tree: Tree, shapes: Shapes, meshes: Mapping[str, TriangleMesh], body: str
+) -> list[Distance]:
     return [
-        distance_to(_solid(shape, clouds), X_body_shape)
+        distance_to(_solid(shape, meshes), X_body_shape)
         for shape, X_body_shape in _placed(tree, shapes, body, "collision")
     ]
 
 
-def _solid(shape: Shape, clouds: Mapping[str, Array]) -> Primitive | Array:
-    return clouds[shape.geometry.mesh] if isinstance(shape.geometry, Mesh) else shape.geometry
+def _solid(shape: Shape, meshes: Mapping[str, TriangleMesh]) -> Primitive | Array:
+    if isinstance(shape.geometry, Mesh):
+        return meshes[shape.geometry.mesh].vertices
+    return shape.geometry
 
 
 def _points(
-    tree: Tree, shapes: Shapes, clouds: Mapping[str, Array], body: str, role: str
+    tree: Tree, shapes: Shapes, meshes: Mapping[str, TriangleMesh], body: str, role: str
 ) -> Array | None:
     """(n, 3) of a body's shapes of one role, in its frame, m."""
-    found = [
-        X_body_shape.apply(
-            clouds[shape.geometry.mesh]
-            if isinstance(shape.geometry, Mesh)
-            else tessellate(shape.geometry).vertices
-        )
-        for shape, X_body_shape in _placed(tree, shapes, body, role)
-    ]
+    found = [surface.vertices for surface in _surfaces(tree, shapes, meshes, body, role)]
     return np.concatenate(found) if found else None
 
 

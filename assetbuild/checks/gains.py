@@ -50,6 +50,7 @@ class Effective:
 class Gains(Check):
     """Findings `gains.<what>`; figures: `Effective` by joint. Reads no simulator."""
 
+    version = "2"
     reads = ("tree.json", "shapes.json", "control.json")
 
     torque: float = 0.8

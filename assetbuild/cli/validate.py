@@ -23,10 +23,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Print each finding; 1 when one is an error, else 0."""
     from assetbuild.cli.progress import progress
     from assetbuild.cli.public import shown_message
-    from assetbuild.init import propose, write
     from assetbuild.pipeline.validating import Wish, validate, worst
 
     def recipe_for(robot: Path, out: Path) -> None:
+        from assetbuild.init import propose, write  # not for a file that is only read
+
         write(propose(robot, out, dict(arguments.package)), force=True)
 
     with progress(arguments.path.stem) as shown:

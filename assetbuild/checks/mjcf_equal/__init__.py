@@ -104,7 +104,7 @@ class _Comparison:
         tree: Tree,
         shapes: Shapes,
         control: Control,
-        tolerance: float = 1e-9,
+        tolerance: float,
     ) -> None:
         self.tolerance = tolerance
         self.model, self.tree, self.shapes, self.control = model, tree, shapes, control
