@@ -253,7 +253,8 @@ def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tupl
 def _lies_there(files: list[BundleFile], out: Path, session: Session) -> bool:
     """Provenance may tell of another time and host, for the same build."""
     wanted = {file.path: file.sha256 for file in files}
-    for ours in (file.content for file in files if file.path == PROVENANCE and file.content):
+    ours = next((file.content for file in files if file.path == PROVENANCE), None)
+    if ours is not None:
         try:
             theirs = (out / PROVENANCE).read_bytes()
         except OSError:

@@ -186,7 +186,10 @@ def _try_usd(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
     """Dropped, and left on a floor, in PhysX, where it is installed."""
     from assetbuild.pipeline.trying import try_usd
 
-    return [] if any(f.severity == "error" for f in read) else list(try_usd(file))
+    if any(finding.severity == "error" for finding in read):
+        message = "not tried in PhysX: it cannot run what stands above"
+        return [Finding("trials.untried", "info", "robot", message)]
+    return list(try_usd(file))
 
 
 TRIALS: Mapping[str, Callable[[Path, Wish, Sequence[Finding]], list[Finding]]] = {

@@ -136,3 +136,4 @@ def test_a_usd_that_is_none(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     (tmp_path / "a.usda").write_text("not usd")
     code, said = ran(capsys, tmp_path / "a.usda")
     assert (code, "usd.unreadable" in said) == (1, True)
+    assert "trials.untried" in said

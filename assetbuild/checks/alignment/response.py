@@ -14,7 +14,8 @@ from assetbuild.simulators import mujoco_motion
 from assetbuild.simulators.experiments import Motion, Sine, compare_response, phasor
 
 FRICTION, COUPLING = "dry friction", "coupling of joints"
-HALF = 0.5
+EXPLAINED = 0.5
+"""Share of a difference that must be gone before a reason counts as one."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ class Responses:
         where PhysX's joint sticks. A coupled finger gives way by a like amount.
         """
         left = compare_response(self.sine, joint, hard, theirs).rms
-        enough = max(row.warn, min(row.error, HALF * (row.off or 0.0)))
+        enough = max(row.warn, min(row.error, EXPLAINED * (row.off or 0.0)))
         if not left <= enough:
             return row
         return replace(row, because=f"MuJoCo's {what} is soft: made hard, {left:.3g} apart")
