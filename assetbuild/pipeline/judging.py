@@ -81,6 +81,9 @@ def where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | None
         if loaded.recipe.source.moving is None:
             return loaded.where(("source", "sha256"))
         return place_of_pin(lock_path(loaded.path))
+    for row, part in zip(loaded.recipe.compose, loaded.parts, strict=True):
+        if label == f"{row.as_} fetch":
+            return part.where(("source",))
     return None
 
 
