@@ -68,13 +68,14 @@ def compose(
         _mounted(row, part, robot) for row, (part, _), robot in zip(rows, parts, found, strict=True)
     ]
     whole = _whole(loaded.recipe, known, mounted)
-    named = (*whole.keyframes, *known.keyframes)
+    added = poses_in_source_keys(whole, mounted, known.keyframes)
+    poses = {name: key.joints for name, key in whole.keyframes.items()} | added
     inputs = _inputs("base", base)
     for row, ready in zip(rows, made, strict=True):
         inputs |= _inputs(row.as_, ready)
     step = ComposeParts(
         parts=tuple(
-            _part_on(each, loaded.recipe, robot, whole, named)
+            _part_on(each, loaded.recipe, robot, poses)
             for each, robot in zip(mounted, found, strict=True)
         ),
         keeps=base.sides[0].keeps,
@@ -92,7 +93,7 @@ def compose(
         robot={port: node[port] for port in ("links.json", "shapes.json")},
         source_map=node["source_map.json"],
         sides=(*base.sides, *(each.side for each in mounted)),
-        poses=poses_in_source_keys(whole, mounted, known.keyframes),
+        poses=added,
     )
     return replace(loaded, recipe=whole), ready
 
@@ -178,13 +179,13 @@ def _inputs(folder: str, ready: Ready) -> dict[str, Ref]:
 
 
 def _part_on(
-    mounted: Mounted, base: Recipe, robot: _Known, whole: Recipe, keyframes: Sequence[str]
+    mounted: Mounted, base: Recipe, robot: _Known, poses: Mapping[str, Mapping[str, float]]
 ) -> PartOn:
-    """keyframes: names of those of the whole."""
+    """poses: by keyframe of the whole the value of joints, by pattern, rad or m."""
     row = mounted.part
-    used = {name: key for name in keyframes if (key := mounted.pose_key(name)) is not None}
+    used = {name: key for name in poses if (key := mounted.pose_key(name)) is not None}
     keys = tuple(
-        KeyOf(name, key, _moved(mounted, robot, whole, name, key))
+        KeyOf(name, key, _moved(mounted, robot, poses[name], key))
         for name, (key, by_source) in used.items()
         if by_source
     )
@@ -211,12 +212,11 @@ def _part_on(
     )
 
 
-def _moved(mounted: Mounted, robot: _Known, whole: Recipe, name: str, key: str) -> tuple[str, ...]:
-    """Joints of the part that the whole's keyframe puts elsewhere than its source's."""
-    poses = whole.keyframes[name].joints if name in whole.keyframes else {}
+def _moved(mounted: Mounted, robot: _Known, pose: Mapping[str, float], key: str) -> tuple[str, ...]:
+    """Joints of the part that a keyframe of the whole puts elsewhere than its source's."""
     found = []
     for joint, before in mounted.poses[key].items():
-        values = [q for k, q in poses.items() if re.fullmatch(k, mounted.prefix + joint)]
+        values = [q for k, q in pose.items() if re.fullmatch(k, mounted.prefix + joint)]
         if values and values[0] != before:
             found.append(joint)
     followers = [j for j in robot.tree.moving_joints if j.mimic and j.mimic.joint in found]
