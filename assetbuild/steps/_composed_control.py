@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from assetbuild.errors import RecipeError
-from assetbuild.robot.model import Actuator, Camera, MjcfOnly, Place, Sensor
+from assetbuild.robot.model import Actuator, Camera, MjcfOnly, Place, Sensor, Simulation
 from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat, vec3
 from assetbuild.robot.source import SourceControl
 from assetbuild.steps._mjcf.opaque import keys, words
@@ -23,6 +23,7 @@ REFERENCES = keys(
 """Attributes that name something of the robot, in the elements that `MjcfOnly` holds."""
 OF_THE_BASE = ("option", "root", "freejoint")
 """What a part says for itself alone: how it is simulated, and where it stands in its own world."""
+DEFAULTS = Simulation()
 _LIKE_MUJOCO = {"integrator": "Euler", "cone": "pyramidal", "impratio": "1"}
 
 
@@ -161,16 +162,14 @@ class PartControl:
 
     def left_out(self, base: SourceControl | None) -> tuple[str, ...]:
         """Of how the part is simulated what is neither the base's nor MuJoCo's own."""
-        control = self.said.control
-        timestep = base.control.simulation.timestep if base else 0.002
-        found = [] if control.simulation.timestep in (timestep, 0.002) else ["option timestep"]
+        timestep = base.control.simulation.timestep if base else DEFAULTS.timestep
         own, bases = _options(self.said), _options(base)
-        found += [
-            f"option {key}"
-            for key, value in own.items()
-            if value != bases.get(key, value if key not in _LIKE_MUJOCO else None)
-            and value != _LIKE_MUJOCO.get(key)
-        ]
+        found = []
+        if self.said.control.simulation.timestep not in (timestep, DEFAULTS.timestep):
+            found.append("option timestep")
+        for key, value in own.items():
+            if value not in (bases.get(key), _LIKE_MUJOCO.get(key)):
+                found.append(f"option {key}")
         return tuple(found)
 
 

@@ -10,8 +10,9 @@ else in a world says nothing of masks. So
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from xml.etree import ElementTree
 
 from assetbuild.errors import RecipeError
@@ -68,11 +69,11 @@ def meeting_masks(
     taken = FLOOR
     for side in sides:
         used = _used(side.masks())
-        bits = {}
+        bits: dict[int, int] = {}
         for bit in _bits(used & taken & ~FLOOR):
             bits[bit] = _free(taken | used | sum(bits.values()), side.prefix)
         if bits:
-            side.change(lambda masks, bits=bits: tuple(_moved(m, bits) for m in masks))  # type: ignore[misc] # mypy knows no defaults of lambdas
+            side.change(partial(_moved, bits))
             side.moved = len(bits)
         taken |= _used(side.masks())
     for number, side in enumerate(sides):
@@ -80,9 +81,9 @@ def meeting_masks(
         if later:
             bit = _free(taken, side.prefix)
             taken |= bit
-            side.change(lambda m, bit=bit: (m[0] | bit, m[1]) if _meets_floor(m) else m)  # type: ignore[misc] # as above
+            side.change(partial(_with_bits, bit, 0))
             for other in later:
-                other.change(lambda m, bit=bit: (m[0], m[1] | bit) if _meets_floor(m) else m)  # type: ignore[misc] # as above
+                other.change(partial(_with_bits, 0, bit))
                 other.joined += 1
     return [side.said for side in sides], [_told(s) for s in sides if s.moved or s.joined]
 
@@ -142,8 +143,14 @@ def _free(taken: int, prefix: str) -> int:
     return free
 
 
-def _moved(mask: int, bits: dict[int, int]) -> int:
-    return sum(bits.get(bit, bit) for bit in _bits(mask))
+def _moved(bits: Mapping[int, int], masks: Masks) -> Masks:
+    mask, partners = (sum(bits.get(bit, bit) for bit in _bits(word)) for word in masks)
+    return mask, partners
+
+
+def _with_bits(mask: int, partners: int, masks: Masks) -> Masks:
+    """More bits for what the floor touches."""
+    return (masks[0] | mask, masks[1] | partners) if _meets_floor(masks) else masks
 
 
 # --- geoms that only MJCF has ---------------------------------------------------------------

@@ -24,7 +24,7 @@ from assetbuild.robot.model import (
     Shapes,
     Tree,
 )
-from assetbuild.robot.pose import Pose, Vec3, quat_of_rpy
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of_rpy
 from assetbuild.robot.randomize import homogeneous_box
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import depth_first
@@ -82,23 +82,16 @@ class ComposeParts(Step):
             shapes = _joined(shapes, prefixed_shapes(own_shapes, part.prefix))
             if part.mount_mass > 0.0:
                 shapes = replace(shapes, shapes=(*shapes.shapes, *_plate_shapes(part)))
-            own = _lines(files.inputs / part.folder)
-            file = own["file"]
-            lines["lines"] |= {
-                prefixed_subject(subject, part.prefix): line
-                if isinstance(line, str)
-                else f"{file}:{line}"
-                for subject, line in own["lines"].items()
-                if " " in subject  # the whole is not the part
-            }
-            yield _told(part, own_tree)
-            control = _said(files.inputs / part.folder)
+            lines["lines"] |= _prefixed_lines(files.inputs / part.folder, part.prefix)
+            control, place = _said(files.inputs / part.folder), IDENTITY
             left_out = part.left_out
             if control is not None:
                 words = PartControl(part.prefix, own_tree.root, control, part.keys, part.keeps)
+                place = words.pose_in_root.inverse()
                 said[part.prefix] = words
                 left_out += words.left_out(base)
                 yield from _told_scenery(words, part)
+            yield _told(part, own_tree, place)
             yield from _told_left_out(part, left_out)
         _refuse_clashes(tree, shapes)
         if base is not None and not self.keeps:
@@ -269,15 +262,23 @@ def _clash(kind: str, name: str) -> RecipeError:
     return RecipeError(f"two parts have a {kind} `{name}`", hint=hint)
 
 
-def _told(part: PartOn, tree: Tree) -> Finding:
+def _told(part: PartOn, tree: Tree, X_world_root: Pose) -> Finding:
+    """X_world_root: in the part's own world, which `at` takes the place of."""
     mass = sum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
     plate = f", and {part.mount_mass:g} kg of mount" if part.mount_mass else ""
     held = "; alone it floats, here its root is held" if tree.base == "floating" else ""
+    hint = ""
+    if X_world_root != IDENTITY:
+        where = ", ".join(f"{v:g}" for v in X_world_root.xyz)
+        turn = ", ".join(f"{v:.4g}" for v in X_world_root.quat)
+        held += f"; in its own world its root stands at ({where}) m, turned by ({turn}) wxyz"
+        hint = "`at` places the root itself: add that pose to it to place the part's world"
     return Finding(
         rule="compose.part",
         severity="info",
         subject=f"link {part.prefix}{tree.root}",
         message=f"{len(tree.bodies)} links with {mass:g} kg stand on `{part.link}`{plate}{held}",
+        hint=hint,
         data={"links": len(tree.bodies), "mass_kg": mass, "mount_kg": part.mount_mass},
     )
 
@@ -291,6 +292,16 @@ def _said(folder: Path) -> SourceControl | None:
     """What an MJCF says beyond links and shapes; None of a URDF."""
     file = folder / "source_control.json"
     return decode(SourceControl, file.read_bytes()) if file.is_file() else None
+
+
+def _prefixed_lines(folder: Path, prefix: str) -> dict[str, int | str]:
+    own = _lines(folder)
+    file = own["file"]
+    return {
+        prefixed_subject(subject, prefix): line if isinstance(line, str) else f"{file}:{line}"
+        for subject, line in own["lines"].items()
+        if " " in subject  # the whole is not the part
+    }
 
 
 def _lines(folder: Path) -> dict[str, dict[str, int | str]]:

@@ -1,4 +1,4 @@
-"""MJCF robots on MJCF and URDF robots: what MuJoCo's own `attach` makes, and all that it forgets."""
+"""MJCF robots on MJCF and URDF robots: what MuJoCo's own `attach` makes, and what it forgets."""
 
 from __future__ import annotations
 
@@ -64,8 +64,9 @@ ARM = """<mujoco model="arm">
     </body>
   </worldbody>
   <contact><exclude body1="base" body2="left"/></contact>
-  <tendon><fixed name="grip"><joint joint="left" coef="0.5"/><joint joint="right" coef="0.5"/></fixed>
-  </tendon>
+  <tendon><fixed name="grip">
+    <joint joint="left" coef="0.5"/><joint joint="right" coef="0.5"/>
+  </fixed></tendon>
   <equality><joint name="same" joint1="left" joint2="right" polycoef="0 1 0.1 0 0"/></equality>
   <actuator>
     <position name="lift_drive" joint="lift" kp="30" kv="1"/>
@@ -257,10 +258,8 @@ def test_masks_mean_what_they_meant_and_the_parts_meet(built):
                 own = touch(model, a.removeprefix(prefix), b.removeprefix(prefix))
                 assert touch(ours, a, b) == own, (a, b)
     on_floor = {n: touch(ours, n, "floor") for side in solid.values() for n in side}
-    assert on_floor == {
-        "trunk_collision": True, "foot_collision": True, "arm_base_collision": False, "arm_link_collision": True,
-        "arm_left_collision": False, "arm_right_collision": False,
-    }  # fmt: skip
+    met = {name for name, meets in on_floor.items() if meets}
+    assert met == {"trunk_collision", "foot_collision", "arm_link_collision"}
     for a in solid[""]:
         for b in solid["arm_"]:
             assert touch(ours, a, b) == (on_floor[a] and on_floor[b]), (a, b)
