@@ -137,8 +137,9 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"ASSETBUILD_CACHE": str(folder / "store"), "MUJOCO_GL": "disable"}
+def run(folder: Path, *words: str, cache: Path | None = None) -> subprocess.CompletedProcess[str]:
+    store = str(cache or folder / "store")
+    environment = os.environ | {"ASSETBUILD_CACHE": store, "MUJOCO_GL": "disable"}
     command = [sys.executable, "-m", "assetbuild", *words]
     return subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300
@@ -318,3 +319,48 @@ def test_one_articulation_in_usd_and_one_tree_in_urdf(built):
     text = (built / "build/post/urdf/post.urdf").read_text()
     assert 'name="left_tcp"' in text
     assert 'name="right_mount"' in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("as: left_", "as: pol", "`pole` of the base begins with the prefix `pol` too"),
+        ("mjcf: arm.xml", "mjcf: hand.xml", "no file `hand.xml`"),
+        ("- source: {path: ., mjcf: arm.xml, license: MIT}", "- variant: x", "exactly one of"),
+        ("mjcf: arm.xml, license: MIT}", "mjcf: arm.xml}\n    variant: x", "a `source` has none"),
+        ("link: pole, xyz: [0, 0.2", "link: pol, xyz: [0, 0.2", "did you mean `pole`"),
+        ("recipe: arm.yaml", "recipe: dog.yaml", "is composed of parts itself"),
+        ("home: {lift: -0.2}", "home: {wrist: 1}", "matches no joint"),
+        ("joints: left_lift", "joints: left_lft", "matches no moving joint"),
+        (
+            "compose:",
+            "keyframes: {up: {}}\ncompose:",
+            "the base has no keyframe `home`",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_told_with_its_line(built, tmp_path, old, new, message):
+    for file in built.glob("*.*"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    text = (tmp_path / "post.yaml").read_text()
+    assert old in text
+    (tmp_path / "post.yaml").write_text(text.replace(old, new, 1))
+    done = run(tmp_path, "build", "post.yaml", cache=built / "store")
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert message in done.stderr
+    assert "post.yaml:" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_parts_that_a_variant_brings_are_refused_and_none_is_lost(built, tmp_path):
+    for file in built.glob("*.*"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    plain, parts = (tmp_path / "dog.yaml").read_text().split("compose:")
+    rows = parts.replace("\n", "\n    ")
+    (tmp_path / "dog.yaml").write_text(f"{plain}variants:\n  armed:\n    compose:{rows}\n")
+    text = (tmp_path / "post.yaml").read_text()
+    text = text.replace("recipe: arm.yaml", "recipe: dog.yaml\n    variant: armed")
+    (tmp_path / "post.yaml").write_text(text)
+    done = run(tmp_path, "check", "post.yaml")
+    assert done.returncode == 2
+    assert "`dog.yaml` is composed of parts itself" in done.stderr
