@@ -195,16 +195,22 @@ def test_the_whole_weighs_moves_and_senses_as_mujocos_own(built, attached):
     assert ours.actuator_biasprm == pytest.approx(attached.actuator_biasprm)
     assert ours.eq_data == pytest.approx(attached.eq_data)
     assert ours.dof_armature == pytest.approx(attached.dof_armature)
+    move_alike(ours, attached, tuple(names(attached, "body", attached.nbody)))
+
+
+def move_alike(ours: mujoco.MjModel, theirs: mujoco.MjModel, bodies: tuple[str, ...]) -> None:
+    """Poses, sensors and mass matrix at random positions; both have the same joints in order."""
     random = np.random.default_rng(3)
     for _ in range(20):
         q = np.concatenate([random.normal(size=7), random.uniform(-1, 1, ours.nq - 7)])
         q[3:7] /= np.linalg.norm(q[3:7])
-        moved = [moved_to(model, q) for model in (ours, attached)]
-        assert np.allclose(moved[0].xpos, moved[1].xpos, atol=1e-9)
-        assert np.allclose(moved[0].xmat, moved[1].xmat, atol=1e-9)
-        assert np.allclose(moved[0].sensordata, moved[1].sensordata, atol=1e-9)
-        mass = [full_mass(model, data) for model, data in zip((ours, attached), moved, strict=True)]
-        assert np.allclose(mass[0], mass[1], rtol=1e-9, atol=1e-12)
+        mine, other = (moved_to(model, q) for model in (ours, theirs))
+        for body in bodies:
+            assert np.allclose(mine.body(body).xpos, other.body(body).xpos, atol=1e-9), body
+            assert np.allclose(mine.body(body).xmat, other.body(body).xmat, atol=1e-9), body
+        assert np.allclose(mine.sensordata, other.sensordata, atol=1e-9)
+        mass = full_mass(ours, mine), full_mass(theirs, other)
+        assert np.allclose(*mass, rtol=1e-9, atol=1e-12)
 
 
 def moved_to(model: mujoco.MjModel, q: np.ndarray) -> mujoco.MjData:
@@ -364,3 +370,40 @@ def test_parts_that_a_variant_brings_are_refused_and_none_is_lost(built, tmp_pat
     done = run(tmp_path, "check", "post.yaml")
     assert done.returncode == 2
     assert "`dog.yaml` is composed of parts itself" in done.stderr
+
+
+@pytest.mark.slow
+def test_mjlabs_go1_carries_mjlabs_yam(tmp_path):
+    """The two as mjlab ships them, beside MuJoCo's `attach`."""
+    wheel = os.environ.get("ASSETBUILD_MJLAB")
+    if not wheel:
+        pytest.skip("name the unpacked wheel of mjlab in ASSETBUILD_MJLAB")
+    robots = Path(wheel).absolute() / "mjlab/asset_zoo/robots"
+    go1, yam = (robots / n for n in ("unitree_go1/xmls/go1.xml", "i2rt_yam/xmls/yam.xml"))
+    source = "{{path: {}, mjcf: {}, license: MIT}}"
+    (tmp_path / "both.yaml").write_text(
+        HEAD.format(robot="both", kind="mjcf", file="go1.xml")
+        .replace("path: .", f"path: {go1.parent}")
+        .replace("[urdf, mjcf, mjx, usd, mjlab]", "[mjcf]")
+        + "compose:\n  - source: "
+        + source.format(yam.parent, yam.name)
+        + "\n    as: arm_\n    at: {link: trunk, xyz: [0, 0, 0.06]}\n    home: {joint2: 1}\n"
+    )
+    done = run(tmp_path, "build", "both.yaml", "--fail-on", "never")
+    assert done.returncode == 0, done.stdout + done.stderr
+    ours = model_of(tmp_path, "both")
+    spec = mujoco.MjSpec.from_file(str(go1))
+    frame = spec.body("trunk").add_frame(pos=[0, 0, 0.06])
+    spec.attach(mujoco.MjSpec.from_file(str(yam)), prefix="arm_", frame=frame)
+    theirs = spec.compile()
+    for count in ("nq", "nv", "nu", "nsensor", "neq", "ncam", "ngeom"):
+        assert getattr(ours, count) == getattr(theirs, count), count
+    assert names(ours, "joint", ours.njnt)[1:] == names(theirs, "joint", theirs.njnt)[1:]
+    # What has no mass is a frame in ours.
+    bodies = [theirs.body(n).name for n in range(1, theirs.nbody) if theirs.body_mass[n] > 0]
+    for name in bodies:
+        assert ours.body(name).mass == pytest.approx(theirs.body(name).mass, rel=1e-12)
+        pair = [inertia(model, model.body(name).id) for model in (ours, theirs)]
+        assert np.allclose(*pair, rtol=1e-9, atol=1e-14), name
+    move_alike(ours, theirs, tuple(bodies))
+    assert ours.key("home").qpos[-8:] == pytest.approx([0, 1, 0, 0, 0, 0, 0, 0])
