@@ -16,6 +16,7 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.errors import did_you_mean
 from assetbuild.findings import Finding
 from assetbuild.mesh.obj import read_triangles
+from assetbuild.recipe.merging import anchored
 from assetbuild.recipe.models import (
     ActuatorRow,
     Contact,
@@ -140,12 +141,13 @@ class ControlStep(Step):
             keyframes.append(model.Keyframe(name, tuple(q.items()), base))
 
         yield from _same_body_findings(tree, self.exclude)
+        whole_parts = {anchored(side.prefix, ".*") for side in self.sides[1:]}
         control = model.Control(
             actuators=actuators,
             keyframes=tuple(keyframes),
             excludes=_excludes(tree, shapes, self.exclude, self.sides),
             contact=surface(self.contact),
-            contacts=contacts(shapes, self.contact),
+            contacts=contacts(shapes, self.contact, whole_parts),
             sensors=placed_sensors(tree, shapes, self.imu, self.feet, self.sensors),
             cameras=placed_cameras(tree, self.cameras),
             simulation=model.Simulation(
