@@ -89,21 +89,19 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
             return outline
         loaded, ready = composite
         recipe, outline.source_map = loaded.recipe, ready.source_map
-    read, edited, geometry = ready.read, ready.robot, ready.geometry
+    read, edited, geometry, sides = ready.read, ready.robot, ready.geometry, ready.sides
     tree = _merge(recipe, ready, p)
     links, shapes = p.ask(edited["links.json"]), p.ask(edited["shapes.json"])
     merged = p.ask(tree["tree.json"])
     if links is None or shapes is None or merged is None:
         return outline
-    control_step = ControlStep.configure(recipe, ready.sides, ready.poses)
+    control_step = ControlStep.configure(recipe, sides, ready.poses)
     check_against_robot(loaded, decode(Tree, links), decode(Tree, merged), control_step)
 
     if geometry is None:
         return outline
     geometry.shapes = decode(Shapes, shapes)
-    assembled = assemble(
-        loaded, decode(Tree, links), geometry, edited["shapes.json"], ready.sides, p
-    )
+    assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], sides, p)
     lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     outline.subjects = geometry.subjects
     if assembled is None:

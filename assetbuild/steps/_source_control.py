@@ -75,7 +75,6 @@ def join(
     keyframes = _keyframes(control.keyframes, said.keyframes, tree, stated.poses)
     mjcf_only = tuple(_kept(said, bodies, shapes, stated, findings))
     mjcf_only += tuple(_commands(source, keyframes, stated))
-    from_mjcf = stated.base.from_mjcf
     joined = replace(
         control,
         actuators=_actuators(control, said, stated),
@@ -83,9 +82,7 @@ def join(
         excludes=tuple(sorted({*control.excludes, *bodies.pairs(said.excludes)})),
         contact=contact,
         contacts=contacts,
-        simulation=_simulation(control.simulation, said.simulation, stated.base.stated)
-        if from_mjcf
-        else control.simulation,
+        simulation=_simulation(control.simulation, said.simulation, stated.base),
         sensors=_by_name(control.sensors, [s for s in said.sensors if bodies.has_all(s)]),
         cameras=_by_name(control.cameras, said.cameras),
         mjcf_only=mjcf_only,
@@ -168,11 +165,14 @@ def _moved(joint: str, before: Mapping[str, float], now: Mapping[str, float]) ->
     return joint in before and before[joint] != now.get(joint, before[joint])
 
 
-def _simulation(own: Simulation, said: Simulation, stated: Collection[str]) -> Simulation:
+def _simulation(own: Simulation, said: Simulation, base: Side) -> Simulation:
+    """Of a composite as the base says; only an MJCF says anything itself."""
+    if not base.from_mjcf:
+        return own
     return Simulation(
-        own.timestep if "simulation.timestep" in stated else said.timestep,
+        own.timestep if "simulation.timestep" in base.stated else said.timestep,
         own.decimation,
-        own.gravity if "simulation.gravity" in stated else said.gravity,
+        own.gravity if "simulation.gravity" in base.stated else said.gravity,
     )
 
 
