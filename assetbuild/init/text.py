@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from assetbuild.init.anatomy import Anatomy
@@ -16,6 +16,7 @@ from assetbuild.init.drives import (
     FULL_ERROR,
     SAG,
     SLOWEST_HZ,
+    STEP_S,
     Row,
     drive_rows,
 )
@@ -46,6 +47,7 @@ def recipe_name(name: str) -> str:
 def recipe_text(robot: Looked, anatomy: Anatomy, source: Found, path: Path) -> str:
     """The whole recipe, as it will lie at `path`."""
     pose = home_pose(robot.tree, anatomy.legs)
+    drives = drive_rows(robot.tree, pose, anatomy.legs)
     sections = (
         head(robot, anatomy, path),
         _source(source, path, turned(source, robot)),
@@ -54,9 +56,9 @@ def recipe_text(robot: Looked, anatomy: Anatomy, source: Found, path: Path) -> s
         repairs(robot),
         ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],
         _collision(robot, anatomy),
-        _actuators(robot, anatomy, pose),
+        _actuators(robot.tree, drives),
         home(robot, anatomy, pose),
-        _simulation(robot, anatomy),
+        _simulation(robot, anatomy, drives),
         _variants(robot, anatomy),
     )
     lines: list[str] = []
@@ -193,9 +195,7 @@ def _distance(a: Pose, b: Pose) -> float:
 # --- drives and poses -----------------------------------------------------------------------
 
 
-def _actuators(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[str]:
-    tree = robot.tree
-    rows = drive_rows(tree, pose, anatomy.legs)
+def _actuators(tree: Tree, rows: Sequence[Row]) -> list[str]:
     if not rows:
         return []
     everything = [joint.name for joint in tree.moving_joints]
@@ -275,10 +275,10 @@ def home(robot: Looked, anatomy: Anatomy, pose: dict[str, float]) -> list[str]:
     return lines
 
 
-def _simulation(robot: Looked, anatomy: Anatomy) -> list[str]:
+def _simulation(robot: Looked, anatomy: Anatomy, drives: Sequence[Row]) -> list[str]:
     lines = [
         "contact: {friction: [0.8, 0.02, 0.01], condim: 3}   # rubber on a floor",
-        _steps(robot),
+        *_steps(robot, drives),
         targets(robot),
     ]
     driven = all(joint.limits.effort for leg in anatomy.legs for joint in leg.joints)
@@ -301,15 +301,21 @@ def _simulation(robot: Looked, anatomy: Anatomy) -> list[str]:
     return lines
 
 
-def _steps(robot: Looked) -> str:
-    """Contacts of a light robot need short steps: a 2.5 kg dog hops at 5 ms and stands at 2 ms."""
+def _steps(robot: Looked, drives: Sequence[Row]) -> Iterator[str]:
+    """Contacts of a light robot need short steps, as stiff legs without rotors do."""
     mass = sum(body.inertial.mass_kg for body in robot.tree.bodies if body.inertial)
-    if mass < LIGHT_KG:
-        return (
+    hops = any(row.outruns(STEP_S) for row in drives)
+    if hops:
+        yield f"# At {1e3 * STEP_S:g} ms these legs would hop, for they lack their rotors' inertia."
+        yield "# State it (`armature`, or `rotor_inertia` and `gear`), then try the longer step."
+    if hops or mass < LIGHT_KG:
+        why = "" if hops else ", as it is light"
+        yield (
             "simulation: {timestep: 0.002, decimation: 10}   "
-            "# 500 Hz physics, as it is light; 50 Hz control"
+            f"# 500 Hz physics{why}; 50 Hz control"
         )
-    return "simulation: {timestep: 0.005, decimation: 4}   # 200 Hz physics, 50 Hz control"
+    else:
+        yield f"simulation: {{timestep: {STEP_S}, decimation: 4}}   # 200 Hz physics, 50 Hz control"
 
 
 def _variants(robot: Looked, anatomy: Anatomy) -> list[str]:

@@ -346,11 +346,17 @@ class Settled:
     drift_m: float
 
 
-def settle(model: Model, drop_m: float, seconds: float = 2.0, steps: int = 1000) -> Settled:
-    """Dropped at its first keyframe under its drives; then `steps` more to see it wander."""
+def settle(
+    model: Model, drop_m: float, seconds: float = 2.0, steps: int = 1000, finer: int = 1
+) -> Settled:
+    """Dropped at its first keyframe under its drives; then `steps` more to see it wander.
+
+    finer: steps in place of each, for as long.
+    """
     import mujoco
 
-    with caught_warnings():
+    with unchanged(model), caught_warnings():
+        model.opt.timestep, steps = model.opt.timestep / finer, steps * finer
         data = at_first_key(model)
         for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
             data.qpos[int(model.jnt_qposadr[joint]) + 2] += drop_m

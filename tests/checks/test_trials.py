@@ -38,10 +38,9 @@ def drives(**values: object) -> TinyRobot:
     return replace(QUADRUPED, control=replace(control, actuators=changed))
 
 
-def timestep(seconds: float) -> TinyRobot:
-    control = QUADRUPED.control
-    simulation = replace(control.simulation, timestep=seconds)
-    return replace(QUADRUPED, control=replace(control, simulation=simulation))
+def with_timestep(robot: TinyRobot, seconds: float) -> TinyRobot:
+    simulation = replace(robot.control.simulation, timestep=seconds)
+    return replace(robot, control=replace(robot.control, simulation=simulation))
 
 
 def with_trunk(change: Callable) -> TinyRobot:
@@ -87,7 +86,7 @@ def test_an_effort_limit_of_almost_nothing_is_a_dead_drive(tmp_path: Path):
 
 
 def test_a_coarse_timestep_is_told(tmp_path: Path):
-    found = rules(tried(timestep(0.1), tmp_path, energy=1e-4))
+    found = rules(tried(with_timestep(QUADRUPED, 0.1), tmp_path, energy=1e-4))
     assert "trials.energy" in found
     assert "trials.timestep" in found
 
@@ -128,6 +127,15 @@ def test_a_robot_without_damping_does_not_come_to_rest(tmp_path: Path):
     assert "trials.rest" in rules(tried(drives(kd=0.0, damping=0.0, friction=0.0), tmp_path))
 
 
+def test_drives_that_outrun_the_timestep_are_told_apart(tmp_path: Path):
+    """Damping of 5 N m s/rad on legs of some grams, without rotors: at 5 ms the robot hops on."""
+    light = drives(kp=100.0, kd=5.0, armature=0.0, friction=0.0, effort=60.0)
+    coarse = tried(with_timestep(light, 0.005), tmp_path / "coarse")
+    told = [f for f in coarse if f.rule == "trials.rest"]
+    assert [(f.data["timestep"], "`simulation.timestep`" in f.hint) for f in told] == [(True, True)]
+    assert tried(with_timestep(light, 0.00125), tmp_path / "fine") == []
+
+
 def test_a_limit_of_penetration_and_of_drift_can_be_broken(tmp_path: Path):
     found = rules(tried(QUADRUPED, tmp_path, penetration=1e-9, drift=1e-12))
     assert {"trials.sunk", "trials.drift"} <= found
@@ -135,8 +143,7 @@ def test_a_limit_of_penetration_and_of_drift_can_be_broken(tmp_path: Path):
 
 def test_a_simulation_that_explodes_is_an_error(tmp_path: Path):
     robot = drives(kp=1e12, kd=0.0, effort=None)
-    found = tried(replace(robot, control=replace(robot.control, simulation=replace(
-        robot.control.simulation, timestep=0.05))), tmp_path)  # fmt: skip
+    found = tried(with_timestep(robot, 0.05), tmp_path)
     assert "trials.unstable" in rules(found)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -82,3 +83,12 @@ def test_an_arm_that_cannot_be_held_stretched_out_hangs(effort: float, hangs: bo
     pose, _ = rows_of(arm(tmp_path, [(4.0, 0.2)], effort=effort))
     assert (pose["j0"] > 0.0) == hangs
     assert 4.0 * 9.81 * 0.2 * math.cos(pose["j0"]) <= HEAVY * effort
+
+
+def test_a_leg_whose_drive_outruns_the_step_is_told():
+    """kd dt / I of 4 N m s/rad, 5 ms and a link of 10 g m2 is 2: more than it bears."""
+    row = Row(("knee",), 20.0, 20.0, "rad", 0.1, kp=80.0, kd=4.0, standing=0.01)
+    assert row.outruns(0.005)
+    assert not row.outruns(0.002)
+    assert not replace(row, standing=0.1).outruns(0.005)
+    assert not replace(row, standing=0.0).outruns(0.005), "no leg"

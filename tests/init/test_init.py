@@ -15,11 +15,13 @@ import pytest
 from assetbuild.errors import AssetBuildError, SourceError, UsageError
 from assetbuild.init import propose, write
 from assetbuild.init.anatomy import study
+from assetbuild.init.drives import STEP_S
 from assetbuild.init.home import home_pose
 from assetbuild.init.look import Looked, look
 from assetbuild.init.source import find_source
 from assetbuild.recipe.loader import LoadedRecipe, load_recipe
 from assetbuild.robot.tree import forward_kinematics
+from assetbuild.simulators.mujoco_trials import settle
 
 STL = bytes(80) + (0).to_bytes(4, "little")
 
@@ -213,6 +215,10 @@ def test_the_dog_checks_builds_and_stands(robots: Path, tmp_path: Path):
     assert built.returncode == 0, built.stdout + built.stderr
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "build/four_legs/mjcf/four_legs.xml"))
     assert (model.nv, model.nu, model.nkey) == (18, 12, 1)
+    scene = mujoco.MjModel.from_xml_path(str(tmp_path / "build/four_legs/mjcf/scene.xml"))
+    assert settle(scene, 0.05).drift_m < 1e-3
+    scene.opt.timestep = STEP_S
+    assert settle(scene, 0.05).drift_m > 0.05, "the reason for the shorter step is gone"
 
 
 def test_a_broken_robot_is_judged_and_still_written(robots: Path, tmp_path: Path):

@@ -17,7 +17,8 @@ from assetbuild.checks.mjlab_contract import MjlabContract
 from assetbuild.errors import StepError
 from assetbuild.recipe.mjcf import Mjx as Options
 from assetbuild.recipe.randomize import Randomize
-from assetbuild.robot.model import Actuator, General, Mesh
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Actuator, General, Mesh, Tree
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
 from assetbuild.targets.mjx import Mjx
@@ -150,12 +151,30 @@ def test_the_module_randomizes_as_the_recipe_says(tmp_path: Path) -> None:
 
 
 def test_what_mjlab_cannot_randomize_is_told(tmp_path: Path) -> None:
-    payload = {"link": "trunk", "mass": [0, 1], "size": [1, 1, 1]}
-    wide = {"links": {".*": {"stretch": 0.1}}, "payloads": [payload]}
+    wide = {"links": {".*": {"stretch": 0.1}}, "restitution": [0, 0.5]}
     text, (finding,) = randomized(wide, tmp_path)
     assert finding.rule == "mjlab.randomize"
-    assert finding.data["without"][0] == "payloads"
+    stretch, bounce = finding.data["without"]
+    assert stretch.startswith("stretch")
+    assert bounce.startswith("restitution")
     assert '"d_range": (-0.1, 0.1)' in text
+
+
+def test_the_module_mounts_a_payload_as_the_matter_that_it_is(tmp_path: Path) -> None:
+    payload = {"link": "FR_foot", "mass": [0, 1], "size": [0.2, 0.4, 0.6], "at": [0, 0, 0.1]}
+    text, findings = randomized({"payloads": [payload]}, tmp_path)
+    assert findings == []
+    assert "import torch\n" in text
+    (rows,) = re.findall(r'"box": (\(.*?\n +\)),', text, re.DOTALL)
+    tree = decode(Tree, (tmp_path / "in/tree.json").read_bytes())
+    body, X_body_link = tree.placement("FR_foot")
+    assert f'"{body}",' in text
+    at = np.array([0, 0, 0.1]) + X_body_link.xyz  # the foot is not turned
+    # One kilogram of a box: edge²/12 along each axis, moved.
+    expected = np.diag([0.2**2 / 12, 0.4**2 / 12, 0.6**2 / 12, 1.0])
+    expected[:3, :3] += np.outer(at, at)
+    expected[:3, 3] = expected[3, :3] = at
+    assert np.allclose(ast.literal_eval(rows), expected, atol=1e-15)
 
 
 def test_a_foot_of_several_geoms_is_one_foot(tmp_path: Path) -> None:

@@ -2,8 +2,10 @@
 
 `dr.pseudo_inertia` holds J' = U J Uᵀ about the body's origin, so density (alpha) and shift (t) are
 exactly ours; stretch and shear act about the origin there and about the centre of mass here.
-mjlab's drive terms take config groups by their place, not joints: groups are therefore split by
-the ranges of their joints.
+It has no term for a box that is mounted: the module brings its own, `carry_payload`, which adds the
+box's pseudo-inertia to that of the body as the terms before it have drawn it. mjlab's drive terms
+take config groups by their place, not joints: groups are therefore split by the ranges of their
+joints.
 """
 
 from __future__ import annotations
@@ -13,8 +15,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from assetbuild.findings import Finding
-from assetbuild.recipe.randomize import Randomize, RandomMatter, claimed, per_axis
+from assetbuild.recipe.randomize import (
+    Randomize,
+    RandomMatter,
+    RandomPayload,
+    claimed,
+    per_axis,
+)
+from assetbuild.robot.inertia import move_inertial, pseudo_inertia
 from assetbuild.robot.model import Actuator, Tree
+from assetbuild.robot.randomize import homogeneous_box
 from assetbuild.targets.mjlab.text import exactly
 
 WITH_GAINS = frozenset({"pd", "ideal_pd", "dc_motor"})
@@ -23,7 +33,7 @@ WITH_GAINS = frozenset({"pd", "ideal_pd", "dc_motor"})
 
 @dataclass(frozen=True)
 class Term:
-    """One event term. entity: fields of its SceneEntityCfg; params: Python text by key."""
+    """One event term. func, params: Python text; entity: fields of its SceneEntityCfg."""
 
     name: str
     func: str
@@ -35,7 +45,12 @@ def terms(
     randomize: Randomize, tree: Tree, groups: Sequence[tuple[Actuator, tuple[str, ...]]]
 ) -> list[Term]:
     """All terms in the order of the recipe. groups: (numbers, joints) as the module has them."""
-    return [*_matter(randomize, tree), *_joints(randomize, tree, groups), *_friction(randomize)]
+    return [
+        *_matter(randomize, tree),
+        *_payloads(randomize, tree),
+        *_joints(randomize, tree, groups),
+        *_friction(randomize),
+    ]
 
 
 def replaced(randomize: Randomize, tree: Tree) -> tuple[str, ...]:
@@ -55,8 +70,8 @@ def lost(
 ) -> Iterator[Finding]:
     """What mjlab's terms cannot do."""
     without = []
-    if randomize.payloads:
-        without.append("payloads")
+    if len(_carried(randomize, tree)) < len(randomize.payloads):
+        without.append("payloads on bodies without mass")
     for _, ranges, joints in claimed(randomize.joints, [j.name for j in tree.moving_joints]):
         scaled = {key for key in ("kp", "kd", "effort") if getattr(ranges, key) != (1.0, 1.0)}
         own = [a for a, names in groups if set(names) & set(joints)]
@@ -77,10 +92,28 @@ def lost(
         )
 
 
+def imports(found: Sequence[Term]) -> list[str]:
+    """Import lines that the terms need, each sorted into its module."""
+    lines = ["from mjlab.managers.scene_entity_config import SceneEntityCfg"]
+    if any(term.func.startswith("dr.") for term in found):
+        lines.append("from mjlab.envs.mdp import dr")
+    manager = ["EventTermCfg"]
+    if carries(found):
+        manager += ["RecomputeLevel", "requires_model_fields"]
+        lines.append("from mjlab.utils.lab_api.math import matrix_from_quat, quat_from_matrix")
+    return [*lines, f"from mjlab.managers.event_manager import {', '.join(manager)}"]
+
+
+def carries(found: Sequence[Term]) -> bool:
+    """Whether a term mounts a box, which needs torch and a function of the module's own."""
+    return any(term.func == CARRY for term in found)
+
+
 def events_text(found: Sequence[Term]) -> str:
-    """The function `randomize_events` of the module."""
+    """The function `randomize_events` of the module, and the term that mjlab has not."""
     body = "".join(_term_text(term) for term in found)
-    return f'''
+    own = f"{CARRY_TEXT}\n\n\n" if carries(found) else ""
+    return f'''{own}
 def randomize_events() -> dict[str, EventTermCfg]:
     """The recipe's `randomize`, drawn once for each environment; dr.yaml says where from.
 
@@ -96,7 +129,7 @@ def _term_text(term: Term) -> str:
     return f'''
         "{term.name}": EventTermCfg(
             mode="startup",
-            func=dr.{term.func},
+            func={term.func},
             params={{
                 "asset_cfg": SceneEntityCfg("robot", {term.entity}),{params}
             }},
@@ -107,8 +140,75 @@ def _matter(randomize: Randomize, tree: Tree) -> Iterator[Term]:
     rows = claimed(randomize.links, _massive(tree))
     for index, (_, matter, bodies) in enumerate(rows):
         yield Term(
-            f"matter_{index}", "pseudo_inertia", _names("body_names", bodies), _log_cholesky(matter)
+            f"matter_{index}",
+            "dr.pseudo_inertia",
+            _names("body_names", bodies),
+            _log_cholesky(matter),
         )
+
+
+CARRY = "carry_payload"
+CARRY_TEXT = '''
+@requires_model_fields(
+    "body_mass", "body_ipos", "body_inertia", "body_iquat", recompute=RecomputeLevel.set_const
+)
+def carry_payload(env, env_ids, mass_range, box, asset_cfg) -> None:
+    """Mount a box of random mass, kg, on one body: exact in mass, centre of mass and inertia.
+
+    box: pseudo-inertia (4, 4) of one kilogram of it in the body's frame, [[S, h], [h, 1]] with the
+    second moments S, m2, and the centre h, m. It adds to what the body is now, so: at startup.
+    Computed on the CPU, because the eigenvalues of a GPU cost gigabytes of its memory.
+    """
+    model = env.sim.model
+    worlds = torch.arange(env.num_envs) if env_ids is None else env_ids.cpu().long()
+    (body,) = env.scene[asset_cfg.name].indexing.body_ids[asset_cfg.body_ids].tolist()
+    fields = (model.body_mass, model.body_ipos, model.body_inertia, model.body_iquat)
+    at = (worlds.to(env.device), body)
+    mass, com, moments, quat = (field[at].double().cpu() for field in fields)
+
+    axes = matrix_from_quat(quat)
+    second = torch.diag_embed(moments.sum(-1, keepdim=True) / 2 - moments)
+    matter = torch.zeros(len(worlds), 4, 4, dtype=torch.double)
+    matter[:, :3, :3] = axes @ second @ axes.mT + mass[:, None, None] * _outer(com)
+    matter[:, :3, 3] = matter[:, 3, :3] = mass[:, None] * com
+    matter[:, 3, 3] = mass
+    low, high = mass_range
+    drawn = low + (high - low) * torch.rand(len(worlds), dtype=torch.double)
+    matter += drawn[:, None, None] * torch.tensor(box, dtype=torch.double)
+
+    mass = matter[:, 3, 3]
+    com = matter[:, :3, 3] / mass[:, None]
+    spread, axes = torch.linalg.eigh(matter[:, :3, :3] - mass[:, None, None] * _outer(com))
+    axes[torch.linalg.det(axes) < 0, :, 2] *= -1.0
+    values = (mass, com, spread.sum(-1, keepdim=True) - spread, quat_from_matrix(axes))
+    for field, value in zip(fields, values, strict=True):
+        field[at] = value.to(env.device, torch.float)
+
+
+def _outer(vector):
+    return vector[:, :, None] * vector[:, None, :]'''
+
+
+def _payloads(randomize: Randomize, tree: Tree) -> Iterator[Term]:
+    for index, payload in _carried(randomize, tree):
+        body, X_body_link = tree.placement(payload.link)
+        box = move_inertial(homogeneous_box(1.0, payload.size, payload.at), X_body_link)
+        rows = "".join(
+            f"\n                    {tuple(float(value) for value in row)!r},"
+            for row in pseudo_inertia(box)
+        )
+        params = (("mass_range", repr(payload.mass)), ("box", f"({rows}\n                )"))
+        yield Term(f"payload_{index}", CARRY, _names("body_names", (body,)), params)
+
+
+def _carried(randomize: Randomize, tree: Tree) -> list[tuple[int, RandomPayload]]:
+    """Those on bodies that MuJoCo knows as matter."""
+    massive = set(_massive(tree))
+    return [
+        (index, payload)
+        for index, payload in enumerate(randomize.payloads)
+        if tree.placement(payload.link)[0] in massive
+    ]
 
 
 def _massive(tree: Tree) -> list[str]:
@@ -140,20 +240,20 @@ def _joints(
         loops = [i for i in mine if groups[i][0].model in WITH_GAINS]
         if loops and (ranges.kp, ranges.kd) != ((1.0, 1.0), (1.0, 1.0)):
             gains = (("kp_range", repr(ranges.kp)), ("kd_range", repr(ranges.kd)))
-            yield Term(f"gains_{index}", "pd_gains", f"actuator_ids={loops!r}", gains)
+            yield Term(f"gains_{index}", "dr.pd_gains", f"actuator_ids={loops!r}", gains)
         limited = [i for i in loops if groups[i][0].effort is not None]
         if limited and ranges.effort != (1.0, 1.0):
             share = (("effort_limit_range", repr(ranges.effort)),)
-            yield Term(f"effort_{index}", "effort_limits", f"actuator_ids={limited!r}", share)
+            yield Term(f"effort_{index}", "dr.effort_limits", f"actuator_ids={limited!r}", share)
         names = _names("joint_names", joints)
         for key, func in JOINT_TERMS.items():
             factor = getattr(ranges, key)
             if factor != (1.0, 1.0):
                 scale = (("ranges", repr(factor)), ("operation", '"scale"'))
-                yield Term(f"{key}_{index}", func, names, scale)
+                yield Term(f"{key}_{index}", f"dr.{func}", names, scale)
         if ranges.encoder_bias:
             bias = (("bias_range", repr((-ranges.encoder_bias, ranges.encoder_bias))),)
-            yield Term(f"encoder_bias_{index}", "encoder_bias", names, bias)
+            yield Term(f"encoder_bias_{index}", "dr.encoder_bias", names, bias)
 
 
 def _friction(randomize: Randomize) -> Iterator[Term]:
@@ -164,7 +264,7 @@ def _friction(randomize: Randomize) -> Iterator[Term]:
             ("axes", "[0]"),
             ("shared_random", "True"),
         )
-        yield Term("friction", "geom_friction", 'geom_names=(r".*_collision\\d*",)', params)
+        yield Term("friction", "dr.geom_friction", 'geom_names=(r".*_collision\\d*",)', params)
 
 
 def _names(field: str, names: Sequence[str]) -> str:

@@ -7,7 +7,14 @@ from dataclasses import dataclass, field
 
 from assetbuild.recipe.randomize import Randomize, RandomJoint, first_match
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
-from assetbuild.targets.mjlab.events import Term, events_text, replaced, terms
+from assetbuild.targets.mjlab.events import (
+    Term,
+    carries,
+    events_text,
+    imports,
+    replaced,
+    terms,
+)
 from assetbuild.targets.mjlab.text import dict_of, literal, tuple_of
 
 KNEE = re.compile(r".*(calf|knee).*", re.IGNORECASE)
@@ -61,17 +68,13 @@ def _head(facts: ModuleFacts) -> str:
         "from mjlab.sensor import ContactMatch, ContactSensorCfg, ObjRef, RingPatternCfg\n"
         "from mjlab.tasks.velocity.velocity_env_cfg import make_velocity_env_cfg\n"
     )
-    events = (
-        "from mjlab.envs.mdp import dr\n"
-        "from mjlab.managers.event_manager import EventTermCfg\n"
-        "from mjlab.managers.scene_entity_config import SceneEntityCfg\n"
-    )
+    found = event_terms(facts)
     lines = sorted(
         [
             *actuators.splitlines(),
             "from mjlab.entity import EntityArticulationInfoCfg, EntityCfg",
             *(velocity.splitlines() if facts.walks else []),
-            *(events.splitlines() if event_terms(facts) else []),
+            *(imports(found) if found else []),
         ]
     )
     return f'''"""{facts.robot} for mjlab 1.6.
@@ -84,7 +87,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import mujoco
-''' + "\n".join(lines)
+''' + "\n".join([*(["import torch"] if carries(found) else []), *lines])
 
 
 def _facts(facts: ModuleFacts) -> str:
