@@ -12,7 +12,7 @@ from tiny import pendulum, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.errors import RecipeError
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Contact, Control, MjcfOnly
+from assetbuild.robot.model import Contact, Control, MjcfOnly, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.source import SourceControl
 from assetbuild.steps._composed_control import KeyOf, PartControl
@@ -137,6 +137,29 @@ def test_the_surface_that_most_shapes_of_a_part_have_comes_along(tmp_path: Path)
     whole = decode(SourceControl, (tmp_path / "out" / "source_control.json").read_bytes())
     assert whole.surfaces == (("arm_", slippery),)
     assert whole.control.contacts == (("arm_bob", slippery),)
+
+
+def test_a_part_that_floats_alone_is_held_and_its_place_in_its_world_told(tmp_path: Path):
+    text = HEAD + '<body name="b" pos="0 0 0.4"><freejoint name="free"/><geom size=".1"/>'
+    text += '<body name="c"><joint name="j"/><geom size=".1"/></body></body></worldbody></mujoco>'
+    duck = read(text, tmp_path / "read")
+    assert duck.links.base == "floating"
+    write_robot_ports(tmp_path / "base", pendulum())
+    (tmp_path / "base" / "source_map.json").write_text('{"file": "x", "lines": {}}')
+    (tmp_path / "duck_").mkdir()
+    for name in ("links.json", "shapes.json", "source_control.json"):
+        (tmp_path / "duck_" / name).write_bytes((duck.read / name).read_bytes())
+    (tmp_path / "duck_" / "source_map.json").write_text('{"file": "y", "lines": {}}')
+    on = PartOn(folder="duck_", prefix="duck_", link="base", xyz=(0, 0, 0), rpy=(0, 0, 0))
+    findings = run_step(ComposeParts(parts=(on,)), tmp_path, tmp_path / "out")
+    whole = decode(Tree, (tmp_path / "out" / "links.json").read_bytes())
+    assert whole.base == "fixed"
+    assert {joint.kind for joint in whole.joints} <= {"revolute", "continuous", "fixed"}
+    said = decode(SourceControl, (tmp_path / "out" / "source_control.json").read_bytes())
+    assert not {"freejoint", "root", "option"} & {i.place for i in said.control.mjcf_only}
+    (told,) = [f for f in findings if f.rule == "compose.part"]
+    assert "alone it floats" in told.message
+    assert "(0, 0, 0.4) m" in told.message
 
 
 # --- masks ----------------------------------------------------------------------------------
