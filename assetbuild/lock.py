@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from packaging.utils import canonicalize_name
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from assetbuild.errors import LockError, MachineError, Where
 from assetbuild.recipe.loader import read_small_file, shown_path
@@ -51,15 +51,34 @@ class GitPin(Model):
     size: int = Field(ge=1, description="bytes of the exported tar")
 
 
+_OnePin = Annotated[
+    Annotated[Pin, Tag("a wheel")] | Annotated[GitPin, Tag("a commit")],
+    # Without it a wrong value would be told once for each kind of pin.
+    Discriminator(lambda raw: "a commit" if "git" in _keys(raw) else "a wheel"),
+]
+
+
 class Lock(Model):
-    """The pins of one recipe."""
+    """The pins of one recipe: of its source, and of the sources that its parts name themselves."""
 
     schema_: Literal["assetbuild-lock/v1"] = Field("assetbuild-lock/v1", alias="schema")
-    source: Annotated[
-        Annotated[Pin, Tag("a wheel")] | Annotated[GitPin, Tag("a commit")],
-        # Without it a wrong value would be told once for each kind of pin.
-        Discriminator(lambda raw: "a commit" if "git" in _keys(raw) else "a wheel"),
-    ]
+    source: _OnePin | None = None
+    parts: tuple[_OnePin, ...] = ()
+
+    @model_validator(mode="after")
+    def _of_something(self) -> Lock:
+        if self.source is None and not self.parts:
+            raise ValueError("missing key `source`: nothing is pinned")
+        return self
+
+    @property
+    def pins(self) -> tuple[Pin | GitPin, ...]:
+        """All of them."""
+        return (*((self.source,) if self.source else ()), *self.parts)
+
+    def pin_of(self, source: Source) -> Pin | GitPin | None:
+        """The pin of a moving source, whoever names it; None when there is none."""
+        return next((pin for pin in self.pins if _agree(source, pin)), None)
 
 
 def _keys(raw: object) -> Iterable[str]:
@@ -86,9 +105,20 @@ def read_lock(path: Path) -> Lock | None:
 
 def lock_text(lock: Lock) -> str:
     """The file's text: the same lock gives the same bytes."""
-    rows = "".join(f"  {key}: {json.dumps(value)}\n" for key, value in lock.source)
+    text = f"{_HEAD}schema: {lock.schema_}\n"
+    if lock.source is not None:
+        text += "source:\n" + "".join(f"  {row}\n" for row in _rows(lock.source))
+    if lock.parts:
+        text += "parts:\n"
+    for pin in lock.parts:
+        first, *others = _rows(pin)
+        text += f"  - {first}\n" + "".join(f"    {row}\n" for row in others)
+    return text
+
+
+def _rows(pin: Pin | GitPin) -> list[str]:
     # JSON's quotes are YAML's; a digest of digits alone must stay text.
-    return f"{_HEAD}schema: {lock.schema_}\nsource:\n{rows}"
+    return [f"{key}: {json.dumps(value)}" for key, value in pin]
 
 
 def write_lock(path: Path, lock: Lock) -> bool:
@@ -127,12 +157,12 @@ def place_of_pin(path: Path) -> Where:
 def check_pin(source: Source, lock: Lock, path: Path) -> None:
     """LockError when the lock at `path` pins another source than the recipe names."""
     where = Where(shown_path(path))
-    pinned = _pinned(lock.source)
+    pinned = _pinned(lock.pins[0])
     if source.moving is None:
         kind = "a folder" if source.path else "pinned in the recipe"
         message = f"the lock pins {pinned}, but the recipe's source is {kind}"
         raise LockError(message, where=where, hint="delete the lock")
-    if not _agree(source, lock.source):
+    if lock.pin_of(source) is None:
         raise LockError(
             f"the lock pins {pinned}, but the recipe names {source.moving}",
             where=where,

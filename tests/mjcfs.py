@@ -147,11 +147,13 @@ def _assemble(reading: Reading, folder: Path, ports: Path) -> None:
             mesh = f"mesh/{number}"
             inputs |= {f"{mesh}/{name}": made / name for name in ("parts", "mesh.json")}
         if shape.role == "visual":
-            visuals.append(VisualUse(shape=shape.name, folder=mesh, stem="mesh"))
+            visuals.append(VisualUse(shape=shape.name, folder=mesh, stem="mesh", named=True))
         else:
-            use = CollisionUse(link=shape.link, shape=shape.name, mesh=mesh, stem="mesh")
+            use = CollisionUse(
+                link=shape.link, shape=shape.name, mesh=mesh, stem="mesh", named=True
+            )
             collisions.append(use)
-    step = Assemble(visuals=tuple(visuals), collisions=tuple(collisions), keep_names=True)
+    step = Assemble(visuals=tuple(visuals), collisions=tuple(collisions))
     done = _run(step, folder / "assemble", inputs)
     shutil.copyfile(done / "shapes.json", ports / "shapes.json")
     shutil.copytree(done / "meshes", ports / "meshes")

@@ -132,3 +132,28 @@ def test_the_place_of_the_digest_is_its_line(tmp_path):
     assert "sha256" in lines[place_of_pin(path).line - 1]
     path.write_text("[")
     assert place_of_pin(path).line == 0
+
+
+def other_pin(pypi: str) -> Pin:
+    return Pin(pypi=pypi, file="arm-1-py3-none-any.whl", sha256="2" * 64, size=7)
+
+
+def test_sources_of_parts_are_pinned_beside_the_robots_own(tmp_path):
+    path = tmp_path / "r.lock.yaml"
+    lock = Lock(schema="assetbuild-lock/v1", source=pin().source, parts=(other_pin("arm==1"),))
+    write_lock(path, lock)
+    assert read_lock(path) == lock
+    assert lock.pin_of(source(pypi="arm==1")) == other_pin("arm==1")
+    assert lock.pin_of(source(pypi="tiny-robots==1.2.0")) == pin().source
+    assert lock.pin_of(source(pypi="arm==2")) is None
+    with pytest.raises(LockError, match="names arm==2"):
+        check_pin(source(pypi="arm==2"), lock, path)
+
+
+def test_a_robot_in_a_folder_with_a_part_from_elsewhere_has_a_lock_of_parts_alone(tmp_path):
+    path = tmp_path / "r.lock.yaml"
+    write_lock(path, Lock(schema="assetbuild-lock/v1", parts=(other_pin("arm==1"),)))
+    assert read_lock(path).source is None
+    path.write_text("schema: assetbuild-lock/v1\n")
+    with pytest.raises(LockError, match="nothing is pinned"):
+        read_lock(path)

@@ -19,17 +19,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the locks; prints each lock file."""
     from assetbuild.lock import Pin, lock_path
-    from assetbuild.pipeline.opening import write_pin
+    from assetbuild.pipeline.opening import moving_sources, write_pin
     from assetbuild.recipe.loader import load_recipe, shown_path
 
     for recipe in arguments.recipes:
         loaded = load_recipe(recipe)
-        if loaded.recipe.source.moving is None:
+        variants = [load_recipe(recipe, name) for name in loaded.recipe.variants]
+        if not moving_sources(loaded, *variants):
             kind = "a folder" if loaded.recipe.source.path else "pinned in the recipe"
             print(f"{loaded.file}: the source is {kind}; there is nothing to pin")
             continue
-        lock = write_pin(loaded, lambda text: print(text, file=sys.stderr))
-        pin = lock.source
-        what = pin.file if isinstance(pin, Pin) else pin.commit
-        print(f"{shown_path(lock_path(loaded.path))}: {what}, {pin.size / 1e6:.1f} MB")
+        lock = write_pin(loaded, lambda text: print(text, file=sys.stderr), variants)
+        for pin in lock.pins:
+            what = pin.file if isinstance(pin, Pin) else pin.commit
+            print(f"{shown_path(lock_path(loaded.path))}: {what}, {pin.size / 1e6:.1f} MB")
     return 0

@@ -59,12 +59,17 @@ def bundle_files(
 ) -> list[BundleFile]:
     """Everything that the bundle of one recipe holds, manifest and provenance last."""
     recipe = loaded.recipe
-    pinned = _pinned(lock)
+    pinned = _pinned(recipe, lock)
     files = _target_files(outline, results, session) + _licence_files(outline, results, session)
     subject = _subject(loaded, pinned, outline, session, results)
     files += _report_files(subject, outline, report, session, results)
     files.append(
-        notice([(recipe, pinned), *((p.recipe, _pinned(part_lock(p))) for p in loaded.parts)])
+        notice(
+            [
+                (recipe, pinned),
+                *((p.recipe, _pinned(p.recipe, part_lock(p))) for p in loaded.parts),
+            ]
+        )
     )
     if outline.ranges is not None:
         stated = session.read(results[outline.ranges.label]["dr.yaml"])
@@ -90,8 +95,9 @@ def bundle_files(
     return files
 
 
-def _pinned(lock: Lock | None) -> dict[str, object]:
-    return {} if lock is None else dict(lock.source.model_dump())
+def _pinned(recipe: Recipe, lock: Lock | None) -> dict[str, object]:
+    pin = lock.pin_of(recipe.source) if lock else None
+    return dict(pin.model_dump()) if pin else {}
 
 
 def files_read(loaded: LoadedRecipe, graph: Graph, session: Session) -> dict[str, str]:
@@ -123,9 +129,9 @@ def _materials(recipe: Recipe, lock: Lock | None) -> list[dict[str, object]]:
     """What was downloaded, each with its digest."""
     if recipe.source.url is not None:
         return [{"uri": recipe.source.url, "digest": {"sha256": recipe.source.sha256}}]
-    if lock is None:
+    pin = lock.pin_of(recipe.source) if lock else None
+    if pin is None:
         return []
-    pin = lock.source
     if isinstance(pin, GitPin):
         uri = f"git+{pin.git}@{pin.commit}"
         return [{"uri": uri, "digest": {"gitCommit": pin.commit, "sha256": pin.sha256}}]

@@ -3,31 +3,33 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from assetbuild.engine.execute import NodeResult
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, Where
+from assetbuild.findings import Finding
 from assetbuild.lock import lock_path, place_of_pin
 from assetbuild.pipeline.licences import licence_findings
 from assetbuild.plan import Outline
 from assetbuild.plan.looks import PICTURE_MODEL
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.document import CheckResult, Report, make_report
+from assetbuild.steps.compose_parts import prefixed_subject
 
 
 def judged(
     loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult], session: Session
 ) -> Report:
     """The report of one recipe whose steps all went well."""
-    findings = licence_findings(loaded.recipe.source.license, len(outline.licenses))
+    findings = _licences(loaded, outline)
     for label, result in results.items():
         if label == PICTURE_MODEL:
             continue  # the target `mjcf` has said it already
         subject = outline.subjects.get(label)
-        own = result.findings
+        own = _of_part(loaded, label, result.findings)
         findings += [replace(f, subject=subject) for f in own] if subject else own
     checks: dict[str, CheckResult] = {
         name: CheckResult("skip", note=note) for name, note in outline.skipped.items()
@@ -39,6 +41,40 @@ def judged(
         checks[name] = CheckResult("fail" if bad else "pass", figures)
     locate = locator(loaded, outline, results, session)
     return make_report(loaded.recipe.robot, findings, checks, loaded.recipe.rules, locate)
+
+
+def _licences(loaded: LoadedRecipe, outline: Outline) -> list[Finding]:
+    """What the licences of the robot and of its parts ask; texts lie below each part's prefix."""
+    texts = {row.as_: 0 for row in loaded.recipe.compose}
+    own = 0
+    for path in outline.licenses:
+        prefix = path.partition("/")[0]
+        if prefix in texts:
+            texts[prefix] += 1
+        else:
+            own += 1
+    found = licence_findings(loaded.recipe.source.license, own)
+    for row, part in zip(loaded.recipe.compose, loaded.parts, strict=True):
+        for finding in licence_findings(part.recipe.source.license, texts[row.as_]):
+            message = f"part `{row.as_}`: {finding.message}"
+            found.append(replace(finding, subject="recipe compose", message=message))
+    return found
+
+
+def _of_part(loaded: LoadedRecipe, label: str, found: Iterable[Finding]) -> list[Finding]:
+    """What a step says of a part by the part's own names, under the names of the whole."""
+    prefix = label.partition(" ")[0]
+    if prefix not in {row.as_ for row in loaded.recipe.compose}:
+        return list(found)
+    moved = []
+    for finding in found:
+        kind = finding.subject.partition(" ")[0]
+        subject = "recipe compose"
+        if kind not in ("recipe", "robot"):
+            subject = prefixed_subject(finding.subject, prefix)
+        said = f"part `{prefix}`: {finding.message}" if kind == "robot" else finding.message
+        moved.append(replace(finding, subject=subject, message=said))
+    return moved
 
 
 def locator(
@@ -81,6 +117,9 @@ def where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | None
         if loaded.recipe.source.moving is None:
             return loaded.where(("source", "sha256"))
         return place_of_pin(lock_path(loaded.path))
+    for row, part in zip(loaded.recipe.compose, loaded.parts, strict=True):
+        if label == f"{row.as_} fetch":
+            return part.where(("source",))
     return None
 
 

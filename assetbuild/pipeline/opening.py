@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from assetbuild.lock import GitPin, Lock, Pin, check_pin, lock_path, read_lock, 
 from assetbuild.plan import Outline, plan
 from assetbuild.plan.source import repository
 from assetbuild.recipe.loader import LoadedRecipe, load_recipe, shown_path
+from assetbuild.recipe.source import Source
 from assetbuild.steps.fetch import resolve
 from assetbuild.steps.fetch_git import resolve_git
 
@@ -61,19 +62,22 @@ def remote_cache(url: str, say: Callable[[str], None], *, write: bool) -> Remote
 
 
 def pin(loaded: LoadedRecipe, *, frozen: bool, say: Callable[[str], None]) -> Lock | None:
-    """The lock of a moving source; written when it is missing or pins something else.
+    """The lock of moving sources; written when it is missing or pins something else.
 
-    The locks of parts are looked after as well. Raises OutOfDateError instead when `frozen`.
+    Parts with recipes of their own have locks of their own, which are looked after as well; a
+    part that is a mere source is pinned in this one. Raises OutOfDateError instead when `frozen`.
     """
     for part in loaded.parts:
-        pin(part, frozen=frozen, say=say)
-    if loaded.recipe.source.moving is None:
+        if not part.inline:
+            pin(part, frozen=frozen, say=say)
+    path, moving = lock_path(loaded.path), moving_sources(loaded)
+    if not moving:
         return None
-    path = lock_path(loaded.path)
     lock = read_lock(path)
     try:
         if lock is not None:
-            check_pin(loaded.recipe.source, lock, path)
+            for _, source in moving:
+                check_pin(source, lock, path)
             return lock
         reason = "there is no lock yet"
     except LockError as error:
@@ -82,21 +86,53 @@ def pin(loaded: LoadedRecipe, *, frozen: bool, say: Callable[[str], None]) -> Lo
         raise OutOfDateError(
             reason, where=Where(shown_path(path)), hint=f"run `assetbuild lock {loaded.file}`"
         )
-    say(f"{reason}: pinning {loaded.recipe.source.moving}")
-    return write_pin(loaded, say)
+    say(f"{reason}: pinning {', '.join(str(source.moving) for _, source in moving)}")
+    return write_pin(loaded, say, known=lock)
 
 
-def write_pin(loaded: LoadedRecipe, say: Callable[[str], None]) -> Lock:
-    """Resolve a moving source and write the lock beside the recipe."""
-    source = loaded.recipe.source
-    pinned: Pin | GitPin
-    if source.git is not None:
-        pinned = resolve_git(source.git, str(source.rev), repository(loaded))
-    else:
-        name, _, version = str(source.pypi).partition("==")
-        pinned = resolve(name, version, on_line=lambda line: say(line) if "MB)" in line else None)
-    lock = Lock(schema="assetbuild-lock/v1", source=pinned)
+def moving_sources(*recipes: LoadedRecipe) -> list[tuple[LoadedRecipe, Source]]:
+    """What the lock beside a recipe must pin, and who names it; each source once.
+
+    recipes: one, or it and its variants.
+    """
+    found: dict[str, tuple[LoadedRecipe, Source]] = {}
+    for loaded in recipes:
+        for each in (loaded, *(part for part in loaded.parts if part.inline)):
+            if (moving := each.recipe.source.moving) is not None:
+                found.setdefault(moving, (each, each.recipe.source))
+    return list(found.values())
+
+
+def write_pin(
+    loaded: LoadedRecipe,
+    say: Callable[[str], None],
+    variants: Sequence[LoadedRecipe] = (),
+    known: Lock | None = None,
+) -> Lock:
+    """Resolve moving sources and write the lock beside the recipe.
+
+    variants: of the recipe, whose parts are pinned too. known: a lock whose pins stay where they
+    agree, and those of parts that other variants have; None = all are resolved anew.
+    """
+    own: Pin | GitPin | None = None
+    parts: list[Pin | GitPin] = []
+    for each, source in moving_sources(loaded, *variants):
+        pinned = known.pin_of(source) if known else None
+        pinned = pinned or _resolved(each, source, say)
+        if each is loaded:
+            own = pinned
+        else:
+            parts.append(pinned)
+    parts += [pinned for pinned in (known.parts if known else ()) if pinned not in parts]
+    lock = Lock(schema="assetbuild-lock/v1", source=own, parts=tuple(parts))
     path = lock_path(loaded.path)
     if write_lock(path, lock):
         say(f"wrote {shown_path(path)}")
     return lock
+
+
+def _resolved(loaded: LoadedRecipe, source: Source, say: Callable[[str], None]) -> Pin | GitPin:
+    if source.git is not None:
+        return resolve_git(source.git, str(source.rev), repository(loaded))
+    name, _, version = str(source.pypi).partition("==")
+    return resolve(name, version, on_line=lambda line: say(line) if "MB)" in line else None)

@@ -29,6 +29,7 @@ from assetbuild.plan.reading import Reading, read_description
 from assetbuild.plan.source import Description, Source, description_of, open_source
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.sides import Side
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Shapes, Tree
 from assetbuild.steps._inertia_rules import Bounds
@@ -88,23 +89,24 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
             return outline
         loaded, ready = composite
         recipe, outline.source_map = loaded.recipe, ready.source_map
-    read, edited, geometry = ready.read, ready.robot, ready.geometry
-    tree = _merge(recipe, read, edited, p)
+    read, edited, geometry, sides = ready.read, ready.robot, ready.geometry, ready.sides
+    tree = _merge(recipe, ready, p)
     links, shapes = p.ask(edited["links.json"]), p.ask(edited["shapes.json"])
     merged = p.ask(tree["tree.json"])
     if links is None or shapes is None or merged is None:
         return outline
-    check_against_robot(loaded, decode(Tree, links), decode(Tree, merged))
+    control_step = ControlStep.configure(recipe, sides, ready.poses)
+    check_against_robot(loaded, decode(Tree, links), decode(Tree, merged), control_step)
 
     if geometry is None:
         return outline
     geometry.shapes = decode(Shapes, shapes)
-    assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], p)
+    assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], sides, p)
     lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     outline.subjects = geometry.subjects
     if assembled is None:
         return outline
-    control = _control(recipe, read, tree, assembled, p)
+    control = _control(recipe, control_step, read, tree, assembled, p)
     ratings = p.add("ratings", KeepRatings(), {"control.json": control["control.json"]})
     outline.robot = {
         "links.json": edited["links.json"],
@@ -147,7 +149,9 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
     if geometry is not None:
         lint_density(read, geometry, p)
     edited = apply_edits(loaded, read.robot, geometry, p)
-    return None if edited is None else Ready(read, edited, geometry, read.source_map)
+    if edited is None:
+        return None
+    return Ready(read, edited, geometry, read.source_map, (Side.of(loaded.recipe),))
 
 
 def _prepare_part(whole: LoadedRecipe, index: int, outline: Outline, p: Planner) -> Ready | None:
@@ -188,11 +192,12 @@ def _geometry(
     return Geometry(drawn, files, named, textures, turned, p)
 
 
-def _merge(recipe: Recipe, read: Reading, edited: Mapping[str, Ref], p: Planner) -> Node:
-    fixed, inputs = recipe.fixed_joints, {"links.json": edited["links.json"]}
-    keeps = read.control is not None and "merge" not in fixed.model_fields_set
-    if read.control is not None and keeps:
-        inputs["source_control.json"] = read.control
+def _merge(recipe: Recipe, ready: Ready, p: Planner) -> Node:
+    fixed, edited = recipe.fixed_joints, ready.robot
+    inputs = {"links.json": edited["links.json"]}
+    keeps = any(side.keeps for side in ready.sides)
+    if ready.read.control is not None and keeps:
+        inputs["source_control.json"] = ready.read.control
     step = MergeFixedJoints(merge=fixed.merge, keep_bodies=fixed.keep_bodies, keep_source=keeps)
     tree = p.add("merge_fixed_joints", step, inputs)
     linted = {"tree.json": tree["tree.json"], "shapes.json": edited["shapes.json"]}
@@ -203,8 +208,9 @@ def _merge(recipe: Recipe, read: Reading, edited: Mapping[str, Ref], p: Planner)
 # --- control, targets, checks ---------------------------------------------------------------
 
 
-def _control(recipe: Recipe, read: Reading, tree: Node, assembled: Node, p: Planner) -> Node:
-    step = ControlStep.configure(recipe)
+def _control(
+    recipe: Recipe, step: ControlStep, read: Reading, tree: Node, assembled: Node, p: Planner
+) -> Node:
     inputs = {
         "tree.json": tree["tree.json"],
         "shapes.json": assembled["shapes.json"],
@@ -263,7 +269,8 @@ def _checks(
             continue
         without = [n for n in check.needs if n not in outline.targets and n not in sources]
         if without:
-            outline.skipped[name] = _WITHOUT[without[0]]
+            mounted = without[0] == "source_mjcf" and recipe.compose
+            outline.skipped[name] = _WITHOUT["parts" if mounted else without[0]]
             continue
         inputs = {port: outline.robot[port] for port in check.reads}
         for need in (*check.needs, *(t for t in check.also if t in outline.targets)):
@@ -274,5 +281,6 @@ def _checks(
 
 _WITHOUT = {
     "source": "there is no URDF to compare with: add `urdf` to the targets",
+    "parts": "parts are mounted on it: the robot is not its source alone",
     "source_mjcf": "the edits changed the robot: it is not the source's any more",
 }

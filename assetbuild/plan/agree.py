@@ -48,7 +48,9 @@ def check_names(loaded: LoadedRecipe) -> None:
         )
 
 
-def check_against_robot(loaded: LoadedRecipe, links: Tree, tree: Tree) -> None:
+def check_against_robot(
+    loaded: LoadedRecipe, links: Tree, tree: Tree, control: ControlStep
+) -> None:
     """Patterns of the recipe that match nothing of this robot, and the actuator table."""
     recipe, names = loaded.recipe, [body.name for body in links.bodies]
     for pattern in recipe.collision.links:
@@ -60,7 +62,7 @@ def check_against_robot(loaded: LoadedRecipe, links: Tree, tree: Tree) -> None:
     for index, pattern in enumerate(recipe.fixed_joints.keep_bodies):
         _must_match(loaded, ("fixed_joints", "keep_bodies", index), pattern, names)
     try:
-        ControlStep.configure(recipe).check(tree)
+        control.check(tree)
         if recipe.randomize is not None:
             StateRanges(robot=recipe.robot, randomize=recipe.randomize).check(tree)
     except RowError as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import PurePosixPath
 
 from assetbuild.engine.graph import Node, Planner, Ref
@@ -10,6 +10,7 @@ from assetbuild.plan.collision import Job, OwnMesh, Twins, collision_jobs, equal
 from assetbuild.plan.companions import Companions
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.sides import Side, side_of
 from assetbuild.robot.model import Mesh, Shapes, Tree
 from assetbuild.steps.assemble import Assemble, CollisionUse, TextureUse, VisualUse
 from assetbuild.steps.convert_mesh import ConvertMesh
@@ -143,11 +144,19 @@ def lint_meshes(links: Ref, shapes: Ref, geometry: Geometry, p: Planner) -> Node
 
 
 def assemble(
-    loaded: LoadedRecipe, links: Tree, geometry: Geometry, shapes: Ref, p: Planner
+    loaded: LoadedRecipe,
+    links: Tree,
+    geometry: Geometry,
+    shapes: Ref,
+    sides: Sequence[Side],
+    p: Planner,
 ) -> Node | None:
-    """All final shapes and mesh files of the robot; None while equal shapes are looked for."""
+    """All final shapes and mesh files of the robot; None while equal shapes are looked for.
+
+    sides: shapes of one that comes as MJCF keep their names.
+    """
     inputs: dict[str, Ref] = {"shapes.json": shapes}
-    visuals = _visuals(loaded.recipe, geometry, inputs)
+    visuals = _visuals(loaded.recipe, geometry, sides, inputs)
     jobs = collision_jobs(loaded, links, geometry)
     twins = equal_shapes(jobs, geometry, p)
     if twins is None:
@@ -156,15 +165,16 @@ def assemble(
     collisions = []
     for job in jobs:
         if job.method is None:
-            collisions.append(_kept(job, geometry, inputs))
+            use = _kept(job, geometry, inputs)
         else:
             node = nodes[id(job)] = _add(job, twins, nodes, geometry, p)
-            collisions.append(_use(job, node, inputs))
+            use = _use(job, node, inputs)
+        named = side_of(sides, job.link).from_mjcf
+        collisions.append(use.model_copy(update={"named": named}))
     step = Assemble(
         visuals=tuple(visuals),
         collisions=tuple(collisions),
         textures=_textures(geometry, inputs, p),
-        keep_names=loaded.recipe.source.mjcf is not None,
     )
     return p.add("assemble", step, inputs)
 
@@ -180,17 +190,20 @@ def _textures(geometry: Geometry, inputs: dict[str, Ref], p: Planner) -> tuple[T
     return tuple(uses)
 
 
-def _visuals(recipe: Recipe, geometry: Geometry, inputs: dict[str, Ref]) -> list[VisualUse]:
+def _visuals(
+    recipe: Recipe, geometry: Geometry, sides: Sequence[Side], inputs: dict[str, Ref]
+) -> list[VisualUse]:
     uses = []
     for shape in geometry.shapes.of("visual"):
+        named = side_of(sides, shape.link).from_mjcf
         if not isinstance(shape.geometry, Mesh):
-            uses.append(VisualUse(shape=shape.name))
+            uses.append(VisualUse(shape=shape.name, named=named))
             continue
         node = geometry.for_the_eye(shape.geometry, recipe.visual.max_faces)
         folder = f"visual/{node.label}"
         _link_mesh(node, folder, inputs)
         stem = geometry.stem(shape.geometry)
-        uses.append(VisualUse(shape=shape.name, folder=folder, stem=stem))
+        uses.append(VisualUse(shape=shape.name, folder=folder, stem=stem, named=named))
     return uses
 
 

@@ -84,8 +84,8 @@ def _archive(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Ref:
     if source.url is not None:
         step = FetchUrl(url=source.url, sha256=str(source.sha256))
     else:
-        assert lock is not None  # noqa: S101 # the pipeline pins moving sources first
-        pin = lock.source
+        pin = lock.pin_of(source) if lock else None
+        assert pin is not None  # noqa: S101 # the pipeline pins moving sources first
         if isinstance(pin, GitPin):
             step = FetchGit(url=repository(loaded), commit=pin.commit, sha256=pin.sha256)
         else:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from assetbuild.recipe.base import Model, Positive, Real
 from assetbuild.recipe.names import Name, Pattern
+from assetbuild.recipe.source import Source
 
 Prefix = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]
 Three = tuple[Real, Real, Real]
@@ -34,7 +35,12 @@ class Mount(Model):
 class Part(Model):
     """Another robot, mounted on this one by a fixed joint. All its names get a prefix."""
 
-    recipe: str = Field(description="its recipe, relative to this one")
+    recipe: str | None = Field(None, description="its recipe, relative to this one")
+    source: Source | None = Field(
+        None,
+        description="the robot itself, instead of a `recipe`: the rows of this recipe that begin "
+        "with the prefix speak of it",
+    )
     variant: Name | None = Field(None, description="of that recipe")
     as_: Prefix = Field(alias="as", description="prefix of all its names, such as `arm_`")
     at: At = Field(description="where its root sits")
@@ -47,3 +53,11 @@ class Part(Model):
         description="its joints, by their own names, in keyframe `home`; without it as its "
         "recipe's own `home`",
     )
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> Part:
+        if (self.recipe is None) == (self.source is None):
+            raise ValueError("give exactly one of `recipe`, `source`")
+        if self.source is not None and self.variant is not None:
+            raise ValueError("`variant` is one of a `recipe`: a `source` has none")
+        return self

@@ -20,7 +20,8 @@ class LoadedRecipe:
 
     path: absolute. file: the name for people, relative to the working folder when below it.
     variant: the one that was applied, or None. files: all that was read, absolute.
-    parts: the recipes that `compose` names, in its order.
+    parts: the recipes that `compose` names, in its order; those of a `source` are made of this one
+    and `inline`.
     """
 
     recipe: Recipe
@@ -30,6 +31,7 @@ class LoadedRecipe:
     files: tuple[Path, ...]
     tree: Node = field(repr=False)
     parts: tuple[LoadedRecipe, ...] = ()
+    inline: bool = False
 
     def where(self, key: Key) -> Where:
         """The place of a key such as `("actuators", 2, "kp")`; of the nearest above if absent."""
@@ -45,7 +47,11 @@ def load_recipe(path: Path | str, variant: str | None = None) -> LoadedRecipe:
 
     All variants are checked, also those that nobody asked for.
     """
-    path = Path(path)
+    return _with_parts(_load(Path(path), variant))
+
+
+def _load(path: Path, variant: str | None) -> LoadedRecipe:
+    """One recipe without its parts."""
     file = shown_path(path)
     root = parse(read_small_file(path, file, RecipeError), file, RecipeError)
     if not isinstance(root.value, dict):
@@ -65,25 +71,45 @@ def load_recipe(path: Path | str, variant: str | None = None) -> LoadedRecipe:
     if variant is not None:
         tree = trees[variant] if variant in trees else patched(root, variant)
         recipe = recipes[variant]
-    loaded = LoadedRecipe(recipe, absolute, file, variant, (absolute, *library), tree)
-    return _with_parts(loaded)
+    return LoadedRecipe(recipe, absolute, file, variant, (absolute, *library), tree)
 
 
 def _with_parts(loaded: LoadedRecipe) -> LoadedRecipe:
     """With the recipes of its parts; RecipeError for a part that has parts itself."""
-    parts: list[LoadedRecipe] = []
-    for index, part in enumerate(loaded.recipe.compose):
-        key = ("compose", index, "recipe")
-        path = Path(os.path.normpath(loaded.path.parent / part.recipe))
-        if path in loaded.files or not path.is_file():
-            problem = "is this recipe itself" if path in loaded.files else "there is no such file"
-            raise loaded.error(key, f"`{part.recipe}`: {problem}")
-        if b"\ncompose:" in b"\n" + read_small_file(path, shown_path(path), RecipeError):
-            hint = "list all parts in one recipe"
-            raise loaded.error(key, f"`{part.recipe}` is composed of parts itself", hint)
-        parts.append(load_recipe(path, part.variant))
+    parts = [
+        _part_of(loaded, index, part.recipe, part.variant)
+        if part.recipe is not None
+        else _inline_part(loaded, index)
+        for index, part in enumerate(loaded.recipe.compose)
+    ]
     files = dict.fromkeys((*loaded.files, *(file for part in parts for file in part.files)))
     return replace(loaded, parts=tuple(parts), files=tuple(files))
+
+
+def _part_of(loaded: LoadedRecipe, index: int, name: str, variant: str | None) -> LoadedRecipe:
+    key = ("compose", index, "recipe")
+    path = Path(os.path.normpath(loaded.path.parent / name))
+    if path in loaded.files or not path.is_file():
+        problem = "is this recipe itself" if path in loaded.files else "there is no such file"
+        raise loaded.error(key, f"`{name}`: {problem}")
+    part = _load(path, variant)
+    if part.recipe.compose:
+        hint = "list all parts in one recipe"
+        raise loaded.error(key, f"`{name}` is composed of parts itself", hint)
+    return part
+
+
+def _inline_part(loaded: LoadedRecipe, index: int) -> LoadedRecipe:
+    """A part that is no more than a source: its tables are rows of the whole's recipe."""
+    row, whole = loaded.recipe.compose[index], loaded.recipe
+    collision = {"preset": whole.collision.preset, "default": whole.collision.default}
+    given = {"schema": "assetbuild/v1", "robot": row.as_.strip("_") or row.as_}
+    recipe = Recipe.model_validate({**given, "source": row.source, "collision": collision})
+    entries = loaded.tree.value
+    assert isinstance(entries, dict)  # noqa: S101 # it is a valid recipe
+    rows = entries["compose"].node.value
+    assert isinstance(rows, tuple | list)  # noqa: S101 # as above
+    return replace(loaded, recipe=recipe, files=(), tree=rows[index], parts=(), inline=True)
 
 
 def with_motor_file(root: Node, recipe: Path) -> tuple[Node, tuple[Path, ...]]:

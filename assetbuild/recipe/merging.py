@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from assetbuild.recipe.actuators import ActuatorRow, Motor
 from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.compose import Part
-from assetbuild.recipe.models import Keyframe, Recipe
+from assetbuild.recipe.models import FixedJoints, Keyframe, Recipe
 from assetbuild.recipe.randomize import Randomize
 from assetbuild.recipe.sensing import IMU_NAMES, Feet, Imu, Sensor
+from assetbuild.recipe.sides import Side
 from assetbuild.recipe.surface import Contact, Surface
 
 Value = TypeVar("Value")
@@ -25,17 +26,38 @@ HOME = "home"
 
 @dataclass(frozen=True)
 class Mounted:
-    """A part with its own recipe. links, joints: its names with the prefix."""
+    """A part with its own recipe. links, joints: its names with the prefix.
+
+    poses: by keyframe of its source the value of each joint by its own name, rad or m.
+    """
 
     part: Part
     recipe: Recipe
     links: tuple[str, ...]
     joints: tuple[str, ...]
+    poses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def prefix(self) -> str:
         """Of all its names."""
         return self.part.as_
+
+    @property
+    def side(self) -> Side:
+        """Who decides what in it."""
+        return Side.of(self.recipe, self.prefix)
+
+    def pose_key(self, name: str) -> tuple[str, bool] | None:
+        """Its keyframe for one of the whole, and whether the source says it; None without any.
+
+        The one of the same name, else its `home`; its recipe's before its source's.
+        """
+        for key in (name, HOME):
+            if key in self.recipe.keyframes:
+                return key, False
+            if key in self.poses:
+                return key, True
+        return None
 
 
 def composed(recipe: Recipe, parts: Sequence[Mounted]) -> Recipe:
@@ -47,22 +69,10 @@ def composed(recipe: Recipe, parts: Sequence[Mounted]) -> Recipe:
             "exclude": recipe.collision.exclude.model_copy(update={"pairs": _pairs(recipe, parts)}),
         }
     )
-    fixed = recipe.fixed_joints.model_copy(
-        update={
-            "keep_bodies": (
-                *(_own(pattern, prefixes) for pattern in recipe.fixed_joints.keep_bodies),
-                *(
-                    anchored(mounted.prefix, pattern)
-                    for mounted in parts
-                    for pattern in mounted.recipe.fixed_joints.keep_bodies
-                ),
-            )
-        }
-    )
     return recipe.model_copy(
         update={
             "collision": collision,
-            "fixed_joints": fixed,
+            "fixed_joints": _fixed_joints(recipe, parts, prefixes),
             "motors": _motors(recipe, parts),
             "actuators": _actuators(recipe, parts, prefixes),
             "keyframes": _keyframes(recipe, parts, prefixes),
@@ -78,6 +88,20 @@ def composed(recipe: Recipe, parts: Sequence[Mounted]) -> Recipe:
             "edits": (),
         }
     )
+
+
+def poses_in_source_keys(
+    recipe: Recipe, parts: Sequence[Mounted], names: Iterable[str]
+) -> dict[str, dict[str, float]]:
+    """The parts' joints, by pattern, in keyframes that the base's source has and no recipe says."""
+    found: dict[str, dict[str, float]] = {}
+    for name in names:
+        if name not in recipe.keyframes:
+            pose: dict[str, float] = {}
+            for mounted in parts:
+                pose |= _part_pose(mounted, name, ())
+            found[name] = pose
+    return found
 
 
 def left_out(recipe: Recipe, part: Recipe) -> tuple[str, ...]:
@@ -121,6 +145,22 @@ def _split(
     """What the base's table says of parts, and what it says of the base, anchored."""
     about = {k: v for k, v in table.items() if _about_part(k, prefixes)}
     return about, {_own(k, prefixes): v for k, v in table.items() if k not in about}
+
+
+def _fixed_joints(recipe: Recipe, parts: Sequence[Mounted], prefixes: Sequence[str]) -> FixedJoints:
+    """Each side merges as its own recipe says; of one that does not, all links stay."""
+    keep = [_own(pattern, prefixes) for pattern in recipe.fixed_joints.keep_bodies]
+    for mounted in parts:
+        own = mounted.recipe.fixed_joints.keep_bodies
+        keep += [anchored(mounted.prefix, pattern) for pattern in own]
+    merge = recipe.fixed_joints.merge, *(m.recipe.fixed_joints.merge for m in parts)
+    if any(merge) and not merge[0]:
+        keep.append(_own(".*", prefixes))
+    if any(merge):
+        whole = [m for m in parts if not m.recipe.fixed_joints.merge]
+        keep += [anchored(mounted.prefix, ".*") for mounted in whole]
+    update = {"merge": any(merge), "keep_bodies": tuple(keep)}
+    return recipe.fixed_joints.model_copy(update=update)
 
 
 def _links(
@@ -177,7 +217,9 @@ def _actuators(
 
 
 def _keyframes(
-    recipe: Recipe, parts: Sequence[Mounted], prefixes: Sequence[str]
+    recipe: Recipe,
+    parts: Sequence[Mounted],
+    prefixes: Sequence[str],
 ) -> dict[str, Keyframe]:
     keyframes = {}
     for name, keyframe in recipe.keyframes.items():
@@ -189,17 +231,28 @@ def _keyframes(
     return keyframes
 
 
+def home_of_parts(parts: Sequence[Mounted]) -> Keyframe | None:
+    """`home` of a base that has no keyframe: its joints at 0; None where no part has one either."""
+    pose: dict[str, float] = {}
+    for mounted in parts:
+        pose |= _part_pose(mounted, HOME, ())
+    return Keyframe.model_validate({"joints": pose}) if pose else None
+
+
 def _part_pose(mounted: Mounted, name: str, but: Sequence[str]) -> dict[str, float]:
     """The part's joints in a keyframe: by `home`, else as its own keyframe of that name or home."""
-    own = mounted.recipe.keyframes.get(name) or mounted.recipe.keyframes.get(HOME)
-    pose = dict(own.joints) if own else {}
+    pose: dict[str, float] = {}
+    if (found := mounted.pose_key(name)) is not None:
+        key, by_source = found
+        own = mounted.poses[key] if by_source else mounted.recipe.keyframes[key].joints
+        pose = {re.escape(k) if by_source else k: v for k, v in own.items()}
     if name == HOME and mounted.part.home:
         first = tuple(mounted.part.home)
         pose = {f"{_not(first)}(?:{k})": v for k, v in pose.items()} | dict(mounted.part.home)
-    found = {anchored(mounted.prefix, pattern, but): value for pattern, value in pose.items()}
+    placed = {anchored(mounted.prefix, pattern, but): value for pattern, value in pose.items()}
     return {
         pattern: value
-        for pattern, value in found.items()
+        for pattern, value in placed.items()
         if any(re.fullmatch(pattern, joint) for joint in mounted.joints)
     }
 
@@ -209,13 +262,22 @@ def _contact(recipe: Recipe, parts: Sequence[Mounted], prefixes: Sequence[str]) 
     links = {**about, **own}
     for mounted in parts:
         contact = mounted.recipe.contact
-        whole = Surface(**{key: getattr(contact, key) for key in Surface.model_fields})
+        # An MJCF has surfaces of its own: its recipe changes what it states.
+        from_mjcf = mounted.recipe.source.mjcf is not None
+        whole = _surface_of(contact)
+        if from_mjcf:
+            whole = Surface(**whole.model_dump(include=contact.model_fields_set))
         for pattern, surface in contact.links.items():
-            said = surface.model_dump(exclude_none=True)
-            links[anchored(mounted.prefix, pattern)] = whole.model_copy(update=said)
-        if whole != Surface(**{key: getattr(recipe.contact, key) for key in Surface.model_fields}):
+            own_words = surface.model_dump(exclude_none=True)
+            links[anchored(mounted.prefix, pattern)] = whole.model_copy(update=own_words)
+        bases = Surface() if from_mjcf else _surface_of(recipe.contact)
+        if whole != bases:
             links[anchored(mounted.prefix, ".*")] = whole
     return recipe.contact.model_copy(update={"links": links})
+
+
+def _surface_of(contact: Contact) -> Surface:
+    return Surface(**{key: getattr(contact, key) for key in Surface.model_fields})
 
 
 def _feet(recipe: Recipe, parts: Sequence[Mounted], prefixes: Sequence[str]) -> Feet | None:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -90,15 +90,17 @@ def resolve(
     rows: Sequence[RowSpec],
     motors: Mapping[str, MotorSpec],
     home: Mapping[str, float] | None = None,
+    driven: Collection[str] = (),
 ) -> tuple[Actuator, ...]:
     """One actuator for each moving joint, in tree order. Raises RowError, see the module.
 
     home: positions by joint name at which `inertia: home` is taken, rad or m; None = all 0.
+    driven: joints that need no row, because their source says what drives them.
     """
     table = [_Matched(i, row, _motor_of(i, row, motors)) for i, row in enumerate(rows)]
     for entry in table:
         _check_gains(entry)
-    by_joint = _match(tree, table) if table else {}
+    by_joint = _match(tree, table, driven) if table else {}
     for joint in tree.moving_joints:
         if joint.name in by_joint:
             _check_units(joint, by_joint[joint.name], by_joint, tree)
@@ -183,7 +185,7 @@ _WITH_UNIT: Mapping[str, str] = {
 }
 
 
-def _match(tree: Tree, table: list[_Matched]) -> dict[str, _Matched]:
+def _match(tree: Tree, table: list[_Matched], driven: Collection[str]) -> dict[str, _Matched]:
     """The row of each joint. Raises RowError for idle rows, double matches, joints left over."""
     moving = [joint.name for joint in tree.moving_joints]
     found: dict[str, _Matched] = {}
@@ -200,7 +202,8 @@ def _match(tree: Tree, table: list[_Matched]) -> dict[str, _Matched]:
                 "each moving joint matches exactly one row; narrow one of the two patterns",
             )
         found |= dict.fromkeys(names, entry)
-    left = [j.name for j in tree.moving_joints if j.mimic is None and j.name not in found]
+    free = [joint.name for joint in tree.moving_joints if joint.mimic is None]
+    left = [name for name in free if name not in found and name not in driven]
     if left:
         raise RowError(
             f"actuators: no row matches {_listed(left)}",

@@ -9,7 +9,7 @@ from typing import TypeVar
 from xml.etree import ElementTree
 
 from assetbuild.findings import Finding
-from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.sides import Side, side_of
 from assetbuild.recipe.surface import Surface
 from assetbuild.robot.actuators import RowSpec
 from assetbuild.robot.model import (
@@ -35,14 +35,6 @@ BODY_NAMES = ("body", "body1", "body2", "target")
 T = TypeVar("T", Sensor, Camera)
 
 
-def stated_keys(recipe: Recipe) -> tuple[str, ...]:
-    """What the recipe itself says of all that an MJCF may say too: `simulation.timestep`."""
-    found: list[str] = ["actuators"] if recipe.actuators else []
-    for name in ("contact", "simulation", "mjcf"):
-        found += [f"{name}.{key}" for key in getattr(recipe, name).model_fields_set]
-    return tuple(sorted(found))
-
-
 @dataclass
 class Joined:
     """The control of the robot, and what is said about joining."""
@@ -53,13 +45,24 @@ class Joined:
 
 @dataclass(frozen=True)
 class Stated:
-    """What the recipe says. keys: see `stated_keys`; rows: of the actuator table;
-    surfaces: by pattern of links.
+    """What the recipe says. sides: see `Side`; rows: of the actuator table; surfaces: by pattern
+    of links; poses: of parts in keyframes that only the base's source has, by joint.
     """
 
-    keys: Collection[str] = ()
+    sides: Sequence[Side] = (Side(from_mjcf=True),)
     rows: tuple[RowSpec, ...] = ()
     surfaces: Mapping[str, Surface] = field(default_factory=dict)
+    poses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    @property
+    def base(self) -> Side:
+        """The robot that carries the others."""
+        return self.sides[0]
+
+    def replaces(self, joint: str) -> bool:
+        """Whether the recipe says what drives a joint."""
+        rows = any(re.fullmatch(row.joints, joint) for row in self.rows)
+        return rows or not side_of(self.sides, joint).drives_itself
 
 
 def join(
@@ -68,19 +71,18 @@ def join(
     """The source's words where the recipe has none. control: as the recipe alone makes it."""
     said, findings = source.control, list[Finding]()
     bodies = _Bodies(tree, findings)
-    contact, contacts = _contacts(control.contact, said, shapes, stated, findings)
-    actuators = _actuators(control, said, tree, stated)
-    mjcf_only = tuple(_kept(said, bodies, shapes, stated.keys, findings))
-    if "actuators" not in stated.keys:
-        mjcf_only += tuple(_commands(source))
+    contact, contacts = _contacts(control.contact, source, shapes, stated, findings)
+    keyframes = _keyframes(control.keyframes, said.keyframes, tree, stated.poses)
+    mjcf_only = tuple(_kept(said, bodies, shapes, stated, findings))
+    mjcf_only += tuple(_commands(source, keyframes, stated))
     joined = replace(
         control,
-        actuators=actuators,
-        keyframes=_keyframes(control.keyframes, said.keyframes, tree),
+        actuators=_actuators(control, said, stated),
+        keyframes=keyframes,
         excludes=tuple(sorted({*control.excludes, *bodies.pairs(said.excludes)})),
         contact=contact,
         contacts=contacts,
-        simulation=_simulation(control.simulation, said.simulation, stated.keys),
+        simulation=_simulation(control.simulation, said.simulation, stated.base),
         sensors=_by_name(control.sensors, [s for s in said.sensors if bodies.has_all(s)]),
         cameras=_by_name(control.cameras, said.cameras),
         mjcf_only=mjcf_only,
@@ -98,27 +100,30 @@ def _by_name(own: tuple[T, ...], said: Sequence[T]) -> tuple[T, ...]:
 # --- drives and poses -----------------------------------------------------------------------
 
 
-def _actuators(control: Control, said: Control, tree: Tree, stated: Stated) -> tuple[Actuator, ...]:
+def _actuators(control: Control, said: Control, stated: Stated) -> tuple[Actuator, ...]:
     """One for each moving joint in tree order; a row without armature leaves the source's."""
-    if "actuators" not in stated.keys:
-        names = [joint.name for joint in tree.moving_joints]
-        return tuple(said.by_joint.get(name, Actuator(name, "passive")) for name in names)
     rows = stated.rows
     silent = [row.joints for row in rows if row.armature is None and row.motor is None]
 
-    def with_armature(actuator: Actuator) -> Actuator:
-        before = said.by_joint.get(actuator.joint)
-        mute = any(re.fullmatch(pattern, actuator.joint) for pattern in silent)
-        unmatched = not any(re.fullmatch(row.joints, actuator.joint) for row in rows)
+    def chosen(actuator: Actuator) -> Actuator:
+        name = actuator.joint
+        before = said.by_joint.get(name)
+        if not stated.replaces(name):
+            return before or Actuator(name, "passive")
+        mute = any(re.fullmatch(pattern, name) for pattern in silent)
+        unmatched = not any(re.fullmatch(row.joints, name) for row in rows)
         if before is None or not (mute or unmatched):
             return actuator
         return replace(actuator, armature=before.armature)
 
-    return tuple(with_armature(actuator) for actuator in control.actuators)
+    return tuple(chosen(actuator) for actuator in control.actuators)
 
 
 def _keyframes(
-    own: tuple[Keyframe, ...], said: tuple[Keyframe, ...], tree: Tree
+    own: tuple[Keyframe, ...],
+    said: tuple[Keyframe, ...],
+    tree: Tree,
+    poses: Mapping[str, Mapping[str, float]],
 ) -> tuple[Keyframe, ...]:
     """The recipe's first, then those of the source that it does not say anew."""
     taken = {key.name for key in own}
@@ -126,26 +131,48 @@ def _keyframes(
     more = []
     for key in said:
         if key.name not in taken:
-            values = dict(key.joints)
+            values = dict(key.joints) | dict(poses.get(key.name, {}))
             joints = tuple((name, values.get(name, 0.0)) for name in order)
             more.append(Keyframe(key.name, joints, key.base if tree.base == "floating" else None))
     return (*own, *more)
 
 
-def _commands(source: SourceControl) -> Iterator[MjcfOnly]:
-    """The commands of the source's keyframes, by actuator."""
+def _commands(
+    source: SourceControl, keyframes: tuple[Keyframe, ...], stated: Stated
+) -> Iterator[MjcfOnly]:
+    """The commands of the source's keyframes, by actuator.
+
+    A drive whose joint stands elsewhere now than in the source gets the command of that place.
+    """
+    joint_of = {a.name: a.joint for a in source.control.actuators if a.name}
+    before = {key.name: dict(key.joints) for key in source.control.keyframes}
+    now = {key.name: dict(key.joints) for key in keyframes}
     for key, values in source.ctrl:
         element = ElementTree.Element("key")
         for actuator, value in values:
+            joint = joint_of.get(actuator)
+            if joint is None:
+                if "actuators" in side_of(stated.sides, actuator).stated:
+                    continue
+            elif stated.replaces(joint) or _moved(joint, before.get(key, {}), now.get(key, {})):
+                continue
             ElementTree.SubElement(element, "ctrl", {"actuator": actuator, "value": repr(value)})
-        yield MjcfOnly("keyframe", ElementTree.tostring(element, "unicode"), key)
+        if len(element):
+            yield MjcfOnly("keyframe", ElementTree.tostring(element, "unicode"), key)
 
 
-def _simulation(own: Simulation, said: Simulation, stated: Collection[str]) -> Simulation:
+def _moved(joint: str, before: Mapping[str, float], now: Mapping[str, float]) -> bool:
+    return joint in before and before[joint] != now.get(joint, before[joint])
+
+
+def _simulation(own: Simulation, said: Simulation, base: Side) -> Simulation:
+    """Of a composite as the base says; only an MJCF says anything itself."""
+    if not base.from_mjcf:
+        return own
     return Simulation(
-        own.timestep if "simulation.timestep" in stated else said.timestep,
+        own.timestep if "simulation.timestep" in base.stated else said.timestep,
         own.decimation,
-        own.gravity if "simulation.gravity" in stated else said.gravity,
+        own.gravity if "simulation.gravity" in base.stated else said.gravity,
     )
 
 
@@ -153,27 +180,36 @@ def _simulation(own: Simulation, said: Simulation, stated: Collection[str]) -> S
 
 
 def _contacts(
-    own: Contact, said: Control, shapes: Shapes, stated: Stated, findings: list[Finding]
+    own: Contact, source: SourceControl, shapes: Shapes, stated: Stated, findings: list[Finding]
 ) -> tuple[Contact, tuple[tuple[str, Contact], ...]]:
     """The common surface and those that differ; what the recipe says holds for all of them."""
+    said, by_prefix = source.control, dict(source.surfaces)
     names = {f.name for f in fields(Contact)} & {
-        key.removeprefix("contact.") for key in stated.keys
+        key.removeprefix("contact.") for key in stated.base.stated
     }
 
     def with_recipe(contact: Contact) -> Contact:
         return replace(contact, **{name: getattr(own, name) for name in names})
 
-    common, by_shape = with_recipe(said.contact), dict(said.contacts)
-    contacts, anew = [], []
+    common, by_shape = own, dict(said.contacts)
+    if stated.base.from_mjcf:
+        common = with_recipe(said.contact)
+    contacts, anew = [], dict[str, list[str]]()
     for shape in shapes.of("collision"):
-        before = by_shape.get(shape.name) or by_shape.get(re.sub(r"_\d+$", "", shape.name))
-        if before is None:
-            anew.append(shape.name)
-        now = changed(with_recipe(before or said.contact), stated.surfaces, shape.link)
+        side, now = side_of(stated.sides, shape.link), own
+        if side.from_mjcf:
+            before = by_shape.get(shape.name) or by_shape.get(re.sub(r"_\d+$", "", shape.name))
+            if before is None:
+                anew.setdefault(side.prefix, []).append(shape.name)
+            now = before or by_prefix.get(side.prefix, said.contact)
+            now = with_recipe(now) if side == stated.base else now
+        now = changed(now, stated.surfaces, shape.link)
         if now != common:
             contacts.append((shape.name, now))
-    if anew and len(set(by_shape.values())) > 1:
-        findings.append(_new_shapes(anew))
+    for prefix, shown in anew.items():
+        of_side = {c for n, c in by_shape.items() if side_of(stated.sides, n).prefix == prefix}
+        if len(of_side) > 1:
+            findings.append(_new_shapes(shown))
     return common, tuple(contacts)
 
 
@@ -197,7 +233,7 @@ def _kept(
     said: Control,
     bodies: _Bodies,
     shapes: Shapes,
-    stated: Collection[str],
+    stated: Stated,
     findings: list[Finding],
 ) -> Iterator[MjcfOnly]:
     """All but what the recipe replaced, and what names a body that was merged away."""
@@ -206,11 +242,13 @@ def _kept(
         said.contacts
     ).keys()
     materials = {material.name for material in shapes.materials}
-    gone = []
+    replaced, gone = _replaced(said, stated), []
     for item in said.mjcf_only:
-        if item.place in ("actuator", "drive") and "actuators" in stated:
+        if item.place == "actuator" and _attribute(item, "name") in replaced:
             continue
-        if item.place == "sensor" and "actuator=" in item.element and "actuators" in stated:
+        if item.place == "drive" and stated.replaces(item.owner):
+            continue
+        if item.place == "sensor" and _attribute(item, "actuator") in replaced:
             findings.append(_sensor_of_drive(item))
             continue
         if item.place == "shape":
@@ -222,15 +260,31 @@ def _kept(
         elif item.place == "material" and item.owner not in materials:
             continue
         elif item.place == "option":
-            yield _unsaid(item, stated)
+            yield _unsaid(item, stated.base.stated)
         elif bodies.keeps(item):
             yield item
     if gone:
         findings.append(_gone(gone))
 
 
+def _replaced(said: Control, stated: Stated) -> frozenset[str]:
+    """Names of the source's drives that the recipe's table takes the place of."""
+    found = {a.name for a in said.actuators if a.name and stated.replaces(a.joint)}
+    for item in said.mjcf_only:
+        if item.place == "actuator":
+            name, joint = _attribute(item, "name"), _attribute(item, "joint")
+            whole_table = "actuators" in side_of(stated.sides, name).stated
+            if whole_table or (joint and stated.replaces(joint)):
+                found.add(name)
+    return frozenset(found)
+
+
+def _attribute(item: MjcfOnly, key: str) -> str:
+    return ElementTree.fromstring(item.element).get(key, "")  # noqa: S314 # our own reader wrote it
+
+
 def _unsaid(item: MjcfOnly, stated: Collection[str]) -> MjcfOnly:
-    """Options of the source that the recipe does not state itself."""
+    """Options of the source that the recipe does not state itself. stated: of the base."""
     element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
     for key in list(element.attrib):
         if f"mjcf.{key}" in stated:

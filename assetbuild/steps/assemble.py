@@ -25,13 +25,17 @@ WHITE = (1.0, 1.0, 1.0, 1.0)
 
 
 class VisualUse(BaseModel):
-    """The source shape `shape` is shown by the converted mesh in `folder` (None: a primitive)."""
+    """The source shape `shape` is shown by the converted mesh in `folder` (None: a primitive).
+
+    named: it keeps its name, as the shapes of an MJCF do; else it is called after link and role.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     shape: str
     folder: str | None = None
     stem: str = ""
+    named: bool = False
 
 
 class CollisionUse(BaseModel):
@@ -39,7 +43,8 @@ class CollisionUse(BaseModel):
 
     pieces: folder with the result of a collision method, in the frame of `shape` when that is
     set, else in the link's. mesh: folder of a converted mesh, taken as it is. Neither: the
-    primitive `shape` of the source, as it is.
+    primitive `shape` of the source, as it is. named: as in `VisualUse`, where it is made of one
+    collision shape of the source.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -49,6 +54,7 @@ class CollisionUse(BaseModel):
     pieces: str | None = None
     mesh: str | None = None
     stem: str = ""
+    named: bool = False
 
 
 class TextureUse(BaseModel):
@@ -69,8 +75,6 @@ class Assemble(Step):
     visuals: tuple[VisualUse, ...]
     collisions: tuple[CollisionUse, ...]
     textures: tuple[TextureUse, ...] = ()
-    keep_names: bool = False
-    """A shape made of one shape of the source keeps its name; else after the link and role."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `shapes.json` of the source and the folders that the fields name."""
@@ -82,26 +86,27 @@ class Assemble(Step):
         shapes: list[Shape] = []
         for visual in self.visuals:
             made = _visual_shapes(visual, by_name[visual.shape], files.inputs, library, palette)
-            shapes += self._called(made, visual.shape)
+            shapes += _called(made, visual.shape if visual.named else None)
         for collision in self.collisions:
             origin = by_name[collision.shape] if collision.shape else None
             made = _collision_shapes(collision, origin, files.inputs, library)
             # What is made of a visual shape does not take its name, which that one has already.
             hit = origin is not None and origin.role == "collision"
-            shapes += self._called(made, collision.shape if hit else None)
+            shapes += _called(made, collision.shape if hit and collision.named else None)
         final = Shapes(_named(shapes), palette.used(), library.assets())
         (files.outputs / "shapes.json").write_bytes(encode(final))
         yield from palette.findings
         yield from _without_collision(source, self.collisions)
 
-    def _called(self, made: list[Shape], source: str | None) -> list[Shape]:
-        """With the source's name where that is wanted, numbered from the second piece on."""
-        if not self.keep_names or source is None:
-            return made
-        return [
-            replace(shape, name=f"{source}_{number + 1}" if number else source)
-            for number, shape in enumerate(made)
-        ]
+
+def _called(made: list[Shape], source: str | None) -> list[Shape]:
+    """With the source's name where that is wanted, numbered from the second piece on."""
+    if source is None:
+        return made
+    return [
+        replace(shape, name=f"{source}_{number + 1}" if number else source)
+        for number, shape in enumerate(made)
+    ]
 
 
 def _without_collision(source: Shapes, uses: tuple[CollisionUse, ...]) -> Iterator[Finding]:

@@ -16,6 +16,7 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.errors import did_you_mean
 from assetbuild.findings import Finding
 from assetbuild.mesh.obj import read_triangles
+from assetbuild.recipe.merging import anchored
 from assetbuild.recipe.models import (
     ActuatorRow,
     Contact,
@@ -26,6 +27,7 @@ from assetbuild.recipe.models import (
     Simulation,
 )
 from assetbuild.recipe.sensing import Camera, Feet, Imu, Sensor
+from assetbuild.recipe.sides import Side, moving_by_source, side_of
 from assetbuild.robot import model
 from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, resolve
 from assetbuild.robot.chains import find_chains
@@ -42,7 +44,7 @@ from assetbuild.steps._senses import (
     placed_sensors,
     surface,
 )
-from assetbuild.steps._source_control import Stated, join, stated_keys
+from assetbuild.steps._source_control import Stated, join
 
 LIMIT_TOLERANCE = 1e-9
 """rad or m; a value that was rounded from the limit itself is inside."""
@@ -55,7 +57,7 @@ class ControlStep(Step):
     `source_control.json`, whose words hold where the recipe has none.
     """
 
-    version = "4"
+    version = "5"
     outputs = ("control.json",)
 
     rows: tuple[ActuatorRow, ...] = ()
@@ -68,27 +70,32 @@ class ControlStep(Step):
     imu: Imu | None = None
     sensors: dict[str, Sensor] = Field(default_factory=dict)
     cameras: dict[str, Camera] = Field(default_factory=dict)
-    stated: tuple[str, ...] = ()
-    """Keys that the recipe states itself, against an MJCF; empty for other sources."""
+    sides: tuple[Side, ...] = (Side(),)
+    """The robot, or each of those it is composed of: who decides what, the source or the recipe."""
+    poses: dict[str, dict[str, float]] = Field(default_factory=dict)
+    """Of parts, by pattern of joints, in keyframes that only the base's MJCF has; rad or m."""
 
     @classmethod
-    def configure(cls, recipe: Recipe) -> ControlStep:
-        """The step with what the recipe says."""
-        exclude, from_mjcf = recipe.collision.exclude, recipe.source.mjcf is not None
-        if from_mjcf and "adjacent" not in exclude.model_fields_set:
-            exclude = exclude.model_copy(update={"adjacent": False})  # it has pairs of its own
+    def configure(
+        cls,
+        recipe: Recipe,
+        sides: tuple[Side, ...] = (),
+        poses: Mapping[str, Mapping[str, float]] | None = None,
+    ) -> ControlStep:
+        """The step with what the recipe says; sides, poses: of a composite."""
         return cls(
             rows=recipe.actuators,
             motors=recipe.motors,
             keyframes=dict(recipe.keyframes),
             contact=recipe.contact,
             simulation=recipe.simulation,
-            exclude=exclude,
+            exclude=recipe.collision.exclude,
             feet=recipe.feet,
             imu=recipe.imu,
             sensors=dict(recipe.sensors),
             cameras=dict(recipe.cameras),
-            stated=stated_keys(recipe) if from_mjcf else (),
+            sides=sides or (Side.of(recipe),),
+            poses={name: dict(pose) for name, pose in (poses or {}).items()},
         )
 
     def check(self, tree: model.Tree) -> None:
@@ -96,14 +103,26 @@ class ControlStep(Step):
         self._resolved(tree)
         for name, keyframe in self.keyframes.items():
             _joint_values(tree, name, keyframe)
-        _excludes(tree, model.Shapes(), self.exclude)
+        _excludes(tree, model.Shapes(), self.exclude, self.sides)
         check_sensors(tree, self.imu, self.sensors, self.cameras)
 
     def _resolved(self, tree: model.Tree) -> tuple[model.Actuator, ...]:
         """The actuator table; gains by frequency are for `home`, else the first keyframe."""
         name = next((n for n in ("home", *self.keyframes) if n in self.keyframes), None)
         home = _joint_values(tree, name, self.keyframes[name]) if name is not None else {}
-        return resolve(tree, *_specs(self.rows, self.motors), home)
+        driven = moving_by_source(self.sides, (joint.name for joint in tree.moving_joints))
+        return resolve(tree, *_specs(self.rows, self.motors), home, driven)
+
+    def _of_parts(self, tree: model.Tree, pose: Mapping[str, float]) -> dict[str, float]:
+        """The value of each joint of the parts, by pattern; 0 where none matches."""
+        found = {
+            joint.name: value
+            for pattern, value in pose.items()
+            for joint in tree.moving_joints
+            if re.fullmatch(pattern, joint.name)
+        }
+        whole = with_mimics(tree, found)
+        return {name: q for name, q in whole.items() if side_of(self.sides, name).prefix}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises RowError, with the key of the recipe, where a table does not fit the robot."""
@@ -122,12 +141,13 @@ class ControlStep(Step):
             keyframes.append(model.Keyframe(name, tuple(q.items()), base))
 
         yield from _same_body_findings(tree, self.exclude)
+        whole_parts = {anchored(side.prefix, ".*") for side in self.sides[1:]}
         control = model.Control(
             actuators=actuators,
             keyframes=tuple(keyframes),
-            excludes=_excludes(tree, shapes, self.exclude),
+            excludes=_excludes(tree, shapes, self.exclude, self.sides),
             contact=surface(self.contact),
-            contacts=contacts(shapes, self.contact),
+            contacts=contacts(shapes, self.contact, whole_parts),
             sensors=placed_sensors(tree, shapes, self.imu, self.feet, self.sensors),
             cameras=placed_cameras(tree, self.cameras),
             simulation=model.Simulation(
@@ -138,7 +158,8 @@ class ControlStep(Step):
         if said.is_file():
             source = decode(SourceControl, said.read_bytes())
             rows, _ = _specs(self.rows, self.motors)
-            stated = Stated(self.stated, rows, self.contact.links)
+            poses = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}
+            stated = Stated(self.sides, rows, self.contact.links, poses)
             joined = join(control, source, tree, shapes, stated)
             control = joined.control
             yield from joined.findings
@@ -310,15 +331,18 @@ def half_height(
 
 
 def _excludes(
-    tree: model.Tree, shapes: model.Shapes, exclude: Exclude
+    tree: model.Tree, shapes: model.Shapes, exclude: Exclude, sides: tuple[Side, ...]
 ) -> tuple[tuple[str, str], ...]:
     """Sorted pairs of bodies. Raises RowError for an unknown link."""
     pairs = {_bodies(tree, index, pair) for index, pair in enumerate(exclude.pairs)}
-    if exclude.adjacent:
-        pairs |= {_sorted(joint.parent, joint.child) for joint in tree.joints}
-        # A ball joint of three hinges is one joint to the two bodies that it connects.
-        chains = find_chains(tree, {shape.link for shape in shapes.shapes})
-        pairs |= {_sorted(chain.parent, chain.body) for chain in chains}
+    joined = [(joint.parent, joint.child) for joint in tree.joints]
+    # A ball joint of three hinges is one joint to the two bodies that it connects.
+    chains = find_chains(tree, {shape.link for shape in shapes.shapes})
+    joined += [(chain.parent, chain.body) for chain in chains]
+    for a, b in joined:
+        of_a, of_b = side_of(sides, a), side_of(sides, b)
+        if of_b.adjacent or of_a != of_b:  # what a mount holds together
+            pairs.add(_sorted(a, b))
     return tuple(sorted(pair for pair in pairs if pair[0] != pair[1]))
 
 

@@ -107,6 +107,15 @@ def test_two_arms_on_a_cart_are_one_robot(folder):
     assert "cart" in (folder / "build/cart/NOTICE").read_text()
 
 
+def test_a_part_that_hits_nothing_may_have_a_surface_of_its_own(folder):
+    arm = "".join(line for line in ARM.splitlines(True) if "<collision>" not in line)
+    (folder / "arm.urdf").write_text(arm)
+    text = (folder / "arm.yaml").read_text() + "contact: {friction: [0.2, 0, 0]}\n"
+    (folder / "arm.yaml").write_text(text + "collision: {default: {from: collision}}\n")
+    done = run(folder, "build", "cart.yaml", "--fail-on", "never")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_a_composite_is_checked_before_anything_is_built(folder):
     done = run(folder, "check", "cart.yaml")
     assert done.returncode == 0, done.stderr

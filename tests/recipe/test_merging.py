@@ -6,7 +6,14 @@ import re
 
 import pytest
 
-from assetbuild.recipe.merging import Mounted, anchored, composed, left_out
+from assetbuild.recipe.merging import (
+    Mounted,
+    anchored,
+    composed,
+    home_of_parts,
+    left_out,
+    poses_in_source_keys,
+)
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.randomize import first_match
 
@@ -144,3 +151,54 @@ def test_what_only_one_can_decide_is_named():
     base, part = recipe(visual={"max_faces": 500}), recipe(visual={"max_faces": 900}, mjcf={})
     assert left_out(base, part) == ("visual",)
     assert left_out(base, recipe(visual={"max_faces": 500})) == ()
+
+
+def test_of_a_part_from_mjcf_only_what_its_recipe_states_changes_its_surfaces():
+    mjcf = {"source": {"path": ".", "mjcf": "arm.xml"}}
+    made = whole({"contact": {"friction": [0.8, 0, 0]}}, mjcf)
+    assert made.contact.links == {}
+    made = whole({}, mjcf | {"contact": {"condim": 4, "links": {"hand": {"priority": 1}}}})
+    said = {p: s.model_dump(exclude_none=True) for p, s in made.contact.links.items()}
+    assert said == {
+        anchored("arm_", "hand"): {"condim": 4, "priority": 1},
+        anchored("arm_", ".*"): {"condim": 4},
+    }
+
+
+@pytest.mark.parametrize("merges", [(True, True), (True, False), (False, True), (False, False)])
+def test_each_side_merges_its_fixed_joints_as_its_own_recipe_says(merges):
+    base, arm = ({"fixed_joints": {"merge": merge}} for merge in merges)
+    fixed = whole(base, arm).fixed_joints
+    for link, merge in zip(("trunk", "arm_hand"), merges, strict=True):
+        stays = not fixed.merge or any(re.fullmatch(p, link) for p in fixed.keep_bodies)
+        assert stays != merge
+
+
+def test_poses_of_a_source_hold_where_no_recipe_has_one():
+    row = {"recipe": "arm.yaml", "as": "arm_", "at": {"link": "trunk"}, "home": {"joint2": 9}}
+    base = recipe(compose=[row])
+    poses = {"home": {"joint1": 1.0, "joint2": 2.0}, "up": {"joint1": 3.0, "joint2": 4.0}}
+    arm = Mounted(base.compose[0], recipe(), ("arm_base",), ARM_JOINTS, poses)
+
+    def values(pose: dict[str, float]) -> list[float]:
+        return [v for joint in ARM_JOINTS for k, v in pose.items() if re.fullmatch(k, joint)]
+
+    assert home_of_parts([arm]) is not None
+    assert values(home_of_parts([arm]).joints) == [1, 9]
+    added = poses_in_source_keys(base, [arm], ("home", "up", "lie"))
+    assert {name: values(pose) for name, pose in added.items()} == {
+        "home": [1, 9],
+        "up": [3, 4],
+        "lie": [1, 2],
+    }
+    said = recipe(keyframes={"home": {"joints": {"joint.*": 5}}})
+    by_recipe = Mounted(base.compose[0], said, ("arm_base",), ARM_JOINTS, poses)
+    assert [by_recipe.pose_key(name) for name in ("home", "up", "lie")] == [
+        ("home", False),
+        ("up", True),
+        ("home", False),
+    ]
+    assert (
+        home_of_parts([Mounted(recipe(compose=[row | {"home": {}}]).compose[0], recipe(), (), ())])
+        is None
+    )

@@ -115,9 +115,8 @@ def test_collision_made_of_what_is_seen_leaves_that_its_name(tmp_path: Path):
     """Shapes of an MJCF keep their names; two geoms of one name are refused by MuJoCo."""
     source = Shapes((Shape("lid", "box", "visual", Box((1.0, 1.0, 1.0))),))
     step = Assemble(
-        visuals=(VisualUse(shape="lid"),),
-        collisions=(CollisionUse(link="box", shape="lid"),),
-        keep_names=True,
+        visuals=(VisualUse(shape="lid", named=True),),
+        collisions=(CollisionUse(link="box", shape="lid", named=True),),
     )
     shapes, _ = assembled(tmp_path, source, step)
     assert [(s.name, s.role) for s in shapes.shapes] == [

@@ -100,3 +100,11 @@ def test_commands_of_keyframes_follow_their_drives(arm: Reading, tmp_path: Path)
     assert stated["geared"] == 0.5
     assert stated["spin"] == 0.1
     assert stated["pull"] == pytest.approx(0.4 - 0.3490658503988659), "counted from `ref`"
+
+
+def test_a_drive_whose_joint_the_recipe_moves_is_sent_there(tmp_path: Path):
+    text = PAIR.replace('qpos="0.5"', 'qpos="0.5" ctrl="0.4"')
+    kept = made(tmp_path / "1", text, keyframes={"home": {"joints": {"j": 0.5}}})
+    assert 'ctrl="0.4"' in kept.xml.read_text(), "the source's own command for its own pose"
+    moved = made(tmp_path / "2", text, keyframes={"home": {"joints": {"j": 0.25}}})
+    assert 'ctrl="0.25"' in moved.xml.read_text()

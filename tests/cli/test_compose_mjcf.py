@@ -1,0 +1,409 @@
+"""MJCF robots on MJCF and URDF robots: what MuJoCo's own `attach` makes, and what it forgets."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+DOG = """<mujoco model="dog">
+  <compiler angle="radian"/>
+  <option timestep="0.003" cone="elliptic" impratio="10"/>
+  <worldbody>
+    <body name="trunk" pos="0 0 0.4">
+      <freejoint/>
+      <inertial mass="5" pos="0 0 0.01" diaginertia="0.05 0.06 0.07"/>
+      <geom name="trunk_collision" type="box" size="0.2 0.1 0.05" friction="0.4 0.01 0.001"/>
+      <site name="imu"/>
+      <body name="leg" pos="0.1 0 -0.05">
+        <joint name="hip" axis="0 1 0" range="-1 1" armature="0.01"/>
+        <inertial mass="1" pos="0 0 -0.1" diaginertia="0.01 0.01 0.001"/>
+        <geom name="foot_collision" size="0.03" pos="0 0 -0.2" contype="3" conaffinity="2"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><position name="hip" joint="hip" kp="50" kv="1" forcerange="-20 20"/></actuator>
+  <sensor><gyro name="gyro" site="imu"/></sensor>
+  <keyframe>
+    <key name="home" qpos="0 0 0.3 1 0 0 0 0.2" ctrl="0.2"/>
+    <key name="lie" qpos="0 0 0.1 1 0 0 0 -0.5"/>
+  </keyframe>
+</mujoco>
+"""
+ARM = """<mujoco model="arm">
+  <compiler angle="degree"/>
+  <option timestep="0.001" integrator="RK4"/>
+  <worldbody>
+    <camera name="beside" pos="1 0 0.5"/>
+    <body name="base" pos="0 0 0.5">
+      <inertial mass="1" pos="0 0 0.02" diaginertia="0.002 0.002 0.002"/>
+      <geom name="base_collision" size="0.04" contype="2" conaffinity="0"/>
+      <body name="link" pos="0 0 0.1" euler="0 0 90">
+        <joint name="lift" axis="0 1 0" range="-90 90" damping="0.3" armature="0.02"/>
+        <inertial mass="0.5" pos="0.1 0 0" diaginertia="0.001 0.002 0.002"/>
+        <geom name="link_collision" type="capsule" size="0.02" fromto="0.05 0 0 0.2 0 0"
+          contype="0" conaffinity="1" condim="4"/>
+        <site name="tcp" pos="0.25 0 0"/>
+        <body name="left" pos="0.2 0.02 0">
+          <joint name="left" type="slide" axis="0 1 0" range="0 0.03"/>
+          <inertial mass="0.05" pos="0 0 0" diaginertia="1e-5 1e-5 1e-5"/>
+          <geom name="left_collision" size="0.01" contype="2" conaffinity="2"/>
+        </body>
+        <body name="right" pos="0.2 -0.02 0">
+          <joint name="right" type="slide" axis="0 -1 0" range="0 0.03"/>
+          <inertial mass="0.05" pos="0 0 0" diaginertia="1e-5 1e-5 1e-5"/>
+          <geom name="right_collision" size="0.01" contype="2" conaffinity="2"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <contact><exclude body1="base" body2="left"/></contact>
+  <tendon><fixed name="grip">
+    <joint joint="left" coef="0.5"/><joint joint="right" coef="0.5"/>
+  </fixed></tendon>
+  <equality><joint name="same" joint1="left" joint2="right" polycoef="0 1 0.1 0 0"/></equality>
+  <actuator>
+    <position name="lift_drive" joint="lift" kp="30" kv="1"/>
+    <position name="hand" tendon="grip" kp="100" ctrlrange="0 0.03"/>
+  </actuator>
+  <sensor>
+    <framepos name="tcp_pos" objtype="site" objname="tcp"/>
+    <tendonpos name="opening" tendon="grip"/>
+    <subtreecom name="com" body="base"/>
+  </sensor>
+  <keyframe>
+    <key name="home" qpos="0.5 0.01 0.01" ctrl="0.5 0.01"/>
+    <key name="folded" qpos="-1 0 0" ctrl="-1 0"/>
+  </keyframe>
+</mujoco>
+"""
+POST = """<robot name="post">
+  <link name="foot"><inertial><mass value="20"/>
+    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><box size="0.4 0.4 0.2"/></geometry></collision></link>
+  <link name="pole"><inertial><mass value="2"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="rise" type="prismatic"><parent link="foot"/><child link="pole"/>
+    <origin xyz="0 0 0.3"/><axis xyz="0 0 1"/>
+    <limit lower="0" upper="0.2" effort="500" velocity="1"/></joint>
+</robot>
+"""
+HEAD = """schema: assetbuild/v1
+robot: {robot}
+source: {{path: ., {kind}: {file}, license: MIT}}
+collision: {{default: {{method: keep, from: collision}}}}
+targets: [urdf, mjcf, mjx, usd, mjlab]
+"""
+DOG_RECIPE = """compose:
+  - recipe: arm.yaml
+    as: arm_
+    at: {link: trunk, xyz: [0.1, 0, 0.06], rpy: [0, 0, 0.5]}
+    home: {lift: 0.7}
+"""
+POST_RECIPE = """actuators:
+  - {joints: rise, model: pd, kp: 5000, kd: 500}
+  - {joints: left_lift, model: pd, kp: 7, kd: 1, effort: 9}
+compose:
+  - source: {path: ., mjcf: arm.xml, license: MIT}
+    as: left_
+    at: {link: pole, xyz: [0, 0.2, 0.1]}
+  - recipe: arm.yaml
+    as: right_
+    at: {link: pole, xyz: [0, -0.2, 0.1]}
+    home: {lift: -0.2}
+"""
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("composites")
+    for name, text in {"dog.xml": DOG, "arm.xml": ARM, "post.urdf": POST}.items():
+        (folder / name).write_text(text)
+    (folder / "arm.yaml").write_text(HEAD.format(robot="arm", kind="mjcf", file="arm.xml"))
+    (folder / "dog.yaml").write_text(
+        HEAD.format(robot="dog", kind="mjcf", file="dog.xml") + DOG_RECIPE
+    )
+    (folder / "post.yaml").write_text(
+        HEAD.format(robot="post", kind="urdf", file="post.urdf") + POST_RECIPE
+    )
+    done = run(folder, "build", "dog.yaml", "post.yaml", "-j", "2")
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+def run(folder: Path, *words: str, cache: Path | None = None) -> subprocess.CompletedProcess[str]:
+    store = str(cache or folder / "store")
+    environment = os.environ | {"ASSETBUILD_CACHE": store, "MUJOCO_GL": "disable"}
+    command = [sys.executable, "-m", "assetbuild", *words]
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300
+    )
+
+
+def model_of(folder: Path, robot: str, file: str = "") -> mujoco.MjModel:
+    path = folder / "build" / robot / "mjcf" / (file or f"{robot}.xml")
+    return mujoco.MjModel.from_xml_path(str(path))
+
+
+def findings(folder: Path, robot: str) -> list[dict]:
+    report = json.loads((folder / "build" / robot / "report/report.json").read_text())
+    return report["findings"]
+
+
+@pytest.fixture(scope="module")
+def attached() -> mujoco.MjModel:
+    """MuJoCo's own composite: the arm's root 0.5 m up in its world, so the frame 0.5 m down."""
+    spec, arm = mujoco.MjSpec.from_string(DOG), mujoco.MjSpec.from_string(ARM)
+    half = 0.25
+    frame = spec.body("trunk").add_frame(
+        pos=[0.1, 0, 0.06 - 0.5], quat=[np.cos(half), 0, 0, np.sin(half)]
+    )
+    spec.attach(arm, prefix="arm_", frame=frame)
+    return spec.compile()
+
+
+def inertia(model: mujoco.MjModel, body: int) -> np.ndarray:
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, model.body_iquat[body])
+    turn = turn.reshape(3, 3)
+    return turn @ np.diag(model.body_inertia[body]) @ turn.T
+
+
+def names(model: mujoco.MjModel, kind: str, count: int) -> list[str]:
+    return [getattr(model, kind)(number).name for number in range(count)]
+
+
+def test_the_whole_weighs_moves_and_senses_as_mujocos_own(built, attached):
+    ours = model_of(built, "dog")
+    for count in ("nq", "nv", "nbody", "nu", "nsensor", "neq", "ntendon", "ncam"):
+        assert getattr(ours, count) == getattr(attached, count), count
+    assert names(ours, "body", ours.nbody) == names(attached, "body", attached.nbody)
+    joints = names(ours, "joint", ours.njnt)[1:]
+    assert joints == names(attached, "joint", attached.njnt)[1:]
+    for kind, count in (("actuator", ours.nu), ("sensor", ours.nsensor), ("tendon", ours.ntendon)):
+        assert names(ours, kind, count) == names(attached, kind, count)
+    assert ours.body_mass == pytest.approx(attached.body_mass, rel=1e-12)
+    for body in range(1, ours.nbody):
+        assert np.allclose(inertia(ours, body), inertia(attached, body), rtol=1e-9, atol=1e-14)
+    assert ours.actuator_gainprm == pytest.approx(attached.actuator_gainprm)
+    assert ours.actuator_biasprm == pytest.approx(attached.actuator_biasprm)
+    assert ours.eq_data == pytest.approx(attached.eq_data)
+    assert ours.dof_armature == pytest.approx(attached.dof_armature)
+    move_alike(ours, attached, tuple(names(attached, "body", attached.nbody)))
+
+
+def move_alike(ours: mujoco.MjModel, theirs: mujoco.MjModel, bodies: tuple[str, ...]) -> None:
+    """Poses, sensors and mass matrix at random positions; both have the same joints in order."""
+    random = np.random.default_rng(3)
+    for _ in range(20):
+        q = np.concatenate([random.normal(size=7), random.uniform(-1, 1, ours.nq - 7)])
+        q[3:7] /= np.linalg.norm(q[3:7])
+        mine, other = (moved_to(model, q) for model in (ours, theirs))
+        for body in bodies:
+            assert np.allclose(mine.body(body).xpos, other.body(body).xpos, atol=1e-9), body
+            assert np.allclose(mine.body(body).xmat, other.body(body).xmat, atol=1e-9), body
+        assert np.allclose(mine.sensordata, other.sensordata, atol=1e-9)
+        mass = full_mass(ours, mine), full_mass(theirs, other)
+        assert np.allclose(*mass, rtol=1e-9, atol=1e-12)
+
+
+def moved_to(model: mujoco.MjModel, q: np.ndarray) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    data.qpos[:] = q
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def full_mass(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    full = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, full)
+    return full
+
+
+def test_options_are_the_bases_and_the_parts_are_told(built):
+    ours = model_of(built, "dog")
+    assert (ours.opt.timestep, ours.opt.impratio) == (0.003, 10.0)
+    assert ours.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
+    told = [f for f in findings(built, "dog") if f["rule"] == "compose.left_out"]
+    assert set(told[0]["data"]["keys"]) >= {"option timestep", "option integrator"}
+    assert "keyframes.folded" in told[0]["data"]["keys"]
+
+
+def test_each_keyframe_of_the_base_has_the_arms_home(built):
+    """MuJoCo pads with qpos0; ours has both poses, and the commands that go with them."""
+    ours = model_of(built, "dog")
+    assert names(ours, "key", ours.nkey) == ["home", "lie"]
+    # `home` of the row moves the lift; the fingers stay as the arm's own keyframe has them.
+    assert ours.key("home").qpos[2:] == pytest.approx([0.3, 1, 0, 0, 0, 0.2, 0.7, 0.01, 0.01])
+    assert ours.key("home").ctrl == pytest.approx([0.2, 0.7, 0.01])
+    assert ours.key("lie").qpos[7:] == pytest.approx([-0.5, 0.5, 0.01, 0.01])
+    assert ours.key("lie").ctrl == pytest.approx([-0.5, 0.5, 0.01])
+
+
+def touch(model: mujoco.MjModel, a: str, b: str) -> bool:
+    i, j = model.geom(a).id, model.geom(b).id
+    masks = model.geom_contype, model.geom_conaffinity
+    return bool(masks[0][i] & masks[1][j] or masks[0][j] & masks[1][i])
+
+
+def test_masks_mean_what_they_meant_and_the_parts_meet(built):
+    ours = model_of(built, "dog", "scene.xml")
+    alone = {"": mujoco.MjModel.from_xml_string(DOG), "arm_": mujoco.MjModel.from_xml_string(ARM)}
+    solid = {
+        prefix: [prefix + name for name in names(model, "geom", model.ngeom)]
+        for prefix, model in alone.items()
+    }
+    for prefix, model in alone.items():
+        for a in solid[prefix]:
+            for b in solid[prefix]:
+                own = touch(model, a.removeprefix(prefix), b.removeprefix(prefix))
+                assert touch(ours, a, b) == own, (a, b)
+    on_floor = {n: touch(ours, n, "floor") for side in solid.values() for n in side}
+    met = {name for name, meets in on_floor.items() if meets}
+    assert met == {"trunk_collision", "foot_collision", "arm_link_collision"}
+    for a in solid[""]:
+        for b in solid["arm_"]:
+            assert touch(ours, a, b) == (on_floor[a] and on_floor[b]), (a, b)
+    assert "compose.masks" in {f["rule"] for f in findings(built, "dog")}
+
+
+def test_surfaces_and_excludes_stay_with_their_part(built):
+    ours = model_of(built, "dog")
+    assert ours.geom("trunk_collision").friction[0] == 0.4
+    assert (
+        ours.geom("arm_link_collision").friction[0],
+        ours.geom("arm_link_collision").condim[0],
+    ) == (1, 4)
+    pairs = {
+        tuple(sorted((ours.body(int(s) >> 16).name, ours.body(int(s) & 0xFFFF).name)))
+        for s in ours.exclude_signature
+    }
+    assert ("arm_base", "arm_left") in pairs
+
+
+def test_what_stood_in_the_arms_world_stands_on_its_root(built, attached):
+    ours = model_of(built, "dog")
+    assert ours.camera("arm_beside").pos == pytest.approx([1, 0, 0])
+    q = np.concatenate([[1, 2, 3, 0.6, 0.8, 0, 0], np.zeros(ours.nq - 7)])
+    poses = [moved_to(model, q).camera("arm_beside").xpos for model in (ours, attached)]
+    assert np.allclose(*poses, atol=1e-12)
+    assert "compose.scenery" in {f["rule"] for f in findings(built, "dog")}
+
+
+def test_two_arms_on_a_urdf_one_by_its_recipe_one_by_its_source(built):
+    ours = model_of(built, "post")
+    assert names(ours, "joint", ours.njnt) == [
+        "rise", "left_lift", "left_left", "left_right", "right_lift", "right_left", "right_right",
+    ]  # fmt: skip
+    gains = dict(zip(names(ours, "actuator", ours.nu), ours.actuator_gainprm[:, 0], strict=True))
+    # The row of the base takes the left arm's lift; its hand and the right arm drive themselves.
+    assert gains == {
+        "rise": 5000, "left_lift": 7, "right_lift_drive": 30, "left_hand": 100, "right_hand": 100,
+    }  # fmt: skip
+    assert ours.ntendon == 2
+    assert ours.neq == 2
+    assert ours.opt.timestep == 0.005  # the recipe's own default: the base is a URDF
+    assert ours.body_mass.sum() == pytest.approx(22 + 2 * 1.6)
+    home = dict(zip(names(ours, "joint", ours.njnt), ours.key("home").qpos, strict=True))
+    assert (home["rise"], home["left_lift"], home["right_lift"]) == (0, 0.5, -0.2)
+    told = [f for f in findings(built, "post") if f["rule"] == "compose.part"]
+    assert len(told) == 2
+
+
+def test_one_articulation_in_usd_and_one_tree_in_urdf(built):
+    from pxr import Usd, UsdPhysics
+
+    stage = Usd.Stage.Open(str(built / "build/post/usd/post.usda"))
+    roots = [p for p in stage.Traverse() if p.HasAPI(UsdPhysics.ArticulationRootAPI)]
+    assert len(roots) == 1
+    text = (built / "build/post/urdf/post.urdf").read_text()
+    assert 'name="left_tcp"' in text
+    assert 'name="right_mount"' in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("as: left_", "as: pol", "`pole` of the base begins with the prefix `pol` too"),
+        ("mjcf: arm.xml", "mjcf: hand.xml", "no file `hand.xml`"),
+        ("- source: {path: ., mjcf: arm.xml, license: MIT}", "- variant: x", "exactly one of"),
+        ("mjcf: arm.xml, license: MIT}", "mjcf: arm.xml}\n    variant: x", "a `source` has none"),
+        ("link: pole, xyz: [0, 0.2", "link: pol, xyz: [0, 0.2", "did you mean `pole`"),
+        ("recipe: arm.yaml", "recipe: dog.yaml", "is composed of parts itself"),
+        ("home: {lift: -0.2}", "home: {wrist: 1}", "matches no joint"),
+        ("joints: left_lift", "joints: left_lft", "matches no moving joint"),
+        (
+            "compose:",
+            "keyframes: {up: {}}\ncompose:",
+            "the base has no keyframe `home`",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_told_with_its_line(built, tmp_path, old, new, message):
+    for file in built.glob("*.*"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    text = (tmp_path / "post.yaml").read_text()
+    assert old in text
+    (tmp_path / "post.yaml").write_text(text.replace(old, new, 1))
+    done = run(tmp_path, "build", "post.yaml", cache=built / "store")
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert message in done.stderr
+    assert "post.yaml:" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_parts_that_a_variant_brings_are_refused_and_none_is_lost(built, tmp_path):
+    for file in built.glob("*.*"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    plain, parts = (tmp_path / "dog.yaml").read_text().split("compose:")
+    rows = parts.replace("\n", "\n    ")
+    (tmp_path / "dog.yaml").write_text(f"{plain}variants:\n  armed:\n    compose:{rows}\n")
+    text = (tmp_path / "post.yaml").read_text()
+    text = text.replace("recipe: arm.yaml", "recipe: dog.yaml\n    variant: armed")
+    (tmp_path / "post.yaml").write_text(text)
+    done = run(tmp_path, "check", "post.yaml")
+    assert done.returncode == 2
+    assert "`dog.yaml` is composed of parts itself" in done.stderr
+
+
+@pytest.mark.slow
+def test_mjlabs_go1_carries_mjlabs_yam(tmp_path):
+    """The two as mjlab ships them, beside MuJoCo's `attach`."""
+    wheel = os.environ.get("ASSETBUILD_MJLAB")
+    if not wheel:
+        pytest.skip("name the unpacked wheel of mjlab in ASSETBUILD_MJLAB")
+    robots = Path(wheel).absolute() / "mjlab/asset_zoo/robots"
+    go1, yam = (robots / n for n in ("unitree_go1/xmls/go1.xml", "i2rt_yam/xmls/yam.xml"))
+    source = "{{path: {}, mjcf: {}, license: MIT}}"
+    (tmp_path / "both.yaml").write_text(
+        HEAD.format(robot="both", kind="mjcf", file="go1.xml")
+        .replace("path: .", f"path: {go1.parent}")
+        .replace("[urdf, mjcf, mjx, usd, mjlab]", "[mjcf]")
+        + "compose:\n  - source: "
+        + source.format(yam.parent, yam.name)
+        + "\n    as: arm_\n    at: {link: trunk, xyz: [0, 0, 0.06]}\n    home: {joint2: 1}\n"
+    )
+    done = run(tmp_path, "build", "both.yaml", "--fail-on", "never")
+    assert done.returncode == 0, done.stdout + done.stderr
+    ours = model_of(tmp_path, "both")
+    spec = mujoco.MjSpec.from_file(str(go1))
+    frame = spec.body("trunk").add_frame(pos=[0, 0, 0.06])
+    spec.attach(mujoco.MjSpec.from_file(str(yam)), prefix="arm_", frame=frame)
+    theirs = spec.compile()
+    for count in ("nq", "nv", "nu", "nsensor", "neq", "ncam", "ngeom"):
+        assert getattr(ours, count) == getattr(theirs, count), count
+    assert names(ours, "joint", ours.njnt)[1:] == names(theirs, "joint", theirs.njnt)[1:]
+    # What has no mass is a frame in ours.
+    bodies = [theirs.body(n).name for n in range(1, theirs.nbody) if theirs.body_mass[n] > 0]
+    for name in bodies:
+        assert ours.body(name).mass == pytest.approx(theirs.body(name).mass, rel=1e-12)
+        pair = [inertia(model, model.body(name).id) for model in (ours, theirs)]
+        assert np.allclose(*pair, rtol=1e-9, atol=1e-14), name
+    move_alike(ours, theirs, tuple(bodies))
+    assert ours.key("home").qpos[-8:] == pytest.approx([0, 1, 0, 0, 0, 0, 0, 0])
