@@ -51,7 +51,7 @@ def recipe_text(robot: Looked, anatomy: Anatomy, source: Found, path: Path) -> s
         _source(source, path, turned(source, robot)),
         [f"base: {anatomy.base.kind}   # {plain(anatomy.base.reason, 200)}"],
         _fixed_joints(robot, anatomy),
-        repairs(robot),
+        repairs(robot, source.root),
         ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],
         _collision(robot, anatomy),
         _actuators(robot, anatomy, pose),

@@ -87,8 +87,8 @@ def actuator_findings(
             rule="actuator.none",
             severity="warning",
             subject="robot",
-            message=f"no actuator table: the source's {only_mjcf} drives stand in the MJCF alone, "
-            f"elsewhere all {len(actuators)} moving joints are passive"
+            message=f"no actuator table: the source's drives ({only_mjcf}) stand in the MJCF "
+            f"alone, elsewhere all {len(actuators)} moving joints are passive"
             if only_mjcf
             else f"no actuator table: all {len(actuators)} moving joints are passive",
             hint="add `actuators:` to the recipe",

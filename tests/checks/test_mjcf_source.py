@@ -182,7 +182,8 @@ def test_what_brakes_a_free_joint_stays(tmp_path: Path):
 
 def test_worlds_of_a_scene_and_the_robot_that_it_includes_are_one(tmp_path: Path):
     scene = """<mujoco><include file="robot.xml"/>
-      <worldbody><light pos="0 0 2"/><body name="pole" pos="1 0 0"><geom size=".1"/></body></worldbody>
+      <worldbody><light pos="0 0 2"/>
+        <body name="pole" pos="1 0 0"><geom size=".1"/></body></worldbody>
     </mujoco>"""
     arm = (
         '<mujoco><worldbody><body name="arm"><joint/><geom size=".1"/></body></worldbody></mujoco>'
@@ -199,4 +200,4 @@ def test_drives_that_only_mjcf_holds_are_no_missing_table(tmp_path: Path):
     )
     written = write(read(geared, tmp_path / "read", tet_obj=TET), tmp_path / "out")
     (told,) = [f for f in written.findings if f.rule == "actuator.none"]
-    assert "the source's 1 drives stand in the MJCF alone" in told.message
+    assert "the source's drives (1) stand in the MJCF alone" in told.message

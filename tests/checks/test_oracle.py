@@ -169,6 +169,13 @@ def test_a_limit_that_states_no_effort_keeps_nothing_from_being_compared(tmp_pat
     assert figures(folder)["nv"] == 1
 
 
+def test_a_speck_behind_a_large_rotor_is_compared_to_its_last_digit(tmp_path: Path):
+    """Armature of 0.2 kg m² is 1e12 times what the link itself has."""
+    speck = ON_THE_WALL.replace('value="2"', 'value="1e-12"').replace('"0.02"', '"1e-14"')
+    folder = robot_folder(speck.replace('"0.01"', '"1e-14"'), tmp_path, "fixed")
+    assert by_target(folder) == []
+
+
 @pytest.mark.parametrize(("anywhere", "rules"), [
     (True, set()), (False, {"oracle.kinematics", "oracle.gravity"}),
 ])  # fmt: skip

@@ -95,6 +95,20 @@ def test_a_missing_mass_is_a_guess_that_says_so(tmp_path: Path):
     assert "a guess, as the source states no mass" in (tmp_path / "bot.yaml").read_text()
 
 
+SHEET = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n"
+DRAWN_FLAT = "<visual><geometry><mesh filename='sheet.obj'/></geometry></visual>"
+
+
+def test_a_flat_picture_has_no_volume_to_weigh(tmp_path: Path):
+    """The build would refuse `open: hull` of it: the collision shape is taken, or a ball."""
+    (tmp_path / "sheet.obj").write_text(SHEET)
+    (edit,) = edits_for(robot(DRAWN_FLAT + BOX.format("collision")), tmp_path)
+    told = {"link": "link0", "density": 1000, "from": "collision", "open": "hull"}
+    assert edit == {"inertia_from_geometry": told}
+    (edit,) = edits_for(robot(DRAWN_FLAT), tmp_path)
+    assert edit["set_inertia"]["mass"] == 0.01
+
+
 def test_without_any_shape_it_becomes_a_ball(tmp_path: Path):
     """10 g of water: 1.337 cm, 0.4 m r^2 = 7.145e-7 kg m2."""
     (edit,) = edits_for(robot(""), tmp_path)

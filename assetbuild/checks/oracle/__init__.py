@@ -35,7 +35,7 @@ class Oracle(Check):
     counts as much as the trunk. Gravity: against max(1, largest |entry|), N m and N.
     Inertia, of all that moves with a body: mass and tensor relative to the largest entry, the
     centre of mass relative to its distance or to the radius of gyration.
-    Joint friction, damping, drives and contacts take no part; armature is subtracted.
+    Joint friction, damping, drives and contacts take no part; armature is taken away.
     """
 
     version: ClassVar = "7"

@@ -121,6 +121,8 @@ class MujocoSide:
         self._mj: Any = mujoco  # Any: mujoco's bindings have no complete types
         self._model = load(path, visuals=False).model
         self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        # Taken away before, not subtracted after: of a body of 1e-9 kg nothing would be left.
+        self._model.dof_armature[:] = 0.0
         self._data = mujoco.MjData(self._model)
         self._anywhere, self._X_root_world = anywhere, np.eye(4)
         self.nv = int(self._model.nv)
@@ -195,7 +197,7 @@ class MujocoSide:
         """(nv, nv) without armature."""
         out = np.zeros((self.nv, self.nv))
         self._mj.mj_fullM(self._model, self._data, out)
-        return out - np.diag(self._model.dof_armature)
+        return out
 
     def gravity(self) -> Array:
         """(nv,): at rest the bias force is gravity alone."""
