@@ -231,7 +231,8 @@ def _row(pattern: str, row: Row) -> Iterator[str]:
         return
     speed = f"{row.velocity:g} {row.unit}/s" if row.velocity else "no stated speed"
     unit = "kg" if row.unit == "m" else "kg m2"
-    yield f"  # {_joints(row)}: {row.effort:g} {torque}, {speed}, moves {row.inertia:.3g} {unit}"
+    moved = f"{row.inertia:.3g} {unit}" if row.inertia else "what the edits above give a mass"
+    yield f"  # {_joints(row)}: {row.effort:g} {torque}, {speed}, moves {moved}"
     gains = f"kp: {row.kp!r}, kd: {row.kd!r}"
     if row.frequency is not None:
         gains = f"frequency: {row.frequency!r}, damping_ratio: {row.damping_ratio!r}"

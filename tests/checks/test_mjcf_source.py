@@ -201,3 +201,26 @@ def test_drives_that_only_mjcf_holds_are_no_missing_table(tmp_path: Path):
     written = write(read(geared, tmp_path / "read", tet_obj=TET), tmp_path / "out")
     (told,) = [f for f in written.findings if f.rule == "actuator.none"]
     assert "the source's drives (1) stand in the MJCF alone" in told.message
+
+
+def test_a_fixed_tendon_is_not_drawn_whatever_its_class_says(tmp_path: Path):
+    thick = FLOATING.replace("<asset>", '<default><tendon width=".01"/></default><asset>', 1)
+    both = '<tendon><fixed name="t"><joint joint="hip" coef="2"/></fixed></tendon><actuator>'
+    reading = read(thick.replace("<actuator>", both, 1), tmp_path / "read", tet_obj=TET)
+    assert compared(write(reading, tmp_path / "out")) == []
+
+
+CART = """<mujoco><worldbody>
+  <body name="base"><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide"
+    axis="0 1 0"/><joint name="turn"/>
+    <body name="chassis" pos="0 0 .1"><geom size=".2"/></body>
+    <body name="mast"><joint name="lift" type="slide"/><geom size=".1"/></body></body>
+</worldbody></mujoco>"""
+
+
+def test_what_weighs_by_its_fixed_bodies_alone_moves_on_several_joints(tmp_path: Path):
+    written = write(read(CART, tmp_path / "read"), tmp_path / "out")
+    model = mujoco.load(written.xml).model
+    assert int(model.body("base").jntnum[0]) == 3
+    assert float(model.body("base").mass[0]) == 0.0
+    assert compared(written) == []

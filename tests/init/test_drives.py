@@ -82,3 +82,12 @@ def test_an_arm_that_cannot_be_held_stretched_out_hangs(effort: float, hangs: bo
     pose, _ = rows_of(arm(tmp_path, [(4.0, 0.2)], effort=effort))
     assert (pose["j0"] > 0.0) == hangs
     assert 4.0 * 9.81 * 0.2 * math.cos(pose["j0"]) <= HEAVY * effort
+
+
+def test_links_that_only_an_edit_gives_a_mass_get_a_frequency(tmp_path: Path):
+    """The build knows what they weigh then; a stiffness of the whole effort creeps at a wrist."""
+    robot = arm(tmp_path, [(0.0, 0.2), (0.0, 0.2)])
+    _, (row,) = rows_of(robot)
+    assert (row.kp, row.frequency, row.damping_ratio) == (None, 8.0, 1.0)
+    text = recipe_text(robot, study(robot), find_source(tmp_path / "arm.urdf", {}), tmp_path / "a")
+    assert "moves what the edits above give a mass" in text

@@ -13,6 +13,7 @@ from assetbuild.checks.mjcf_source.compare import (
     MESH,
     SIZES,
     SLIDE,
+    WRAP_JOINT,
     Comparison,
     Side,
     differs,
@@ -150,7 +151,9 @@ class Constants(Comparison):
         yield from self.missing("tendon", self.a.ids["tendon"])
         for name, i, j in self.pairs("tendon"):
             fields = ["limited", "range", "stiffness", "damping", "frictionloss", "lengthspring"]
-            fields += ["num", "margin", "solref_lim", "solimp_lim", "width", "group", "armature"]
+            fields += ["num", "margin", "solref_lim", "solimp_lim", "group", "armature"]
+            spatial = self.a.model.wrap_type[self.a.model.tendon_adr[i]] != WRAP_JOINT
+            fields += ["width"] if spatial else []
             yield from self.fields("tendon", f"tendon {name}", "tendon", fields, i, j)
         if "merge" not in self.stated:
             there = _excluded(self.a.model)

@@ -209,6 +209,9 @@ def _tendon(element: _Element, classes: Classes, names: Names, found: Sections) 
         found.findings.append(_dropped(element, missing))
         return
     material = said.pop("material", None)
+    if element.tag == "fixed":  # a class of tendons may say how the spatial ones are drawn
+        said.pop("width", None)
+        said.pop("rgba", None)
     if material:
         found.findings.append(_plain_tendon(element))
     text = {"name": str(element.get("name"))} | dict(sorted(said.items()))
