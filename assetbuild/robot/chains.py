@@ -71,8 +71,8 @@ def find_chains(tree: Tree, shown: Collection[str] = ()) -> tuple[Chain, ...]:
 
     shown: links of the source that carry shapes; a body that shows or hits something is none of
     these, nor one that frames were merged into: they would move with a link that is not there.
-    Rows that end in a body without weight, or have more than `MAX_DOFS` degrees of freedom, are left
-    as they are: no simulator can move them.
+    Rows that end in a body without weight, or have more than `MAX_DOFS` degrees of freedom, are
+    left as they are: no simulator can move them.
     """
     occupied = {tree.placement(link)[0] for link in shown} | {frame.body for frame in tree.frames}
     below: dict[str, list[Joint]] = {}
