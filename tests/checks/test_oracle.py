@@ -169,9 +169,11 @@ def test_a_limit_that_states_no_effort_keeps_nothing_from_being_compared(tmp_pat
     assert figures(folder)["nv"] == 1
 
 
-def test_a_speck_behind_a_large_rotor_is_compared_to_its_last_digit(tmp_path: Path):
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_a_speck_behind_a_large_rotor_is_compared_to_its_last_digit(kind: str, tmp_path: Path):
     """Armature of 0.2 kg m² is 1e12 times what the link itself has."""
-    speck = ON_THE_WALL.replace('value="2"', 'value="1e-12"').replace('"0.02"', '"1e-14"')
+    hinge = ON_THE_WALL.replace("revolute", kind).replace('xyz="0.1 0 0.2"', 'xyz="0 0 0"')
+    speck = hinge.replace('value="2"', 'value="1e-12"').replace('"0.02"', '"1e-14"')
     folder = robot_folder(speck.replace('"0.01"', '"1e-14"'), tmp_path, "fixed")
     assert by_target(folder) == []
 

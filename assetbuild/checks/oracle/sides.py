@@ -124,6 +124,7 @@ class MujocoSide:
         # Taken away before, not subtracted after: of a body of 1e-9 kg nothing would be left.
         self._model.dof_armature[:] = 0.0
         self._data = mujoco.MjData(self._model)
+        mujoco.mj_setConst(self._model, self._data)  # MuJoCo keeps the masses of plain slides
         self._anywhere, self._X_root_world = anywhere, np.eye(4)
         self.nv = int(self._model.nv)
         self.mass = float(self._model.body_mass.sum())
