@@ -214,7 +214,7 @@ def _held(*masses: float) -> Held:
 def test_a_root_without_mass_weighs_nothing_though_physx_gives_it_some() -> None:
     arm = Body("b1", Inertial(2.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)))
     hinge = Joint("j", "revolute", "b0", "b1", Pose(), (0.0, 0.0, 1.0))
-    tree = Tree("r", "fixed", "b0", (Body("b0"), arm), (hinge,))
+    tree = Tree("r", "fixed", (Body("b0"), arm), (hinge,))
     assert weight_of(tree, _held(1.0, 2.0)) == 2.0
     assert weight_of(tree, _held(1.0, 2.5)) == 2.5
 
