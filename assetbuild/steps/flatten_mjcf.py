@@ -102,11 +102,10 @@ def _expanded(file: str, tree: Path) -> _Element:
 
 def _join_worlds(root: _Element) -> None:
     """A scene that includes a robot has a second <worldbody>: to MuJoCo all are one."""
-    first, *others = list(root.iterchildren("worldbody")) or [None]
-    for other in others:
-        if first is not None and other is not None:
-            first.extend(list(other))
-            root.remove(other)
+    worlds = list(root.iterchildren("worldbody"))
+    for other in worlds[1:]:
+        worlds[0].extend(list(other))
+        root.remove(other)
 
 
 def _included(include: _Element, main: str) -> str:

@@ -125,7 +125,8 @@ class MujocoSide:
         self._model.dof_armature[:] = 0.0
         self._data = mujoco.MjData(self._model)
         mujoco.mj_setConst(self._model, self._data)  # MuJoCo keeps the masses of plain slides
-        self._anywhere, self._X_root_world = anywhere, np.eye(4)
+        self._anywhere = anywhere
+        self._X_root_world: Array = np.eye(4)
         self.nv = int(self._model.nv)
         self.mass = float(self._model.body_mass.sum())
         self.tree = tree
@@ -165,7 +166,7 @@ class MujocoSide:
         at = self._id("BODY", self._written[self.tree.root])
         if self._anywhere and self.tree.base == "fixed" and at >= 0:
             matrix = _matrix(self._data.xpos[at], self._data.xmat[at]) @ pin.X_body_root.matrix()
-            self._X_root_world = np.linalg.inv(matrix)
+            self._X_root_world = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
         pin.set_gravity(self._X_root_world[:3, :3] @ self._model.opt.gravity)
         return ""
 
