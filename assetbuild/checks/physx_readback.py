@@ -25,12 +25,14 @@ from assetbuild.simulators import physx
 
 NUMBER, TENSOR = 4e-7, 2e-6
 FULL_TURN = 2.0 * math.pi
+ROUNDED_UP = math.radians(1e-3)
+"""PhysX holds 6.28319, which many write for 2π; `usd.limit_clamped` starts beyond."""
 
 
 class PhysxReadback(Check):
     """`usd/<robot>.usda` in PhysX: bodies, joints, gains, limits; then 5 s on a floor."""
 
-    version: ClassVar[str] = "2"
+    version: ClassVar[str] = "3"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json")
     requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
@@ -239,14 +241,20 @@ def _compare_joint(
             book.number(kind, subject, name.replace("_", " "), getattr(found, name), expected[name])
 
 
+def _within_a_turn(limit: float | None) -> float | None:
+    """rad; a limit of 2π that was rounded up stays as it is."""
+    if limit is None or abs(limit) <= FULL_TURN + ROUNDED_UP:
+        return limit
+    return math.copysign(FULL_TURN, limit)
+
+
 def expected_joint(joint: Joint, actuator: Actuator | None) -> dict[str, float | None]:
     """What PhysX must hold, in the words of `physx.HeldJoint`."""
     lower, upper = joint.limits.lower, joint.limits.upper
     if joint.kind == "continuous":
         lower = upper = None
     elif joint.kind == "revolute":  # PhysX clamps there; `usd.limit_clamped` says so
-        lower = None if lower is None else max(lower, -FULL_TURN)
-        upper = None if upper is None else min(upper, FULL_TURN)
+        lower, upper = _within_a_turn(lower), _within_a_turn(upper)
     inside = actuator is not None and actuator.model in ("pd", "velocity")
     driven = actuator is not None and actuator.model != "passive"
     friction = actuator.friction if actuator else joint.friction or 0.0

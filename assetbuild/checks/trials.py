@@ -20,6 +20,8 @@ from assetbuild.simulators.mujoco_trials import Settled, Support
 EXTERNAL = frozenset({"ideal_pd", "dc_motor"})
 """Models whose PD law runs outside of the simulator: here it is put inside."""
 SHOWN_PAIRS = 40
+DEEP_M = 0.001
+"""Of two bodies at the start: what is less is the roundness of a hull."""
 LARGEST_DOFS = 300
 """A file of anybody may hold a cloth; steps of it take minutes."""
 FINER = 4
@@ -37,7 +39,7 @@ class _Row(NamedTuple):
 class Trials(Check):
     """Findings `trials.<what>`; one compilation of `mjcf/scene.xml` serves all experiments."""
 
-    version = "4"
+    version = "5"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -161,6 +163,18 @@ class Trials(Check):
                     f"runs into {b} in {share:.0%} of {self.poses} random poses",
                     hint=f"`collision.exclude.pairs: [[{a}, {b}]]`, or smaller shapes",
                     data={"share": share, "poses": self.poses},
+                )
+        always = {frozenset(pair) for pair, share in pairs.items() if share >= self.always}
+        for (a, b), depth in mujoco_trials.overlaps_at_home(model).items():
+            if depth >= DEEP_M and frozenset((a, b)) not in always:
+                yield Finding(
+                    "trials.overlap",
+                    "warning",
+                    f"link {a}",
+                    f"lies {depth * 1e3:.3g} mm in {b} where it starts: PhysX throws them apart",
+                    hint=f"another pose, `collision.exclude.pairs: [[{a}, {b}]]`, or smaller "
+                    "shapes",
+                    data={"depth_m": depth},
                 )
 
     def _floor(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:

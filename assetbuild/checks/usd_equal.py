@@ -50,7 +50,7 @@ UNDERFLOW = 1e-37
 class UsdEqual(Check):
     """Bodies, joints, limits, gains and shapes of `usd/<robot>.usda` against the robot."""
 
-    version: ClassVar[str] = "3"
+    version: ClassVar[str] = "4"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     reads: ClassVar[tuple[str, ...]] = (
         "tree.json",

@@ -35,7 +35,8 @@ def run(arguments: argparse.Namespace) -> int:
         for finding in findings:
             if finding.severity != "info":
                 place = f"{finding.where}: " if finding.where else ""
-                print(f"{finding.severity} {finding.rule}: {place}{finding.message}")
+                said = f"{place}{finding.subject}: {finding.message}"
+                print(f"{finding.severity} {finding.rule}: {said}")
         codes.append(1 if errors else 0)
         if not errors:
             print(f"{recipe}: ok")

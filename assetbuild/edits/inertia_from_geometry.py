@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from assetbuild.engine.step import Files, Limits
-from assetbuild.errors import RecipeError
+from assetbuild.errors import RecipeError, StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import ConvertedMesh, Edit, Edited, edit_inertials
 from assetbuild.mesh.hull import convex_hull
@@ -84,7 +84,7 @@ class InertiaFromGeometry(Edit):
             if not own:
                 raise RecipeError(
                     f"inertia_from_geometry: link `{body.name}` has no {self.from_} geometry",
-                    hint=f"try `from: {'collision' if self.from_ == 'visual' else 'visual'}`",
+                    hint=f"try `from: {self._other()}`",
                 )
             parts = [self._solid(shape, folder_of) for shape in own]
             volume = math.fsum(part.mass_kg for part in parts)
@@ -94,6 +94,9 @@ class InertiaFromGeometry(Edit):
 
         tree, findings = edit_inertials(tree, self.link, change)
         return Edited(tree, shapes, findings)
+
+    def _other(self) -> str:
+        return "collision" if self.from_ == "visual" else "visual"
 
     def _solid(self, shape: Shape, folder_of: Mapping[str, Path]) -> Inertial:
         """Mass properties at density 1, in the link frame."""
@@ -112,7 +115,13 @@ class InertiaFromGeometry(Edit):
                     "so it has no volume",
                     hint="`open: hull` takes its convex hull; or use `from: collision`",
                 )
-            mesh = convex_hull(mesh.vertices, subject=shape.name)
+            try:
+                mesh = convex_hull(mesh.vertices, subject=shape.name)
+            except StepError as error:
+                raise RecipeError(
+                    f"inertia_from_geometry: {error.message}",
+                    hint=f"take `from: {self._other()}`, or state it: edit `set_inertia`",
+                ) from None
         volume, centre, inertia = solid_moments(mesh)
         if volume <= 0.0:
             raise RecipeError(f"inertia_from_geometry: the mesh of `{shape.name}` has no volume")

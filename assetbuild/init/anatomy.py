@@ -31,9 +31,9 @@ _ARM = re.compile(r"(?i).*(arm|shoulder|elbow|wrist|hand|grip|finger|thumb|nub).
 _LEG = re.compile(r"(?i).*(leg|foot|hip|knee|ankle|thigh|calf|shank).*")
 _SHANK = re.compile(r"(?i).*(shank|shin|calf|thigh|leg|knee).*")
 _WHEEL = re.compile(r"(?i).*(wheel|caster).*")
-_FLYING = re.compile(
-    r"(?i).*(propeller|(^|_)prop(_|$)|flying|drone|copter|quadrotor|hector|iris).*"
-)
+_FLYING = re.compile(r"(?i).*(propeller|flying|drone|copter|quadrotor|hector|iris).*")
+_PROP = re.compile(r"(?i)(.*[_/-])?prop_?\d*([_-].*)?")
+"""Of which something that flies has several: a gripper may have one prop, too."""
 _WORLD = ("world", "map", "odom", "universe")
 
 LOW = 0.15
@@ -83,7 +83,9 @@ def study(robot: Looked) -> Anatomy:
     origins = np.array([pose.xyz for pose in at_zero.values()])
     size = float(np.ptp(origins, axis=0).max())
     legs = _legs(robot, at_zero)
-    return Anatomy(_base(robot, legs), legs, _sensors(robot.links), size if tree.joints else 0.0)
+    return Anatomy(
+        _base(robot, legs, at_zero), legs, _sensors(robot.links), size if tree.joints else 0.0
+    )
 
 
 def chain_to(tree: Tree, body: str) -> tuple[Joint, ...]:
@@ -108,9 +110,7 @@ def _legs(robot: Looked, at_zero: Mapping[str, Pose]) -> tuple[Leg, ...]:
     lowest = min((limb.X_root_foot.xyz[2] for limb in limbs), default=0.0)
     down = []
     for limb in limbs:
-        if len(limb.joints) < 2 or limb.joints[-1].kind == "continuous":
-            continue
-        if _is_arm(limb):
+        if len(limb.joints) < 2 or _is_wheel(limb) or _is_arm(limb):
             continue
         start, end = at_zero[limb.joints[0].child].xyz[2], limb.X_root_foot.xyz[2]
         if end - lowest <= LOW * height and start - end >= REACH * height:
@@ -119,10 +119,34 @@ def _legs(robot: Looked, at_zero: Mapping[str, Pose]) -> tuple[Leg, ...]:
     return tuple(limb for limb in down if alike[_likeness(limb)] >= 2)
 
 
+def _is_wheel(limb: Leg) -> bool:
+    """What turns without end at the tip of a limb, and is not called a part of a leg."""
+    last = limb.joints[-1]
+    return last.kind == "continuous" and (
+        _WHEEL.fullmatch(last.child + last.name) is not None or not _LEG.fullmatch(last.child)
+    )
+
+
 def _is_arm(limb: Leg) -> bool:
     """By its words: hanging arms reach low, and some dogs have shoulders."""
-    words = [limb.foot, *(joint.child for joint in limb.joints)]
+    words = _words(limb)
     return any(map(_ARM.fullmatch, words)) and not any(map(_LEG.fullmatch, words))
+
+
+def _words(limb: Leg) -> list[str]:
+    return [limb.foot, *(joint.child for joint in limb.joints)]
+
+
+def _called_legs(robot: Looked, at_zero: Mapping[str, Pose]) -> tuple[str, ...]:
+    """Tips of four limbs or more that are called legs, wherever they point at the zero pose."""
+    limbs = [_limb(robot, at_zero, tip) for tip in _leaves(robot.tree)]
+    named = [
+        limb
+        for limb in limbs
+        if len(limb.joints) >= 2 and not _is_wheel(limb) and _LEG.fullmatch(limb.joints[-1].child)
+    ]
+    alike = Counter(_likeness(limb) for limb in named)
+    return tuple(limb.tip for limb in named if alike[_likeness(limb)] >= 4)
 
 
 def _likeness(limb: Leg) -> tuple[str, ...]:
@@ -204,7 +228,7 @@ def _foot(robot: Looked, at_zero: Mapping[str, Pose], tip: str) -> str:
 # --- base and sensors -----------------------------------------------------------------------
 
 
-def _base(robot: Looked, legs: tuple[Leg, ...]) -> BaseChoice:
+def _base(robot: Looked, legs: tuple[Leg, ...], at_zero: Mapping[str, Pose]) -> BaseChoice:
     links, tree = robot.links, robot.tree
     if links.root.lower() in _WORLD:
         return BaseChoice("fixed", f"the root link is called `{links.root}`")
@@ -219,9 +243,13 @@ def _base(robot: Looked, legs: tuple[Leg, ...]) -> BaseChoice:
     if len(rolling) >= 2:
         return BaseChoice("floating", f"it rolls on {len(rolling)} wheels: {', '.join(rolling)}")
     names = [links.name, *(body.name for body in links.bodies)]
-    flying = [name for name in names if _FLYING.fullmatch(name)]
+    props = [name for name in names[1:] if _PROP.fullmatch(name)]
+    flying = [name for name in names if _FLYING.fullmatch(name)] + props[: len(props) // 2]
     if flying:
         return BaseChoice("floating", f"it flies, by the name of `{flying[0]}`")
+    if walking := _called_legs(robot, at_zero):
+        reason = f"{', '.join(walking[:4])}: legs by their names, but at 0 they do not reach down"
+        return BaseChoice("floating", reason)
     if not tree.moving_joints:
         return BaseChoice("floating", "nothing moves in it: a loose object")
     return BaseChoice("fixed", f"no legs and no wheels: an arm or a hand, bolted at `{tree.root}`")

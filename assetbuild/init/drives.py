@@ -130,8 +130,9 @@ def _own_ratio(row: Row, one: _Felt) -> float:
 def _with_gains(row: Row, effort: float, felt: Sequence[_Felt]) -> Row:
     """kp and kd that suit every joint of the group, else a frequency and a damping ratio."""
     unit, moved = row.unit, [one.inertia for one in felt if one.inertia > 0.0]
-    if not moved:
-        return replace(row, kp=_rounded(effort), kd=_rounded(BRAKE_S * effort))
+    if len(moved) < len(felt):  # edits give the links their masses; the build knows them
+        unheld = [replace(one, holding=0.0) for one in felt if one.inertia > 0.0]
+        return _by_frequency(row, unheld)
     floors = [max(one.inertia * _square(SLOWEST_HZ), one.holding / SAG[unit]) for one in felt]
     roofs = [
         max(one.inertia * _square(FASTEST_HZ), one.load * _square(FASTEST_LEG_HZ)) for one in felt
@@ -157,14 +158,15 @@ def _by_frequency(row: Row, felt: Sequence[_Felt]) -> Row:
     Unless these are damped beyond use; the row then drops it.
     """
     wanted = [one.holding / SAG[row.unit] / one.inertia for one in felt if one.inertia > 0.0]
-    frequency = math.sqrt(max(wanted)) / (2 * math.pi)
+    frequency = math.sqrt(max(wanted, default=0.0)) / (2 * math.pi)
     frequency = _rounded(min(max(frequency, USUAL_HZ), FASTEST_HZ))
     own = [
         (one.joint.damping or 0.0) / (2 * one.inertia * 2 * math.pi * frequency)
         for one in felt
         if one.inertia > 0.0
     ]
-    ratio = 1.1 * max(own) if max(own) <= MOST_DAMPED else 1.0
+    most = max(own, default=0.0)
+    ratio = 1.1 * most if most <= MOST_DAMPED else 1.0
     return replace(row, frequency=frequency, damping_ratio=_rounded(max(1.0, ratio)))
 
 

@@ -114,7 +114,7 @@ def mjcf_text(found: Found, path: Path) -> str:
         head(robot, anatomy, path),
         list(_source(found, path)),
         list(_taken(found)),
-        repairs(robot),
+        repairs(robot, found.root),
         list(_collision(robot)),
         list(_drives(control)),
         list(_poses(robot, anatomy, control)),

@@ -9,12 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 from assetbuild.findings import Finding
 from assetbuild.init.look import Looked
+from assetbuild.init.mesh_points import is_flat
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.targets import not_in_usd
 from assetbuild.init.words import plain, quoted, some
+from assetbuild.robot.model import Mesh
 
 GUESSED_DENSITY = 1000
 """kg/m3, of links without a mass: water's, and that of many a printed or hollow part."""
@@ -37,9 +40,9 @@ class _Repair:
     finding: str
 
 
-def repairs(robot: Looked) -> list[str]:
-    """The section `edits:`; [] when there is nothing to repair."""
-    wanted = [*_inertias(robot), *_shares(robot), *_limits(robot)]
+def repairs(robot: Looked, root: Path) -> list[str]:
+    """The section `edits:`; [] when there is nothing to repair. root: of the source's files."""
+    wanted = [*_inertias(robot, root), *_shares(robot), *_limits(robot)]
     if not wanted:
         return [*_hints(robot)]
     lines = [
@@ -61,13 +64,13 @@ def repairs(robot: Looked) -> list[str]:
 # --- what to do -----------------------------------------------------------------------------
 
 
-def _inertias(robot: Looked) -> Iterator[_Repair]:
+def _inertias(robot: Looked, root: Path) -> Iterator[_Repair]:
     """One repair for each link that makes a body impossible."""
     for link, findings in _broken_links(robot).items():
         rules = {finding.rule for finding in findings}
         worst = next((f for f in findings if f.rule in _BROKEN), findings[0])
         if rules & _BROKEN:
-            yield _remade(robot, link, worst)
+            yield _remade(robot, root, link, worst)
         else:
             yield _Repair(
                 link,
@@ -109,11 +112,10 @@ def _spoils(robot: Looked, link: str) -> bool:
     return link in robot.tree.by_body or (inertial is not None and inertial.mass_kg > 0.0)
 
 
-def _remade(robot: Looked, link: str, finding: Finding) -> _Repair:
+def _remade(robot: Looked, root: Path, link: str, finding: Finding) -> _Repair:
     inertial = robot.links.by_body[link].inertial
     mass = inertial.mass_kg if inertial else 0.0
-    shown = [role for role in ("visual", "collision")
-             if any(s.link == link and s.role == role for s in robot.shapes.shapes)]  # fmt: skip
+    shown = [role for role in ("visual", "collision") if _is_solid(robot, root, link, role)]
     if not shown:
         return _ball(link, mass, finding)
     how = f"from: {shown[0]}, open: hull" if shown[0] != "visual" else "open: hull"
@@ -133,6 +135,13 @@ def _remade(robot: Looked, link: str, finding: Finding) -> _Repair:
     )
 
 
+def _is_solid(robot: Looked, root: Path, link: str, role: str) -> bool:
+    """Whether the link has shapes of this role, and each spans a volume."""
+    shapes = [s.geometry for s in robot.shapes.shapes if (s.link, s.role) == (link, role)]
+    meshes = [geometry for geometry in shapes if isinstance(geometry, Mesh)]
+    return bool(shapes) and not any(is_flat(root, mesh) for mesh in meshes)
+
+
 def _ball(link: str, mass: float, finding: Finding) -> _Repair:
     """A solid ball of water's density: there is nothing to compute it from."""
     ball = mass or GUESSED_MASS
@@ -143,7 +152,7 @@ def _ball(link: str, mass: float, finding: Finding) -> _Repair:
     return _Repair(
         link,
         f"set_inertia: {{{{link: {{name}}, {stated}inertia: {moments}}}}}",
-        f"a guess, as it has no shape: a solid ball of {ball:g} kg and the density of water",
+        f"a guess, as it has no solid shape: a ball of {ball:g} kg and the density of water",
         finding.message,
     )
 

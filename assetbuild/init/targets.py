@@ -6,7 +6,7 @@ from assetbuild.edits.share_mass import meeting_point
 from assetbuild.errors import RecipeError
 from assetbuild.init.look import Looked
 from assetbuild.init.words import plain
-from assetbuild.robot.chains import find_chains
+from assetbuild.robot.chains import find_chains, is_massless, weighs
 
 
 def targets(robot: Looked) -> str:
@@ -26,10 +26,18 @@ def not_in_usd(robot: Looked) -> str:
     for joint in robot.tree.joints:
         if joint.kind == "planar":
             return f"joint {joint.name} is planar, which no articulation holds"
-    for chain in find_chains(robot.links, {shape.link for shape in robot.shapes.shapes}):
+    shown = {shape.link for shape in robot.shapes.shapes}
+    for chain in find_chains(robot.links, shown):
+        # Edits come before merging: an end that fixed joints will give a mass has none to share.
+        if is_massless(robot.links.by_body[chain.body]):
+            return f"bodies without mass between the joints of {chain.body}"
         for link in chain.between:
             try:
                 meeting_point(link, chain.joints[chain.between.index(link) + 1 :])
             except RecipeError as error:
                 return f"a body without mass: {error.message.partition(': ')[2]}"
+    for body in robot.tree.bodies:
+        moves = robot.tree.base == "floating" or body.name != robot.tree.root
+        if moves and is_massless(body) and weighs(robot.tree, body.name):
+            return f"{body.name} has no mass but for the bodies that fixed joints hold to it"
     return ""

@@ -53,7 +53,7 @@ def recipe_text(robot: Looked, anatomy: Anatomy, source: Found, path: Path) -> s
         _source(source, path, turned(source, robot)),
         [f"base: {anatomy.base.kind}   # {plain(anatomy.base.reason, 200)}"],
         _fixed_joints(robot, anatomy),
-        repairs(robot),
+        repairs(robot, source.root),
         ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],
         _collision(robot, anatomy),
         _actuators(robot.tree, drives),
@@ -231,7 +231,8 @@ def _row(pattern: str, row: Row) -> Iterator[str]:
         return
     speed = f"{row.velocity:g} {row.unit}/s" if row.velocity else "no stated speed"
     unit = "kg" if row.unit == "m" else "kg m2"
-    yield f"  # {_joints(row)}: {row.effort:g} {torque}, {speed}, moves {row.inertia:.3g} {unit}"
+    moved = f"{row.inertia:.3g} {unit}" if row.inertia else "what the edits above give a mass"
+    yield f"  # {_joints(row)}: {row.effort:g} {torque}, {speed}, moves {moved}"
     gains = f"kp: {row.kp!r}, kd: {row.kd!r}"
     if row.frequency is not None:
         gains = f"frequency: {row.frequency!r}, damping_ratio: {row.damping_ratio!r}"

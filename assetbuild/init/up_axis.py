@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import PurePosixPath
-from typing import get_args
-
-import numpy as np
-
-from assetbuild.errors import StepError
 from assetbuild.init.look import Looked
+from assetbuild.init.mesh_points import mesh_of, scaled_points
 from assetbuild.init.source import Found
 from assetbuild.kinds import ConvertedMesh
-from assetbuild.mesh.read import Format, read_mesh
 from assetbuild.robot.model import Mesh, Shape
 from assetbuild.robot.pose import vec3
 from assetbuild.steps.lint_meshes import judge_up_axes
@@ -19,8 +13,6 @@ from assetbuild.steps.lint_meshes import judge_up_axes
 SAYS = (b">Y_UP<", b">X_UP<")
 HEAD = 1 << 16
 """Bytes in which a COLLADA file tells its axis: its asset comes first."""
-LARGEST = 16 << 20
-"""A mesh of more bytes is left to the build, which reads it in a process of its own."""
 
 
 def turned(source: Found, robot: Looked) -> list[str]:
@@ -56,18 +48,9 @@ def _says_so(source: Found, shape: Shape) -> bool:
 
 def _bounds(source: Found, mesh: Mesh) -> ConvertedMesh | None:
     """What `convert_mesh` would say of its bounds; None for one that it would refuse."""
-    path = source.root / mesh.mesh
-    suffix = PurePosixPath(mesh.mesh).suffix.lower().lstrip(".")
-    for format in get_args(Format):
-        if suffix == format:
-            try:
-                if path.stat().st_size > LARGEST:
-                    return None
-                read = read_mesh(path.read_bytes(), format)
-            except (StepError, OSError):
-                return None
-            used = [part.mesh.vertices[np.unique(part.mesh.faces)] for part in read.parts]
-            points = np.concatenate(used) * np.array(mesh.scale)
-            lower, upper = vec3(points.min(axis=0)), vec3(points.max(axis=0))
-            return ConvertedMesh((), 0, 0.0, lower, upper, False, None, read.up_axis)
-    return None
+    read = mesh_of(source.root, mesh)
+    if read is None:
+        return None
+    points = scaled_points(read, mesh)
+    lower, upper = vec3(points.min(axis=0)), vec3(points.max(axis=0))
+    return ConvertedMesh((), 0, 0.0, lower, upper, False, None, read.up_axis)

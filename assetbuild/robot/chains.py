@@ -71,8 +71,8 @@ def find_chains(tree: Tree, shown: Collection[str] = ()) -> tuple[Chain, ...]:
 
     shown: links of the source that carry shapes; a body that shows or hits something is none of
     these, nor one that frames were merged into: they would move with a link that is not there.
-    Rows that end in a massless body, or have more than `MAX_DOFS` degrees of freedom, are left
-    as they are: no simulator can move them.
+    Rows that end in a body without weight, or have more than `MAX_DOFS` degrees of freedom, are
+    left as they are: no simulator can move them.
     """
     occupied = {tree.placement(link)[0] for link in shown} | {frame.body for frame in tree.frames}
     below: dict[str, list[Joint]] = {}
@@ -97,10 +97,22 @@ def find_chains(tree: Tree, shown: Collection[str] = ()) -> tuple[Chain, ...]:
         joints = [first]
         while passes(joints[-1].child):
             joints += below[joints[-1].child]
-        moves_nothing = is_massless(tree.by_body[joints[-1].child])
-        if not moves_nothing and sum(_DOFS[joint.kind] for joint in joints) <= MAX_DOFS:
+        if (
+            weighs(tree, joints[-1].child)
+            and sum(_DOFS[joint.kind] for joint in joints) <= MAX_DOFS
+        ):
             found.append(Chain(tuple(joints), tuple(joint.child for joint in joints[:-1])))
     return tuple(found)
+
+
+def weighs(tree: Tree, body: str) -> bool:
+    """Whether it has mass, or something that fixed joints hold to it: MuJoCo can move it then."""
+    held = [body]
+    for name in held:  # grows while it is walked
+        if not is_massless(tree.by_body[name]):
+            return True
+        held += [j.child for j in tree.joints if j.parent == name and j.kind == "fixed"]
+    return False
 
 
 def is_massless(body: Body) -> bool:

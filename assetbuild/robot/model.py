@@ -48,9 +48,11 @@ class Body:
 
     @property
     def is_massless(self) -> bool:
-        """Nothing is stated, or zeros throughout, which many write to quieten a parser."""
-        held = self.inertial
-        return held is None or not any((held.mass_kg, *held.inertia_com_kg_m2))
+        """No mass is stated, or 0, which many write to quieten a parser or to hold a base.
+
+        Whatever its tensor says: to PhysX a mass of 0 is none, and it makes one up.
+        """
+        return self.inertial is None or self.inertial.mass_kg == 0.0
 
 
 @dataclass(frozen=True)

@@ -239,6 +239,19 @@ def touching_pairs(model: Model, poses: int) -> Mapping[tuple[str, str], float]:
     return dict(sorted(shares.items(), key=lambda item: (-item[1], item[0])))
 
 
+def overlaps_at_home(model: Model) -> Mapping[tuple[str, str], float]:
+    """Depth (m) in which bodies of the robot lie in one another at the first keyframe."""
+    data = at_first_key(model)
+    found: dict[tuple[str, str], float] = {}
+    for contact in data.contact:
+        bodies = [int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2)]
+        if 0 not in bodies and bodies[0] != bodies[1]:
+            first, second = sorted(name_of(model, "body", body) for body in bodies)
+            depth = max(-float(contact.dist), found.get((first, second), 0.0))
+            found[first, second] = depth
+    return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))
+
+
 def _follow(model: Model, data: Data) -> None:
     """Joints that an equality couples to another take the position that it asks for."""
     import mujoco

@@ -76,15 +76,21 @@ def _span(values: list[float | None]) -> str:
 
 
 def actuator_findings(
-    tree: Tree, actuators: tuple[Actuator, ...], *, has_table: bool
+    tree: Tree, actuators: tuple[Actuator, ...], *, has_table: bool, only_mjcf: int = 0
 ) -> Iterator[Finding]:
-    """`actuator.none` and `actuator.zero_limit`, of the finished table."""
+    """`actuator.none` and `actuator.zero_limit`, of the finished table.
+
+    only_mjcf: drives of the source that stand in the MJCF alone.
+    """
     if actuators and not has_table and all(a.model == "passive" for a in actuators):
         yield Finding(
             rule="actuator.none",
             severity="warning",
             subject="robot",
-            message=f"no actuator table: all {len(actuators)} moving joints are passive",
+            message=f"no actuator table: the source's drives ({only_mjcf}) stand in the MJCF "
+            f"alone, elsewhere all {len(actuators)} moving joints are passive"
+            if only_mjcf
+            else f"no actuator table: all {len(actuators)} moving joints are passive",
             hint="add `actuators:` to the recipe",
             data={"joints": len(actuators)},
         )

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict
 
 from assetbuild.findings import Finding, Scalar, Severity
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.chains import Chain, find_chains
+from assetbuild.robot.chains import Chain, find_chains, is_massless, weighs
 from assetbuild.robot.inertia import (
     Tensor,
     equivalent_radius,
@@ -70,7 +70,8 @@ def inertia_findings(
     """Findings on all bodies of a tree, none graver than `worst`.
 
     What a fixed joint carries may lack mass: before merging it is a frame in all but name and
-    nothing is said, afterwards it was kept as a body and some engines would invent a mass.
+    nothing is said, afterwards it was kept as a body and some engines would invent a mass. So may
+    what moves, when fixed joints hold bodies to it that weigh.
     A massless link between two joints is no mistake: see `robot.chains`.
     """
     chains = find_chains(tree, {shape.link for shape in shapes.shapes})
@@ -84,7 +85,9 @@ def inertia_findings(
         mass = body.inertial.mass_kg if body.inertial else 0.0
         if body.name in between:
             yield _between(subject, between[body.name])
-        elif body.name not in driven and mass <= 0.0:
+        elif (body.name not in driven and mass <= 0.0) or (
+            is_massless(body) and weighs(tree, body.name)
+        ):
             if worst == "error" and body.name != tree.root:
                 yield _carried(subject)
         elif body.inertial is None:

@@ -104,6 +104,7 @@ class Node:
         words = self.text(attribute).split()
         if len(words) != count:
             hint = "separate the numbers by spaces" if "," in self.text(attribute) else ""
+            hint = _EXPAND if _is_macro(self.text(attribute)) else hint
             found = " ".join(words)
             message = f"{self.tag} {attribute} needs {count} numbers, found {len(words)}"
             raise self.error(f"{message}: `{_cut(found)}`", hint)
@@ -120,9 +121,15 @@ class Node:
         value = float(word) if _NUMBER.fullmatch(word) else math.nan
         if math.isfinite(value):
             return value
-        macro = "${" in word or "$(" in word
-        hint = "expand the xacro file first" if macro else "give a decimal number, such as 0.0123"
+        hint = _EXPAND if _is_macro(word) else "give a decimal number, such as 0.0123"
         raise self.error(f"{self.tag} {attribute} is `{_cut(word)}`, not a finite number", hint)
+
+
+_EXPAND = "expand the xacro file first"
+
+
+def _is_macro(text: str) -> bool:
+    return "${" in text or "$(" in text
 
 
 class Problems:

@@ -57,7 +57,7 @@ class ControlStep(Step):
     `source_control.json`, whose words hold where the recipe has none.
     """
 
-    version = "5"
+    version = "6"
     outputs = ("control.json",)
 
     rows: tuple[ActuatorRow, ...] = ()
@@ -164,7 +164,10 @@ class ControlStep(Step):
             control = joined.control
             yield from joined.findings
         control = _with_sampled(control, files.inputs / "sampled_pairs.json")
-        yield from actuator_findings(tree, control.actuators, has_table=bool(self.rows))
+        only_mjcf = sum(item.place == "actuator" for item in control.mjcf_only)
+        yield from actuator_findings(
+            tree, control.actuators, has_table=bool(self.rows), only_mjcf=only_mjcf
+        )
         (files.outputs / "control.json").write_bytes(encode(control))
 
 

@@ -38,6 +38,7 @@ class FlattenMjcf(Step):
     comments or the order of attributes' blanks changes `lines.json` and `source_map.json` alone.
     """
 
+    version = "2"
     tools = ("lxml",)
     outputs = ("source.xml", "lines.json", "meshes.json", "source_map.json")
     isolated = True
@@ -95,7 +96,16 @@ def _expanded(file: str, tree: Path) -> _Element:
             raise error_at(include, "nothing but an <include>")
         index = parent.index(include)
         parent[index : index + 1] = list(inside.iterchildren("*"))
+    _join_worlds(root)
     return root
+
+
+def _join_worlds(root: _Element) -> None:
+    """A scene that includes a robot has a second <worldbody>: to MuJoCo all are one."""
+    worlds = list(root.iterchildren("worldbody"))
+    for other in worlds[1:]:
+        worlds[0].extend(list(other))
+        root.remove(other)
 
 
 def _included(include: _Element, main: str) -> str:

@@ -17,7 +17,7 @@ from assetbuild.steps._limit_rule import crossed_limits
 class LintBodies(Step):
     """`tree.json`, `shapes.json` -> findings only, by the same rules as `lint_links`."""
 
-    version = "5"
+    version = "6"
 
     bounds: Bounds = Field(default_factory=Bounds)
 

@@ -27,7 +27,7 @@ class LintLinks(Step):
     joints a placeholder, and `lint_bodies` judges what will be simulated.
     """
 
-    version = "8"
+    version = "9"
 
     bounds: Bounds = Field(default_factory=Bounds)
 

@@ -38,7 +38,7 @@ from assetbuild.targets.mjcf.scene import scene
 class Mjx(Target):
     """Writes `<robot>_mjx.xml`, `scene_mjx.xml` and their assets beside the full MJCF."""
 
-    version = "6"
+    version = "8"
     outputs = ("mjx/",)
     folder = "mjcf"
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")

@@ -16,12 +16,15 @@ from tiny import TinyRobot, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.checks.alignment import Alignment
 from assetbuild.checks.alignment.modules import World, mjlab_world, module_rows
-from assetbuild.checks.alignment.pair import stand_row
+from assetbuild.checks.alignment.pair import all_apart, stand_row, weight_of
 from assetbuild.checks.alignment.row import Row, findings_of
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Recipe, Sine
 from assetbuild.report.summary import WITHHELD, public_message
+from assetbuild.robot.model import Body, Inertial, Joint, Tree
+from assetbuild.robot.pose import Pose
 from assetbuild.simulators.experiments import Motion
+from assetbuild.simulators.physx import Held, HeldLink
 from assetbuild.targets.isaaclab import IsaacLab
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
@@ -200,3 +203,30 @@ def test_recipe_decides() -> None:
     assert Alignment.configure(asked) == Alignment(robot="r", sine=None)
     one = Recipe.model_validate(base | {"validate": {"simulators": ["physx"]}})
     assert Alignment.configure(one) is None
+
+
+def _held(*masses: float) -> Held:
+    link = HeldLink(0.0, np.zeros(3), np.eye(3), 0, ())
+    links = {f"b{i}": replace(link, mass_kg=mass) for i, mass in enumerate(masses)}
+    return Held(1, True, 0, links, {}, 0, ())
+
+
+def test_a_root_without_mass_weighs_nothing_though_physx_gives_it_some() -> None:
+    arm = Body("b1", Inertial(2.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)))
+    hinge = Joint("j", "revolute", "b0", "b1", Pose(), (0.0, 0.0, 1.0))
+    tree = Tree("r", "fixed", (Body("b0"), arm), (hinge,))
+    assert weight_of(tree, _held(1.0, 2.0)) == 2.0
+    assert weight_of(tree, _held(1.0, 2.5)) == 2.5
+
+
+@pytest.mark.parametrize(("apart", "expected"), [(True, True), (False, False)])
+def test_shapes_that_are_all_kept_apart_are_known(apart: bool, expected: bool) -> None:
+    """As those of an MJCF whose bits meet the floor's alone."""
+    stage = Usd.Stage.CreateInMemory()
+    for name in ("a", "b"):
+        UsdPhysics.RigidBodyAPI.Apply(stage.DefinePrim(f"/r/{name}", "Xform"))
+        UsdPhysics.CollisionAPI.Apply(stage.DefinePrim(f"/r/{name}/box", "Cube"))
+    if apart:
+        api = UsdPhysics.FilteredPairsAPI.Apply(stage.GetPrimAtPath("/r/a/box"))
+        api.CreateFilteredPairsRel().SetTargets(["/r/b/box"])
+    assert all_apart(stage) is expected

@@ -141,3 +141,86 @@ def test_frames_that_mujoco_takes_for_one_are_one(tmp_path: Path):
     model = mujoco.load(reading.flat / "source.xml").model
     assert model.geom_sameframe[0] == 2
     assert compared(write(reading, tmp_path / "write")) == []
+
+
+def test_gravity_that_a_flag_switches_off_is_none_in_every_format(tmp_path: Path):
+    head = '<option><flag gravity="disable" contact="disable"/></option>'
+    weightless = FLOATING.replace("<asset>", f"{head}<asset>", 1)
+    written = write(read(weightless, tmp_path / "read", tet_obj=TET), tmp_path / "out")
+    assert written.control.simulation.gravity == (0.0, 0.0, 0.0)
+    assert compared(written) == []
+    falls = with_change(written, 'gravity="0 0 0"', 'gravity="0 0 -1"')
+    assert "equal.source.option" in {finding.rule for finding in compared(falls)}
+
+
+def test_gravity_of_the_recipe_wins_over_the_flag(tmp_path: Path):
+    weightless = FLOATING.replace("<asset>", '<option><flag gravity="disable"/></option><asset>', 1)
+    recipe = {"simulation": {"gravity": [0, 0, -1.62]}}
+    written = write(read(weightless, tmp_path / "read", tet_obj=TET), tmp_path / "out", **recipe)
+    model = mujoco.load(written.xml).model
+    assert model.opt.gravity[2] == -1.62
+    assert not model.opt.disableflags
+
+
+BUOY = """<mujoco><default><joint damping=".5" armature=".1" margin=".01"/></default><worldbody>
+  <body pos="0 0 1"><joint type="free" frictionloss=".2"/><geom size=".1"/>
+    <body><joint axis="0 1 0"/><geom size=".05" pos="0 0 .2"/></body></body>
+</worldbody></mujoco>"""
+
+
+def test_what_brakes_a_free_joint_stays(tmp_path: Path):
+    """A class gives it damping and armature as it does hinges; a limit's margin means nothing."""
+    written = write(read(BUOY, tmp_path / "read"), tmp_path / "out")
+    model = mujoco.load(written.xml).model
+    assert list(model.dof_damping[:6]) == [0.5] * 6
+    assert list(model.dof_armature[:6]) == [0.1] * 6
+    assert list(model.dof_frictionloss[:6]) == [0.2] * 6
+    assert compared(written) == []
+    brakeless = with_change(written, 'damping="0.5" armature', 'damping="0.4" armature')
+    assert "equal.source.forces" in {finding.rule for finding in compared(brakeless)}
+
+
+def test_worlds_of_a_scene_and_the_robot_that_it_includes_are_one(tmp_path: Path):
+    scene = """<mujoco><include file="robot.xml"/>
+      <worldbody><light pos="0 0 2"/>
+        <body name="pole" pos="1 0 0"><geom size=".1"/></body></worldbody>
+    </mujoco>"""
+    arm = (
+        '<mujoco><worldbody><body name="arm"><joint/><geom size=".1"/></body></worldbody></mujoco>'
+    )
+    reading = read(scene.replace("robot.xml", "own.xml"), tmp_path / "read", own_xml=arm)
+    assert {"arm", "pole"} <= {body.name for body in reading.links.bodies}
+    assert compared(write(reading, tmp_path / "out")) == []
+
+
+def test_drives_that_only_mjcf_holds_are_no_missing_table(tmp_path: Path):
+    geared = FLOATING[: FLOATING.index("<actuator>")] + (
+        '<actuator><motor joint="hip" gear="30" ctrlrange="-1 1" ctrllimited="true"/></actuator>'
+        "</mujoco>"
+    )
+    written = write(read(geared, tmp_path / "read", tet_obj=TET), tmp_path / "out")
+    (told,) = [f for f in written.findings if f.rule == "actuator.none"]
+    assert "the source's drives (1) stand in the MJCF alone" in told.message
+
+
+def test_a_fixed_tendon_is_not_drawn_whatever_its_class_says(tmp_path: Path):
+    thick = FLOATING.replace("<asset>", '<default><tendon width=".01"/></default><asset>', 1)
+    both = '<tendon><fixed name="t"><joint joint="hip" coef="2"/></fixed></tendon><actuator>'
+    reading = read(thick.replace("<actuator>", both, 1), tmp_path / "read", tet_obj=TET)
+    assert compared(write(reading, tmp_path / "out")) == []
+
+
+CART = """<mujoco><worldbody>
+  <body name="base"><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide"
+    axis="0 1 0"/><joint name="turn"/>
+    <body name="chassis" pos="0 0 .1"><geom size=".2"/></body>
+    <body name="mast"><joint name="lift" type="slide"/><geom size=".1"/></body></body>
+</worldbody></mujoco>"""
+
+
+def test_what_weighs_by_its_fixed_bodies_alone_moves_on_several_joints(tmp_path: Path):
+    written = write(read(CART, tmp_path / "read"), tmp_path / "out")
+    model = mujoco.load(written.xml).model
+    assert int(model.body("base").jntnum[0]) == 3
+    assert float(model.body("base").mass[0]) == 0.0
+    assert compared(written) == []

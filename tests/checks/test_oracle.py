@@ -151,3 +151,43 @@ def test_go1_is_the_same_robot_to_nine_digits(go1_root: Path, tmp_path: Path):
     )
     assert found["mass_source_kg"] == pytest.approx(found["mass_mjcf_kg"], rel=1e-12)
     assert found["nv"] == 18
+
+
+ON_THE_WALL = """<robot name="r">
+  <link name="plate"/>
+  <link name="arm"><inertial><origin xyz="0.1 0 0.2"/><mass value="2"/>
+    <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"/></inertial></link>
+  <joint name="hinge" type="revolute"><parent link="plate"/><child link="arm"/>
+    <origin xyz="0 0 0.1"/><axis xyz="0 1 0"/><limit lower="-1" upper="1"/></joint>
+</robot>"""
+
+
+def test_a_limit_that_states_no_effort_keeps_nothing_from_being_compared(tmp_path: Path):
+    """As in the URDF of many an MJCF; urdfdom refuses such a file."""
+    folder = robot_folder(ON_THE_WALL, tmp_path, "fixed")
+    assert by_target(folder) == []
+    assert figures(folder)["nv"] == 1
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_a_speck_behind_a_large_rotor_is_compared_to_its_last_digit(kind: str, tmp_path: Path):
+    """Armature of 0.2 kg m² is 1e12 times what the link itself has."""
+    hinge = ON_THE_WALL.replace("revolute", kind).replace('xyz="0.1 0 0.2"', 'xyz="0 0 0"')
+    speck = hinge.replace('value="2"', 'value="1e-12"').replace('"0.02"', '"1e-14"')
+    folder = robot_folder(speck.replace('"0.01"', '"1e-14"'), tmp_path, "fixed")
+    assert by_target(folder) == []
+
+
+@pytest.mark.parametrize(("anywhere", "rules"), [
+    (True, set()), (False, {"oracle.kinematics", "oracle.gravity"}),
+])  # fmt: skip
+def test_an_mjcf_may_stand_anywhere_a_urdf_may_not(anywhere: bool, rules: set[str], tmp_path: Path):
+    folder = robot_folder(ON_THE_WALL, tmp_path, "fixed")
+    assert by_target(folder) == []
+    xml = folder / "mjcf/bot.xml"
+    text = xml.read_text()
+    hung = text.replace('<body name="plate"', '<body name="plate" pos="0 0.4 1" quat="1 1 0 0"', 1)
+    assert hung != text
+    xml.write_text(hung)
+    found = run_step(Oracle(robot="bot", anywhere=anywhere), folder, folder)
+    assert {f.rule for f in found} == rules

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,9 +12,11 @@ import pytest
 from pxr import Gf, Usd, UsdPhysics
 from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
-from assetbuild.checks.physx_readback import PhysxReadback
+from assetbuild.checks.physx_readback import PhysxReadback, expected_joint
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Recipe
+from assetbuild.robot.model import Joint, Limits
+from assetbuild.robot.pose import Pose
 from assetbuild.targets.usd import Usd as UsdTarget
 
 pytest.importorskip("ovphysx", reason="needs the extra `physx`")
@@ -132,3 +135,14 @@ def test_recipe_decides() -> None:
     asked = Recipe.model_validate(base | {"validate": {"simulators": ["mujoco", "physx"]}})
     assert PhysxReadback.configure(asked) == PhysxReadback(robot="r")
     assert PhysxReadback.configure(Recipe.model_validate(base)) is None
+
+
+@pytest.mark.parametrize(
+    ("stated", "held"), [(6.28, 6.28), (6.28319, 6.28319), (12.6, 2 * math.pi)]
+)
+def test_a_turn_that_was_rounded_up_is_no_clamped_limit(stated: float, held: float) -> None:
+    """As UR's ±6.28319 of MuJoCo's Menagerie: PhysX holds it as it is."""
+    limits = Limits(-stated, stated)
+    joint = Joint("j", "revolute", "a", "b", Pose(), (0.0, 0.0, 1.0), limits)
+    expected = expected_joint(joint, None)
+    assert (expected["lower"], expected["upper"]) == (-held, held)

@@ -88,3 +88,14 @@ def test_all_files_of_the_folder_name_each_recipe_once(legs: Legs, verb: str):
     done = legs.run(verb, *words)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("legs.yaml: ") <= 1
+
+
+def test_check_names_what_each_warning_is_about(legs: Legs):
+    """Also where no line of the recipe's own source says it: of the parts of a composite."""
+    text = legs.urdf.read_text()
+    first = text.index("<link name=")
+    name = text[first:].split('"')[1]
+    heavy = text[:first] + text[first:].replace('mass value="', 'mass value="1e-9" was="', 1)
+    legs.urdf.write_text(heavy)
+    done = legs.run("check", "legs.yaml")
+    assert f": link {name}: " in done.stdout

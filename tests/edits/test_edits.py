@@ -198,6 +198,14 @@ def test_an_open_mesh_has_no_volume_unless_its_hull_is_meant(tmp_path):
     assert tree.bodies[0].inertial.mass_kg == pytest.approx(6.0)
 
 
+def test_a_flat_mesh_has_no_volume_and_the_hint_is_of_this_edit(tmp_path):
+    sheet = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n"
+    arguments = (one(None), shown_by(Mesh("m.obj")), [("a_visual", sheet)])
+    with pytest.raises(RecipeError, match="spans no volume") as caught:
+        edited(tmp_path, "inertia_from_geometry", *arguments, link="a", density=1000.0, open="hull")
+    assert caught.value.hint == "take `from: collision`, or state it: edit `set_inertia`"
+
+
 # --- names, axes, limits ---------------------------------------------------------------------
 
 

@@ -92,3 +92,12 @@ def test_a_leg_whose_drive_outruns_the_step_is_told():
     assert not row.outruns(0.002)
     assert not replace(row, standing=0.1).outruns(0.005)
     assert not replace(row, standing=0.0).outruns(0.005), "no leg"
+
+
+def test_links_that_only_an_edit_gives_a_mass_get_a_frequency(tmp_path: Path):
+    """The build knows what they weigh then; a stiffness of the whole effort creeps at a wrist."""
+    robot = arm(tmp_path, [(0.0, 0.2), (0.0, 0.2)])
+    _, (row,) = rows_of(robot)
+    assert (row.kp, row.frequency, row.damping_ratio) == (None, 8.0, 1.0)
+    text = recipe_text(robot, study(robot), find_source(tmp_path / "arm.urdf", {}), tmp_path / "a")
+    assert "moves what the edits above give a mass" in text

@@ -95,6 +95,20 @@ def test_a_missing_mass_is_a_guess_that_says_so(tmp_path: Path):
     assert "a guess, as the source states no mass" in (tmp_path / "bot.yaml").read_text()
 
 
+SHEET = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n"
+DRAWN_FLAT = "<visual><geometry><mesh filename='sheet.obj'/></geometry></visual>"
+
+
+def test_a_flat_picture_has_no_volume_to_weigh(tmp_path: Path):
+    """The build would refuse `open: hull` of it: the collision shape is taken, or a ball."""
+    (tmp_path / "sheet.obj").write_text(SHEET)
+    (edit,) = edits_for(robot(DRAWN_FLAT + BOX.format("collision")), tmp_path)
+    told = {"link": "link0", "density": 1000, "from": "collision", "open": "hull"}
+    assert edit == {"inertia_from_geometry": told}
+    (edit,) = edits_for(robot(DRAWN_FLAT), tmp_path)
+    assert edit["set_inertia"]["mass"] == 0.01
+
+
 def test_without_any_shape_it_becomes_a_ball(tmp_path: Path):
     """10 g of water: 1.337 cm, 0.4 m r^2 = 7.145e-7 kg m2."""
     (edit,) = edits_for(robot(""), tmp_path)
@@ -104,6 +118,18 @@ def test_without_any_shape_it_becomes_a_ball(tmp_path: Path):
 
 def test_links_between_joints_get_a_share(tmp_path: Path):
     assert edits_for(robot("", inertial(1.0)), tmp_path) == [{"share_mass": {"link": "link0"}}]
+
+
+def test_a_base_on_slides_whose_weight_comes_by_a_fixed_joint_has_no_usd(tmp_path: Path):
+    """The edit comes before merging, and finds no mass to share at the end of the slides."""
+    cart = robot("", "").replace(
+        "</robot>",
+        f"<link name='arm'>{inertial(2.0)}</link><joint name='bolt' type='fixed'>"
+        "<parent link='link1'/><child link='arm'/></joint></robot>",
+    )
+    assert edits_for(cart.replace("'revolute'", "'prismatic'"), tmp_path) == []
+    assert load_recipe(tmp_path / "bot.yaml").recipe.targets == ("urdf", "mjcf")
+    assert "bodies without mass between the joints of link1" in (tmp_path / "bot.yaml").read_text()
 
 
 def test_crossed_limits_change_places(tmp_path: Path):

@@ -221,3 +221,51 @@ def hinge(parent: str, child: str, xyz: str, effort: float) -> str:
         f'<origin xyz="{xyz}"/><axis xyz="0 1 0"/>'
         f'<limit lower="-1" upper="1" effort="{effort}" velocity="5"/></joint>\n'
     )
+
+
+def _walker(*, last: str, down: float, names: tuple[str, str], limbs: int = 4) -> str:
+    """Limbs of two hinges on a trunk. down: how far the shin reaches along -z; else along y."""
+    solid = (
+        "<inertial><mass value='1'/><inertia ixx='.01' iyy='.01' izz='.01' ixy='0' ixz='0'"
+        " iyz='0'/></inertial>"
+    )
+    text = f"<robot name='bot'><link name='trunk'>{solid}</link>"
+    for i in range(limbs):
+        above, side = "trunk", 0.3 if down else 0.0
+        for name, kind in ((names[0], "revolute"), (names[1], last)):
+            text += (
+                f"<link name='{name}_{i}'>{solid}</link><joint name='{name}_joint_{i}' "
+                f"type='{kind}'><parent link='{above}'/><child link='{name}_{i}'/>"
+                f"<origin xyz='{i - 1.5} {0.3 - side} {-down}'/><axis xyz='0 1 0'/>"
+                "<limit lower='-1' upper='1' effort='9' velocity='5'/></joint>"
+            )
+            above = f"{name}_{i}"
+    return text + "</robot>"
+
+
+@pytest.mark.parametrize(
+    ("last", "down", "names", "base"),
+    [
+        ("revolute", 0.3, ("thigh", "shank"), "floating"),
+        ("continuous", 0.3, ("thigh", "shank"), "floating"),  # MIT's Mini Cheetah
+        ("continuous", 0.3, ("thigh", "roll"), "fixed"),
+        ("revolute", 0.0, ("upper_leg", "lower_leg"), "floating"),  # Laikago lies on its side
+        ("revolute", 0.0, ("upper_arm", "fore_arm"), "fixed"),
+    ],
+)
+def test_legs_are_known_by_where_they_reach_or_by_their_names(
+    last: str, down: float, names: tuple[str, str], base: str, tmp_path: Path
+):
+    (tmp_path / "bot.urdf").write_text(_walker(last=last, down=down, names=names))
+    text = propose(tmp_path / "bot.urdf", tmp_path / "bot.yaml", {}).text
+    assert f"\nbase: {base} " in text
+
+
+@pytest.mark.parametrize(("props", "base"), [(1, "fixed"), (4, "floating")])
+def test_one_prop_is_part_of_a_gripper_several_fly(props: int, base: str, tmp_path: Path):
+    names = ("arm", "prop")
+    (tmp_path / "bot.urdf").write_text(
+        _walker(last="continuous", down=0.0, names=names, limbs=props).replace("prop_", "/prop_")
+    )
+    text = propose(tmp_path / "bot.urdf", tmp_path / "bot.yaml", {}).text
+    assert f"\nbase: {base} " in text

@@ -242,6 +242,7 @@ BAD = {
     "negative mass": (_mass('<mass value="-1"/>'), 2, "mass is -1.0 kg"),
     "two origins": (_robot('<link name="a"><visual><origin/><origin/><geometry><sphere radius="1"/></geometry></visual></link>'), 2, "a second <origin>"),
     "short vector": (_arm(_joint('<origin xyz="0 0"/>')), 3, "origin xyz needs 3 numbers, found 2: `0 0`"),
+    "xacro with blanks": (_arm(_joint('<origin xyz="$(optenv X 1 0 0)"/>')), 3, "expand the xacro"),
     "commas": (_arm(_joint('<origin xyz="0,0,0"/>')), 3, "hint: separate the numbers by spaces"),
     "zero axis": (_arm(_joint('<axis xyz="0 0 0"/>', "continuous")), 3, "joint j: axis is `0 0 0`"),
     "no limit": (_arm(_joint(kind="revolute")), 3, "joint j: a revolute joint without <limit>"),

@@ -238,10 +238,11 @@ def test_fixed_base_stands_on_a_joint_that_carries_the_articulation(tmp_path: Pa
     assert [f.severity for f in findings if f.rule == "usd.mass_missing"] == ["info"]
 
 
-def test_a_base_that_states_zeros_states_no_mass(tmp_path: Path) -> None:
+@pytest.mark.parametrize("moment", [0.0, 0.03])
+def test_a_base_that_states_zeros_states_no_mass(moment: float, tmp_path: Path) -> None:
     """USD refuses an inertia of 0; MuJoCo and PhysX never move that body."""
     robot = pendulum()
-    zeros = Inertial(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
+    zeros = Inertial(0.0, (0.0, 0.0, 0.0), (moment,) * 3 + (0.0,) * 3)
     bodies = (replace(robot.tree.bodies[0], inertial=zeros), *robot.tree.bodies[1:])
     robot = replace(robot, tree=replace(robot.tree, bodies=bodies))
     folder, findings = build(robot, tmp_path)

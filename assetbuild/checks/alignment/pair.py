@@ -214,7 +214,7 @@ class Pair:
         )
 
     def _self_collision(self, stage: Any) -> Iterator[Row]:  # Any: Usd.Stage
-        """MuJoCo's geoms touch one another when their bits meet; PhysX has one switch."""
+        """MuJoCo's geoms touch when their bits meet; PhysX has one switch, and pairs."""
         model = self._model(f"{self.robot}.xml")
         geoms = mujoco.collision_geoms(model)
         bits = [(int(model.geom_contype[g]), int(model.geom_conaffinity[g])) for g in geoms]
@@ -224,7 +224,8 @@ class Pair:
             for prim in stage.Traverse()
             if prim.HasAttribute("physxArticulation:enabledSelfCollisions")
         ]
-        theirs = "on" if found != [False] else "off"  # unwritten, PhysX switches them on
+        # Unwritten, PhysX switches them on.
+        theirs = "off" if found == [False] or all_apart(stage) else "on"
         off = float(ours != theirs) if geoms else 0.0
         yield Row("self_collision", "HIGH", "robot", ours, theirs, off, 0.0, 0.5, "yes/no")
 
@@ -239,14 +240,14 @@ class Pair:
         )
         names = mujoco.body_names(self.tree)
         mass = float(sum(model.body_mass[model.body(names[b.name]).id] for b in self.tree.bodies))
-        weights = [held.links[b.name].mass_kg for b in self.tree.bodies if b.name in held.links]
+        weight = weight_of(self.tree, held)
         yield Row(
             "mass",
             "CRITICAL",
             "robot",
             mass,
-            sum(weights),
-            _relative(sum(weights), mass),
+            weight,
+            _relative(weight, mass),
             *NUMBER,
             "of it",
         )
@@ -421,6 +422,48 @@ def _bounce(motion: Motion, landed: float) -> float:
         return math.nan
     lowest = int(after.argmin())
     return float(after[lowest:].max() - after[lowest])
+
+
+def all_apart(stage: Any) -> bool:  # Any: Usd.Stage
+    """Whether shapes of different bodies were written as pairs that never touch, each of them."""
+    from pxr import UsdPhysics
+
+    bodies: dict[str, str] = {}
+    for prim in stage.Traverse():
+        if prim.HasAPI(UsdPhysics.CollisionAPI):
+            if UsdPhysics.CollisionAPI(prim).GetCollisionEnabledAttr().Get() is False:
+                continue
+            body = prim
+            while body and not body.HasAPI(UsdPhysics.RigidBodyAPI):
+                body = body.GetParent()
+            bodies[str(prim.GetPath())] = str(body.GetPath()) if body else ""
+    pairs = {
+        frozenset((one, other))
+        for one, owner in bodies.items()
+        for other, second in bodies.items()
+        if owner and second and owner != second
+    }
+    apart = {
+        frozenset((path, str(target)))
+        for path in bodies
+        for target in _filtered(stage.GetPrimAtPath(path))
+    }
+    return bool(pairs) and pairs <= apart
+
+
+def _filtered(prim: Any) -> Sequence[Any]:  # Any: Usd.Prim, Sdf.Path
+    from pxr import UsdPhysics
+
+    targets: Sequence[Any] = UsdPhysics.FilteredPairsAPI(prim).GetFilteredPairsRel().GetTargets()
+    return targets
+
+
+def weight_of(tree: Tree, held: physx.Held) -> float:
+    """kg, of the bodies that have a mass. PhysX gives one to those that have none: a fixed root
+    never moves with it, and of all others `usd.mass_missing` is an error.
+    """
+    weighing = [b.name for b in tree.bodies if not b.is_massless and b.name in held.links]
+    return sum(held.links[name].mass_kg for name in weighing)
 
 
 def _relative(found: float, expected: float) -> float:

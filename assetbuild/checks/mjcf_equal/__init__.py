@@ -43,7 +43,7 @@ ROUNDING = 1e-14
 class MjcfEqual(Check):
     """Findings `equal.mjcf.<what>`; all are errors and carry both values."""
 
-    version = "4"
+    version = "5"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)

@@ -33,7 +33,7 @@ class MjcfSource(Check):
     What the recipe itself says (`stated`) is not compared.
     """
 
-    version = "4"
+    version = "6"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)

@@ -25,7 +25,8 @@ SIZES = {0: 3, 2: 1, 3: 2, 4: 3, 5: 2, 6: 3}
 """Numbers of a size that mean something, by MuJoCo's number of the kind: plane, sphere, capsule,
 ellipsoid, cylinder, box. The others are whatever the file said."""
 BODY = 1
-"""MuJoCo's numbers of kinds of joints, geoms and objects."""
+WRAP_JOINT = 1
+"""MuJoCo's numbers of kinds of joints, geoms, objects and parts of tendons."""
 
 
 @dataclass

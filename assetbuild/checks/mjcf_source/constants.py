@@ -13,6 +13,7 @@ from assetbuild.checks.mjcf_source.compare import (
     MESH,
     SIZES,
     SLIDE,
+    WRAP_JOINT,
     Comparison,
     Side,
     differs,
@@ -69,10 +70,12 @@ class Constants(Comparison):
             yield from self.same("joint", subject, "type", a.jnt_type[i], b.jnt_type[j])
             yield from self.same("joint", subject, "limited", *limited)
             yield from self.same("joint", subject, "range (rad or m)", limits, b.jnt_range[j])
-            fields = ["stiffness", "margin", "solref", "solimp", "group", "actfrclimited"]
-            fields += ["actfrcrange", "actgravcomp", "stiffnesspoly"]
+            free = a.jnt_type[i] == FREE
+            # A class may give a free joint what belongs to limits, of which it has none.
+            fields = [] if free else ["margin", "solref", "solimp", "actfrclimited", "actfrcrange"]
+            fields += ["stiffness", "group", "actgravcomp", "stiffnesspoly"]
             yield from self.fields("joint", subject, "jnt", fields, i, j)
-            if a.jnt_type[i] == FREE:
+            if free:
                 continue
             u, v = int(a.jnt_dofadr[i]), int(b.jnt_dofadr[j])
             fields = ["solref", "solimp"]
@@ -148,7 +151,9 @@ class Constants(Comparison):
         yield from self.missing("tendon", self.a.ids["tendon"])
         for name, i, j in self.pairs("tendon"):
             fields = ["limited", "range", "stiffness", "damping", "frictionloss", "lengthspring"]
-            fields += ["num", "margin", "solref_lim", "solimp_lim", "width", "group", "armature"]
+            fields += ["num", "margin", "solref_lim", "solimp_lim", "group", "armature"]
+            spatial = self.a.model.wrap_type[self.a.model.tendon_adr[i]] != WRAP_JOINT
+            fields += ["width"] if spatial else []
             yield from self.fields("tendon", f"tendon {name}", "tendon", fields, i, j)
         if "merge" not in self.stated:
             there = _excluded(self.a.model)
@@ -175,11 +180,23 @@ class Constants(Comparison):
 
     def _options(self) -> Iterator[Finding]:
         a, b = self.a.model.opt, self.b.model.opt
+        for side in (self.a, self.b):
+            _fold_gravity(side.model)
         for name in dir(a):
             value = getattr(a, name)
             plain = not name.startswith("_") and isinstance(value, int | float | np.ndarray)
             if plain and name not in self.stated:
                 yield from self.same("option", "robot", name, value, getattr(b, name))
+
+
+def _fold_gravity(model: mujoco.Model) -> None:
+    """Gravity that a flag switches off is none: two ways to say one thing."""
+    import mujoco as mj
+
+    bit = int(mj.mjtDisableBit.mjDSBL_GRAVITY)
+    if int(model.opt.disableflags) & bit:
+        model.opt.disableflags &= ~bit
+        model.opt.gravity[:] = 0.0
 
 
 def _equality_data(side: Side, equality: int) -> Array:

@@ -1,4 +1,4 @@
-"""Our MJCF in MuJoCo against the untouched source URDF in pinocchio: the same robot?
+"""Our MJCF in MuJoCo against the source URDF in pinocchio: the same robot?
 
 Conventions. Pinocchio's free flyer is the source's root link; MuJoCo's is the root body, whose
 frame may be another (`Tree.placement`). Positions: pinocchio xyz + xyzw, MuJoCo xyz + wxyz.
@@ -18,6 +18,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
+from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Inertial, Tree
@@ -34,10 +35,10 @@ class Oracle(Check):
     counts as much as the trunk. Gravity: against max(1, largest |entry|), N m and N.
     Inertia, of all that moves with a body: mass and tensor relative to the largest entry, the
     centre of mass relative to its distance or to the radius of gyration.
-    Joint friction, damping, drives and contacts take no part; armature is subtracted.
+    Joint friction, damping, drives and contacts take no part; armature is taken away.
     """
 
-    version: ClassVar = "6"
+    version: ClassVar = "8"
     tools: ClassVar = ("mujoco", "pin")
     isolated: ClassVar = True
     # With the other checks of MuJoCo in one process; pinocchio alone is not worth a second one.
@@ -49,6 +50,13 @@ class Oracle(Check):
     robot: str
     poses: int = 50
     tolerance: float = 1e-9
+    anywhere: bool = False
+    """An MJCF says where a fixed robot stands, a URDF cannot: poses count from its root then."""
+
+    @classmethod
+    def configure(cls, recipe: Recipe) -> Oracle:
+        """`anywhere` for robots that come from an MJCF."""
+        return cls(robot=recipe.robot, anywhere=recipe.source.mjcf is not None)
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Writes figures.json even when the two cannot be compared."""
@@ -74,7 +82,7 @@ class Oracle(Check):
             yield _unreadable(str(error))
             return
         try:
-            mj = MujocoSide(files.inputs / "mjcf" / f"{self.robot}.xml", tree)
+            mj = MujocoSide(files.inputs / "mjcf" / f"{self.robot}.xml", tree, self.anywhere)
         except StepError as error:
             yield Finding("oracle.load", "error", "robot", f"nothing to compare: {error.message}")
             return

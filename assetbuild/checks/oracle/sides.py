@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -24,7 +25,7 @@ class PinocchioSide:
         self.tree = tree
         self._pin: Any = pinocchio  # Any: pinocchio has no types
         free = (pinocchio.JointModelFreeFlyer(),) if tree.base == "floating" else ()
-        self._model = pinocchio.buildModelFromXML(urdf, *free)
+        self._model = pinocchio.buildModelFromXML(_with_limits(urdf), *free)
         self._data = self._model.createData()
         self.X_body_root = tree.placement(links.root)[1]
         self.nv = int(self._model.nv)
@@ -88,20 +89,44 @@ class PinocchioSide:
             yield link, move_inertial(merged, self.X_body_root) if is_root else merged
 
     def set_gravity(self, gravity: Array) -> None:
-        """Pull it as the MJCF does."""
+        """Pull it as the MJCF does. gravity: (3,) in the axes of a fixed root link, m/s²."""
         self._model.gravity.linear = gravity
 
 
-class MujocoSide:
-    """Our MJCF in MuJoCo. dof: velocity index by joint name."""
+def _with_limits(urdf: str) -> str:
+    """The URDF with 0 for each `effort` and `velocity` that a joint does not state.
 
-    def __init__(self, path: Path, tree: Tree) -> None:
+    urdfdom refuses a file for one that is missing; nothing that is compared depends on them.
+    """
+    try:
+        root = ElementTree.fromstring(urdf.encode())  # noqa: S314 # `read_urdf` has read it
+    except (ElementTree.ParseError, ValueError):
+        return urdf
+    for joint in root.iterfind("joint"):
+        limit = joint.find("limit")
+        if limit is None and joint.get("type") in ("revolute", "prismatic"):
+            limit = ElementTree.SubElement(joint, "limit")
+        for key in ("effort", "velocity") if limit is not None else ():
+            if limit is not None and key not in limit.attrib:
+                limit.set(key, "0")
+    return ElementTree.tostring(root, "unicode")
+
+
+class MujocoSide:
+    """Our MJCF in MuJoCo. dof: velocity index by joint name; anywhere: see `Oracle`."""
+
+    def __init__(self, path: Path, tree: Tree, anywhere: bool = False) -> None:
         import mujoco
 
         self._mj: Any = mujoco  # Any: mujoco's bindings have no complete types
         self._model = load(path, visuals=False).model
         self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        # Taken away before, not subtracted after: of a body of 1e-9 kg nothing would be left.
+        self._model.dof_armature[:] = 0.0
         self._data = mujoco.MjData(self._model)
+        mujoco.mj_setConst(self._model, self._data)  # MuJoCo keeps the masses of plain slides
+        self._anywhere = anywhere
+        self._X_root_world: Array = np.eye(4)
         self.nv = int(self._model.nv)
         self.mass = float(self._model.body_mass.sum())
         self.tree = tree
@@ -137,7 +162,12 @@ class MujocoSide:
             return "the base floats, but the first joint of the MJCF is no free joint"
         if self.nv != pin.nv:
             return f"the MJCF has {self.nv} degrees of freedom, the source {pin.nv}"
-        pin.set_gravity(self._model.opt.gravity)
+        self._mj.mj_kinematics(self._model, self._data)
+        at = self._id("BODY", self._written[self.tree.root])
+        if self._anywhere and self.tree.base == "fixed" and at >= 0:
+            matrix = _matrix(self._data.xpos[at], self._data.xmat[at]) @ pin.X_body_root.matrix()
+            self._X_root_world = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+        pin.set_gravity(self._X_root_world[:3, :3] @ self._model.opt.gravity)
         return ""
 
     def move(self, positions: Mapping[str, float], X_world_body: Pose | None) -> None:
@@ -150,22 +180,26 @@ class MujocoSide:
         self._mj.mj_forward(self._model, self._data)
 
     def link_poses(self, name: str) -> Iterator[Array]:
-        """X_world_link (4, 4) through the robot's frames, and by the site of that name."""
+        """Poses (4, 4) of a link, through the robot's frames and by the site of that name.
+
+        In the world; of a robot that may stand anywhere, in its root link.
+        """
         body, X_body_link = self._links[name]
         at = self._id("BODY", self._written[body])
         if at < 0:
             return
         X_world_body = _matrix(self._data.xpos[at], self._data.xmat[at])
-        yield X_world_body @ X_body_link.matrix()
+        yield self._X_root_world @ X_world_body @ X_body_link.matrix()
         site = self._id("SITE", name) if name != body else -1
         if site >= 0:
-            yield _matrix(self._data.site_xpos[site], self._data.site_xmat[site])
+            X_world_site = _matrix(self._data.site_xpos[site], self._data.site_xmat[site])
+            yield self._X_root_world @ X_world_site
 
     def mass_matrix(self) -> Array:
         """(nv, nv) without armature."""
         out = np.zeros((self.nv, self.nv))
         self._mj.mj_fullM(self._model, self._data, out)
-        return out - np.diag(self._model.dof_armature)
+        return out
 
     def gravity(self) -> Array:
         """(nv,): at rest the bias force is gravity alone."""

@@ -41,7 +41,7 @@ def read_details(root: _Element, links: Links, model: Model) -> Details:
     found, classes = Details(), Classes(root)
     world = root.find("worldbody")
     assert world is not None  # noqa: S101 # it compiled
-    found.mjcf_only += _root(links)
+    found.mjcf_only += _root(links, model)
     for body, name in [(world, WORLD), *((b, str(b.get("name"))) for b, _ in bodies(world))]:
         if name not in links.shift and name != WORLD:
             continue
@@ -60,15 +60,26 @@ def read_details(root: _Element, links: Links, model: Model) -> Details:
     return found
 
 
-def _root(links: Links) -> Iterator[MjcfOnly]:
-    """Where the root stands in the source's world, and the name of its free joint."""
+def _root(links: Links, model: Model) -> Iterator[MjcfOnly]:
+    """Where the root stands in the source's world; its free joint's name, and what brakes it."""
     if links.mount != IDENTITY:
         place = {"pos": words(links.mount.xyz)}
         if links.mount.quat != IDENTITY.quat:
             place["quat"] = words(links.mount.quat)
         yield MjcfOnly("root", attributes_of("body", place), links.root)
     if links.free_joint and links.base == "floating":
-        yield MjcfOnly("freejoint", attributes_of("freejoint", {"name": links.free_joint}))
+        first = int(model.jnt_dofadr[int(model.joint(links.free_joint).id)])
+        brakes = {
+            key: words((float(values[first]),))
+            for key, values in (
+                ("damping", model.dof_damping),
+                ("armature", model.dof_armature),
+                ("frictionloss", model.dof_frictionloss),
+            )
+            if values[first]
+        }
+        own = {"name": links.free_joint, **brakes}
+        yield MjcfOnly("freejoint", attributes_of("freejoint", own))
 
 
 def _joint(element: _Element, classes: Classes, links: Links, model: Model) -> Iterator[MjcfOnly]:

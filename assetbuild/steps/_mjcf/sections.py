@@ -16,7 +16,7 @@ from assetbuild.robot.model import (
     Sensor,
     Simulation,
 )
-from assetbuild.robot.pose import Pose, normalised_quat, vec3
+from assetbuild.robot.pose import Pose, Vec3, normalised_quat, vec3
 from assetbuild.steps._mjcf.drives import Drives
 from assetbuild.steps._mjcf.links import WORLD, Links, Model
 from assetbuild.steps._mjcf.opaque import element_text, keys, words
@@ -48,9 +48,7 @@ def read_sections(root: _Element, links: Links, drives: Drives, model: Model) ->
     driven = {name: joint for name, joint in drives.names if joint}
     found, names = Sections(list(links.joints)), Names(links, driven)
     classes = Classes(root)
-    found.simulation = Simulation(
-        timestep=float(model.opt.timestep), gravity=vec3(model.opt.gravity)
-    )
+    found.simulation = Simulation(timestep=float(model.opt.timestep), gravity=_gravity(model))
     found.mjcf_only.append(options(root, model))
     for element in root.iterfind("contact/*"):
         _contact(element, classes, names, found)
@@ -211,6 +209,9 @@ def _tendon(element: _Element, classes: Classes, names: Names, found: Sections) 
         found.findings.append(_dropped(element, missing))
         return
     material = said.pop("material", None)
+    if element.tag == "fixed":  # a class of tendons may say how the spatial ones are drawn
+        said.pop("width", None)
+        said.pop("rgba", None)
     if material:
         found.findings.append(_plain_tendon(element))
     text = {"name": str(element.get("name"))} | dict(sorted(said.items()))
@@ -340,8 +341,19 @@ def _dropped_of_key(element: _Element, lost: list[str]) -> Finding:
     )
 
 
+def _gravity(model: Model) -> Vec3:
+    """m/s²; a source that switches gravity off has none, in every format and under its name."""
+    import mujoco
+
+    off = int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    return (0.0, 0.0, 0.0) if off else vec3(model.opt.gravity)
+
+
 def options(root: _Element, model: Model) -> MjcfOnly:
-    """`<option>` as the source compiles: what it leaves to MuJoCo's defaults is said too."""
+    """`<option>` as the source compiles: what it leaves to MuJoCo's defaults is said too.
+
+    Without the flag `gravity`: see `_gravity`.
+    """
     said: dict[str, str] = {}
     flags: dict[str, str] = {}
     for option in root.iterchildren("option"):
@@ -349,7 +361,7 @@ def options(root: _Element, model: Model) -> MjcfOnly:
             str(k): str(v) for k, v in option.attrib.items() if k not in (AT, "timestep", "gravity")
         }
         for flag in option.iterchildren("flag"):
-            flags |= {str(k): str(v) for k, v in flag.attrib.items() if k != AT}
+            flags |= {str(k): str(v) for k, v in flag.attrib.items() if k not in (AT, "gravity")}
     integrators = ("Euler", "RK4", "implicit", "implicitfast")
     number = int(model.opt.integrator)
     if number < len(integrators):

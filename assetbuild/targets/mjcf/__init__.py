@@ -37,7 +37,7 @@ from assetbuild.targets.mjcf.scene import scene
 class Mjcf(Target):
     """Writes `mjcf/<robot>.xml`, `mjcf/scene.xml` and `mjcf/assets/`."""
 
-    version = "8"
+    version = "10"
     outputs = ("mjcf/",)
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
 

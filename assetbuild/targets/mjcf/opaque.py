@@ -114,8 +114,12 @@ class _Opaque:
         added = self._added.get((place, "" if node.tag == "freejoint" else name), {})
         if node.tag == "body":
             children += self._inside.get(("body", name), [])
-        attributes = _merged(node.attributes, added)
-        return Element(node.tag, attributes, tuple(_in_order(children)), node.gap)
+        attributes, tag = _merged(node.attributes, added), node.tag
+        if tag == "freejoint" and added.keys() - {"name"}:
+            # <freejoint> takes no damping; a <joint> takes what it lacks from its class.
+            plain = {"type": "free", "damping": "0", "armature": "0", "frictionloss": "0"}
+            tag, attributes = "joint", tuple({**plain, **dict(attributes)}.items())
+        return Element(tag, attributes, tuple(_in_order(children)), node.gap)
 
     # --- keyframes ----------------------------------------------------------------------------
 
