@@ -81,21 +81,29 @@ def compose(
         keeps=base.sides[0].keeps,
     )
     node = p.add("compose_parts", step, inputs)
-    if base.geometry is not None and all(ready.geometry for ready in made):
-        for row, ready in zip(rows, made, strict=True):
-            if ready.geometry is not None:
-                base.geometry.mount(ready.geometry, partial(part_path, row.as_))
     from_mjcf = any(ready.read.control for ready in (base, *made))
     read = replace(base.read, control=node["source_control.json"] if from_mjcf else None)
     ready = replace(
         base,
         read=read,
         robot={port: node[port] for port in ("links.json", "shapes.json")},
+        geometry=_geometry(base, {row.as_: r for row, r in zip(rows, made, strict=True)}),
         source_map=node["source_map.json"],
         sides=(*base.sides, *(each.side for each in mounted)),
         poses=added,
     )
     return replace(loaded, recipe=whole), ready
+
+
+def _geometry(base: Ready, parts: Mapping[str, Ready]) -> Geometry | None:
+    """The base's with those of the parts, by prefix; None while one is not known yet."""
+    found = [(prefix, ready.geometry) for prefix, ready in parts.items()]
+    if base.geometry is None or any(geometry is None for _, geometry in found):
+        return None
+    for prefix, geometry in found:
+        if geometry is not None:
+            base.geometry.mount(geometry, partial(part_path, prefix))
+    return base.geometry
 
 
 def check_parts(loaded: LoadedRecipe) -> None:

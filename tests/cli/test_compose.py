@@ -79,6 +79,29 @@ def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+def test_a_part_whose_mesh_names_other_files_keeps_them(folder: Path):
+    """The base is known before the part is: its questions are asked in rounds of their own."""
+    corners = ("0 0 0", "0.1 0 0", "0 0.1 0", "0 0 0.1")
+    faces = ("1 3 2", "1 2 4", "1 4 3", "2 3 4")
+    text = [
+        "mtllib paint.mtl",
+        *(f"v {c}" for c in corners),
+        "usemtl red",
+        *(f"f {f}" for f in faces),
+    ]
+    (folder / "wedge.obj").write_text("\n".join(text) + "\n")
+    (folder / "paint.mtl").write_text("newmtl red\nKd 0.9 0.1 0.1\n")
+    visual = '<visual><geometry><mesh filename="wedge.obj"/></geometry></visual>'
+    (folder / "arm.urdf").write_text(ARM.replace("<collision>", f"{visual}<collision>", 1))
+    done = run(folder, "check", "cart.yaml")
+    assert done.returncode == 0, done.stdout + done.stderr
+    done = run(folder, "build", "cart.yaml")
+    assert done.returncode == 0, done.stdout + done.stderr
+    model = mujoco.MjModel.from_xml_path(str(folder / "build/cart/mjcf/cart.xml"))
+    assert model.nmesh == 1, "both arms show the same wedge"
+    assert 0.9 in model.mat_rgba[:, 0].round(6)
+
+
 def test_two_arms_on_a_cart_are_one_robot(folder):
     done = run(folder, "build", "cart.yaml")
     assert done.returncode == 0, done.stdout + done.stderr
