@@ -1,5 +1,6 @@
 """Small experiments in MuJoCo: do the drives answer, does energy stay, is the timestep fine, which
-bodies run into each other, is the robot balanced, does it come to rest after a drop?"""
+bodies run into each other, is the robot balanced, does it come to rest after a drop, does it bear
+what an untrained policy asks of it?"""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control
-from assetbuild.simulators import mujoco, mujoco_motion, mujoco_trials
+from assetbuild.simulators import mujoco, mujoco_motion, mujoco_policy, mujoco_trials
 from assetbuild.simulators.mujoco_trials import Settled, Support
 
 EXTERNAL = frozenset({"ideal_pd", "dc_motor"})
@@ -39,7 +40,7 @@ class _Row(NamedTuple):
 class Trials(Check):
     """Findings `trials.<what>`; one compilation of `mjcf/scene.xml` serves all experiments."""
 
-    version = "5"
+    version = "6"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -101,6 +102,7 @@ class Trials(Check):
         yield from self._collisions(model, figures)
         if model.nkey and mujoco_trials.stands_free(model):
             yield from self._floor(model, figures)
+        yield from self._shaken(model, figures)
 
     def _drives(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         answers = mujoco_trials.answers(model)
@@ -228,6 +230,29 @@ class Trials(Check):
                     else "more kd, more kp, or a pose that stands by itself",
                     data={"value": row.value, "limit": row.limit, "timestep": hasty},
                 )
+
+    def _shaken(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
+        shaken = mujoco_policy.shake(model)
+        figures["shake"] = {
+            "seconds": shaken.seconds,
+            "joint": shaken.joint,
+            "fastest_joint": shaken.fastest if shaken.seconds is None else None,
+        }
+        if shaken.seconds is None:
+            return
+        hasty = mujoco_policy.shake(model, finer=FINER).seconds is None
+        yield Finding(
+            "trials.shaken",
+            "error",
+            f"joint {shaken.joint}",
+            "an untrained policy's random targets drive the simulation to infinity after "
+            f"{shaken.seconds:.2g} s, this joint foremost"
+            + (f"; at 1/{FINER} of the timestep they do not" if hasty else ""),
+            hint="a smaller `simulation.timestep`, or the rotors' real armature"
+            if hasty
+            else "smaller kp, the rotors' real armature, or an `effort` that is no placeholder",
+            data={"seconds": shaken.seconds, "timestep": hasty},
+        )
 
     def _judge_support(self, under: Support) -> Iterator[Finding]:
         if under.margin_m is None or under.margin_m >= self.support:

@@ -106,7 +106,7 @@ def answers(model: Model) -> Mapping[str, Answer]:
         model.opt.gravity[:] = 0.0
         steps = max(4, round(1.0 / FREQUENCY_HZ / model.opt.timestep))
         for actuator in range(model.nu):
-            joint = _servo_joint(model, actuator)
+            joint = servo_joint(model, actuator)
             if joint is None:
                 continue
             data = at_first_key(model)
@@ -122,7 +122,7 @@ def answers(model: Model) -> Mapping[str, Answer]:
     return found
 
 
-def _servo_joint(model: Model, actuator: int) -> int | None:
+def servo_joint(model: Model, actuator: int) -> int | None:
     """The joint that a position servo drives; None for other actuators and transmissions."""
     bias = float(model.actuator_biasprm[actuator, 1])
     is_servo = bias < 0.0 and float(model.actuator_gainprm[actuator, 0]) > 0.0
@@ -205,7 +205,7 @@ def _commanded(model: Model, finer: int, seconds: float = 0.3) -> Array:
         model.opt.timestep = model.opt.timestep / finer
         data = at_first_key(model)
         for actuator in range(model.nu):
-            joint = _servo_joint(model, actuator)
+            joint = servo_joint(model, actuator)
             if joint is not None:
                 data.ctrl[actuator] += 0.5 * _swing(model, joint)
         for _ in range(steps):

@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass, field
 
 from assetbuild.recipe.randomize import Randomize, RandomJoint, first_match
+from assetbuild.robot.actuators import LARGEST_ACTION, action_scale
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.targets.mjlab.events import (
     Term,
@@ -92,7 +93,7 @@ import mujoco
 
 def _facts(facts: ModuleFacts) -> str:
     scale = {
-        name: 0.25 * group.actuator.effort / group.actuator.kp
+        name: _scale(facts.tree, group)
         for group in _groups(facts)
         for name in group.names
         if group.actuator.kp and group.actuator.effort
@@ -105,9 +106,15 @@ IMU_SITE = {literal(facts.imu_site)}
 FOOT_SITES = {tuple_of(facts.foot_sites)}
 FOOT_GEOMS = {tuple_of(facts.foot_geoms)}
 ACTION_SCALE = {dict_of(scale)}
-"""A quarter of the error that asks for the whole effort, by joint; rad or m per unit of action."""
+"""A quarter of the error that asks for the whole effort, at most {LARGEST_ACTION["rad"]} rad or
+{LARGEST_ACTION["m"]} m, by joint; rad or m per unit of action."""
 TIMESTEP, DECIMATION = {simulation.timestep!r}, {simulation.decimation}
 GRAVITY = {simulation.gravity!r}'''
+
+
+def _scale(tree: Tree, group: _Group) -> float:
+    slides = all(tree.by_joint[joint].kind == "prismatic" for joint in group.joints)
+    return action_scale(group.actuator.effort, group.actuator.kp, "m" if slides else "rad")
 
 
 def _robot(facts: ModuleFacts) -> str:
@@ -213,6 +220,7 @@ def velocity_flat_cfg(num_envs: int = 4096) -> ManagerBasedRlEnvCfg:
         cfg.rewards[name].params["asset_cfg"].body_names = (ROOT_BODY,)
     for name in ("foot_clearance", "foot_slip"):
         cfg.rewards[name].params["asset_cfg"].site_names = FOOT_SITES
+    cfg.rewards["pose"].params["asset_cfg"].joint_names = JOINTS
     for name, (others, knees) in POSE_SPREAD.items():
         cfg.rewards["pose"].params[name] = {{
             joint: knees if joint in KNEES else others for joint in JOINTS

@@ -1,0 +1,79 @@
+"""What a policy does to a robot before it has learned anything: the first minutes of training."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from assetbuild.robot.actuators import action_scale
+from assetbuild.simulators.mujoco import Data, Model, caught_warnings, name_of
+from assetbuild.simulators.mujoco_trials import SEED, at_first_key, servo_joint, turning, unchanged
+
+CONTROL_S = 0.02
+"""Between two commands."""
+
+
+@dataclass(frozen=True)
+class Shaken:
+    """What noise did. seconds: until it went to infinity, None = it did not.
+
+    joint: the fastest of all, and its speed, rad/s or m/s.
+    """
+
+    seconds: float | None
+    joint: str = ""
+    fastest: float = 0.0
+
+
+def shake(model: Model, seconds: float = 5.0, seed: int = SEED, finer: int = 1) -> Shaken:
+    """What PPO does at first: each servo gets a new random target 50 times a second.
+
+    Normally distributed about the first keyframe with the joint's `action_scale`; falls and lies
+    on the floor as it may. finer: steps in place of each.
+    """
+    import mujoco
+
+    servos = [(a, _action(model, a)) for a in range(model.nu) if servo_joint(model, a) is not None]
+    joints = turning(model)
+    if not servos:
+        return Shaken(None)
+    dofs = np.array([int(model.jnt_dofadr[joint]) for joint in joints])
+    random, speeds = np.random.default_rng(seed), np.zeros(len(joints))
+    ended = None
+    with unchanged(model), caught_warnings():
+        model.opt.timestep = model.opt.timestep / finer
+        data = at_first_key(model)
+        commands = np.array(data.ctrl)
+        each = max(1, round(CONTROL_S / model.opt.timestep))
+        for step in range(each * round(seconds / CONTROL_S)):
+            if step % each == 0:
+                for actuator, scale in servos:
+                    data.ctrl[actuator] = commands[actuator] + scale * random.standard_normal()
+            mujoco.mj_step(model, data)
+            if _blown(data):
+                ended = step * model.opt.timestep
+                break
+            speeds = np.maximum(speeds, np.abs(data.qvel[dofs]))
+    name = name_of(model, "joint", joints[int(speeds.argmax())])
+    return Shaken(ended, name, float(speeds.max()))
+
+
+def _blown(data: Data) -> bool:
+    """Whether MuJoCo gave up and started anew."""
+    import mujoco
+
+    kinds = mujoco.mjtWarning
+    bad = (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)
+    return any(data.warning[int(kind)].number for kind in bad)
+
+
+def _action(model: Model, actuator: int) -> float:
+    """rad or m; see `action_scale`."""
+    joint = int(model.actuator_trnid[actuator, 0])
+    efforts = [float(model.jnt_actfrcrange[joint, 1])] if model.jnt_actfrclimited[joint] else []
+    if model.actuator_forcelimited[actuator]:
+        efforts.append(float(model.actuator_forcerange[actuator, 1]))
+    kp = -float(model.actuator_biasprm[actuator, 1])
+    unit = "m" if int(model.jnt_type[joint]) == 2 else "rad"
+    return action_scale(min(efforts, default=None), kp, unit)
