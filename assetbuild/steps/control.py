@@ -57,7 +57,7 @@ class ControlStep(Step):
     `source_control.json`, whose words hold where the recipe has none.
     """
 
-    version = "6"
+    version = "7"
     outputs = ("control.json",)
 
     rows: tuple[ActuatorRow, ...] = ()

@@ -30,6 +30,8 @@ DRAWING_S = 150.0
 """Wall clock for all pictures; a driver that hangs costs only them."""
 MOST_JOINTS = 80
 """More joints than this are not shown one by one."""
+CAPTION = 34
+"""Characters above a tile of that width."""
 BODY = (2, 3)
 """What stands for the robot: visual geometry, and collision geometry of bodies without any."""
 GREY = (0.72, 0.74, 0.77, 1.0)
@@ -53,7 +55,7 @@ class Render(Step):
     the renderer is part of the key, so a later driver makes them.
     """
 
-    version = "4"
+    version = "5"
     tools = ("mujoco", "pillow")
     outputs = ("images/", "pictures.json")
     isolated = True
@@ -191,7 +193,7 @@ class Stage:
                 tiles.append(self._turned(joint, value, paint))
                 unit = "rad" if int(self.model.jnt_type[joint]) == turning[0] else "m"
                 name = mujoco.name_of(self.model, "joint", joint)
-                texts.append(f"{name} {value:+.2g} {unit}")
+                texts.append(caption(name, f" {value:+.2g} {unit}"))
         alt = "each joint turned to both sides of home; the part that moves is orange"
         yield Picture("directions.png", "Joint directions", alt, sheet(tiles, texts, 4))
 
@@ -303,6 +305,15 @@ def hue(number: int) -> tuple[float, float, float]:
     return colorsys.hsv_to_rgb(number * 0.618033988749895 % 1.0, 0.65, 0.95)
 
 
+def caption(name: str, tail: str) -> str:
+    """Name and tail as wide as a tile; of a long name both ends: `FR_` tells legs apart."""
+    room = CAPTION - len(tail)
+    if len(name) > room:
+        head = (room - 3) // 2
+        name = f"{name[:head]}...{name[head + 3 - room :]}"
+    return name + tail
+
+
 def sheet(tiles: Sequence[Pixels], texts: Sequence[str], columns: int) -> Pixels:
     """Tiles in rows, each with its text above."""
     from PIL import Image, ImageDraw, ImageFont
@@ -316,7 +327,7 @@ def sheet(tiles: Sequence[Pixels], texts: Sequence[str], columns: int) -> Pixels
         x, y = number % columns * width, number // columns * (height + band)
         page.paste(Image.fromarray(tile), (x, y + band))
         if text:
-            draw.text((x + 4, y + 1), text[-34:], fill=(20, 20, 20), font=font)
+            draw.text((x + 4, y + 1), text, fill=(20, 20, 20), font=font)
     return np.asarray(page)
 
 

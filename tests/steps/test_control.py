@@ -346,6 +346,17 @@ def test_without_a_table_all_is_passive_and_it_is_said(run):
     assert findings["actuator.none"].data == {"joints": 8}
 
 
+def test_a_table_of_passive_rows_drives_nothing_and_it_is_said(run):
+    """What `init` writes where the source states no effort."""
+    _, findings = run(
+        quadruped(), feet(), recipe(actuators=({"joints": ".*", "model": "passive"},))
+    )
+    assert (findings["actuator.none"].severity, findings["actuator.none"].data) == (
+        "warning",
+        {"joints": 8},
+    )
+
+
 def test_a_source_s_limit_of_zero_is_reported(run):
     tree = with_calf_limits(-3.0, 3.0)
     joints = [replace(j, limits=Limits(-3, 3, 9.0, 0.0)) for j in tree.joints]

@@ -22,7 +22,7 @@ from assetbuild.robot.pose import Pose
 from assetbuild.simulators.offscreen import renderer
 from assetbuild.steps.keep_pose import KeepPose
 from assetbuild.steps.lighten import Lighten
-from assetbuild.steps.render import Render
+from assetbuild.steps.render import CAPTION, Render, caption
 from assetbuild.steps.viewer import SPAN_M, Viewer, in_bytes, three_js
 from assetbuild.targets.mjcf import Mjcf
 
@@ -189,3 +189,11 @@ def test_a_box_robot_needs_no_mesh_to_be_seen(tmp_path: Path):
 def test_mujoco_s_own_variable_switches_drawing_off(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("MUJOCO_GL", "Disable")
     assert renderer() == "none"
+
+
+def test_a_caption_keeps_both_ends_of_a_long_name():
+    """Vendors tell legs apart at the front (`FR_`) and joints at the back."""
+    assert caption("hip", " +0.3 rad") == "hip +0.3 rad"
+    legs = {caption(f"{leg}_upper_leg_2_hip_motor_joint", " +0.3 rad") for leg in ("FR", "FL")}
+    assert len(legs) == 2
+    assert all(len(one) <= CAPTION and one.endswith("joint +0.3 rad") for one in legs)
