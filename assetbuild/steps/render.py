@@ -34,6 +34,8 @@ CAPTION = 34
 """Characters above a tile of that width."""
 BODY = (2, 3)
 """What stands for the robot: visual geometry, and collision geometry of bodies without any."""
+HULLS = ("mjVIS_CONVEXHULL",)
+"""A collision mesh that is not convex is shown as what MuJoCo collides: its hull."""
 GREY = (0.72, 0.74, 0.77, 1.0)
 MOVED = (0.95, 0.50, 0.10, 1.0)
 
@@ -149,9 +151,9 @@ class Stage:
         shots: tuple[tuple[str, str, str, dict[str, Any]], ...] = (  # Any: the fields of View
             ("visual", "Visual", "the visual geometry at home", {}),
             ("collision", "Collision", "the collision geometry, a colour for each piece",
-             {"groups": (0, 3), "paint": colours}),
+             {"groups": (0, 3), "flags": HULLS, "paint": colours}),
             ("overlay", "Both", "collision geometry laid over the visual geometry",
-             {"groups": (2, 3), "paint": clear}),
+             {"groups": (2, 3), "flags": HULLS, "paint": clear}),
             ("inertia", "Inertia", "equivalent inertia ellipsoids and centres of mass",
              {"groups": BODY, "flags": ("mjVIS_INERTIA", "mjVIS_COM"), "paint": faint}),
             ("joints", "Joint axes", "an arrow along the axis of each joint",

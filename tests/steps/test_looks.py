@@ -17,7 +17,7 @@ from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_port
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Box, Control, Mesh, MeshAsset, Shape, Shapes, Sphere
+from assetbuild.robot.model import Box, Control, Material, Mesh, MeshAsset, Shape, Shapes, Sphere
 from assetbuild.robot.pose import Pose
 from assetbuild.simulators.offscreen import renderer
 from assetbuild.steps.keep_pose import KeepPose
@@ -53,6 +53,24 @@ def test_light_meshes_keep_to_the_budget_and_the_shape(tmp_path: Path):
     assert len(mesh.faces) == shapes.meshes[0].faces <= 520
     radii = np.linalg.norm(mesh.vertices, axis=1)
     assert radii == pytest.approx(0.1, rel=0.05)
+
+
+@pytest.mark.parametrize(("budget", "whole"), [(4000, True), (500, False)])
+def test_a_textured_mesh_stays_whole_or_becomes_plain(tmp_path: Path, budget: int, whole: bool):
+    """Thinned, it would wear its texture without coordinates: stripes that nobody painted."""
+    robot = ball_robot()
+    (shape,) = (s for s in robot.shapes.shapes if s.geometry == Mesh("ball-1"))
+    painted = replace(shape, material="skin")
+    shapes = tuple(painted if s is shape else s for s in robot.shapes.shapes)
+    skin = Material("skin", texture="skin-1.png")
+    robot = replace(robot, shapes=replace(robot.shapes, shapes=shapes, materials=(skin,)))
+    inputs = write_robot_ports(tmp_path / "in", robot)
+    (inputs / "meshes/skin-1.png").write_bytes(b"a picture")
+    run_step(Lighten(max_faces=budget), inputs, tmp_path / "out")
+    light = (tmp_path / "out/meshes/ball-1.obj").read_bytes()
+    assert (light == robot.meshes["ball-1.obj"]) == whole
+    (material,) = decode(Shapes, (tmp_path / "out/shapes.json").read_bytes()).materials
+    assert material.texture == ("skin-1.png" if whole else None)
 
 
 def test_collision_meshes_pass_through_as_they_are(tmp_path: Path):
