@@ -129,6 +129,9 @@ class Stage:
         self.center, self.size, self.distance = extent(model, data)
         visual = np.flatnonzero(np.asarray(model.geom_group) == 2)
         self._with_visual = frozenset(int(model.geom_bodyid[geom]) for geom in visual)
+        self.looks = (0, 2) if self._with_visual else (0, 3)
+        """Of a robot without any visual geometry one sees what collides, not an empty floor."""
+        self.seen = f"the {'visual' if self._with_visual else 'collision'} geometry"
         scale = model.vis.scale
         # MuJoCo draws decorations in units of the model's mean size, which a small head decides.
         unit = self.size / float(model.stat.meansize)
@@ -149,7 +152,7 @@ class Stage:
         clear, faint = self._by_piece(0.45), self._faded(0.18)
         ghost = self._faded(0.18, spare=False)
         shots: tuple[tuple[str, str, str, dict[str, Any]], ...] = (  # Any: the fields of View
-            ("visual", "Visual", "the visual geometry at home", {}),
+            ("visual", "Visual", f"{self.seen} at home", {"groups": self.looks}),
             ("collision", "Collision", "the collision geometry, a colour for each piece",
              {"groups": (0, 3), "flags": HULLS, "paint": colours}),
             ("overlay", "Both", "collision geometry laid over the visual geometry",
@@ -172,12 +175,17 @@ class Stage:
         tiles = [
             self.studio.frame(
                 self.data,
-                self.view(azimuth=140.0 + 360.0 * n / count, width=TILE_WIDTH, height=TILE_HEIGHT),
+                self.view(
+                    azimuth=140.0 + 360.0 * n / count,
+                    width=TILE_WIDTH,
+                    height=TILE_HEIGHT,
+                    groups=self.looks,
+                ),
             )
             for n in range(count)
         ]
         if tiles:
-            alt = f"the visual geometry from {count} sides"
+            alt = f"{self.seen} from {count} sides"
             yield Picture("turntable.png", "Turntable", alt, sheet(tiles, [""] * count, 4))
 
     def directions(self) -> Iterator[Picture]:

@@ -184,6 +184,34 @@ def test_every_picture_shows_something_of_its_own(rendered):
         assert pixels.std() > 3.0, name
 
 
+def test_a_robot_of_collision_geometry_alone_is_seen_and_a_notch_is_not(tmp_path: Path):
+    """The hull is what collides; and an empty floor says nothing about a robot."""
+    if renderer() == "none":
+        pytest.skip("no OpenGL without a window: apt-get install libegl1 libgl1-mesa-dri")
+    cross = trimesh.util.concatenate(
+        [trimesh.creation.box(size) for size in ([0.6, 0.05, 0.05], [0.05, 0.6, 0.05])]
+    )
+    shown = []
+    for number, mesh in enumerate((cross, cross.convex_hull)):
+        robot = ball_robot()
+        data = obj_bytes(TriangleMesh(np.array(mesh.vertices), np.array(mesh.faces)))
+        (ball,) = (s for s in robot.shapes.shapes if s.geometry == Mesh("ball-1"))
+        shapes = replace(robot.shapes, shapes=(replace(ball, role="collision"),))
+        robot = replace(robot, shapes=shapes, meshes={"ball-1.obj": data})
+        inputs = write_robot_ports(tmp_path / f"in{number}", robot)
+        run_step(Mjcf(robot="pendulum"), inputs, tmp_path / f"model{number}")
+        out = tmp_path / f"out{number}"
+        found = run_step(Render(renderer=renderer()), tmp_path / f"model{number}", out)
+        if found:
+            pytest.skip(found[0].message)
+        files = {p.stem: Image.open(p).convert("RGB") for p in (out / "images").iterdir()}
+        shown.append({name: np.asarray(image).astype(int) for name, image in files.items()})
+    different = np.abs(shown[0]["collision"] - shown[1]["collision"]).max(axis=2) > 40
+    assert different.mean() < 0.005, "the cross is drawn as its hull"
+    red, _, blue = shown[1]["visual"][235:245, 315:325].reshape(-1, 3).mean(axis=0)
+    assert abs(red - blue) < 15, "grey is the robot, the floor is blue"
+
+
 def test_what_a_joint_moves_is_orange_in_its_two_tiles(rendered):
     pixels = np.asarray(Image.open(BytesIO(rendered[0]["directions.png"])).convert("RGB"))
     red, green, blue = (pixels[..., i].astype(int) for i in range(3))
