@@ -30,7 +30,7 @@ class Counts(Check):
     asks for collision.
     """
 
-    version = "2"
+    version = "3"
     tools = ("defusedxml",)
     needs = ("source", "mjcf")
     reads = ("shapes.json",)
@@ -121,8 +121,19 @@ def _stated(robot: Element, role: Role) -> Counter[str]:
     """Elements of one role by link, as the description states them."""
     counts: Counter[str] = Counter()
     for link in robot.findall("link"):
-        counts[str(link.get("name"))] += len(link.findall(role))
+        elements = link.findall(role)
+        counts[str(link.get("name"))] += sum(not _shows_nothing(element) for element in elements)
     return counts
+
+
+def _shows_nothing(element: Element) -> bool:
+    """A point or a line: `read_urdf` tells it (`urdf.visual.nothing`), or refuses it."""
+    shapes = element.findall("geometry/*")
+    if len(shapes) != 1 or element.tag != "visual":
+        return False
+    edges = [float(edge) for edge in shapes[0].get("size", "").split()]
+    radius = shapes[0].get("radius")
+    return float(radius) == 0.0 if radius else edges.count(0.0) >= 2
 
 
 def _visuals(stated: Counter[str], built: Counter[str]) -> Iterator[Finding]:
@@ -146,7 +157,30 @@ def _textures(shapes: Shapes) -> set[str]:
 def _shown(mjcf: Element, assets: Path) -> set[str]:
     """Textures whose file is there, by a material that a geom wears."""
     files = {t.get("name"): t.get("file") for t in mjcf.iterfind("asset/texture")}
-    worn = {geom.get("material") for geom in mjcf.iterfind("worldbody//geom")}
+    worn = set(_worn(mjcf))
     materials = mjcf.iterfind("asset/material")
     named = (files.get(m.get("texture")) for m in materials if m.get("name") in worn)
     return {file for file in named if file and (assets / file).is_file()}
+
+
+def _worn(mjcf: Element) -> Iterator[str | None]:
+    """The material of each geom, its own or that of its class."""
+    looks: dict[str | None, str | None] = {}
+    for default in mjcf.iterfind("default"):
+        _learn(default, None, looks)
+    bodies: list[tuple[Element, str | None]] = [(w, None) for w in mjcf.iterfind("worldbody")]
+    while bodies:
+        body, inherited = bodies.pop()
+        kind = body.get("childclass", inherited)
+        for geom in body.iterfind("geom"):
+            yield geom.get("material") or looks.get(geom.get("class", kind))
+        bodies += [(child, kind) for tag in ("body", "frame") for child in body.iterfind(tag)]
+
+
+def _learn(default: Element, inherited: str | None, looks: dict[str | None, str | None]) -> None:
+    """The material that geoms of this class and of those below it wear."""
+    geom = default.find("geom")
+    material = inherited if geom is None else geom.get("material", inherited)
+    looks[default.get("class")] = material
+    for child in default.iterfind("default"):
+        _learn(child, material, looks)

@@ -24,7 +24,7 @@ EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor"})
 class Stand(Check):
     """Simulates `mjcf/scene.xml` in MuJoCo; a fixed base only has its joints judged."""
 
-    version = "3"
+    version = "4"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -127,7 +127,8 @@ class Stand(Check):
                 "stand.fall",
                 "error",
                 "robot",
-                f"fell: after {self.seconds:g} s the base is {stood.sag_m:.3g} m lower and tilted "
+                f"fell: after {self.seconds:g} s the base is {abs(stood.sag_m):.3g} m "
+                f"{'lower' if stood.sag_m >= 0.0 else 'higher'} and tilted "
                 f"by {stood.tilt_rad:.3g} rad",
                 hint="raise kp, check the effort limits, look for a pose off balance",
                 data={"sag_m": stood.sag_m, "tilt_rad": stood.tilt_rad},

@@ -21,6 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check each recipe; the worst exit code of all."""
+    from assetbuild.cli.summary import every_finding_line
     from assetbuild.pipeline.checking import check
 
     codes = [0]
@@ -32,11 +33,8 @@ def run(arguments: argparse.Namespace) -> int:
             codes.append(error.exit_code)
             continue
         errors = [finding for finding in findings if finding.severity == "error"]
-        for finding in findings:
-            if finding.severity != "info":
-                place = f"{finding.where}: " if finding.where else ""
-                said = f"{place}{finding.subject}: {finding.message}"
-                print(f"{finding.severity} {finding.rule}: {said}")
+        for line in every_finding_line([one for one in findings if one.severity != "info"]):
+            print(line)
         codes.append(1 if errors else 0)
         if not errors:
             print(f"{recipe}: ok")

@@ -5,7 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from assetbuild.engine.explain import Explanation
 
 HELP = "say why steps ran or would run, naming the part of the key that changed"
 
@@ -13,7 +18,7 @@ HELP = "say why steps ran or would run, naming the part of the key that changed"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("recipe", type=Path, metavar="RECIPE")
-    parser.add_argument("step", nargs="?", metavar="STEP", help="default: all that is stale")
+    parser.add_argument("step", nargs="?", metavar="STEP", help="default: all")
     parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
     parser.add_argument("--json", action="store_true", help="print data")
 
@@ -35,11 +40,19 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps([e.to_json() for e in found], indent=2, sort_keys=True))
         return 0
-    for explanation in found:
-        print(explanation.to_text())
+    for line in told_of_all(found) if arguments.step is None else [found[0].to_text()]:
+        print(line)
     if not whole:
         print("the graph goes on once the stale steps are built", file=sys.stderr)
     return 0
+
+
+def told_of_all(found: Sequence[Explanation]) -> list[str]:
+    """All steps; those that nothing has touched since they were first built are counted."""
+    touched = [one for one in found if one.state != "up to date" or not one.only_first]
+    left = len(found) - len(touched)
+    counted = [f"{left} of {len(found)} steps: untouched since their first build"] if left else []
+    return [*(one.to_text() for one in touched), *counted]
 
 
 def print_stale(recipe: Path, variant: str | None) -> int:

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print verdict, checks and findings; 0 when ready for training, else 1."""
-    from assetbuild.cli.public import shown_message
+    from assetbuild.cli.summary import every_finding_line
 
     path: Path = arguments.bundle / "report" / "report.json"
     try:
@@ -35,10 +35,8 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"{report['robot']}: ready for training: {'yes' if verdict['ready'] else 'no'}")
     for name, check in report["checks"].items():
         print(f"  {check['status']:4}  {name}  {check.get('note', '')}".rstrip())
-    for finding in report["findings"]:
-        place = f"{finding['where']}: " if finding["where"] else ""
-        said = shown_message(finding_from_json(finding))
-        print(f"{finding['severity']}: {place}{finding['subject']}: {said}")
+    for line in every_finding_line([finding_from_json(raw) for raw in report["findings"]]):
+        print(line)
     if arguments.open:
         page = (arguments.bundle / "report" / "index.html").resolve()
         if not webbrowser.open(page.as_uri()):

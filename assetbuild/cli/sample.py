@@ -45,6 +45,7 @@ def _within(text: str, least: int, most: int) -> int:
 def run(arguments: argparse.Namespace) -> int:
     """Write the samples; prints the table of the draws."""
     from assetbuild.cli.progress import progress
+    from assetbuild.cli.summary import every_finding_line
     from assetbuild.errors import UsageError
     from assetbuild.pipeline.sampling import SampleRequest, sample
 
@@ -63,10 +64,8 @@ def run(arguments: argparse.Namespace) -> int:
         sampled = sample(request, shown.on_event, shown.say)
     if sampled.errors:
         raise sampled.errors[0]
-    for finding in sampled.findings:
-        hint = f"; hint: {finding.hint}" if finding.hint else ""
-        text = f"{finding.severity} {finding.rule} {finding.subject}: {finding.message}{hint}"
-        print(text, file=sys.stderr)
+    for line in every_finding_line(sampled.findings):
+        print(line, file=sys.stderr)
     _print_table(sampled)
     print(f"{arguments.count} robots in {sampled.out}")
     return 0

@@ -16,6 +16,8 @@ from assetbuild.pipeline import Outcome
 from assetbuild.report.document import Report
 
 SHOWN_RULES = 12
+SHOWN_NAMES = 8
+"""Of those that a rule speaks of besides the first one."""
 LEAST_LINES = 6
 """Of findings, however small the terminal is."""
 _COLOURS = {"error": "31", "warning": "33", "yes": "32", "no": "31"}
@@ -134,6 +136,12 @@ def finding_lines(
     return lines
 
 
+def every_finding_line(findings: Sequence[Finding]) -> list[str]:
+    """All findings, those that merely inform too: each rule once, with whom it speaks of."""
+    groups = [list(same) for _, same in groupby(findings, key=_told_together)]
+    return [line.removeprefix("    ") for group in groups for line in _group_lines(group, None)]
+
+
 def _told_together(finding: Finding) -> tuple[str, str]:
     return finding.severity, "" if is_consequence(finding) else finding.rule
 
@@ -153,7 +161,8 @@ def _group_lines(group: Sequence[Finding], width: int | None) -> list[str]:
     if first.hint:
         lines.append(f"      hint: {first.hint}")
     if others:
-        names = ", ".join(dict.fromkeys(f.subject for f in others if f.subject != first.subject))
+        known = list(dict.fromkeys(f.subject for f in others if f.subject != first.subject))
+        names = ", ".join([*known[:SHOWN_NAMES], *(["..."] if len(known) > SHOWN_NAMES else [])])
         lines.append(f"      and {len(others)} more{f': {names}' if names else ''}")
     if width is not None:
         lines = [part for one in lines for part in _wrapped([one], width)]

@@ -156,6 +156,11 @@ class Explanation:
     causes: Mapping[str, str] | None = None
     waits_for: tuple[str, ...] = ()
 
+    @property
+    def only_first(self) -> bool:
+        """Whether it has run for no other reason than that it had never run, if at all."""
+        return all(change.part == "first" for change in self.last_changes)
+
     def to_json(self) -> dict[str, object]:
         """Plain data for `explain --json`."""
         return {

@@ -299,6 +299,12 @@ def _simulation(robot: Looked, anatomy: Anatomy, drives: Sequence[Row]) -> list[
                 "  # Two legs stand only with balanced gains: switch this on once they are."
             )
             lines.append("  free_fall: {}")
+        if targets(robot).startswith("targets: [urdf, mjcf"):
+            lines += [
+                "# To train in mjlab: add `mjlab` to the targets, and",
+                f"# feet: {{links: {quoted(pattern)}}}",
+                f"# imu: {{link: {quoted(robot.tree.root)}}}   # or the link of its IMU",
+            ]
     return lines
 
 

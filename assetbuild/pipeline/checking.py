@@ -9,7 +9,7 @@ from assetbuild.engine.graph import Graph, Node, Planner
 from assetbuild.engine.session import Resolver, Session
 from assetbuild.findings import Finding
 from assetbuild.kinds import Edit
-from assetbuild.pipeline.judging import located, locator, where_of
+from assetbuild.pipeline.judging import findings_of, located, locator, where_of
 from assetbuild.pipeline.opening import open_session, pin
 from assetbuild.plan import plan
 from assetbuild.plan.agree import check_names
@@ -61,7 +61,7 @@ def check(recipe: Path) -> list[Finding]:
                 raise failed[0]
             if not planner.questions or len(results) == known:
                 break
-        findings = [finding for result in results.values() for finding in result.findings]
+        findings = findings_of(loaded, outline, results)
         locate = locator(loaded, outline, results, session)
     return list(make_report("", findings, {}, loaded.recipe.rules, locate).findings)
 

@@ -24,13 +24,7 @@ def judged(
     loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult], session: Session
 ) -> Report:
     """The report of one recipe whose steps all went well."""
-    findings = _licences(loaded, outline)
-    for label, result in results.items():
-        if label == PICTURE_MODEL:
-            continue  # the target `mjcf` has said it already
-        subject = outline.subjects.get(label)
-        own = _of_part(loaded, label, result.findings)
-        findings += [replace(f, subject=subject) for f in own] if subject else own
+    findings = [*_licences(loaded, outline), *findings_of(loaded, outline, results)]
     checks: dict[str, CheckResult] = {
         name: CheckResult("skip", note=note) for name, note in outline.skipped.items()
     }
@@ -41,6 +35,20 @@ def judged(
         checks[name] = CheckResult("fail" if bad else "pass", figures)
     locate = locator(loaded, outline, results, session)
     return make_report(loaded.recipe.robot, findings, checks, loaded.recipe.rules, locate)
+
+
+def findings_of(
+    loaded: LoadedRecipe, outline: Outline, results: Mapping[str, NodeResult]
+) -> list[Finding]:
+    """What the steps say, under the names of the robot: a step knows neither mesh nor part."""
+    findings: list[Finding] = []
+    for label, result in results.items():
+        if label == PICTURE_MODEL:
+            continue  # the target `mjcf` has said it already
+        subject = outline.subjects.get(label)
+        own = _of_part(loaded, label, result.findings)
+        findings += [replace(f, subject=subject) for f in own] if subject else own
+    return findings
 
 
 def _licences(loaded: LoadedRecipe, outline: Outline) -> list[Finding]:

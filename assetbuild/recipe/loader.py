@@ -7,7 +7,7 @@ import stat
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from assetbuild.errors import AssetBuildError, RecipeError, Where
+from assetbuild.errors import AssetBuildError, RecipeError, Where, did_you_mean
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import Key, locate, shown, validated
 from assetbuild.recipe.variants import patched, variant_names
@@ -91,7 +91,8 @@ def _part_of(loaded: LoadedRecipe, index: int, name: str, variant: str | None) -
     path = Path(os.path.normpath(loaded.path.parent / name))
     if path in loaded.files or not path.is_file():
         problem = "is this recipe itself" if path in loaded.files else "there is no such file"
-        raise loaded.error(key, f"`{name}`: {problem}")
+        near = sorted(one.name for one in path.parent.glob("*.yaml") if one not in loaded.files)
+        raise loaded.error(key, f"`{name}`: {problem}", did_you_mean(path.name, near))
     part = _load(path, variant)
     if part.recipe.compose:
         hint = "list all parts in one recipe"

@@ -82,7 +82,17 @@ def actuator_findings(
 
     only_mjcf: drives of the source that stand in the MJCF alone.
     """
-    if actuators and not has_table and all(a.model == "passive" for a in actuators):
+    passive = bool(actuators) and all(a.model == "passive" for a in actuators)
+    if passive and has_table and not only_mjcf:
+        yield Finding(
+            rule="actuator.none",
+            severity="warning",
+            subject="robot",
+            message=f"all {len(actuators)} moving joints are passive: nothing drives the robot",
+            hint="give the rows of `actuators:` an `effort` and gains",
+            data={"joints": len(actuators)},
+        )
+    elif passive and not has_table:
         yield Finding(
             rule="actuator.none",
             severity="warning",

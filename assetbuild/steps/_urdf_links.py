@@ -26,7 +26,7 @@ from assetbuild.robot.model import (
 )
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of_rpy, vec3
 from assetbuild.steps._urdf_paths import Paths
-from assetbuild.steps._urdf_xml import Node, Problems
+from assetbuild.steps._urdf_xml import SIZE, Node, Problems
 
 FORMATS: tuple[str, ...] = get_args(Format)
 
@@ -110,18 +110,43 @@ def read_shapes(
             for index, element in enumerate(node.all(role)):
                 with problems.kept():
                     suffix = f"_{index}" if index else ""
+                    material = element.only("material") if role == "visual" else None
+                    name = palette.see(material, link) if material is not None else ""
+                    if role == "visual" and _draws_nothing(element.need("geometry")):
+                        palette.findings.append(_drawn_as_nothing(element))
+                        continue
                     geometry = _read_geometry(element.need("geometry"), paths, uses)
                     shape = Shape(
                         f"{link}_{role}{suffix}", link, role, geometry, read_origin(element)
                     )
-                    material = element.only("material") if role == "visual" else None
-                    name = palette.see(material, link) if material is not None else ""
                     drafts.append((shape, name))
                     lines[f"shape {shape.name}"] = element.line
     shapes = tuple(palette.paint(shape, name) for shape, name in drafts)
     found = Shapes(shapes, tuple(palette.materials.values()))
     meshes = tuple(uses[path] for path in sorted(uses))
     return Geometries(found, meshes, tuple(palette.findings), lines | palette.lines)
+
+
+def _draws_nothing(geometry: Node) -> bool:
+    """Whether it is a point or a line: a sphere of radius 0 is what authors write for "hide it"."""
+    shapes = geometry.all("*")
+    if len(shapes) != 1:
+        return False
+    if shapes[0].tag == "box":
+        return sorted(shapes[0].numbers("size", 3))[:2] == [0.0, 0.0]
+    round_ = shapes[0].tag in ("sphere", "cylinder", "capsule")
+    return round_ and shapes[0].number("radius") == 0.0
+
+
+def _drawn_as_nothing(visual: Node) -> Finding:
+    return Finding(
+        rule="urdf.visual.nothing",
+        severity="warning",
+        subject=visual.subject,
+        message=f"a <visual> on line {visual.line} has no width and shows nothing: it was left out",
+        hint="remove it, or write its size",
+        data={"line": visual.line},
+    )
 
 
 def _read_geometry(node: Node, paths: Paths, uses: dict[str, FileUse]) -> Geometry:
@@ -152,7 +177,7 @@ def _read_geometry(node: Node, paths: Paths, uses: dict[str, FileUse]) -> Geomet
 def _box_size(node: Node) -> Vec3:
     size = vec3(node.numbers("size", 3))
     if min(size) <= 0.0:
-        raise node.error(f"box size is `{node.get('size')}`, every edge must be positive")
+        raise node.error(f"box size is `{node.get('size')}`, every edge must be positive", SIZE)
     return size
 
 

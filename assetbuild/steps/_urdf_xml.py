@@ -114,7 +114,7 @@ class Node:
         """A finite number above zero."""
         value = self.number(attribute)
         if not value > 0.0:
-            raise self.error(f"{self.tag} {attribute} is {value!r}, it must be positive")
+            raise self.error(f"{self.tag} {attribute} is {value!r}, it must be positive", SIZE)
         return value
 
     def _number(self, attribute: str, word: str) -> float:
@@ -126,6 +126,7 @@ class Node:
 
 
 _EXPAND = "expand the xacro file first"
+SIZE = "write its size, or remove the shape"
 
 
 def _is_macro(text: str) -> bool:

@@ -69,7 +69,7 @@ class TextureUse(BaseModel):
 class Assemble(Step):
     """Source shapes + meshes + pieces -> the final shapes, file paths swapped for digests."""
 
-    version = "4"
+    version = "5"
     outputs = ("shapes.json", "meshes/")
 
     visuals: tuple[VisualUse, ...]
@@ -86,27 +86,33 @@ class Assemble(Step):
         shapes: list[Shape] = []
         for visual in self.visuals:
             made = _visual_shapes(visual, by_name[visual.shape], files.inputs, library, palette)
-            shapes += _called(made, visual.shape if visual.named else None)
+            shapes += called(made, visual.shape if visual.named else None)
         for collision in self.collisions:
             origin = by_name[collision.shape] if collision.shape else None
             made = _collision_shapes(collision, origin, files.inputs, library)
             # What is made of a visual shape does not take its name, which that one has already.
             hit = origin is not None and origin.role == "collision"
-            shapes += _called(made, collision.shape if hit and collision.named else None)
+            shapes += called(made, collision.shape if hit and collision.named else None)
         final = Shapes(_named(shapes), palette.used(), library.assets())
         (files.outputs / "shapes.json").write_bytes(encode(final))
         yield from palette.findings
         yield from _without_collision(source, self.collisions)
 
 
-def _called(made: list[Shape], source: str | None) -> list[Shape]:
-    """With the source's name where that is wanted, numbered from the second piece on."""
+def called(made: list[Shape], source: str | None) -> list[Shape]:
+    """With the source's name where that is wanted, numbered from the second piece on.
+
+    What ends in `_collision` goes on doing so: that is how configs of trainers find it.
+    """
     if source is None:
         return made
-    return [
-        replace(shape, name=f"{source}_{number + 1}" if number else source)
-        for number, shape in enumerate(made)
+    stem, _, end = source.rpartition("_collision")
+    kept = bool(stem) and (end.isdigit() or not end)
+    names = [
+        f"{stem}_{number}_collision{end}" if kept else f"{source}_{number}"
+        for number in range(2, len(made) + 1)
     ]
+    return [replace(s, name=name) for s, name in zip(made, [source, *names], strict=True)]
 
 
 def _without_collision(source: Shapes, uses: tuple[CollisionUse, ...]) -> Iterator[Finding]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -57,7 +58,7 @@ class ControlStep(Step):
     `source_control.json`, whose words hold where the recipe has none.
     """
 
-    version = "6"
+    version = "7"
     outputs = ("control.json",)
 
     rows: tuple[ActuatorRow, ...] = ()
@@ -225,9 +226,11 @@ def _limit_findings(
 ) -> Iterator[Finding]:
     for joint in tree.moving_joints:
         lower, upper = joint.limits.lower, joint.limits.upper
-        if joint.kind == "continuous" or lower is None or upper is None:
-            continue
         value = q[joint.name]
+        if joint.kind == "continuous" or lower is None or upper is None:
+            if joint.kind != "prismatic" and abs(value) > 2.0 * math.pi:
+                yield _turns_finding(joint.name, name, value)
+            continue
         if lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
             continue
         unit = "m" if joint.kind == "prismatic" else "rad"
@@ -235,6 +238,8 @@ def _limit_findings(
             hint = f"it follows `{joint.mimic.joint}`"
         elif any(re.fullmatch(pattern, joint.name) for pattern in keyframe.joints):
             hint = "choose a value inside the limits"
+            if joint.kind != "prismatic" and abs(value) > 2.0 * math.pi:
+                hint += f"; angles are in radians: {value:g} degrees are {math.radians(value):.4g}"
         else:
             hint = "no pattern of the keyframe matches it, so it is 0"
         yield Finding(
@@ -245,6 +250,18 @@ def _limit_findings(
             hint=hint,
             data={"keyframe": name, "value": value, "lower": lower, "upper": upper},
         )
+
+
+def _turns_finding(joint: str, name: str, value: float) -> Finding:
+    """No limit says that the number is degrees."""
+    return Finding(
+        rule="keyframe.turns",
+        severity="warning",
+        subject=f"joint {joint}",
+        message=f"keyframe `{name}`: {value:g} rad are {abs(value) / (2.0 * math.pi):.1f} turns",
+        hint=f"angles are in radians: {value:g} degrees would be {math.radians(value):.4g}",
+        data={"keyframe": name, "value": value},
+    )
 
 
 def _base(

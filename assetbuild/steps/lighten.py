@@ -25,8 +25,11 @@ class Lighten(Step):
     """`shapes.json`, `meshes/` -> the same two, visual meshes decimated to a common budget.
 
     Nothing of this is physics: collision meshes pass through as they are, and no target reads it.
+    Thinning loses the coordinates on a texture, so textured meshes stay whole, or, where they are
+    too many, lose the texture with them.
     """
 
+    version = "2"
     tools = ("numpy", "fast-simplification")
     outputs = ("shapes.json", "meshes/")
     isolated = True
@@ -41,8 +44,12 @@ class Lighten(Step):
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
         names = {s.geometry.mesh for s in shapes.of("visual") if isinstance(s.geometry, Mesh)}
         names -= {s.geometry.mesh for s in shapes.of("collision") if isinstance(s.geometry, Mesh)}
-        total = sum(asset.faces for asset in shapes.meshes if asset.name in names)
-        share = min(1.0, self.max_faces / max(total, 1))
+        shapes, textured = self._textured(shapes)
+        names -= textured
+        thinned = sum(asset.faces for asset in shapes.meshes if asset.name in names)
+        whole = sum(asset.faces for asset in shapes.meshes if asset.name in textured)
+        room = max(self.max_faces - whole, self.max_faces // 4)
+        share = min(1.0, room / max(thinned, 1))
         (files.outputs / "meshes").mkdir()
         made: dict[str, MeshAsset] = {}
         for asset in shapes.meshes:
@@ -59,6 +66,19 @@ class Lighten(Step):
         final = replace(shapes, meshes=tuple(made.values()))
         (files.outputs / "shapes.json").write_bytes(encode(final))
         return ()
+
+    def _textured(self, shapes: Shapes) -> tuple[Shapes, set[str]]:
+        """Meshes that keep their texture, and the shapes, plain where those are too many."""
+        pictures = {material.name for material in shapes.materials if material.texture}
+        found = {
+            shape.geometry.mesh
+            for shape in shapes.of("visual")
+            if isinstance(shape.geometry, Mesh) and shape.material in pictures
+        }
+        if sum(asset.faces for asset in shapes.meshes if asset.name in found) <= 2 * self.max_faces:
+            return shapes, found
+        plain = tuple(replace(material, texture=None) for material in shapes.materials)
+        return replace(shapes, materials=plain), set()
 
 
 def _light(data: bytes, asset: MeshAsset, goal: int) -> tuple[bytes, MeshAsset]:

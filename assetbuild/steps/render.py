@@ -30,8 +30,12 @@ DRAWING_S = 150.0
 """Wall clock for all pictures; a driver that hangs costs only them."""
 MOST_JOINTS = 80
 """More joints than this are not shown one by one."""
+CAPTION = 34
+"""Characters above a tile of that width."""
 BODY = (2, 3)
 """What stands for the robot: visual geometry, and collision geometry of bodies without any."""
+HULLS = ("mjVIS_CONVEXHULL",)
+"""A collision mesh that is not convex is shown as what MuJoCo collides: its hull."""
 GREY = (0.72, 0.74, 0.77, 1.0)
 MOVED = (0.95, 0.50, 0.10, 1.0)
 
@@ -53,7 +57,7 @@ class Render(Step):
     the renderer is part of the key, so a later driver makes them.
     """
 
-    version = "4"
+    version = "5"
     tools = ("mujoco", "pillow")
     outputs = ("images/", "pictures.json")
     isolated = True
@@ -125,6 +129,9 @@ class Stage:
         self.center, self.size, self.distance = extent(model, data)
         visual = np.flatnonzero(np.asarray(model.geom_group) == 2)
         self._with_visual = frozenset(int(model.geom_bodyid[geom]) for geom in visual)
+        self.looks = (0, 2) if self._with_visual else (0, 3)
+        """Of a robot without any visual geometry one sees what collides, not an empty floor."""
+        self.seen = f"the {'visual' if self._with_visual else 'collision'} geometry"
         scale = model.vis.scale
         # MuJoCo draws decorations in units of the model's mean size, which a small head decides.
         unit = self.size / float(model.stat.meansize)
@@ -145,11 +152,11 @@ class Stage:
         clear, faint = self._by_piece(0.45), self._faded(0.18)
         ghost = self._faded(0.18, spare=False)
         shots: tuple[tuple[str, str, str, dict[str, Any]], ...] = (  # Any: the fields of View
-            ("visual", "Visual", "the visual geometry at home", {}),
+            ("visual", "Visual", f"{self.seen} at home", {"groups": self.looks}),
             ("collision", "Collision", "the collision geometry, a colour for each piece",
-             {"groups": (0, 3), "paint": colours}),
+             {"groups": (0, 3), "flags": HULLS, "paint": colours}),
             ("overlay", "Both", "collision geometry laid over the visual geometry",
-             {"groups": (2, 3), "paint": clear}),
+             {"groups": (2, 3), "flags": HULLS, "paint": clear}),
             ("inertia", "Inertia", "equivalent inertia ellipsoids and centres of mass",
              {"groups": BODY, "flags": ("mjVIS_INERTIA", "mjVIS_COM"), "paint": faint}),
             ("joints", "Joint axes", "an arrow along the axis of each joint",
@@ -168,12 +175,17 @@ class Stage:
         tiles = [
             self.studio.frame(
                 self.data,
-                self.view(azimuth=140.0 + 360.0 * n / count, width=TILE_WIDTH, height=TILE_HEIGHT),
+                self.view(
+                    azimuth=140.0 + 360.0 * n / count,
+                    width=TILE_WIDTH,
+                    height=TILE_HEIGHT,
+                    groups=self.looks,
+                ),
             )
             for n in range(count)
         ]
         if tiles:
-            alt = f"the visual geometry from {count} sides"
+            alt = f"{self.seen} from {count} sides"
             yield Picture("turntable.png", "Turntable", alt, sheet(tiles, [""] * count, 4))
 
     def directions(self) -> Iterator[Picture]:
@@ -191,7 +203,7 @@ class Stage:
                 tiles.append(self._turned(joint, value, paint))
                 unit = "rad" if int(self.model.jnt_type[joint]) == turning[0] else "m"
                 name = mujoco.name_of(self.model, "joint", joint)
-                texts.append(f"{name} {value:+.2g} {unit}")
+                texts.append(caption(name, f" {value:+.2g} {unit}"))
         alt = "each joint turned to both sides of home; the part that moves is orange"
         yield Picture("directions.png", "Joint directions", alt, sheet(tiles, texts, 4))
 
@@ -303,6 +315,15 @@ def hue(number: int) -> tuple[float, float, float]:
     return colorsys.hsv_to_rgb(number * 0.618033988749895 % 1.0, 0.65, 0.95)
 
 
+def caption(name: str, tail: str) -> str:
+    """Name and tail as wide as a tile; of a long name both ends: `FR_` tells legs apart."""
+    room = CAPTION - len(tail)
+    if len(name) > room:
+        head = (room - 3) // 2
+        name = f"{name[:head]}...{name[head + 3 - room :]}"
+    return name + tail
+
+
 def sheet(tiles: Sequence[Pixels], texts: Sequence[str], columns: int) -> Pixels:
     """Tiles in rows, each with its text above."""
     from PIL import Image, ImageDraw, ImageFont
@@ -316,7 +337,7 @@ def sheet(tiles: Sequence[Pixels], texts: Sequence[str], columns: int) -> Pixels
         x, y = number % columns * width, number // columns * (height + band)
         page.paste(Image.fromarray(tile), (x, y + band))
         if text:
-            draw.text((x + 4, y + 1), text[-34:], fill=(20, 20, 20), font=font)
+            draw.text((x + 4, y + 1), text, fill=(20, 20, 20), font=font)
     return np.asarray(page)
 
 

@@ -245,7 +245,7 @@ def _unstated(joint: Joint, actuator: Actuator | None) -> Iterator[Finding]:
             severity="warning",
             subject=f"joint {joint.name}",
             message=f"neither source nor recipe states {words}; <limit> leaves it out",
-            hint="some URDF parsers refuse that: give it in the recipe's actuator table",
+            hint="some URDF parsers refuse that: the actuator table or `edits: set_limits` give it",
             data={"missing": tuple(missing)},
         )
 

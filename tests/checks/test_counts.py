@@ -125,3 +125,34 @@ def test_collision_that_the_recipe_does_not_want_is_not_missed(tmp_path: Path, r
 def test_a_lost_texture_is_an_error(tmp_path: Path, mjcf: str):
     findings, _ = check(tmp_path, WHOLE, mjcf)
     assert [f.rule for f in findings] == ["count.texture"]
+
+
+def test_a_texture_that_a_class_wears_is_shown(tmp_path: Path):
+    """As the MJCF is written where all visual shapes look alike."""
+    defaults = """<default class="r"><default class="skinned"><geom material="skin"/>
+      <default class="below"/></default></default>"""
+    for number, (geom, shown) in enumerate(
+        {
+            '<geom class="skinned"/>': True,
+            '<geom class="below"/>': True,
+            '<body childclass="skinned"><body><geom/></body></body>': True,
+            '<geom class="r"/>': False,
+            '<body childclass="skinned"><geom class="r"/></body>': False,
+        }.items()
+    ):
+        mjcf = MJCF.replace('<geom material="skin"/>', geom)
+        mjcf = mjcf.replace("<asset>", f"{defaults}<asset>")
+        findings, _ = check(tmp_path / str(number), WHOLE, mjcf)
+        assert [f.rule for f in findings] == ([] if shown else ["count.texture"]), geom
+
+
+def test_a_visual_without_width_is_not_missed(tmp_path: Path):
+    nothing = '<visual><geometry><sphere radius="0.0"/></geometry></visual>'
+    source = SOURCE.replace('name="foot">', f'name="foot">{nothing}')
+    findings, figures = check(tmp_path, WHOLE, source=source)
+    assert findings == []
+    assert figures["visual_source"] == 3
+    plate = nothing.replace('sphere radius="0.0"', 'box size="1 1 0"')
+    source = SOURCE.replace('name="foot">', f'name="foot">{plate}')
+    findings, _ = check(tmp_path / "plate", WHOLE, source=source)
+    assert [f.rule for f in findings] == ["count.visual"]

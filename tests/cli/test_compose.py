@@ -162,6 +162,7 @@ def test_a_change_of_the_part_is_a_change_of_the_whole(folder):
         ("link: slide", "link: slid", "did you mean `slide`"),
         ("as: right_", "as: left_", "begins with that of another part"),
         ("recipe: arm.yaml", "recipe: legs.yaml", "there is no such file"),
+        ("recipe: arm.yaml", "recipe: arn.yaml", "did you mean `arm.yaml`"),
         ("recipe: arm.yaml", "recipe: cart.yaml", "is this recipe itself"),
         ("home: {joint1: -0.5}", "home: {wrist: -0.5}", "matches no joint"),
     ],

@@ -9,10 +9,12 @@ from pathlib import Path
 import pytest
 
 from assetbuild.cli import report
+from assetbuild.cli.explain import told_of_all
 from assetbuild.cli.progress import PlainProgress, _Running, running_words
 from assetbuild.cli.public import shown_figures, shown_next_step
-from assetbuild.cli.summary import finding_lines
+from assetbuild.cli.summary import every_finding_line, finding_lines
 from assetbuild.engine.execute import Event
+from assetbuild.engine.explain import Change, Explanation
 from assetbuild.engine.make import NodeResult
 from assetbuild.findings import Finding, worst_first
 from assetbuild.report.document import make_report
@@ -40,6 +42,26 @@ def test_no_line_is_wider_and_no_summary_longer_than_the_terminal(width: int, ro
     assert len(lines) <= room
     assert max(map(len, lines)) <= width
     assert lines[-1].endswith("more in the report")
+
+
+def test_the_report_of_a_bundle_tells_each_rule_once_with_its_id():
+    seen = [Finding("mesh.up_axis", "info", f"mesh {n}", "the file says Y_UP") for n in range(30)]
+    first, more = every_finding_line(seen)
+    assert first == "info mesh.up_axis: mesh 0: the file says Y_UP"
+    assert more.startswith("  and 29 more: mesh 1, mesh 2,") and more.endswith("mesh 8, ...")
+
+
+def test_explain_counts_what_nothing_touched_since_its_first_build():
+    first, kp = (Change("first"),), (Change("field", "rows[0].kp", 20.0, 25.0),)
+    found = [
+        Explanation("read_urdf", "up to date", last_at="noon", last_changes=first),
+        Explanation("control", "up to date", last_at="noon", last_changes=kp),
+        Explanation("mjcf", "waits", last_at="noon", last_changes=first),
+    ]
+    text = "\n".join(told_of_all(found))
+    assert "field rows[0].kp: 20.0 -> 25.0" in text
+    assert "mjcf: waits" in text and "read_urdf" not in text
+    assert text.endswith("1 of 3 steps: untouched since their first build")
 
 
 def test_what_follows_from_an_error_is_one_line_after_it():

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from tiny import box_obj, run_step
 
 from assetbuild.kinds import ConvertedMesh, MeshPart, Piece, Pieces
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Box, Material, Mesh, Shape, Shapes, Sphere
 from assetbuild.robot.pose import Pose
-from assetbuild.steps.assemble import Assemble, CollisionUse, VisualUse
+from assetbuild.steps.assemble import Assemble, CollisionUse, VisualUse, called
 
 RAISED = Pose((0.0, 0.0, 1.0))
 RED = (1.0, 0.0, 0.0, 1.0)
@@ -123,3 +124,18 @@ def test_collision_made_of_what_is_seen_leaves_that_its_name(tmp_path: Path):
         ("lid", "visual"),
         ("box_collision", "collision"),
     ]
+
+
+@pytest.mark.parametrize(
+    ("source", "second"),
+    [
+        ("base_collision", "base_2_collision"),
+        ("base_collision1", "base_2_collision1"),
+        ("pad", "pad_2"),
+        ("my_collision_pad", "my_collision_pad_2"),
+    ],
+)
+def test_the_pieces_of_a_named_shape_are_found_as_the_shape_was(source: str, second: str):
+    """mjlab's configs look for `.*_collision` with digits at most behind it."""
+    pieces = [Shape("", "base", "collision", Sphere(1.0))] * 2
+    assert [shape.name for shape in called(pieces, source)] == [source, second]

@@ -238,7 +238,7 @@ def test_values_outside_the_limits_are_errors_with_numbers(run):
     assert finding.data == {"keyframe": "home", "value": -3.2, "lower": -3.0, "upper": 3.0}
 
 
-def with_calf_limits(lower: float, upper: float) -> Tree:
+def with_calf_limits(lower: float | None, upper: float | None) -> Tree:
     tree = quadruped()
     joints = [
         Joint(
@@ -249,6 +249,18 @@ def with_calf_limits(lower: float, upper: float) -> Tree:
         for j in tree.joints
     ]
     return Tree(tree.name, tree.base, tree.bodies, tuple(joints), tree.frames)
+
+
+def test_degrees_in_a_keyframe_are_told_with_the_radians(run):
+    said = recipe(keyframes={"home": {"joints": {"FL_calf_joint": -90}}})
+    _, findings = run(with_calf_limits(-2.8, -0.8), feet(), said)
+    assert findings["keyframe.limits"].hint.endswith("-90 degrees are -1.571")
+    _, findings = run(with_calf_limits(None, None), feet(), said)
+    finding = findings["keyframe.turns"]
+    assert (finding.severity, finding.subject) == ("warning", "joint FL_calf_joint")
+    assert "14.3 turns" in finding.message and "-1.571" in finding.hint
+    once = recipe(keyframes={"home": {"joints": {"FL_calf_joint": 6.28}}})
+    assert "keyframe.turns" not in run(with_calf_limits(None, None), feet(), once)[1]
 
 
 def test_a_joint_that_no_pattern_names_may_be_outside_at_zero(run):
@@ -344,6 +356,17 @@ def test_without_a_table_all_is_passive_and_it_is_said(run):
     control, findings = run(quadruped(), feet(), recipe(actuators=()))
     assert {a.model for a in control.actuators} == {"passive"}
     assert findings["actuator.none"].data == {"joints": 8}
+
+
+def test_a_table_of_passive_rows_drives_nothing_and_it_is_said(run):
+    """What `init` writes where the source states no effort."""
+    _, findings = run(
+        quadruped(), feet(), recipe(actuators=({"joints": ".*", "model": "passive"},))
+    )
+    assert (findings["actuator.none"].severity, findings["actuator.none"].data) == (
+        "warning",
+        {"joints": 8},
+    )
 
 
 def test_a_source_s_limit_of_zero_is_reported(run):

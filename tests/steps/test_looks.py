@@ -17,12 +17,12 @@ from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_port
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Box, Control, Mesh, MeshAsset, Shape, Shapes, Sphere
+from assetbuild.robot.model import Box, Control, Material, Mesh, MeshAsset, Shape, Shapes, Sphere
 from assetbuild.robot.pose import Pose
 from assetbuild.simulators.offscreen import renderer
 from assetbuild.steps.keep_pose import KeepPose
 from assetbuild.steps.lighten import Lighten
-from assetbuild.steps.render import Render
+from assetbuild.steps.render import CAPTION, Render, caption
 from assetbuild.steps.viewer import SPAN_M, Viewer, in_bytes, three_js
 from assetbuild.targets.mjcf import Mjcf
 
@@ -53,6 +53,24 @@ def test_light_meshes_keep_to_the_budget_and_the_shape(tmp_path: Path):
     assert len(mesh.faces) == shapes.meshes[0].faces <= 520
     radii = np.linalg.norm(mesh.vertices, axis=1)
     assert radii == pytest.approx(0.1, rel=0.05)
+
+
+@pytest.mark.parametrize(("budget", "whole"), [(4000, True), (500, False)])
+def test_a_textured_mesh_stays_whole_or_becomes_plain(tmp_path: Path, budget: int, whole: bool):
+    """Thinned, it would wear its texture without coordinates: stripes that nobody painted."""
+    robot = ball_robot()
+    (shape,) = (s for s in robot.shapes.shapes if s.geometry == Mesh("ball-1"))
+    painted = replace(shape, material="skin")
+    shapes = tuple(painted if s is shape else s for s in robot.shapes.shapes)
+    skin = Material("skin", texture="skin-1.png")
+    robot = replace(robot, shapes=replace(robot.shapes, shapes=shapes, materials=(skin,)))
+    inputs = write_robot_ports(tmp_path / "in", robot)
+    (inputs / "meshes/skin-1.png").write_bytes(b"a picture")
+    run_step(Lighten(max_faces=budget), inputs, tmp_path / "out")
+    light = (tmp_path / "out/meshes/ball-1.obj").read_bytes()
+    assert (light == robot.meshes["ball-1.obj"]) == whole
+    (material,) = decode(Shapes, (tmp_path / "out/shapes.json").read_bytes()).materials
+    assert material.texture == ("skin-1.png" if whole else None)
 
 
 def test_collision_meshes_pass_through_as_they_are(tmp_path: Path):
@@ -166,6 +184,34 @@ def test_every_picture_shows_something_of_its_own(rendered):
         assert pixels.std() > 3.0, name
 
 
+def test_a_robot_of_collision_geometry_alone_is_seen_and_a_notch_is_not(tmp_path: Path):
+    """The hull is what collides; and an empty floor says nothing about a robot."""
+    if renderer() == "none":
+        pytest.skip("no OpenGL without a window: apt-get install libegl1 libgl1-mesa-dri")
+    cross = trimesh.util.concatenate(
+        [trimesh.creation.box(size) for size in ([0.6, 0.05, 0.05], [0.05, 0.6, 0.05])]
+    )
+    shown = []
+    for number, mesh in enumerate((cross, cross.convex_hull)):
+        robot = ball_robot()
+        data = obj_bytes(TriangleMesh(np.array(mesh.vertices), np.array(mesh.faces)))
+        (ball,) = (s for s in robot.shapes.shapes if s.geometry == Mesh("ball-1"))
+        shapes = replace(robot.shapes, shapes=(replace(ball, role="collision"),))
+        robot = replace(robot, shapes=shapes, meshes={"ball-1.obj": data})
+        inputs = write_robot_ports(tmp_path / f"in{number}", robot)
+        run_step(Mjcf(robot="pendulum"), inputs, tmp_path / f"model{number}")
+        out = tmp_path / f"out{number}"
+        found = run_step(Render(renderer=renderer()), tmp_path / f"model{number}", out)
+        if found:
+            pytest.skip(found[0].message)
+        files = {p.stem: Image.open(p).convert("RGB") for p in (out / "images").iterdir()}
+        shown.append({name: np.asarray(image).astype(int) for name, image in files.items()})
+    different = np.abs(shown[0]["collision"] - shown[1]["collision"]).max(axis=2) > 40
+    assert different.mean() < 0.005, "the cross is drawn as its hull"
+    red, _, blue = shown[1]["visual"][235:245, 315:325].reshape(-1, 3).mean(axis=0)
+    assert abs(red - blue) < 15, "grey is the robot, the floor is blue"
+
+
 def test_what_a_joint_moves_is_orange_in_its_two_tiles(rendered):
     pixels = np.asarray(Image.open(BytesIO(rendered[0]["directions.png"])).convert("RGB"))
     red, green, blue = (pixels[..., i].astype(int) for i in range(3))
@@ -189,3 +235,11 @@ def test_a_box_robot_needs_no_mesh_to_be_seen(tmp_path: Path):
 def test_mujoco_s_own_variable_switches_drawing_off(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("MUJOCO_GL", "Disable")
     assert renderer() == "none"
+
+
+def test_a_caption_keeps_both_ends_of_a_long_name():
+    """Vendors tell legs apart at the front (`FR_`) and joints at the back."""
+    assert caption("hip", " +0.3 rad") == "hip +0.3 rad"
+    legs = {caption(f"{leg}_upper_leg_2_hip_motor_joint", " +0.3 rad") for leg in ("FR", "FL")}
+    assert len(legs) == 2
+    assert all(len(one) <= CAPTION and one.endswith("joint +0.3 rad") for one in legs)

@@ -127,6 +127,17 @@ def test_what_has_no_home_is_told_once_per_kind(every_kind: Reading):
     }
 
 
+@pytest.mark.parametrize(
+    "shape", ['<sphere radius="0.0"/>', '<cylinder radius="0" length="1"/>', '<box size="0 1 0"/>']
+)
+def test_a_visual_that_shows_nothing_is_left_out_and_told(shape: str, tmp_path: Path):
+    found = read(_shape(shape, "visual"), tmp_path)
+    assert found.shapes.shapes == ()
+    (told,) = (f for f in found.findings if f.rule == "urdf.visual.nothing")
+    assert (told.severity, told.subject, told.data["line"]) == ("warning", "link a", 2)
+    assert "must be positive" in refused(_shape(shape), tmp_path, name="collision")
+
+
 def test_repairs_and_gaps_are_findings(every_kind: Reading):
     told = {f.rule: f for f in every_kind.findings}
     assert told["urdf.axis.normalised"].subject == "joint shoulder"
@@ -250,6 +261,7 @@ BAD = {
     "negative damping": (_arm(_joint('<dynamics damping="-1"/>', "continuous")), 3, "dynamics damping is -1.0"),
     "mimics nobody": (_arm(_joint('<mimic joint="x"/>', "continuous")), 3, "mimic joint `x` does not exist"),
     "mimics itself": (_arm(_joint('<mimic joint="j"/>', "continuous")), 3, "cannot mimic itself"),
+    "flat picture": (_shape('<box size="1 1 0"/>', "visual"), 2, "every edge must be positive"),
     "flat box": (_shape('<box size="1 1 0"/>'), 2, "every edge must be positive"),
     "negative radius": (_shape('<sphere radius="-1"/>'), 2, "sphere radius is -1.0"),
     "no length": (_shape('<cylinder radius="1"/>'), 2, "<cylinder> without `length`"),

@@ -65,7 +65,8 @@ def read_geoms(root: _Element, links: Links, compiled: Compiled) -> Geoms:
                 geoms.findings.append(_scenery(geom, classes))
     visible = [s.name for s in geoms.shapes if s.role == "collision" and s.name in reader.drawn]
     if visible:
-        geoms.findings.append(_drawn(visible))
+        seen = any(shape.role == "visual" for shape in geoms.shapes)
+        geoms.findings.append(_drawn(visible, alone=not seen))
     return geoms
 
 
@@ -269,14 +270,16 @@ def _scenery(geom: _Element, classes: Classes) -> Finding:
     )
 
 
-def _drawn(names: list[str]) -> Finding:
+def _drawn(names: list[str], *, alone: bool) -> Finding:
+    """alone: the robot has no visual shape at all, so URDF and USD show nothing."""
     shown = ", ".join(f"`{name}`" for name in names[:6]) + (", ..." if len(names) > 6 else "")
     return Finding(
         "mjcf.visible_collision",
-        "info",
+        "warning" if alone else "info",
         "robot",
-        f"{len(names)} geoms touch and are drawn: {shown}; in URDF and USD they are collision only",
-        "give the robot visual geoms (contype and conaffinity 0) to see it there",
+        f"{len(names)} geoms touch and are drawn: {shown}; in URDF and USD they are collision only"
+        + (", so viewers of these show nothing of the robot" if alone else ""),
+        'to see it there, repeat the geom in the MJCF with `contype="0" conaffinity="0" group="2"`',
         data={"geoms": len(names)},
     )
 
