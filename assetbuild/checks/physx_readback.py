@@ -2,7 +2,7 @@
 
 Tolerance. A number passes three float32 (in the USD, in PhysX, at its interface) and two changes
 of unit, each within 6e-8 of its size: 4e-7. Tensors pass a float32 quaternion: 2e-6 of the
-largest moment. Poses are not compared here: `usd_equal` does.
+largest moment, and so does where a fixed root stands. Other poses are `usd_equal`'s.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ ROUNDED_UP = math.radians(1e-3)
 class PhysxReadback(Check):
     """`usd/<robot>.usda` in PhysX: bodies, joints, gains, limits; then 5 s on a floor."""
 
-    version: ClassVar[str] = "3"
+    version: ClassVar[str] = "4"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json")
     requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
@@ -164,6 +164,8 @@ def _compare(held: physx.Held, tree: Tree, shapes: Shapes, control: Control, boo
     if held.fixed_base != (tree.base == "fixed"):
         base = "fixed" if held.fixed_base else "floating"
         book.differ("base", "robot", f"its base is {base} in PhysX, {tree.base} in the robot")
+    if tree.base == "fixed":
+        _compare_root(held, tree, book)
     for kind, found, expected in (
         ("bodies", len(held.links), len(tree.bodies)),
         ("dof", held.dof, len(tree.moving_joints)),
@@ -184,6 +186,24 @@ def _compare(held: physx.Held, tree: Tree, shapes: Shapes, control: Control, boo
             book.differ("missing_joint", f"joint {joint.name}", "PhysX holds no such joint")
         else:
             _compare_joint(theirs, joint, control.by_joint.get(joint.name), book)
+
+
+def _compare_root(held: physx.Held, tree: Tree, book: Book) -> None:
+    """Where a fixed root stands decides which way gravity pulls at each joint."""
+    found, expected = held.X_world_root, tree.X_world_root
+    if found is None:
+        return  # nothing was loaded: `physx.articulation`
+    moved = float(np.abs(np.subtract(found.xyz, expected.xyz)).max())
+    turned = float(np.abs(found.rotation - expected.rotation).max())
+    if not (moved <= NUMBER * max(1.0, *map(abs, expected.xyz)) and turned <= TENSOR):
+        book.differ(
+            "root",
+            f"link {tree.root}",
+            f"its fixed root stands {moved:.3g} m off in PhysX, turned by {turned:.3g} (the "
+            "largest difference of a direction cosine)",
+            moved_m=moved,
+            turned=turned,
+        )
 
 
 def _compare_links(held: physx.Held, tree: Tree, book: Book) -> None:
