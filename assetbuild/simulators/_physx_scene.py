@@ -31,7 +31,7 @@ class Setting:
     at: X_world_robot of the whole asset, None = where it stands. floor_friction: None = no floor.
     contacts: False switches every collider off. rubbing: False takes joint friction and damping.
     limited: False takes the limits of effort and speed. drives: gains to write over the asset's
-    own, by joint name.
+    own, by joint name. unhurried: joints whose limit of speed is taken.
     """
 
     timestep: float
@@ -43,6 +43,7 @@ class Setting:
     rubbing: bool = True
     limited: bool = True
     drives: Mapping[str, Actuator] | None = None
+    unhurried: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -188,6 +189,10 @@ def _change(prim: Usd.Prim, names: Names, setting: Setting) -> None:
         for attribute in prim.GetAttributes():
             if attribute.GetName().endswith((":physics:maxForce", ":maxJointVelocity")):
                 attribute.Block()  # unwritten, neither is limited
+    if name in setting.unhurried:
+        for attribute in prim.GetAttributes():
+            if attribute.GetName().endswith(":maxJointVelocity"):
+                attribute.Block()
     actuator = (setting.drives or {}).get(name)
     if actuator is not None:
         per = math.pi / 180.0 if name in names.angular else 1.0

@@ -14,8 +14,7 @@ from tiny import TinyRobot, pendulum, robots, run_step, tiny_quadruped, write_ro
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Limits, Material, Shapes, Tree
-from assetbuild.robot.tree import held_by_world
-from assetbuild.robot.tree import depth_first
+from assetbuild.robot.tree import depth_first, held_by_world
 from assetbuild.steps.read_urdf import ReadUrdf
 from assetbuild.targets.urdf import Urdf
 
