@@ -31,7 +31,7 @@ UNMEASURED = "unmeasured: docs/how-to/isaaclab.md says how to fill in that half"
 class Alignment(Check):
     """`mjcf/` in MuJoCo and `usd/` in PhysX: what they hold, how they fall, follow, stand, land."""
 
-    version = "14"
+    version = "15"
     needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
     also: ClassVar[tuple[str, ...]] = ("mjlab", "isaaclab")
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
