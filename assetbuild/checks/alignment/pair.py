@@ -408,11 +408,11 @@ def root_row(model: Any, root: str, theirs: Pose) -> Row:  # Any: mujoco.MjModel
         float(np.abs(np.subtract(ours.xyz, theirs.xyz)).max()),
         float(np.abs(ours.rotation - theirs.rotation).max()),
     )
-    shown = [
+    one, other = (
         f"{_vector(np.asarray(pose.xyz))} m, turned {_vector(np.asarray(pose.quat))} wxyz"
         for pose in (ours, theirs)
-    ]
-    return Row("root", "CRITICAL", "robot", *shown, off, 1e-5, 1e-3, "m or 1")
+    )
+    return Row("root", "CRITICAL", "robot", one, other, off, 1e-5, 1e-3, "m or 1")
 
 
 def stand_row(ours: Motion, theirs: Motion, allowed: tuple[float, float]) -> Row:
