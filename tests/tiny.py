@@ -44,7 +44,7 @@ from assetbuild.robot.model import (
     Sphere,
     Tree,
 )
-from assetbuild.robot.pose import Pose, Vec3, normalised_quat, rotation_of, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, rotation_of, vec3
 
 SEGMENT_M = 0.2
 FOOT_RADIUS_M = 0.02
@@ -350,7 +350,8 @@ def robots(draw: st.DrawFn, max_bodies: int = 6) -> TinyRobot:
     )
     bases: tuple[Base, ...] = ("floating", "fixed")
     base = draw(st.sampled_from(bases))
-    tree = Tree("random", base, bodies, joints, frames)
+    place = draw(poses()) if base == "fixed" and draw(st.booleans()) else IDENTITY
+    tree = Tree("random", base, bodies, joints, frames, place)
     moving = tree.moving_joints
     key = Keyframe(
         "home",

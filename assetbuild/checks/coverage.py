@@ -49,7 +49,7 @@ class Fit:
 class Coverage(Check):
     """Findings `coverage.*`; figures: a row for each body with both kinds of geometry."""
 
-    version = "3"
+    version = "4"
     tools = ("numpy", "scipy", "embreex")
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")
@@ -99,13 +99,19 @@ class Coverage(Check):
                     "coverage.shift",
                     "warning",
                     f"link {name}",
-                    f"its collision geometry lies {1e3 * largest:.3g} mm along {axis} from its "
+                    f"its collision geometry lies {_length(largest)} along {axis} from its "
                     "visual geometry",
                     hint="compare their `<origin>` in the source; look at the report's 3D view",
                     data={"shift_m": fit.shift_m, "limit_m": limit},
                 )
         for name in fits:
             yield from _filled(tree, shapes, meshes, name)
+
+
+def _length(metres: float) -> str:
+    """Three figures in the unit of its size: `27.4 mm`, `2.03 m`, `1350 m`; never an exponent."""
+    value, unit = (metres, "m") if metres >= 1.0 else (1e3 * metres, "mm")
+    return f"{value:.0f} {unit}" if value >= 100.0 else f"{value:.3g} {unit}"
 
 
 def _filled(

@@ -22,7 +22,7 @@ from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
 from assetbuild.robot.model import Actuator, Control, Keyframe, Mesh, Shape, Shapes, Sphere, Tree
-from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.pose import Array
 
 EXPLICIT = frozenset({"ideal_pd", "dc_motor"})
 """Models whose gains a controller applies once a step, instead of the integrator."""
@@ -89,7 +89,7 @@ class Gains(Check):
             dict(key.joints) if key else {},
             {a.joint: a.armature for a in control.actuators},
             control.simulation.gravity,
-            (key.base if key else None) or Pose(),
+            tree.root_pose(key),
         )
         soles = _soles(tree, shapes, robot, self.feet)
         torque, left_over = holding_torques(robot, soles)

@@ -2,7 +2,7 @@
 
 Tolerance. A number passes three float32 (in the USD, in PhysX, at its interface) and two changes
 of unit, each within 6e-8 of its size: 4e-7. Tensors pass a float32 quaternion: 2e-6 of the
-largest moment. Poses are not compared here: `usd_equal` does.
+largest moment, and so does where a fixed root stands. Other poses are `usd_equal`'s.
 """
 
 from __future__ import annotations
@@ -10,20 +10,26 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import ClassVar, Self
 
 import numpy as np
 
 from assetbuild.engine.step import Files, Limits
+from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Actuator, Control, Joint, Keyframe, Shapes, Tree
-from assetbuild.simulators import physx
+from assetbuild.simulators import mujoco, mujoco_trials, physx
+from assetbuild.simulators.physx_causes import cause_of, overlap_hint
 
 NUMBER, TENSOR = 4e-7, 2e-6
+NO_CAUSE = (
+    "no bodies lie in one another where it starts: a tiny inertia? a start outside of limits?"
+)
 FULL_TURN = 2.0 * math.pi
 ROUNDED_UP = math.radians(1e-3)
 """PhysX holds 6.28319, which many write for 2π; `usd.limit_clamped` starts beyond."""
@@ -32,11 +38,18 @@ ROUNDED_UP = math.radians(1e-3)
 class PhysxReadback(Check):
     """`usd/<robot>.usda` in PhysX: bodies, joints, gains, limits; then 5 s on a floor."""
 
-    version: ClassVar[str] = "3"
+    version: ClassVar[str] = "4"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
+    also: ClassVar[tuple[str, ...]] = ("mjcf",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json")
     requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
-    tools: ClassVar[tuple[str, ...]] = ("usd-core", "ovphysx", "ovstage", "physx-usd-schemas")
+    tools: ClassVar[tuple[str, ...]] = (
+        "usd-core",
+        "ovphysx",
+        "ovstage",
+        "physx-usd-schemas",
+        "mujoco",
+    )
     isolated: ClassVar[bool] = True
     preload: ClassVar[tuple[str, ...]] = (
         "pxr.Usd",
@@ -63,9 +76,9 @@ class PhysxReadback(Check):
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
         control = decode(Control, (files.inputs / "control.json").read_bytes())
         home = next((key for key in control.keyframes if key.name == "home"), None)
-        outcomes = physx.perform(
-            files.inputs / f"usd/{self.robot}.usda", _experiments(tree, control, home, self.seconds)
-        )
+        main = files.inputs / f"usd/{self.robot}.usda"
+        experiments = _experiments(tree, control, home, self.seconds)
+        outcomes = physx.perform(main, experiments)
         held = outcomes["load"].held
         if held is None:
             write_figures(files, {"loaded": False})
@@ -94,8 +107,24 @@ class PhysxReadback(Check):
             },
         )
         yield from book.findings
-        yield from _judge_motion(tree, alone, "as the asset starts, without a floor")
-        yield from _judge_motion(tree, moved, "on a floor")
+        for experiment, where in zip(
+            experiments[1:], ("as the asset starts, without a floor", "on a floor"), strict=True
+        ):
+            outcome = outcomes[experiment.name]
+            yield from _judge_motion(tree, outcome, where)
+            if not outcome.finite:
+                cause = cause_of(main, experiment, tree, control)
+                yield _not_finite(where, outcome, cause, self._overlaps(files.inputs))
+
+    def _overlaps(self, inputs: Path) -> Mapping[tuple[str, str], float]:
+        """Depth (m) by pair of bodies at the first keyframe, as MuJoCo sees it, where it does."""
+        path = inputs / "mjcf" / f"{self.robot}.xml"
+        if not path.is_file():
+            return {}
+        try:
+            return mujoco_trials.overlaps_at_home(mujoco.load(path, visuals=False).model)
+        except StepError:  # `mjcf.load` says so
+            return {}
 
 
 def _experiments(
@@ -164,6 +193,8 @@ def _compare(held: physx.Held, tree: Tree, shapes: Shapes, control: Control, boo
     if held.fixed_base != (tree.base == "fixed"):
         base = "fixed" if held.fixed_base else "floating"
         book.differ("base", "robot", f"its base is {base} in PhysX, {tree.base} in the robot")
+    if tree.base == "fixed":
+        _compare_root(held, tree, book)
     for kind, found, expected in (
         ("bodies", len(held.links), len(tree.bodies)),
         ("dof", held.dof, len(tree.moving_joints)),
@@ -184,6 +215,24 @@ def _compare(held: physx.Held, tree: Tree, shapes: Shapes, control: Control, boo
             book.differ("missing_joint", f"joint {joint.name}", "PhysX holds no such joint")
         else:
             _compare_joint(theirs, joint, control.by_joint.get(joint.name), book)
+
+
+def _compare_root(held: physx.Held, tree: Tree, book: Book) -> None:
+    """Where a fixed root stands decides which way gravity pulls at each joint."""
+    found, expected = held.X_world_root, tree.X_world_root
+    if found is None:
+        return  # nothing was loaded: `physx.articulation`
+    moved = float(np.abs(np.subtract(found.xyz, expected.xyz)).max())
+    turned = float(np.abs(found.rotation - expected.rotation).max())
+    if not (moved <= NUMBER * max(1.0, *map(abs, expected.xyz)) and turned <= TENSOR):
+        book.differ(
+            "root",
+            f"link {tree.root}",
+            f"its fixed root stands {moved:.3g} m off in PhysX, turned by {turned:.3g} (the "
+            "largest difference of a direction cosine)",
+            moved_m=moved,
+            turned=turned,
+        )
 
 
 def _compare_links(held: physx.Held, tree: Tree, book: Book) -> None:
@@ -273,18 +322,28 @@ def expected_joint(joint: Joint, actuator: Actuator | None) -> dict[str, float |
     }
 
 
+def _not_finite(
+    where: str,
+    outcome: physx.Outcome,
+    cause: tuple[str, str] | None,
+    overlaps: Mapping[tuple[str, str], float],
+) -> Finding:
+    said, hint = cause or ("", overlap_hint(overlaps) or NO_CAUSE)
+    return Finding(
+        rule="physx.finite",
+        severity="error",
+        subject="robot",
+        message=f"{where}: {outcome.failure or 'its state is not finite'}"
+        f"{f'; it is {said}' if said else ''}",
+        hint=hint,
+        data={"overlaps": len(overlaps)},
+    )
+
+
 def _judge_motion(tree: Tree, outcome: physx.Outcome, where: str) -> Iterator[Finding]:
     if not outcome.finite:
-        yield Finding(
-            "physx.finite",
-            "error",
-            "robot",
-            f"{where}: {outcome.failure or 'its state is not finite'}",
-            hint="shapes that lie in one another at the start (`stand.overlap` and "
-            "`trials.overlap` name them; exclude the pairs, or `usd.articulation."
-            "self_collisions: false`)? a tiny inertia? a start outside of limits?",
-        )
-    elif outcome.motion is not None and tree.base == "fixed":
+        return  # `physx.finite`
+    if outcome.motion is not None and tree.base == "fixed":
         drift = float(np.abs(outcome.motion.root - outcome.motion.root[0]).max())
         if drift > 0.0:
             yield Finding(

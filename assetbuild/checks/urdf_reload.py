@@ -14,7 +14,7 @@ from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.codec import decode
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Body, Control, Joint, Tree
-from assetbuild.robot.tree import forward_kinematics, sample_positions
+from assetbuild.robot.tree import forward_kinematics, held_by_world, sample_positions
 
 
 class UrdfReload(Check):
@@ -24,7 +24,7 @@ class UrdfReload(Check):
     and direction cosines.
     """
 
-    version: ClassVar = "2"
+    version: ClassVar = "3"
     tools: ClassVar = ("yourdfpy", "trimesh")
     isolated: ClassVar = True
     preload: ClassVar = ("yourdfpy",)
@@ -39,7 +39,7 @@ class UrdfReload(Check):
         """Writes figures.json even when something is off."""
         import yourdfpy
 
-        links = decode(Tree, (files.inputs / "links.json").read_bytes())
+        links = held_by_world(decode(Tree, (files.inputs / "links.json").read_bytes()))
         control = decode(Control, (files.inputs / "ratings.json").read_bytes())
         folder = files.inputs / "urdf"
         path = folder / f"{self.robot}.urdf"

@@ -50,7 +50,7 @@ UNDERFLOW = 1e-37
 class UsdEqual(Check):
     """Bodies, joints, limits, gains and shapes of `usd/<robot>.usda` against the robot."""
 
-    version: ClassVar[str] = "4"
+    version: ClassVar[str] = "5"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     reads: ClassVar[tuple[str, ...]] = (
         "tree.json",
@@ -82,6 +82,7 @@ class UsdEqual(Check):
         else:
             prims = Prims.of(stage)
             _compare_bodies(robot, prims, book)
+            _compare_root(robot.tree, prims, book)
             _compare_joints(robot, prims, book)
             _compare_shapes(robot, prims, book)
             _compare_excludes(robot, prims, book)
@@ -224,7 +225,8 @@ def _rotation(value: object) -> Array:
 
 def _compare_bodies(robot: Robot, prims: Prims, book: Book) -> None:
     tree = robot.tree
-    poses = forward_kinematics(tree, {})
+    in_root = forward_kinematics(tree, {})
+    poses = {name: tree.X_world_root @ pose for name, pose in in_root.items()}
     for body in tree.bodies:
         prim = prims.bodies.get(body.name)
         if prim is None:
@@ -239,6 +241,29 @@ def _compare_bodies(robot: Robot, prims: Prims, book: Book) -> None:
             continue
         X_world_frame = poses[frame.body] @ frame.X_body_frame
         _compare_pose("frame", f"link {frame.name}", prims.world(prim), X_world_frame, book)
+
+
+def _compare_root(tree: Tree, prims: Prims, book: Book) -> None:
+    """A fixed root: its joint with the world holds it where it stands.
+
+    On the robot's own prim, not on the link: a framework that spawns the robot replaces the pose
+    of the prim and takes it for that of the root link.
+    """
+    prim = prims.bodies.get(tree.root)
+    if tree.base == "floating" or prim is None:
+        return
+    subject = f"link {tree.root}"
+    within = np.linalg.inv(prims.world(prim.GetParent())) @ prims.world(prim)
+    _compare_pose("root", f"{subject} in the robot's prim", within, Pose(), book)
+    for joint in prims.joints.values():
+        if joint.GetRelationship("physics:body0").GetTargets():
+            continue
+        place = tree.X_world_root
+        found = _vector(_get(joint, "physics:localPos0"))
+        near = NUMBER * float(np.abs(place.xyz).max())
+        book.compare("root", subject, "the world joint's anchor (m)", found, place.xyz, near)
+        turn = _rotation(_get(joint, "physics:localRot0"))
+        book.compare("root", subject, "the world joint's turn", turn, place.rotation, DIRECTION)
 
 
 def _compare_pose(kind: str, subject: str, found: Array, expected: Pose, book: Book) -> None:

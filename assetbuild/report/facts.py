@@ -11,7 +11,7 @@ import numpy as np
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.inertia import matrix_of, principal_moments
 from assetbuild.robot.model import Control, Inertial, Keyframe, Shapes, Tree
-from assetbuild.robot.pose import IDENTITY, Quat, Vec3, quat_of, vec3
+from assetbuild.robot.pose import Quat, Vec3, quat_of, vec3
 from assetbuild.robot.tree import forward_kinematics
 
 
@@ -34,7 +34,7 @@ def total_mass(tree: Tree) -> float:
 def center_of_mass(tree: Tree, keyframe: Keyframe | None) -> Vec3 | None:
     """Of the whole robot in the world at a keyframe, m; None without mass."""
     X_root_body = forward_kinematics(tree, dict(keyframe.joints) if keyframe else {})
-    X_world_root = (keyframe.base if keyframe else None) or IDENTITY
+    X_world_root = tree.root_pose(keyframe)
     mass, moment = 0.0, np.zeros(3)
     for body in tree.bodies:
         if body.inertial is not None:

@@ -8,15 +8,17 @@ import math
 from assetbuild.report.facts import Subject, ellipsoid, principal
 from assetbuild.report.tables import text_of
 from assetbuild.robot.model import Body, Joint, Keyframe, Tree
-from assetbuild.robot.pose import IDENTITY, Pose
+from assetbuild.robot.pose import Pose
 from assetbuild.robot.tree import forward_kinematics
 
 
 def view_data(subject: Subject) -> str:
     """JSON for `viewer.js`. m, rad, quaternions wxyz; poses of joints are in the parent body."""
     tree = subject.tree
-    poses = [_pose(k) for k in subject.control.keyframes]
-    poses.append({"name": "all joints 0", "joints": {}, **_placed(_first_base(subject))})
+    keyframes = subject.control.keyframes
+    poses = [_pose(tree, k) for k in keyframes]
+    first = tree.root_pose(keyframes[0] if keyframes else None)
+    poses.append({"name": "all joints 0", "joints": {}, **_placed(first)})
     content = {
         "robot": subject.recipe.robot,
         "floating": tree.base == "floating",
@@ -29,13 +31,8 @@ def view_data(subject: Subject) -> str:
     return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
-def _first_base(subject: Subject) -> Pose:
-    keyframes = subject.control.keyframes
-    return (keyframes[0].base if keyframes else None) or IDENTITY
-
-
-def _pose(keyframe: Keyframe) -> dict[str, object]:
-    placed = _placed(keyframe.base or IDENTITY)
+def _pose(tree: Tree, keyframe: Keyframe) -> dict[str, object]:
+    placed = _placed(tree.root_pose(keyframe))
     return {"name": keyframe.name, "joints": dict(keyframe.joints), **placed}
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Inertial, Tree
-from assetbuild.robot.pose import IDENTITY, Array, Pose
+from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.tree import forward_kinematics
 
 
@@ -70,19 +70,21 @@ def dynamics(
     positions: Mapping[str, float],
     armature: Mapping[str, float],
     gravity: Sequence[float] = (0.0, 0.0, -9.81),
-    base: Pose = IDENTITY,
+    base: Pose | None = None,
 ) -> Dynamics:
     """Mass matrix and gravity of a tree at rest in one pose.
 
     M = sum over bodies of m Jv^T Jv + Jw^T I Jw, Jv at the centre of mass; Featherstone, Rigid
     Body Dynamics Algorithms, 6.2 (the definition that CRBA computes recursively). positions by
     joint name, rad or m; armature by joint name, kg m2 or kg; gravity: m/s2, world.
+    base: X_world_root; None = where a fixed root is held, a floating one in the origin.
     Planar and floating joints inside the tree stand still.
     """
     free = 6 if tree.base == "floating" else 0
     leaders = [joint.name for joint in tree.moving_joints if joint.mimic is None]
     gains = _coordinates(tree, leaders)
-    motions = _motions(tree, with_mimics(tree, positions), base, free, gains)
+    X_world_root = base or tree.X_world_root
+    motions = _motions(tree, with_mimics(tree, positions), X_world_root, free, gains)
     nv = free + len(leaders)
     mass, held = np.zeros((nv, nv)), np.zeros(nv)
     for body in tree.bodies:

@@ -107,18 +107,27 @@ class Frame:
 
 @dataclass(frozen=True)
 class Tree:
-    """Bodies and joints; bodies in depth-first order of the source, the root first."""
+    """Bodies and joints; bodies in depth-first order of the source, the root first.
+
+    X_world_root: where a fixed root is held (an arm on a wall); the identity of a floating one,
+    which its keyframes place.
+    """
 
     name: str
     base: Base
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...]
     frames: tuple[Frame, ...] = ()
+    X_world_root: Pose = IDENTITY
 
     @property
     def root(self) -> str:
         """Name of the root body."""
         return self.bodies[0].name
+
+    def root_pose(self, keyframe: Keyframe | None) -> Pose:
+        """X_world_root in a keyframe, which only a floating base obeys."""
+        return (keyframe.base if keyframe else None) or self.X_world_root
 
     @cached_property
     def by_body(self) -> dict[str, Body]:

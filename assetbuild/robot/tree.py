@@ -49,6 +49,25 @@ def depth_first(root: str, joints: Iterable[Joint]) -> tuple[tuple[str, ...], tu
     return tuple(links), tuple(ordered)
 
 
+def held_by_world(tree: Tree) -> Tree:
+    """The tree as a format says it that has no pose of its own for a root: URDF.
+
+    A root that is held away from the origin hangs on a massless link `world`, by a fixed joint;
+    every other tree comes back as it is.
+    """
+    if tree.X_world_root == IDENTITY:
+        return tree
+    names = {body.name for body in tree.bodies} | {frame.name for frame in tree.frames}
+    world, above = "world", "world_joint"
+    while world in names:
+        world += "_"
+    while above in tree.by_joint:
+        above += "_"
+    mount = Joint(above, "fixed", world, tree.root, tree.X_world_root)
+    bodies, joints = (Body(world), *tree.bodies), (mount, *tree.joints)
+    return replace(tree, bodies=bodies, joints=joints, X_world_root=IDENTITY)
+
+
 def joint_motion(joint: Joint, value: float) -> Pose:
     """Pose of the child body in the joint frame at `value` (rad or m).
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from assetbuild.robot.model import Actuator
-from assetbuild.robot.pose import IDENTITY, Pose, Vec3
+from assetbuild.robot.pose import Pose, Vec3
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -28,21 +28,22 @@ class Setting:
     """What surrounds the robot and what is changed on it.
 
     base: `asset` leaves it; `held` bolts a floating one to the world at the origin.
-    at: X_world_robot of the whole asset. floor_friction: None = there is no floor.
+    at: X_world_robot of the whole asset, None = where it stands. floor_friction: None = no floor.
     contacts: False switches every collider off. rubbing: False takes joint friction and damping.
     limited: False takes the limits of effort and speed. drives: gains to write over the asset's
-    own, by joint name.
+    own, by joint name. unhurried: joints whose limit of speed is taken.
     """
 
     timestep: float
     gravity: Vec3
     base: Literal["asset", "held"] = "asset"
-    at: Pose = IDENTITY
+    at: Pose | None = None
     floor_friction: float | None = None
     contacts: bool = True
     rubbing: bool = True
     limited: bool = True
     drives: Mapping[str, Actuator] | None = None
+    unhurried: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,8 @@ def write_world(path: Path, main: Path, setting: Setting) -> Names:
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
     robot = UsdGeom.Xform.Define(stage, ROBOT)
     robot.GetPrim().GetReferences().AddReference(str(main))
-    _place(robot.GetPrim(), setting.at)
+    if setting.at is not None:
+        _place(robot.GetPrim(), setting.at)
     _define_scene(stage, setting)
     names = _names(stage)
     if setting.floor_friction is not None:
@@ -187,6 +189,10 @@ def _change(prim: Usd.Prim, names: Names, setting: Setting) -> None:
         for attribute in prim.GetAttributes():
             if attribute.GetName().endswith((":physics:maxForce", ":maxJointVelocity")):
                 attribute.Block()  # unwritten, neither is limited
+    if name in setting.unhurried:
+        for attribute in prim.GetAttributes():
+            if attribute.GetName().endswith(":maxJointVelocity"):
+                attribute.Block()
     actuator = (setting.drives or {}).get(name)
     if actuator is not None:
         per = math.pi / 180.0 if name in names.angular else 1.0

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from assetbuild.robot.pose import IDENTITY, Array, Pose
+from assetbuild.robot.pose import IDENTITY, Array, Pose, normalised_quat, vec3
 from assetbuild.simulators._physx_scene import Names, write_world
 from assetbuild.simulators._physx_scene import Setting as Setting  # checks take it from here
 from assetbuild.simulators.experiments import FreeFall, Motion, Sine
@@ -79,10 +79,14 @@ class HeldJoint:
 
 @dataclass(frozen=True)
 class Held:
-    """What PhysX holds after loading a stage. loose: bodies that belong to no articulation."""
+    """What PhysX holds after loading a stage. loose: bodies that belong to no articulation.
+
+    X_world_root: of the root link of the first articulation; None where there is none.
+    """
 
     articulations: int
     fixed_base: bool
+    X_world_root: Pose | None
     dof: int
     links: Mapping[str, HeldLink]
     joints: Mapping[str, HeldJoint]
@@ -253,6 +257,7 @@ def _held(raw: dict[str, Any], names: Names) -> Held:  # Any: JSON of the child
     return Held(
         articulations=len(roots),
         fixed_base=bool(first.get("isFixedBase", [0.0])[0]),
+        X_world_root=_root_pose(first),
         dof=int(sum(root["dofCount"][0] for root in roots)),
         links={names.bodies.get(p, p): _link(row) for p, row in raw["links"].items()},
         joints={
@@ -262,6 +267,13 @@ def _held(raw: dict[str, Any], names: Names) -> Held:  # Any: JSON of the child
         shapes=int(sum(root["shapeCount"][0] for root in roots)),
         loose=tuple(sorted(names.bodies.get(p, p) for p in raw["loose"])),
     )
+
+
+def _root_pose(row: dict[str, list[float]]) -> Pose | None:
+    if not {"rootPosition", "rootOrientation"} <= row.keys():
+        return None
+    x, y, z, w = row["rootOrientation"]
+    return Pose(vec3(row["rootPosition"]), normalised_quat((w, x, y, z)))
 
 
 def _link(row: dict[str, list[float]]) -> HeldLink:

@@ -48,6 +48,8 @@ class PartControl:
     said: SourceControl
     keys: tuple[KeyOf, ...] = ()
     keeps: bool = False
+    X_world_root: Pose = IDENTITY
+    """Where a fixed root is held in the part's own world."""
 
     def prefixed(self) -> SourceControl:
         """All of it about the names in the whole; what is the base's alone is left out."""
@@ -124,7 +126,7 @@ class PartControl:
                 xyz = _numbers(said.get("pos", "0 0 0"))
                 w, x, y, z = _numbers(said.get("quat", "1 0 0 0"))
                 return Pose(vec3(xyz), normalised_quat((w, x, y, z))).inverse()
-        return IDENTITY
+        return self.X_world_root.inverse()
 
     def _camera(self, camera: Camera) -> Camera:
         """One in the part's world stands on its root now, as where it is attached in MuJoCo."""

@@ -86,7 +86,14 @@ class ComposeParts(Step):
             control, place = _said(files.inputs / part.folder), IDENTITY
             left_out = part.left_out
             if control is not None:
-                words = PartControl(part.prefix, own_tree.root, control, part.keys, part.keeps)
+                words = PartControl(
+                    part.prefix,
+                    own_tree.root,
+                    control,
+                    part.keys,
+                    part.keeps,
+                    own_tree.X_world_root,
+                )
                 place = words.pose_in_root.inverse()
                 said[part.prefix] = words
                 left_out += words.left_out(base)

@@ -12,6 +12,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Base, Contact, Control, Joint, Shapes, Tree
+from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import depth_first
 from assetbuild.steps._mjcf.compiled import Compiled, compile_source
@@ -34,7 +35,7 @@ class ReadMjcf(Step):
     Raises SourceError with file and line for what is no robot of rigid bodies on joints.
     """
 
-    version = "4"
+    version = "5"
     tools = ("lxml", "mujoco")
     outputs = ("links.json", "shapes.json", "source_control.json")
     isolated = True
@@ -101,7 +102,13 @@ def _tree(name: str, links: Links, drives: Drives) -> Tree:
     order, joints = depth_first(links.root, links.joints)
     by_name = {body.name: body for body in links.bodies}
     limited = tuple(_limited(joint, drives) for joint in joints)
-    return Tree(name, links.base, tuple(by_name[body] for body in order), limited)
+    return Tree(
+        name,
+        links.base,
+        tuple(by_name[body] for body in order),
+        limited,
+        X_world_root=links.mount if links.base == "fixed" else IDENTITY,
+    )
 
 
 def _limited(joint: Joint, drives: Drives) -> Joint:

@@ -38,7 +38,7 @@ class ReadUrdf(Step):
     """
 
     tools = ("lxml",)
-    version = "4"
+    version = "5"
     outputs = ("links.json", "shapes.json", "meshes.json", "source_map.json", "source.urdf")
     isolated = True
     preload = ("lxml.etree",)

@@ -23,6 +23,8 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Body, Control, Tree
 
 UNSTATED = "not stated"
+DRIVE = ("kp", "kd", "effort")
+"""What only a drive has; damping, friction and armature are the joint's."""
 HEAD = """\
 # How far the real {robot} may be from its description, by assetbuild from the recipe's `randomize`.
 # Ranges are [least, most]; draws are uniform unless a key says otherwise. SI units, radians.
@@ -35,6 +37,7 @@ HEAD = """\
 class StateRanges(Step):
     """`tree.json`, `control.json` -> `dr.yaml`."""
 
+    version = "2"
     outputs = ("dr.yaml",)
     tools = ("pyyaml",)
 
@@ -92,6 +95,37 @@ class StateRanges(Step):
         head = HEAD.format(robot=self.robot)
         (files.outputs / "dr.yaml").write_text(head + text, encoding="utf-8")
         yield from self._sources(tree)
+        yield from self._idle(tree, control)
+
+    def _idle(self, tree: Tree, control: Control) -> Iterator[Finding]:
+        """Ranges of a drive on joints that have none in the actuator table."""
+        idle: dict[str, list[str]] = {}
+        names = [joint.name for joint in tree.moving_joints]
+        own = {joint.name for joint in tree.moving_joints if joint.mimic is None}
+        for _, ranges, joints in claimed(self.randomize.joints, names):
+            for key in JOINT_FACTORS:
+                if key in DRIVE and getattr(ranges, key) != (1.0, 1.0):
+                    without = [
+                        joint
+                        for joint in joints
+                        if joint in own and not getattr(control.by_joint.get(joint), key, 0.0)
+                    ]
+                    idle.setdefault(key, []).extend(without)
+        idle = {key: joints for key, joints in idle.items() if joints}
+        if idle:
+            kept = sum(item.place == "actuator" for item in control.mjcf_only)
+            shown = "; ".join(
+                f"{key} of {len(joints)} joints (`{joints[0]}`)" for key, joints in idle.items()
+            )
+            why = f": {kept} drives are MJCF's alone, as they were there" if kept else ""
+            yield Finding(
+                rule="randomize.idle",
+                severity="warning" if kept else "info",
+                subject="recipe randomize",
+                message=f"nothing is drawn for {shown}: the actuator table has none{why}",
+                hint="give these joints a row in `actuators`, or take them out of the pattern",
+                data={key: tuple(joints) for key, joints in idle.items()},
+            )
 
     def _links(self, tree: Tree) -> dict[str, dict[str, Any]]:  # Any: YAML, here and below
         rows = {}

@@ -29,6 +29,7 @@ from assetbuild.robot.model import (
     Tree,
 )
 from assetbuild.robot.pose import Pose, rpy_of
+from assetbuild.robot.tree import held_by_world
 
 
 class Urdf(Target):
@@ -38,16 +39,19 @@ class Urdf(Target):
     velocity, damping and friction are those of the joint's actuator where it has one, so that all
     targets move alike; position limits, axes and masses are the source's. Mass properties are
     written in link axes. A capsule, which URDF lacks, becomes its exact union: a cylinder and two
-    spheres in the same link. Whether the base is fixed cannot be said in URDF.
+    spheres in the same link. Whether the base is fixed cannot be said in URDF; a root that is held
+    away from the origin hangs on a link `world`, by a fixed joint.
     """
 
-    version = "2"
+    version = "3"
     outputs = ("urdf/",)
     reads = ("links.json", "shapes.json", "ratings.json", "meshes/")
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Numbers by `repr`, UTF-8, two spaces; same robot, same bytes."""
-        tree = decode(Tree, (files.inputs / "links.json").read_bytes())
+        said = decode(Tree, (files.inputs / "links.json").read_bytes())
+        tree = held_by_world(said)
+        yield from _held(said, tree)
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
         control = decode(Control, (files.inputs / "ratings.json").read_bytes())
         robot = ET.Element("robot", name=tree.name)
@@ -67,6 +71,20 @@ class Urdf(Target):
         text = f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n'
         (folder / f"{self.robot}.urdf").write_text(text, encoding="utf-8")
         meshes.write(files.inputs / "meshes", folder / "meshes")
+
+
+def _held(said: Tree, written: Tree) -> Iterator[Finding]:
+    if written is not said:
+        where = ", ".join(f"{value:.6g}" for value in said.X_world_root.xyz)
+        turn = ", ".join(f"{value:.6g}" for value in said.X_world_root.quat)
+        yield Finding(
+            "urdf.world",
+            "info",
+            f"link {said.root}",
+            f"stands at ({where}) m in the world, turned by ({turn}) wxyz: a fixed joint "
+            f"`{written.joints[0].name}` holds it to a link `{written.root}`",
+            hint="place the robot by that joint's <origin>, or by your world's",
+        )
 
 
 class _Meshes:

@@ -208,7 +208,7 @@ def test_recipe_decides() -> None:
 def _held(*masses: float) -> Held:
     link = HeldLink(0.0, np.zeros(3), np.eye(3), 0, ())
     links = {f"b{i}": replace(link, mass_kg=mass) for i, mass in enumerate(masses)}
-    return Held(1, True, 0, links, {}, 0, ())
+    return Held(1, True, None, 0, links, {}, 0, ())
 
 
 def test_a_root_without_mass_weighs_nothing_though_physx_gives_it_some() -> None:

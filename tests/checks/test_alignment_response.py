@@ -84,3 +84,15 @@ def test_a_reason_makes_an_error_a_warning_and_stands_in_the_table():
 def test_a_reason_changes_nothing_within_the_limits(off: float):
     row = Row("sine_as_is", "HIGH", "joint a", "1", "2", off, 0.05, 0.2, because="soft")
     assert row.verdict == "ok"
+
+
+def test_a_speed_that_only_one_engine_limits_explains_the_row(tmp_path: Path):
+    """0.3 rad at 1 Hz is 1.9 rad/s; an engine that keeps to 0.5 rad/s lags behind."""
+    drive = replace(WRIST, friction=0.0, velocity=0.5)
+    row = row_beside(np.zeros(3000), tmp_path / "limited", drive)
+    assert row.verdict == "warning"
+    assert row.because.startswith("MuJoCo has no limit of speed: `swing_joint` moves at")
+    (found,) = findings_of([row])
+    assert "validate.sine.frequency" in found.hint
+    quick = row_beside(np.zeros(3000), tmp_path / "quick", replace(drive, velocity=5.0))
+    assert (quick.verdict, quick.because) == ("error", "")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tiny import TinyRobot, box_obj, pendulum, run_step, write_robot_ports
 
-from assetbuild.checks.coverage import Coverage
+from assetbuild.checks.coverage import Coverage, _length
 from assetbuild.findings import Finding
 from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.primitives import tessellate
@@ -56,6 +56,12 @@ def test_three_centimetres_are_told_with_their_direction(collision: Geometry, tm
     (row,) = json.loads((tmp_path / "out/figures.json").read_text())["bodies"]
     assert row["sticks_out_mm"] == pytest.approx(30.0)
     assert row["not_covered_mm"] == pytest.approx(30.0)
+
+
+def test_a_length_is_told_in_the_unit_of_its_size():
+    """A collision mesh in millimetres lay `2e+03 mm` off."""
+    lengths = (0.0274, 0.345, 0.9994, 2.03, 1350.0)
+    assert [_length(v) for v in lengths] == ["27.4 mm", "345 mm", "999 mm", "2.03 m", "1350 m"]
 
 
 def test_a_shorter_and_a_thicker_shape_are_simplifications(tmp_path: Path):

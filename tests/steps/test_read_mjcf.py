@@ -13,6 +13,7 @@ from mjcfs import Reading, hard_arm, read
 
 from assetbuild.errors import SourceError
 from assetbuild.robot.model import Capsule, Contact, Limits, Mesh, Mimic, Place, Sensor
+from assetbuild.robot.pose import Pose
 from assetbuild.robot.tree import forward_kinematics
 
 TET = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -108,6 +109,7 @@ def test_a_free_joint_makes_the_base_float_and_the_recipe_may_hold_it(tmp_path: 
     assert floating.only("root") == {"a": '<body pos="0 0 2"/>'}
     held = read(text, tmp_path / "2", base="fixed")
     assert held.links.base == "fixed"
+    assert (held.links.X_world_root, held.only("root")) == (Pose((0.0, 0.0, 2.0)), {})
     assert "mjcf.base" in held.rules()
 
 

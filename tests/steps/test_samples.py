@@ -14,7 +14,7 @@ from assetbuild.recipe.randomize import Randomize
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.inertia import pseudo_inertia
-from assetbuild.robot.model import Body, Control, Inertial, Tree
+from assetbuild.robot.model import Actuator, Body, Control, Inertial, MjcfOnly, Tree
 from assetbuild.robot.randomize import Rooms, Samples
 from assetbuild.steps.apply_sample import ApplySample
 from assetbuild.steps.draw_samples import DrawSamples
@@ -125,3 +125,23 @@ def test_a_pattern_that_means_nothing_is_refused_with_its_key(ports, randomize, 
     with pytest.raises(RowError, match=message) as caught:
         step.check(decode(Tree, (ports / "tree.json").read_bytes()))
     assert caught.value.key[0] == "randomize"
+
+
+def test_ranges_of_gains_that_no_drive_has_are_told(tmp_path: Path):
+    """As on joints whose drives only MJCF holds: tendons, muscles, transmissions."""
+    robot = tiny_quadruped()
+    rows = tuple(
+        Actuator(a.joint, "passive", damping=0.1) if a.joint.startswith("FR") else a
+        for a in robot.control.actuators
+    )
+    only = MjcfOnly("actuator", '<general name="m" tendon="t"/>')
+    control = replace(robot.control, actuators=rows, mjcf_only=(only,))
+    ports = write_robot_ports(tmp_path, replace(robot, control=control))
+    step = StateRanges(robot="r", randomize=Randomize.model_validate(WIDE))
+    (found,) = [f for f in run_step(step, ports, tmp_path / "out") if f.rule == "randomize.idle"]
+    assert found.severity == "warning"
+    assert "MJCF's alone" in found.message
+    silent = ("FR_hip_joint", "FR_thigh_joint", "FR_calf_joint")
+    assert found.data == {"kp": silent, "effort": silent}
+    write_robot_ports(tmp_path, robot)
+    assert "randomize.idle" not in {f.rule for f in run_step(step, ports, tmp_path / "out")}

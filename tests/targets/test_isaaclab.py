@@ -19,6 +19,7 @@ from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_port
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.randomize import Randomize
 from assetbuild.robot.model import Body, Joint
+from assetbuild.robot.pose import Pose
 from assetbuild.targets.isaaclab import IsaacLab
 
 # Field lists of Isaac Lab 2.3.2 and 3.0.0, as their classes declare them.
@@ -237,6 +238,17 @@ def test_quaternions_have_the_order_of_their_generation(tmp_path: Path, generati
     robot = replace(robot, control=replace(robot.control, keyframes=(turned,)))
     rot = load(robot, tmp_path, generation).ROBOT_CFG.init_state.rot
     assert rot == ((half, 0.0, 0.0, half) if generation == 2 else (0.0, 0.0, half, half))
+
+
+def test_a_fixed_root_is_put_where_it_is_held_at_each_reset(
+    tmp_path: Path, generation: int
+) -> None:
+    robot, half = pendulum(), math.sqrt(0.5)
+    place = Pose((0.5, 0.0, 2.0), (0.0, half, 0.0, half))
+    robot = replace(robot, tree=replace(robot.tree, X_world_root=place))
+    state = load(robot, tmp_path, generation).ROBOT_CFG.init_state
+    assert state.pos == (0.5, 0.0, 2.0)
+    assert state.rot == (place.quat if generation == 2 else (half, 0.0, half, 0.0))
 
 
 def test_torque_motors_limit_the_model_not_the_solver(tmp_path: Path, generation: int) -> None:

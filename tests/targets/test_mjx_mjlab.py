@@ -19,6 +19,7 @@ from assetbuild.recipe.mjcf import Mjx as Options
 from assetbuild.recipe.randomize import Randomize
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, General, Mesh, Tree
+from assetbuild.robot.pose import Pose
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
 from assetbuild.targets.mjx import Mjx
@@ -39,6 +40,17 @@ def test_the_mjx_model_is_the_robot_with_other_options(tmp_path: Path) -> None:
         assert np.array_equal(getattr(a, name), getattr(b, name)), name
     assert (b.opt.iterations, b.opt.ls_iterations, b.opt.cone) == (4, 8, 0)
     assert (tmp_path / "b/out/mjx/scene_mjx.xml").exists()
+
+
+def test_mjlabs_module_puts_a_fixed_root_where_its_mjcf_has_it(tmp_path: Path) -> None:
+    robot = pendulum()
+    place = Pose((0.5, 0.0, 2.0), (0.0, 0.6, 0.0, 0.8))
+    robot = replace(robot, tree=replace(robot.tree, X_world_root=place))
+    out = built(robot, tmp_path, Mjlab(robot="robot")) / "mjlab"
+    text = (out / "python/robot_mjlab.py").read_text()
+    assert f"pos={place.xyz!r}" in text and f"rot={place.quat!r}" in text
+    base = mujoco.MjModel.from_xml_path(str(out / "mjcf/robot_bare.xml")).body("base")
+    assert (*base.pos, *base.quat) == (*place.xyz, *place.quat)
 
 
 def test_contacts_with_fewer_dimensions_are_told(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from assetbuild.recipe.trials import Alignment as FloorWish
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators import mujoco, physx
+from assetbuild.simulators.physx_causes import cause_of
 
 UNMEASURED = "unmeasured: docs/how-to/isaaclab.md says how to fill in that half"
 
@@ -30,7 +31,7 @@ UNMEASURED = "unmeasured: docs/how-to/isaaclab.md says how to fill in that half"
 class Alignment(Check):
     """`mjcf/` in MuJoCo and `usd/` in PhysX: what they hold, how they fall, follow, stand, land."""
 
-    version = "12"
+    version = "15"
     needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
     also: ClassVar[tuple[str, ...]] = ("mjlab", "isaaclab")
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
@@ -87,18 +88,22 @@ class Alignment(Check):
         pair = Pair(
             files, self.robot, tree, control, self.sine, self.iterations, self.fall, self.floor
         )
-        outcomes = physx.perform(files.inputs / f"usd/{self.robot}.usda", pair.experiments())
+        main, experiments = files.inputs / f"usd/{self.robot}.usda", pair.experiments()
+        outcomes = physx.perform(main, experiments)
         broken = {name: done for name, done in outcomes.items() if not done.finite}
         rows = tuple(pair.rows(outcomes))
         shown = [row.shown() for row in rows]
         ranges = dict(pair.ranges(rows))
         write_figures(files, {"rows": shown, "randomize": ranges, "isaac_lab": UNMEASURED})
         for name, done in broken.items():
+            asked = next(each for each in experiments if each.name == name)
+            cause, hint = cause_of(main, asked, tree, control) or ("", "see `physx.finite`")
             yield Finding(
                 "alignment.physx.run",
                 "error",
                 "robot",
-                f"no comparison of `{name}`: {done.failure}",
+                f"no comparison of `{name}`: {done.failure}{f'; it is {cause}' if cause else ''}",
+                hint=hint,
                 data={"simulator": "physx"},
             )
         yield from findings_of(rows)

@@ -18,7 +18,7 @@ from assetbuild.recipe.models import FreeFall as FallWish
 from assetbuild.recipe.models import Sine as Wish
 from assetbuild.recipe.trials import Alignment as FloorWish
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
-from assetbuild.robot.pose import Array, Pose, vec3
+from assetbuild.robot.pose import Array, Pose, normalised_quat, vec3
 from assetbuild.simulators import mujoco, mujoco_motion, physx
 from assetbuild.simulators.experiments import Motion, Sine, sine_of
 
@@ -239,6 +239,8 @@ class Pair:
             "base", "CRITICAL", "robot", base, other, float(base != other), 0.0, 0.5, "yes/no"
         )
         names = mujoco.body_names(self.tree)
+        if held.fixed_base and not free and held.X_world_root is not None:
+            yield root_row(model, names[self.tree.root], held.X_world_root)
         mass = float(sum(model.body_mass[model.body(names[b.name]).id] for b in self.tree.bodies))
         weight = weight_of(self.tree, held)
         yield Row(
@@ -392,6 +394,25 @@ class Pair:
             _bounce(motion, time) for motion, time in zip((ours, theirs), times, strict=True)
         ]
         yield Row("bounce_m", "LOW", "robot", heights[0], heights[1])
+
+
+def root_row(model: Any, root: str, theirs: Pose) -> Row:  # Any: mujoco.MjModel
+    """Where a fixed root is held: turned otherwise, gravity pulls at other joints.
+
+    Off: metres, or the largest difference of a direction cosine, whichever is more.
+    """
+    place = model.body(root)
+    w, x, y, z = (float(value) for value in place.quat)
+    ours = Pose(vec3(place.pos), normalised_quat((w, x, y, z)))
+    off = max(
+        float(np.abs(np.subtract(ours.xyz, theirs.xyz)).max()),
+        float(np.abs(ours.rotation - theirs.rotation).max()),
+    )
+    one, other = (
+        f"{_vector(np.asarray(pose.xyz))} m, turned {_vector(np.asarray(pose.quat))} wxyz"
+        for pose in (ours, theirs)
+    )
+    return Row("root", "CRITICAL", "robot", one, other, off, 1e-5, 1e-3, "m or 1")
 
 
 def stand_row(ours: Motion, theirs: Motion, allowed: tuple[float, float]) -> Row:

@@ -7,7 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from assetbuild.checks.alignment.row import Row
+import numpy as np
+
+from assetbuild.checks.alignment.row import NO_SPEED_LIMIT, Row
 from assetbuild.recipe.models import Sine as Wish
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.simulators import mujoco_motion
@@ -48,6 +50,7 @@ class Responses:
         """soft: what of MuJoCo's may be why a joint's row is off, by joint."""
         is_pure = name == "sine"
         ours, hard = self._motion(step, is_pure), None
+        hasty = "" if is_pure else self._hasty(ours)
         for joint, swing in self.sine.swing.items():
             if swing <= 0.0:
                 continue
@@ -55,7 +58,29 @@ class Responses:
             if joint in soft and row.verdict in ("warning", "error"):
                 hard = hard or self._motion(step, is_pure, hard=True)
                 row = self._explained(row, joint, soft[joint], hard, theirs)
+            if hasty and not row.because and row.verdict in ("warning", "error"):
+                row = replace(row, because=hasty)
             yield row
+
+    def _hasty(self, ours: Motion) -> str:
+        """The joint that is most above its limit of speed in MuJoCo, which has none; or "".
+
+        Thrown about by what carries it, a wrist passes it whatever its own drive is asked, and
+        what hangs on it and what carries it move otherwise too.
+        """
+        worst, said = 1.0, ""
+        for joint, angle in ours.joints.items():
+            drive = self.control.by_joint.get(joint)
+            if drive is None or not drive.velocity:
+                continue
+            fastest = float(np.abs(np.gradient(angle, ours.time)).max())
+            if fastest > worst * drive.velocity:
+                worst = fastest / drive.velocity
+                said = (
+                    f"{NO_SPEED_LIMIT}: `{joint}` moves at {fastest:.3g}, its limit is "
+                    f"{drive.velocity:.3g} rad/s or m/s"
+                )
+        return said
 
     def _motion(self, step: float, is_pure: bool, hard: bool = False) -> Motion:
         model = mujoco_motion.held_model(self.mjcf)

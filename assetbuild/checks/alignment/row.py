@@ -18,6 +18,11 @@ HINTS: Mapping[str, str] = {
     "give the joint its motor's armature, or raise `usd.articulation.solver_position_iterations`",
     "stand_height": "do the soles start inside of the floor, or does a body touch another?",
 }
+NO_SPEED_LIMIT = "MuJoCo has no limit of speed"
+SLOWER = (
+    "a slower `validate.sine.frequency` compares both below the limit; a policy for both engines "
+    "must stay below it too"
+)
 SOFT = (
     "both are what the engines do: the motor's armature on the joint makes MuJoCo's constraint "
     "harder; else randomize `friction`"
@@ -97,6 +102,8 @@ def _size(off: float | None) -> float:
 
 
 def _hint(row: Row) -> str:
+    if row.because.startswith(NO_SPEED_LIMIT):
+        return SLOWER
     if row.because:
         return SOFT
     return HINTS.get(row.name, "the report's table of `alignment` has every row")

@@ -217,11 +217,10 @@ class _Comparison:
             found = mujoco.name_of(self.model, "body", int(self.model.body_parentid[index]))
             if found != parent:
                 yield _differs("parent", subject, "parent", parent, found)
-            # Where a floating base rests at qpos0 is free; keyframes place it. A fixed one may be
-            # mounted somewhere by an MJCF, which `mjcf_source` compares.
-            if joint or (self.tree.base == "fixed" and not self.opaque("root")):
+            # Where a floating base rests at qpos0 is free; keyframes place it.
+            if joint or self.tree.base == "fixed":
                 pose = _pose(self.model.body_pos[index], self.model.body_quat[index])
-                X_parent_body = joint.X_parent_joint if joint else IDENTITY
+                X_parent_body = joint.X_parent_joint if joint else self.tree.X_world_root
                 X_parent_body = chain.pose_in_parent if chain else X_parent_body
                 yield from self.compare_pose(subject, X_parent_body, pose)
 

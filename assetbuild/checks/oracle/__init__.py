@@ -18,7 +18,6 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
-from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Inertial, Tree
@@ -38,7 +37,7 @@ class Oracle(Check):
     Joint friction, damping, drives and contacts take no part; armature is taken away.
     """
 
-    version: ClassVar = "8"
+    version: ClassVar = "9"
     tools: ClassVar = ("mujoco", "pin")
     isolated: ClassVar = True
     # With the other checks of MuJoCo in one process; pinocchio alone is not worth a second one.
@@ -50,13 +49,6 @@ class Oracle(Check):
     robot: str
     poses: int = 50
     tolerance: float = 1e-9
-    anywhere: bool = False
-    """An MJCF says where a fixed robot stands, a URDF cannot: poses count from its root then."""
-
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Oracle:
-        """`anywhere` for robots that come from an MJCF."""
-        return cls(robot=recipe.robot, anywhere=recipe.source.mjcf is not None)
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Writes figures.json even when the two cannot be compared."""
@@ -82,7 +74,7 @@ class Oracle(Check):
             yield _unreadable(str(error))
             return
         try:
-            mj = MujocoSide(files.inputs / "mjcf" / f"{self.robot}.xml", tree, self.anywhere)
+            mj = MujocoSide(files.inputs / "mjcf" / f"{self.robot}.xml", tree)
         except StepError as error:
             yield Finding("oracle.load", "error", "robot", f"nothing to compare: {error.message}")
             return

@@ -89,7 +89,7 @@ class PinocchioSide:
             yield link, move_inertial(merged, self.X_body_root) if is_root else merged
 
     def set_gravity(self, gravity: Array) -> None:
-        """Pull it as the MJCF does. gravity: (3,) in the axes of a fixed root link, m/s²."""
+        """Pull it as the MJCF does. gravity: (3,) in the world, m/s²."""
         self._model.gravity.linear = gravity
 
 
@@ -113,9 +113,9 @@ def _with_limits(urdf: str) -> str:
 
 
 class MujocoSide:
-    """Our MJCF in MuJoCo. dof: velocity index by joint name; anywhere: see `Oracle`."""
+    """Our MJCF in MuJoCo. dof: velocity index by joint name."""
 
-    def __init__(self, path: Path, tree: Tree, anywhere: bool = False) -> None:
+    def __init__(self, path: Path, tree: Tree) -> None:
         import mujoco
 
         self._mj: Any = mujoco  # Any: mujoco's bindings have no complete types
@@ -125,8 +125,6 @@ class MujocoSide:
         self._model.dof_armature[:] = 0.0
         self._data = mujoco.MjData(self._model)
         mujoco.mj_setConst(self._model, self._data)  # MuJoCo keeps the masses of plain slides
-        self._anywhere = anywhere
-        self._X_root_world: Array = np.eye(4)
         self.nv = int(self._model.nv)
         self.mass = float(self._model.body_mass.sum())
         self.tree = tree
@@ -162,12 +160,7 @@ class MujocoSide:
             return "the base floats, but the first joint of the MJCF is no free joint"
         if self.nv != pin.nv:
             return f"the MJCF has {self.nv} degrees of freedom, the source {pin.nv}"
-        self._mj.mj_kinematics(self._model, self._data)
-        at = self._id("BODY", self._written[self.tree.root])
-        if self._anywhere and self.tree.base == "fixed" and at >= 0:
-            matrix = _matrix(self._data.xpos[at], self._data.xmat[at]) @ pin.X_body_root.matrix()
-            self._X_root_world = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-        pin.set_gravity(self._X_root_world[:3, :3] @ self._model.opt.gravity)
+        pin.set_gravity(self._model.opt.gravity)
         return ""
 
     def move(self, positions: Mapping[str, float], X_world_body: Pose | None) -> None:
@@ -180,20 +173,16 @@ class MujocoSide:
         self._mj.mj_forward(self._model, self._data)
 
     def link_poses(self, name: str) -> Iterator[Array]:
-        """Poses (4, 4) of a link, through the robot's frames and by the site of that name.
-
-        In the world; of a robot that may stand anywhere, in its root link.
-        """
+        """Poses (4, 4) of a link in the world, through the robot's frames and by its site."""
         body, X_body_link = self._links[name]
         at = self._id("BODY", self._written[body])
         if at < 0:
             return
         X_world_body = _matrix(self._data.xpos[at], self._data.xmat[at])
-        yield self._X_root_world @ X_world_body @ X_body_link.matrix()
+        yield X_world_body @ X_body_link.matrix()
         site = self._id("SITE", name) if name != body else -1
         if site >= 0:
-            X_world_site = _matrix(self._data.site_xpos[site], self._data.site_xmat[site])
-            yield self._X_root_world @ X_world_site
+            yield _matrix(self._data.site_xpos[site], self._data.site_xmat[site])
 
     def mass_matrix(self) -> Array:
         """(nv, nv) without armature."""

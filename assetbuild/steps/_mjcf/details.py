@@ -61,8 +61,8 @@ def read_details(root: _Element, links: Links, model: Model) -> Details:
 
 
 def _root(links: Links, model: Model) -> Iterator[MjcfOnly]:
-    """Where the root stands in the source's world; its free joint's name, and what brakes it."""
-    if links.mount != IDENTITY:
+    """Where a floating root starts without keyframes; its free joint's name, and its brakes."""
+    if links.base == "floating" and links.mount != IDENTITY:
         place = {"pos": words(links.mount.xyz)}
         if links.mount.quat != IDENTITY.quat:
             place["quat"] = words(links.mount.quat)

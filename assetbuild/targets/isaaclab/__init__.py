@@ -22,7 +22,6 @@ from assetbuild.recipe.randomize import Randomize, first_match
 from assetbuild.recipe.usd import Usd
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
-from assetbuild.robot.pose import IDENTITY
 from assetbuild.simulators.usd_names import joint_identifiers
 from assetbuild.targets.isaaclab import events
 from assetbuild.targets.isaaclab.measure import script
@@ -54,7 +53,7 @@ class IsaacLab(Target):
     `_measure.py` is for Isaac Lab's half of the comparison.
     """
 
-    version = "5"
+    version = "6"
     outputs = ("isaaclab/",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     folder = "python"
@@ -241,7 +240,8 @@ class Module:
     def _initial_state(self) -> list[str]:
         home = next((key for key in self.control.keyframes if key.name == "home"), None)
         home = home or next(iter(self.control.keyframes), Keyframe("", ()))
-        base = home.base or IDENTITY
+        # A fixed root too: at a reset Isaac Lab puts it here, wherever the asset had it.
+        base = self.tree.root_pose(home)
         x, y, z = base.xyz
         if self.tree.base == "floating":
             z += self.options.clearance

@@ -245,10 +245,10 @@ class RobotXml:
         }
 
     def resting_pose(self) -> Pose:
-        """Of the root before any keyframe: a floating base at the height of `home`, else of the
-        first keyframe, else 0."""
+        """Of the root before any keyframe: a fixed one where it is held, a floating one at the
+        height of `home`, else of the first keyframe, else 0."""
         if self.tree.base == "fixed" or not self.control.keyframes:
-            return Pose()
+            return self.tree.X_world_root
         by_name = {key.name: key for key in self.control.keyframes}
         base = by_name.get("home", self.control.keyframes[0]).base
         return Pose((0.0, 0.0, base.xyz[2])) if base else Pose()

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from assetbuild.robot.model import Control, Keyframe, Tree
-from assetbuild.robot.pose import IDENTITY, Array
+from assetbuild.robot.pose import Array
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.mjcf.xml import Element, element, numbers
 
@@ -69,8 +69,7 @@ def _origins(tree: Tree, keyframe: Keyframe | None) -> Array:
     places = [tree.placement(frame.name) for frame in tree.frames]
     points = [X_root[body].apply(X_body_frame.xyz) for body, X_body_frame in places]
     points += [np.asarray(X.xyz) for X in X_root.values()]
-    base = keyframe.base if keyframe else None
-    return (base or IDENTITY).apply(np.array(points))
+    return tree.root_pose(keyframe).apply(np.array(points))
 
 
 def _looks() -> Element:

@@ -120,8 +120,7 @@ def _scale(tree: Tree, group: _Group) -> float:
 def _robot(facts: ModuleFacts) -> str:
     actuators = "".join(_actuator(group) for group in _groups(facts))
     key = _home(facts.control)
-    position = key.base.xyz if key and key.base else (0.0, 0.0, 0.0)
-    rotation = key.base.quat if key and key.base else (1.0, 0.0, 0.0, 0.0)
+    base = facts.tree.root_pose(key)  # of a fixed root too: mjlab puts it here
     joints = dict(key.joints) if key else {}
     drives = f"({actuators}\n            )" if actuators else "()"
     # A regex of mjlab may not match nothing, so a robot without joints has no map of them.
@@ -137,8 +136,8 @@ def robot_cfg() -> EntityCfg:
     return EntityCfg(
         spec_fn=spec,
         init_state=EntityCfg.InitialStateCfg(
-            pos={position!r},
-            rot={rotation!r},
+            pos={base.xyz!r},
+            rot={base.quat!r},
             joint_pos={positions},
             joint_vel={{".*": 0.0}},
         ),

@@ -37,7 +37,7 @@ from assetbuild.targets.usd.unsupported import unsupported
 class Usd(Target):
     """`usd/<robot>.usda`, `usd/payloads/...` and `usd/scene.usda`."""
 
-    version = "4"
+    version = "5"
     outputs = ("usd/",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json", "meshes/")
     tools: ClassVar[tuple[str, ...]] = ("usd-core",)

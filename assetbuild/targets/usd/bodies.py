@@ -13,7 +13,7 @@ from assetbuild.findings import Finding
 from assetbuild.recipe.usd import UsdRigidBody
 from assetbuild.robot.inertia import Tensor, matrix_of
 from assetbuild.robot.model import Body, Inertial, Tree
-from assetbuild.robot.pose import Array, Pose, Quat, Vec3, quat_of, vec3
+from assetbuild.robot.pose import IDENTITY, Array, Pose, Quat, Vec3, quat_of, vec3
 from assetbuild.targets.usd.layers import apply_foreign, label, new_layer, place, save
 from assetbuild.targets.usd.names import Names
 from assetbuild.targets.usd.units import to_usd_degrees
@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 def write_base(
     folder: Path, names: Names, robot: str, tree: Tree, poses: Mapping[str, Pose]
 ) -> None:
-    """`base.usda`: an Xform per body at `poses` (X_world_body at q = 0), frames below it.
+    """`base.usda`: an Xform per body at `poses` (X_root_body at q = 0), frames below it.
+
+    Where a fixed root is held stands on the robot's own prim, and the root link in its origin: a
+    framework that spawns the robot replaces that pose and takes it for the root link's.
 
     Bodies are flat below the robot, not nested: every runtime loads that, and patterns such as
     `Robot/.*_foot` find them.
@@ -34,7 +37,10 @@ def write_base(
 
     stage = new_layer(folder / "base.usda", names)
     stage.GetRootLayer().subLayerPaths[:] = ["./instances.usda", "./materials.usda"]
-    label(UsdGeom.Xform.Define(stage, f"/{names.root}").GetPrim(), robot)
+    prim = UsdGeom.Xform.Define(stage, f"/{names.root}").GetPrim()
+    label(prim, robot)
+    if tree.X_world_root != IDENTITY:
+        place(prim, tree.X_world_root)
     for body in tree.bodies:
         prim = UsdGeom.Xform.Define(stage, names.body(body.name)).GetPrim()
         place(prim, poses[body.name])

@@ -257,7 +257,7 @@ def apply_articulation(
     if tree.base == "fixed":
         joint = UsdPhysics.FixedJoint.Define(stage, names.root_joint)
         joint.CreateBody1Rel().SetTargets([names.body(tree.root)])
-        _set_frames(joint, IDENTITY, IDENTITY)
+        _set_frames(joint, tree.X_world_root, IDENTITY)
         prim = joint.GetPrim()
     UsdPhysics.ArticulationRootAPI.Apply(prim)
     apply_foreign(

@@ -30,7 +30,8 @@ rounding alone, with all of `maxDepenetrationVelocity`."""
 def write_scene(folder: Path, main: str, names: Names, tree: Tree, control: Control) -> None:
     """A world that references `main`, the robot at the keyframe `home`.
 
-    Without that keyframe near q = 0, the root in the origin.
+    Without that keyframe near q = 0. A fixed root is where the asset's own prim has it, any other
+    in the origin.
     """
     from pxr import UsdGeom, UsdLux, UsdPhysics
 
