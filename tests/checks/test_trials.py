@@ -136,6 +136,19 @@ def test_drives_that_outrun_the_timestep_are_told_apart(tmp_path: Path):
     assert tried(with_timestep(light, 0.00125), tmp_path / "fine") == []
 
 
+@pytest.mark.parametrize(("timestep", "told"), [(0.03, [False]), (0.005, [True]), (0.0005, [])])
+def test_an_untrained_policy_must_not_drive_it_to_infinity(
+    timestep: float, told: list[bool], tmp_path: Path
+):
+    """Stiff servos on legs without rotors: 5 ms is too long, a quarter of it and 0.5 ms are not."""
+    stiff = drives(kp=1000.0, kd=2.0, armature=0.0, friction=0.0, damping=0.0, effort=1000.0)
+    found = tried(with_timestep(stiff, timestep), tmp_path)
+    shaken = [f for f in found if f.rule == "trials.shaken"]
+    assert [f.data["timestep"] for f in shaken] == told
+    figures = json.loads((tmp_path / "out/figures.json").read_text())["shake"]
+    assert (figures["seconds"] is None) == (not told)
+
+
 def test_a_limit_of_penetration_and_of_drift_can_be_broken(tmp_path: Path):
     found = rules(tried(QUADRUPED, tmp_path, penetration=1e-9, drift=1e-12))
     assert {"trials.sunk", "trials.drift"} <= found

@@ -7,6 +7,7 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -121,6 +122,16 @@ def test_the_check_names_a_broken_promise(message: str, tmp_path: Path) -> None:
     assert any(message in finding.message for finding in findings)
 
 
+def table(text: str, name: str) -> Any:
+    """The literal that the module gives this name."""
+    (value,) = (
+        n.value
+        for n in ast.parse(text).body
+        if isinstance(n, ast.Assign) and [getattr(t, "id", None) for t in n.targets] == [name]
+    )
+    return ast.literal_eval(value)
+
+
 def test_the_module_says_the_table_once_per_row(tmp_path: Path) -> None:
     text = (built(tiny_quadruped(), tmp_path, MJLAB) / "mjlab/python/robot_mjlab.py").read_text()
     names = {n.name for n in ast.parse(text).body if isinstance(n, ast.FunctionDef)}
@@ -129,6 +140,27 @@ def test_the_module_says_the_table_once_per_row(tmp_path: Path) -> None:
     assert '".*_(hip|thigh)_joint": 0.06,' in text  # 0.25 * 24 / 100
     constants = {t.id for n in ast.parse(text).body if isinstance(n, ast.Assign) for t in ast.walk(n) if isinstance(t, ast.Name)}  # fmt: skip # noqa: E501
     assert {"ACTION_SCALE", "ROOT_BODY", "FOOT_SITES", "FOOT_GEOMS", "IMU_SITE"} <= constants
+
+
+def test_an_action_moves_no_target_by_more_than_half_a_radian(tmp_path: Path) -> None:
+    """A datasheet's effort of 2000 N m would let the first random action ask for 5 rad."""
+    control = tiny_quadruped().control
+    strong = tuple(replace(a, effort=2000.0) for a in control.actuators)
+    robot = replace(tiny_quadruped(), control=replace(control, actuators=strong))
+    text = (built(robot, tmp_path, MJLAB) / "mjlab/python/robot_mjlab.py").read_text()
+    assert set(table(text, "ACTION_SCALE").values()) == {0.5}
+
+
+def test_the_task_rewards_the_pose_of_driven_joints_alone(tmp_path: Path) -> None:
+    """mjlab looks each joint up in the table of spreads, which knows no passive one."""
+    control = tiny_quadruped().control
+    passive = control.actuators[0].joint
+    fewer = replace(control, actuators=control.actuators[1:])
+    robot = replace(tiny_quadruped(), control=fewer)
+    text = (built(robot, tmp_path, MJLAB) / "mjlab/python/robot_mjlab.py").read_text()
+    assert set(table(text, "JOINTS")) == {a.joint for a in fewer.actuators}
+    assert passive not in table(text, "JOINTS")
+    assert 'cfg.rewards["pose"].params["asset_cfg"].joint_names = JOINTS' in text
 
 
 RANGES = {
