@@ -76,10 +76,11 @@ def _print_table(sampled: Sampled) -> None:
     if not rows:
         return
     noises = sorted(rows[0]["independent_noise_inconsistent"])
+    wide = max(len(name) for name in ("body", *(row["body"] for row in rows)))
     head = [f"±{float(noise):.0%}" for noise in noises]
     print(f"{sampled.statistics['draws']:,} draws; right: inconsistent with independent noise of")
     print(
-        f"{'body':24} {'mass, kg':>19} {'kept':>6} {'bad':>4} "
+        f"{'body':{wide}} {'mass, kg':>19} {'kept':>6} {'bad':>4} "
         + " ".join(map("{:>6}".format, head))
     )
     for row in rows:
@@ -87,6 +88,6 @@ def _print_table(sampled: Sampled) -> None:
         spread = f"{mass['least']:.4g}..{mass['most']:.4g}"
         noisy = " ".join(f"{shares[noise]:6.1%}" for noise in noises)
         print(
-            f"{row['body'][:24]:24} {spread:>19} {row['acceptance']:6.1%} "
+            f"{row['body']:{wide}} {spread:>19} {row['acceptance']:6.1%} "
             f"{row['inconsistent']:4d} {noisy}"
         )

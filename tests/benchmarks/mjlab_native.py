@@ -1,8 +1,9 @@
 """MuJoCo itself in place of Warp below mjlab: on a processor, steps are some twenty times faster.
 
-`install()` before the environment is made. Each environment has a model and a state of its own;
-what mjlab reads is copied into Warp's arrays after each step, what it writes (states, commands,
-forces, drawn model fields) is taken from them. mjlab's API as of 1.6; on a GPU leave it alone.
+`install()` before the environment is made. Each environment has a state of its own, each thread a
+model; what mjlab reads is copied into Warp's arrays after each step, what it writes (states,
+commands, forces, drawn model fields) is taken from them. mjlab's API as of 1.6; on a GPU leave it
+alone.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ ON_FORWARD = (
     *("xpos", "xquat", "xmat", "xipos", "ximat", "cvel", "subtree_com", "qfrc_actuator"),
     *("site_xpos", "site_xmat", "geom_xpos", "geom_xmat"),
 )
+CONSTANTS = ("body_subtreemass", "body_invweight0", "dof_invweight0", "dof_M0", "actuator_acc0")
+"""Of a model, what follows from drawn fields."""
 THREADS = os.cpu_count() or 1
 
 
@@ -52,12 +55,14 @@ class Native:
         self._simulation, self._pool = simulation, ThreadPoolExecutor(threads)
         count, data = simulation.num_envs, simulation.wp_data
         self._parts = np.array_split(np.arange(count), threads)
-        model = simulation.mj_model
-        self._models = [copy.copy(model) if self.drawn else model for _ in range(count)]
-        self._datas = [mujoco.MjData(each) for each in self._models]
+        self._models = [copy.copy(simulation.mj_model) for _ in range(threads)]
+        self._datas = [mujoco.MjData(self._models[0]) for _ in range(count)]
         self._state = [getattr(data, name).numpy() for name in ("qpos", "qvel")]
         self._written = [np.full_like(values, np.nan) for values in self._state]
         self._asked = [getattr(data, name).numpy() for name in ("ctrl", "xfrc_applied")]
+        fields = sorted(self.drawn | set(CONSTANTS)) if self.drawn else []
+        start = {name: np.asarray(getattr(simulation.mj_model, name)) for name in fields}
+        self._own = {name: np.repeat(value[None], count, axis=0) for name, value in start.items()}
         self._known: dict[str, np.ndarray] = {}
         arrays = {name: getattr(data, name).numpy() for name in ON_FORWARD}
         self._copies = {
@@ -89,15 +94,19 @@ class Native:
         commands, forces = self._asked
         copies = self._copies[names]
 
-        def part(numbers: np.ndarray) -> None:
-            for i in numbers:
+        def part(thread: int) -> None:
+            model = self._models[thread]
+            drawn = [(getattr(model, name), values) for name, values in self._own.items()]
+            for i in self._parts[thread]:
                 data = self._datas[i]
+                for field, values in drawn:
+                    field[...] = values[i]
                 data.ctrl[:], data.xfrc_applied[:] = commands[i], forces[i]
-                function(self._models[i], data)
+                function(model, data)
                 for theirs, ours in copies[i]:
                     theirs[...] = ours
 
-        list(self._pool.map(part, self._parts))
+        list(self._pool.map(part, range(len(self._models))))
         self._written = [values.copy() for values in self._state]
 
     def _take_state(self) -> None:
@@ -111,16 +120,19 @@ class Native:
 
     def _take_model(self) -> None:
         """What events have drawn since; what follows from it is computed again."""
-        changed: set[int] = set()
+        changed = False
         for name in self.drawn:
             values = getattr(self._simulation.wp_model, name).numpy()
-            known = self._known.get(name)
-            if known is not None and np.array_equal(known, values):
-                continue
-            self._known[name] = values.copy()
-            for i, model in enumerate(self._models):
-                field = getattr(model, name)
-                field[...] = values[i].reshape(np.shape(field))
-                changed.add(i)
-        for i in changed:
-            mujoco.mj_setConst(self._models[i], self._datas[i])
+            if not np.array_equal(self._known.get(name), values):
+                self._known[name] = values.copy()
+                self._own[name][...] = values.reshape(self._own[name].shape)
+                changed = True
+        if not changed:
+            return
+        model, data = self._models[0], mujoco.MjData(self._models[0])
+        for i in range(len(self._datas)):
+            for name in self.drawn:
+                getattr(model, name)[...] = self._own[name][i]
+            mujoco.mj_setConst(model, data)
+            for name in CONSTANTS:
+                self._own[name][i] = getattr(model, name)
