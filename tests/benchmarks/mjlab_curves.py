@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import statistics
 import subprocess
@@ -62,7 +63,7 @@ def main() -> None:
     for name in [name for name in robots if name != THEIRS]:
         ratios = [tenth(a) / b for a, b in zip(curves[name], theirs, strict=True)]
         print(f"{name} over {THEIRS}, last tenth, by seed: {', '.join(f'{r:.3f}' for r in ratios)}")
-    title = f"mjlab, flat velocity task, {asked.environments} environments, {asked.seeds} seeds"
+    title = f"mjlab, flat velocity task, {asked.environments} environments"
     asked.out.write_text(plot(title, curves), encoding="utf-8")
     print(asked.out)
 
@@ -101,11 +102,12 @@ def plot(title: str, curves: Curves) -> str:
         f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>',
         f'<text x="{LEFT}" y="22" font-size="15">{title}</text>',
     ]
-    for number in range(5):
-        value = least + (most - least) * number / 4
+    step = next(size for size in (0.1, 0.2, 0.5, 1.0, 2.0, 5.0) if (most - least) / size <= 8)
+    for number in range(math.ceil(least / step), math.floor(most / step) + 1):
+        value = number * step
         lines += [
             f'<path d="M{LEFT} {y_of(value):.1f}h{wide}" stroke="#ddd"/>',
-            f'<text x="{LEFT - 6}" y="{y_of(value) + 4:.1f}" text-anchor="end">{value:.2f}</text>',
+            f'<text x="{LEFT - 6}" y="{y_of(value) + 4:.1f}" text-anchor="end">{value:.1f}</text>',
         ]
     for number, (name, robot) in enumerate(curves.items()):
         colour = COLOURS[number % len(COLOURS)]
