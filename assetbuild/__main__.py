@@ -9,6 +9,11 @@ import sys
 def main() -> int:
     """Run the command line; returns the exit code."""
     argv = sys.argv[1:]
+    try:
+        os.getcwd()  # noqa: PTH109 # pathlib is not loaded here
+    except FileNotFoundError:
+        print("error: the folder that this was started in no longer exists", file=sys.stderr)
+        return 2
     # GitHub wants its summary from every run, and a null build has none to give.
     asks_more = "--rehash" in argv or os.environ.get("GITHUB_STEP_SUMMARY")
     if argv[:1] == ["build"] and not asks_more:

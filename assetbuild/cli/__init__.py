@@ -11,6 +11,7 @@ import tempfile
 import threading
 import traceback
 from collections.abc import Sequence
+from pathlib import Path
 
 from assetbuild import __version__
 from assetbuild.errors import AssetBuildError
@@ -46,8 +47,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr.close()
         return 1
     except Exception as error:  # the last resort: a user gets a sentence
-        print_error(_bug(error))
+        print_error(_homeless() or _bug(error))
         return 1
+
+
+def _homeless() -> AssetBuildError | None:
+    """Whether somebody removed the working folder meanwhile: then nothing can be written there."""
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        return AssetBuildError(
+            "the working folder was removed while assetbuild ran in it",
+            hint="start it again in a folder that stays; what is finished is in the store",
+        )
+    return None
 
 
 def _bug(error: Exception) -> AssetBuildError:
