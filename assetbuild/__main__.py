@@ -10,14 +10,14 @@ def main() -> int:
     """Run the command line; returns the exit code."""
     argv = sys.argv[1:]
     try:
-        os.getcwd()  # noqa: PTH109 # pathlib is not loaded here
+        here = os.getcwd()  # noqa: PTH109 # pathlib is not loaded here
     except FileNotFoundError:
         print("error: the folder that this was started in no longer exists", file=sys.stderr)
         return 2
     # GitHub wants its summary from every run, and a null build has none to give.
     asks_more = "--rehash" in argv or os.environ.get("GITHUB_STEP_SUMMARY")
     if argv[:1] == ["build"] and not asks_more:
-        code = _null_build(argv)
+        code = _null_build(here, argv)
         if code is not None:
             return code
     from assetbuild.cli import main as run
@@ -25,12 +25,12 @@ def main() -> int:
     return run(argv)
 
 
-def _null_build(argv: list[str]) -> int | None:
+def _null_build(here: str, argv: list[str]) -> int | None:
     """The exit code of a build with nothing to do; None when there may be something."""
     from assetbuild.engine.folders import cache_root
     from assetbuild.engine.null import check, record_file
 
-    options = "\n".join((os.getcwd(), *argv))  # noqa: PTH109 # pathlib is not loaded here
+    options = "\n".join((here, *argv))
     found = check(record_file(cache_root(), options), options)
     if found is None:
         return None

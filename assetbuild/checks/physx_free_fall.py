@@ -21,14 +21,9 @@ class PhysxFreeFall(Check):
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
-    tools: ClassVar[tuple[str, ...]] = ("usd-core", "ovphysx", "ovstage", "physx-usd-schemas")
+    tools: ClassVar[tuple[str, ...]] = physx.TOOLS
     isolated: ClassVar[bool] = True
-    preload: ClassVar[tuple[str, ...]] = (
-        "pxr.Usd",
-        "pxr.UsdGeom",
-        "pxr.UsdPhysics",
-        "pxr.UsdShade",
-    )
+    preload: ClassVar[tuple[str, ...]] = physx.PRELOAD
     limits: ClassVar[Limits] = Limits(wall_s=600.0, memory_mb=16384)
 
     robot: str

@@ -40,7 +40,7 @@ class _Row(NamedTuple):
 class Trials(Check):
     """Findings `trials.<what>`; one compilation of `mjcf/scene.xml` serves all experiments."""
 
-    version = "6"
+    version = "7"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -233,6 +233,8 @@ class Trials(Check):
 
     def _shaken(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         shaken = mujoco_policy.shake(model)
+        if shaken is None:
+            return
         figures["shake"] = {
             "seconds": shaken.seconds,
             "joint": shaken.joint,
@@ -240,7 +242,8 @@ class Trials(Check):
         }
         if shaken.seconds is None:
             return
-        hasty = mujoco_policy.shake(model, finer=FINER).seconds is None
+        calmer = mujoco_policy.shake(model, finer=FINER)
+        hasty = calmer is not None and calmer.seconds is None
         yield Finding(
             "trials.shaken",
             "error",

@@ -47,11 +47,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr.close()
         return 1
     except Exception as error:  # the last resort: a user gets a sentence
-        print_error(_homeless() or _bug(error))
+        print_error(_folder_removed() or _bug(error))
         return 1
 
 
-def _homeless() -> AssetBuildError | None:
+def _folder_removed() -> AssetBuildError | None:
     """Whether somebody removed the working folder meanwhile: then nothing can be written there."""
     try:
         Path.cwd()

@@ -185,14 +185,12 @@ def _change(prim: Usd.Prim, names: Names, setting: Setting) -> None:
                 "friction" in spelled or spelled == "newton:damping"
             ):
                 attribute.Set(0.0)
-    if not setting.limited:
-        for attribute in prim.GetAttributes():
-            if attribute.GetName().endswith((":physics:maxForce", ":maxJointVelocity")):
-                attribute.Block()  # unwritten, neither is limited
-    if name in setting.unhurried:
-        for attribute in prim.GetAttributes():
-            if attribute.GetName().endswith(":maxJointVelocity"):
-                attribute.Block()
+    taken = (() if setting.limited else (":physics:maxForce",)) + (
+        () if setting.limited and name not in setting.unhurried else (":maxJointVelocity",)
+    )
+    for attribute in prim.GetAttributes():
+        if attribute.GetName().endswith(taken):
+            attribute.Block()  # unwritten, it is not limited
     actuator = (setting.drives or {}).get(name)
     if actuator is not None:
         per = math.pi / 180.0 if name in names.angular else 1.0

@@ -22,22 +22,22 @@ class Shaken:
     """
 
     seconds: float | None
-    joint: str = ""
-    fastest: float = 0.0
+    joint: str
+    fastest: float
 
 
-def shake(model: Model, seconds: float = 5.0, seed: int = SEED, finer: int = 1) -> Shaken:
+def shake(model: Model, seconds: float = 5.0, seed: int = SEED, finer: int = 1) -> Shaken | None:
     """What PPO does at first: each servo gets a new random target 50 times a second.
 
     Normally distributed about the first keyframe with the joint's `action_scale`; falls and lies
-    on the floor as it may. finer: steps in place of each.
+    on the floor as it may. finer: steps in place of each. None: nothing is a position servo.
     """
     import mujoco
 
     servos = [(a, _action(model, a)) for a in range(model.nu) if servo_joint(model, a) is not None]
     joints = turning(model)
     if not servos:
-        return Shaken(None)
+        return None
     dofs = np.array([int(model.jnt_dofadr[joint]) for joint in joints])
     random, speeds = np.random.default_rng(seed), np.zeros(len(joints))
     ended = None
@@ -70,10 +70,12 @@ def _blown(data: Data) -> bool:
 
 def _action(model: Model, actuator: int) -> float:
     """rad or m; see `action_scale`."""
+    import mujoco
+
     joint = int(model.actuator_trnid[actuator, 0])
     efforts = [float(model.jnt_actfrcrange[joint, 1])] if model.jnt_actfrclimited[joint] else []
     if model.actuator_forcelimited[actuator]:
         efforts.append(float(model.actuator_forcerange[actuator, 1]))
     kp = -float(model.actuator_biasprm[actuator, 1])
-    unit = "m" if int(model.jnt_type[joint]) == 2 else "rad"
+    unit = "m" if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
     return action_scale(min(efforts, default=None), kp, unit)

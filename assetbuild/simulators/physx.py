@@ -28,6 +28,9 @@ from assetbuild.simulators.experiments import FreeFall, Motion, Sine
 
 REQUIRES: Mapping[str, str] = {"ovphysx": "physx", "physx_usd_schemas": "physx"}
 """Modules of the extra, for `Check.requires`."""
+TOOLS = ("usd-core", "ovphysx", "ovstage", "physx-usd-schemas")
+PRELOAD = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
+"""Of a check that opens stages here, as `Step.tools` and `Step.preload`."""
 UNLIMITED = 3.0e38
 """PhysX writes the largest float32 where nothing limits."""
 CLEARANCE_M = 1e-3

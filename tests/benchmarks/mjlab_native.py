@@ -9,7 +9,6 @@ alone.
 from __future__ import annotations
 
 import copy
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -25,19 +24,16 @@ ON_FORWARD = (
 )
 CONSTANTS = ("body_subtreemass", "body_invweight0", "dof_invweight0", "dof_M0", "actuator_acc0")
 """Of a model, what follows from drawn fields."""
-THREADS = os.cpu_count() or 1
 
 
-def install(threads: int = THREADS) -> None:
+def install(threads: int) -> None:
     """From now on `mjlab.sim.Simulation` steps by MuJoCo."""
     from mjlab.sim.sim import Simulation
 
-    made: dict[int, Native] = {}
-
     def own(simulation: Any) -> Native:
-        held = made.get(id(simulation))
+        held = getattr(simulation, "native", None)
         if held is None or held.drawn != frozenset(simulation.expanded_fields):
-            held = made[id(simulation)] = Native(simulation, threads)
+            held = simulation.native = Native(simulation, threads)
         return held
 
     Simulation.step = lambda self: own(self).step()

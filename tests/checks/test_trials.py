@@ -149,6 +149,11 @@ def test_an_untrained_policy_must_not_drive_it_to_infinity(
     assert (figures["seconds"] is None) == (not told)
 
 
+def test_a_robot_without_servos_is_not_shaken(tmp_path: Path):
+    tried(replace(QUADRUPED, control=replace(QUADRUPED.control, actuators=())), tmp_path)
+    assert "shake" not in json.loads((tmp_path / "out/figures.json").read_text())
+
+
 def test_a_limit_of_penetration_and_of_drift_can_be_broken(tmp_path: Path):
     found = rules(tried(QUADRUPED, tmp_path, penetration=1e-9, drift=1e-12))
     assert {"trials.sunk", "trials.drift"} <= found

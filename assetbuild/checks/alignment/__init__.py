@@ -36,20 +36,9 @@ class Alignment(Check):
     also: ClassVar[tuple[str, ...]] = ("mjlab", "isaaclab")
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
-    tools: ClassVar[tuple[str, ...]] = (
-        "usd-core",
-        "ovphysx",
-        "ovstage",
-        "physx-usd-schemas",
-        "mujoco",
-    )
+    tools: ClassVar[tuple[str, ...]] = (*physx.TOOLS, "mujoco")
     isolated: ClassVar[bool] = True
-    preload: ClassVar[tuple[str, ...]] = (
-        "pxr.Usd",
-        "pxr.UsdGeom",
-        "pxr.UsdPhysics",
-        "pxr.UsdShade",
-    )
+    preload: ClassVar[tuple[str, ...]] = physx.PRELOAD
     limits: ClassVar[Limits] = Limits(wall_s=900.0, memory_mb=16384)
 
     robot: str

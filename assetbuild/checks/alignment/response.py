@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from assetbuild.checks.alignment.row import NO_SPEED_LIMIT, Row
+from assetbuild.checks.alignment.row import SLOWER, SOFT, Row
 from assetbuild.recipe.models import Sine as Wish
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.simulators import mujoco_motion
@@ -59,7 +59,7 @@ class Responses:
                 hard = hard or self._motion(step, is_pure, hard=True)
                 row = self._explained(row, joint, soft[joint], hard, theirs)
             if hasty and not row.because and row.verdict in ("warning", "error"):
-                row = replace(row, because=hasty)
+                row = replace(row, because=hasty, advice=SLOWER)
             yield row
 
     def _hasty(self, ours: Motion) -> str:
@@ -77,7 +77,7 @@ class Responses:
             if fastest > worst * drive.velocity:
                 worst = fastest / drive.velocity
                 said = (
-                    f"{NO_SPEED_LIMIT}: `{joint}` moves at {fastest:.3g}, its limit is "
+                    f"MuJoCo has no limit of speed: `{joint}` moves at {fastest:.3g}, its limit is "
                     f"{drive.velocity:.3g} rad/s or m/s"
                 )
         return said
@@ -137,7 +137,8 @@ class Responses:
         enough = max(row.warn, min(row.error, EXPLAINED * (row.off or 0.0)))
         if not left <= enough:
             return row
-        return replace(row, because=f"MuJoCo's {what} is soft: made hard, {left:.3g} apart")
+        because = f"MuJoCo's {what} is soft: made hard, {left:.3g} apart"
+        return replace(row, because=because, advice=SOFT)
 
     def _swing(self, joint: str, motion: Motion) -> float:
         start = len(motion.time) // 3

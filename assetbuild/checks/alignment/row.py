@@ -18,7 +18,6 @@ HINTS: Mapping[str, str] = {
     "give the joint its motor's armature, or raise `usd.articulation.solver_position_iterations`",
     "stand_height": "do the soles start inside of the floor, or does a body touch another?",
 }
-NO_SPEED_LIMIT = "MuJoCo has no limit of speed"
 SLOWER = (
     "a slower `validate.sine.frequency` compares both below the limit; a policy for both engines "
     "must stay below it too"
@@ -35,7 +34,7 @@ class Row:
 
     off: what the limits bound; share, m, s or rad as `unit` says; None = only told.
     lag_rad: of a response, PhysX behind MuJoCo, where that is a fair comparison. because: a proven
-    reason for the difference, which then is a warning at most.
+    reason for the difference, which then is a warning at most; advice: its hint.
     """
 
     name: str
@@ -49,6 +48,7 @@ class Row:
     unit: str = ""
     lag_rad: float | None = None
     because: str = ""
+    advice: str = ""
 
     @property
     def verdict(self) -> Literal["ok", "warning", "error", "told"]:
@@ -102,10 +102,8 @@ def _size(off: float | None) -> float:
 
 
 def _hint(row: Row) -> str:
-    if row.because.startswith(NO_SPEED_LIMIT):
-        return SLOWER
     if row.because:
-        return SOFT
+        return row.advice
     return HINTS.get(row.name, "the report's table of `alignment` has every row")
 
 
