@@ -9,17 +9,17 @@ from pathlib import Path
 
 from tiny import run_step
 
+from assetbuild.body.merge_fixed_joints import MergeFixedJoints
+from assetbuild.control.control import ControlStep
 from assetbuild.findings import Finding
+from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse
+from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Base, Control, Mesh, Shapes, Tree
 from assetbuild.robot.source import SourceControl
-from assetbuild.steps.assemble import Assemble, CollisionUse, VisualUse
-from assetbuild.steps.control import ControlStep
-from assetbuild.steps.convert_mesh import ConvertMesh
-from assetbuild.steps.flatten_mjcf import FlattenMjcf
-from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
-from assetbuild.steps.read_mjcf import ReadMjcf
+from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
+from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.targets.mjcf import Mjcf
 
 ROBOTS = Path(__file__).parent / "robots" / "mjcf"

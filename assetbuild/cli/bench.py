@@ -33,7 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     from assetbuild.cli.progress import progress
     from assetbuild.errors import UsageError, did_you_mean
     from assetbuild.pipeline.bench import BenchRequest, bench
-    from assetbuild.plan.bench import LEVELS
+    from assetbuild.pipeline.bench_plan import LEVELS
 
     known = ("recipe", *LEVELS)
     levels = known

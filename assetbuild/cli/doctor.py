@@ -138,8 +138,8 @@ def _program(name: str, use: str) -> Row:
 
 
 def _pictures() -> Iterator[Row]:
+    from assetbuild.looks.viewer import three_js
     from assetbuild.simulators.offscreen import renderer
-    from assetbuild.steps.viewer import three_js
 
     kind = renderer()
     if kind == "none":

@@ -18,9 +18,9 @@ from assetbuild.findings import Finding, finding_from_json
 
 if TYPE_CHECKING:
     from assetbuild.engine.children import Children
-    from assetbuild.engine.cluster import Cluster
     from assetbuild.engine.graph import Node, Ref
-    from assetbuild.engine.remote import Remote
+    from assetbuild.engine.share.cluster import Cluster
+    from assetbuild.engine.share.remote import Remote
 
 
 @dataclass(frozen=True)

@@ -70,5 +70,5 @@ class Step(BaseModel):
 
     @classmethod
     def step_name(cls) -> str:
-        """`read_urdf` for `assetbuild.steps.read_urdf`: the file name is the name."""
+        """`read_urdf` for `assetbuild.source.urdf.read_urdf`: the file name is the name."""
         return cls.__module__.rsplit(".", 1)[-1]

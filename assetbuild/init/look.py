@@ -7,6 +7,8 @@ import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
+from assetbuild.body.lint_bodies import LintBodies
+from assetbuild.body.lint_links import LintLinks
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.findings import Finding
@@ -16,9 +18,7 @@ from assetbuild.init.words import some
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Base, Shapes, Tree
 from assetbuild.robot.tree import merge_fixed_joints
-from assetbuild.steps.lint_bodies import LintBodies
-from assetbuild.steps.lint_links import LintLinks
-from assetbuild.steps.read_urdf import ReadUrdf
+from assetbuild.source.urdf.read_urdf import ReadUrdf
 
 
 @dataclass(frozen=True)

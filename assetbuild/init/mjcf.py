@@ -25,9 +25,9 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Shapes, Tree
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import merge_fixed_joints
-from assetbuild.steps._urdf_xml import MAX_BYTES
-from assetbuild.steps.flatten_mjcf import FlattenMjcf
-from assetbuild.steps.read_mjcf import ReadMjcf
+from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
+from assetbuild.source.mjcf.read_mjcf import ReadMjcf
+from assetbuild.source.urdf.xml import MAX_BYTES
 
 DRIVES = """\
 # The source drives no joint (mjlab's robots are driven from Python). A table here would:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from assetbuild.errors import SourceError, UsageError, Where
-from assetbuild.steps._urdf_xml import Node
+from assetbuild.source.urdf.xml import Node
 
 LEVELS = 12
 """Folders above the URDF that are looked at for a package: a tree of files, not a disk."""

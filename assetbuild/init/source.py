@@ -12,7 +12,7 @@ from assetbuild.errors import SourceError, UsageError, Where
 from assetbuild.init.packages import common_folder, files_named, find_packages, stated
 from assetbuild.init.xacro import Expanded, expand, is_xacro
 from assetbuild.recipe.loader import read_small_file, shown_path
-from assetbuild.steps._urdf_xml import parse
+from assetbuild.source.urdf.xml import parse
 
 
 @dataclass(frozen=True)

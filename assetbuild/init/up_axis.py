@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from assetbuild.geometry.lint_meshes import judge_up_axes
 from assetbuild.init.look import Looked
 from assetbuild.init.mesh_points import mesh_of, scaled_points
 from assetbuild.init.source import Found
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.robot.model import Mesh, Shape
 from assetbuild.robot.pose import vec3
-from assetbuild.steps.lint_meshes import judge_up_axes
 
 SAYS = (b">Y_UP<", b">X_UP<")
 HEAD = 1 << 16

@@ -17,7 +17,7 @@ from xml.etree.ElementTree import ParseError
 from assetbuild.engine.step import Files
 from assetbuild.errors import SourceError
 from assetbuild.init.packages import above, common_folder
-from assetbuild.steps.expand_xacro import INCLUDED, ExpandXacro
+from assetbuild.source.urdf.expand_xacro import INCLUDED, ExpandXacro
 
 MOST_FILES = 2000
 """Files of one package that are looked at: a robot description, not a disk."""

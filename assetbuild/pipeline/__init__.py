@@ -26,8 +26,8 @@ from assetbuild.report.bundle import json_text
 from assetbuild.report.document import FailOn, Report, fails
 
 if TYPE_CHECKING:
-    from assetbuild.engine.cluster import Cluster
-    from assetbuild.engine.remote import Remote
+    from assetbuild.engine.share.cluster import Cluster
+    from assetbuild.engine.share.remote import Remote
 
 
 @dataclass(frozen=True)
@@ -256,7 +256,7 @@ def _sandbox(request: Request) -> bool:
 def _cluster(request: Request, remote: Remote | None) -> Cluster | None:
     if request.executor == "local":
         return None
-    from assetbuild.engine.cluster import Cluster, scheduler_address
+    from assetbuild.engine.share.cluster import Cluster, scheduler_address
 
     scheduler_address(request.executor)
     if remote is None or not request.cache_write:

@@ -17,9 +17,9 @@ from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.lock import Lock
 from assetbuild.pipeline import OnEvent
+from assetbuild.pipeline.bench_plan import LEVELS, LevelOutline, Source, plan_level, with_level
 from assetbuild.pipeline.opening import open_session, pin
 from assetbuild.pipeline.rounds import settle
-from assetbuild.plan.bench import LEVELS, LevelOutline, Source, plan_level, with_level
 from assetbuild.recipe.loader import LoadedRecipe, load_recipe
 from assetbuild.report.bundle import json_text
 from assetbuild.report.pareto import front, pareto_svg

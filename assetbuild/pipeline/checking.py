@@ -13,9 +13,9 @@ from assetbuild.pipeline.judging import findings_of, located, locator, where_of
 from assetbuild.pipeline.opening import open_session, pin
 from assetbuild.plan import plan
 from assetbuild.plan.agree import check_names
-from assetbuild.plan.source_archive import MESHES
 from assetbuild.recipe.loader import load_recipe
 from assetbuild.report.document import make_report
+from assetbuild.source.get.from_archive import MESHES
 
 LIGHT_STEPS = frozenset(
     {

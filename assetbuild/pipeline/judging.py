@@ -7,17 +7,17 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from assetbuild.compose.compose_parts import prefixed_subject
 from assetbuild.engine.execute import NodeResult
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, Where
 from assetbuild.findings import Finding
 from assetbuild.lock import lock_path, place_of_pin
+from assetbuild.looks.plan import PICTURE_MODEL
 from assetbuild.pipeline.licences import licence_findings
 from assetbuild.plan import Outline
-from assetbuild.plan.looks import PICTURE_MODEL
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.document import CheckResult, Report, make_report
-from assetbuild.steps.compose_parts import prefixed_subject
 
 
 def judged(

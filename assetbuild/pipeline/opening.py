@@ -14,14 +14,14 @@ from assetbuild.engine.store import open_store
 from assetbuild.errors import LockError, OutOfDateError, Where
 from assetbuild.lock import GitPin, Lock, Pin, check_pin, lock_path, read_lock, write_lock
 from assetbuild.plan import Outline, plan
-from assetbuild.plan.source import repository
 from assetbuild.recipe.loader import LoadedRecipe, load_recipe, shown_path
 from assetbuild.recipe.source import Source
-from assetbuild.steps.fetch import resolve
-from assetbuild.steps.fetch_git import resolve_git
+from assetbuild.source.get.fetch import resolve
+from assetbuild.source.get.fetch_git import resolve_git
+from assetbuild.source.plan import repository
 
 if TYPE_CHECKING:
-    from assetbuild.engine.remote import Remote
+    from assetbuild.engine.share.remote import Remote
 
 
 def opened(recipe: Path, variant: str | None) -> tuple[LoadedRecipe, Lock | None, Session]:
@@ -56,7 +56,7 @@ def remote_cache(url: str, say: Callable[[str], None], *, write: bool) -> Remote
     """The cache shared with other machines, if there is one; no recipe can name it. UsageError."""
     if not url:
         return None
-    from assetbuild.engine.remote import Remote
+    from assetbuild.engine.share.remote import Remote
 
     return Remote(url, key=os.environ.get("ASSETBUILD_CACHE_KEY", ""), write=write, warn=say)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from assetbuild.engine.remote import Remote
 from assetbuild.engine.session import Resolver
+from assetbuild.engine.share.remote import Remote
 from assetbuild.pipeline.opening import opened, planned
 
 

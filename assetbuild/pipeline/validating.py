@@ -128,10 +128,10 @@ def _usd(file: Path) -> Iterator[Finding]:
 
 def _urdf(file: Path) -> Iterator[Finding]:
     """The reader and both lints; packages are taken by their word, meshes are not opened."""
-    from assetbuild.steps.lint_bodies import LintBodies
-    from assetbuild.steps.lint_links import LintLinks
-    from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
-    from assetbuild.steps.read_urdf import ReadUrdf, named_packages
+    from assetbuild.body.lint_bodies import LintBodies
+    from assetbuild.body.lint_links import LintLinks
+    from assetbuild.body.merge_fixed_joints import MergeFixedJoints
+    from assetbuild.source.urdf.read_urdf import ReadUrdf, named_packages
 
     data = file.read_bytes()
     with tempfile.TemporaryDirectory() as folder:

@@ -15,31 +15,31 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from assetbuild.body.inertia_rules import Bounds
+from assetbuild.body.lint_bodies import LintBodies
+from assetbuild.body.lint_links import LintLinks
+from assetbuild.body.merge_fixed_joints import MergeFixedJoints
+from assetbuild.compose.plan import Ready, check_parts, compose
+from assetbuild.control.control import ControlStep
+from assetbuild.control.keep_ratings import KeepRatings
+from assetbuild.control.sample_pairs import SamplePairs
 from assetbuild.engine.graph import Node, Planner, Ref
+from assetbuild.geometry.companions import companions
+from assetbuild.geometry.plan import Geometry, assemble, lint_density, lint_meshes
 from assetbuild.kinds import Check, Target, lacking, load_plugin, plugin_names
 from assetbuild.lock import Lock, lock_path, read_lock
+from assetbuild.looks.plan import looks
 from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
-from assetbuild.plan.companions import companions
-from assetbuild.plan.compose import Ready, check_parts, compose
 from assetbuild.plan.edits import apply_edits, edit_keys
-from assetbuild.plan.export import lint_density, lint_export
-from assetbuild.plan.geometry import Geometry, assemble, lint_meshes
-from assetbuild.plan.looks import looks
-from assetbuild.plan.reading import Reading, read_description
-from assetbuild.plan.source import Description, Source, description_of, open_source
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.sides import Side
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Shapes, Tree
-from assetbuild.steps._inertia_rules import Bounds
-from assetbuild.steps.control import ControlStep
-from assetbuild.steps.keep_ratings import KeepRatings
-from assetbuild.steps.lint_bodies import LintBodies
-from assetbuild.steps.lint_links import LintLinks
-from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
-from assetbuild.steps.sample_pairs import SamplePairs
-from assetbuild.steps.state_ranges import StateRanges
+from assetbuild.samples.state_ranges import StateRanges
+from assetbuild.source.export import lint_export
+from assetbuild.source.plan import Description, Source, description_of, open_source
+from assetbuild.source.reading import Reading, read_description
 
 
 @dataclass
@@ -147,7 +147,7 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
     geometry = _geometry(loaded, source, description, read, p)
     outline.absent = source.absent
     if geometry is not None:
-        lint_density(read, geometry, p)
+        lint_density(read.robot, geometry, p)
     edited = apply_edits(loaded, read.robot, geometry, p)
     if edited is None:
         return None

@@ -5,15 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
+from assetbuild.control.control import ControlStep
 from assetbuild.errors import RecipeError, did_you_mean
+from assetbuild.geometry.jobs import check_rule
 from assetbuild.kinds import plugin_names
-from assetbuild.plan.collision import check_rule
 from assetbuild.plan.edits import edits_of
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.model import Tree
-from assetbuild.steps.control import ControlStep
-from assetbuild.steps.state_ranges import StateRanges
+from assetbuild.samples.state_ranges import StateRanges
 
 BY_NAME = frozenset({"rename", "flip_axis"})
 """Edits that change what an MJCF's own sensors, drives and keyframes are about."""

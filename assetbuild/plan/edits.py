@@ -9,8 +9,8 @@ from pydantic import ValidationError
 
 from assetbuild.engine.graph import Planner, Ref
 from assetbuild.errors import did_you_mean
+from assetbuild.geometry.plan import Geometry
 from assetbuild.kinds import Edit, load_plugin, plugin_names
-from assetbuild.plan.geometry import Geometry
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Mesh, Shapes, Tree

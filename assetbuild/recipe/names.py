@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import Annotated
 
 from pydantic import AfterValidator, Field
@@ -21,3 +22,14 @@ def _pattern(text: str) -> str:
 Pattern = Annotated[str, AfterValidator(_pattern)]
 """A regular expression that must match a whole name of the source."""
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,63}$")]
+
+
+def anchored(prefix: str, pattern: str, but: Iterable[str] = ()) -> str:
+    """A part's pattern about the names with its prefix; `but`: patterns that win over it."""
+    return f"{but_not(but)}{re.escape(prefix)}(?:{pattern})"
+
+
+def but_not(patterns: Iterable[str]) -> str:
+    """A look-ahead that no name of the patterns passes; "" for none."""
+    listed = "|".join(f"(?:{pattern})" for pattern in patterns)
+    return rf"(?!(?:{listed})\Z)" if listed else ""

@@ -20,7 +20,7 @@ from assetbuild.robot.pose import vec3
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.readings import FORMAT
-from assetbuild.steps.read_urdf import ReadUrdf, named_packages
+from assetbuild.source.urdf.read_urdf import ReadUrdf, named_packages
 
 FLOAT32 = 1e-6
 DECIMALS = 1e-5

@@ -8,12 +8,12 @@ import tempfile
 from pathlib import Path
 
 from assetbuild.engine.step import Files
+from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.weld import cleaned
 from assetbuild.robot.codec import decode
-from assetbuild.steps.convert_mesh import ConvertMesh
 
 LINKS = {
     "ur5_base": "ur_description/meshes/ur5/collision/base.stl",

@@ -26,8 +26,8 @@ from same_bytes import ROOT, cold_build
 from ten_links import cpu
 
 from assetbuild.engine.step import Files
-from assetbuild.steps.convert_mesh import ConvertMesh
-from assetbuild.steps.match_shapes import MatchShapes
+from assetbuild.geometry.convert_mesh import ConvertMesh
+from assetbuild.geometry.match_shapes import MatchShapes
 
 
 def main(robot: str = "g1_description") -> None:

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from tiny import run_step
 
+from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.checks.oracle import Oracle
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Actuator, Control, Mesh, Shapes, Tree
-from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
-from assetbuild.steps.read_urdf import ReadUrdf
+from assetbuild.source.urdf.read_urdf import ReadUrdf
 from assetbuild.targets.mjcf import Mjcf
 
 pytest.importorskip("pinocchio", reason="needs the extra `oracle`")

@@ -17,6 +17,7 @@ from assetbuild.collision.auto import Auto
 from assetbuild.collision.coacd import CoAcd
 from assetbuild.collision.hull import Hull
 from assetbuild.collision.vhacd import VHacd
+from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.kinds import Pieces
 from assetbuild.mesh import coacd
 from assetbuild.mesh.coacd import Patience
@@ -33,7 +34,6 @@ from assetbuild.recipe.collision import CoAcdOptions, VHacdOptions
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Box, Sphere
 from assetbuild.robot.pose import Pose
-from assetbuild.steps.convert_mesh import write_converted
 
 MESH = (PlacedSource.of_mesh("shapes/0"),)
 COARSE = VHacdOptions(resolution=30_000)

@@ -13,6 +13,7 @@ from tiny import run_step
 from assetbuild.collision import PlacedSource
 from assetbuild.collision.auto import Auto
 from assetbuild.errors import StepError
+from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.kinds import Pieces
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import obj_bytes
@@ -21,7 +22,6 @@ from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.recipe.collision import VHacdOptions
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Box, Sphere
-from assetbuild.steps.convert_mesh import write_converted
 
 BOX = tessellate(Box((1.0, 1.0, 1.0)))
 BALL = tessellate(Sphere(0.5))

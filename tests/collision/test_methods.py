@@ -18,6 +18,7 @@ from assetbuild.collision.primitive import FitPrimitive
 from assetbuild.collision.spheres import Spheres
 from assetbuild.collision.vhacd import VHacd
 from assetbuild.errors import StepError
+from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.kinds import Pieces, load_plugin, plugin_names
 from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.hull import convex_hull
@@ -31,7 +32,6 @@ from assetbuild.recipe.collision import ExplicitPiece, VHacdOptions
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Box, Capsule, Cylinder, Mesh, Sphere
 from assetbuild.robot.pose import Pose, quat_of_rpy
-from assetbuild.steps.convert_mesh import write_converted
 
 BOX = tessellate(Box((1.0, 1.0, 1.0)))
 MESH = (PlacedSource.of_mesh("shapes/0"),)

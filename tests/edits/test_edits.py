@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from tiny import box_inertial, box_obj, pendulum, run_step, tiny_quadruped
 
 from assetbuild.errors import RecipeError
+from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.kinds import Edit, load_plugin, plugin_names
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import tessellate
@@ -38,7 +39,6 @@ from assetbuild.robot.model import (
     Tree,
 )
 from assetbuild.robot.pose import IDENTITY, Pose, rotation_of
-from assetbuild.steps.convert_mesh import ConvertMesh
 
 EMPTY = Shapes()
 

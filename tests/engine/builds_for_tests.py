@@ -10,8 +10,8 @@ from steps_for_tests import Mix, Split
 
 from assetbuild.engine.execute import NodeResult, execute
 from assetbuild.engine.graph import Graph, Planner
-from assetbuild.engine.remote import Remote
 from assetbuild.engine.session import Session
+from assetbuild.engine.share.remote import Remote
 from assetbuild.engine.step import Step
 from assetbuild.engine.store import Store
 

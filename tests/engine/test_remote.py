@@ -11,7 +11,7 @@ from builds_for_tests import Machine
 from servers_for_tests import CacheServer, serving
 
 from assetbuild.engine.execute import NodeResult
-from assetbuild.engine.remote import Budget, Remote
+from assetbuild.engine.share.remote import Budget, Remote
 from assetbuild.engine.store import Store
 from assetbuild.errors import UsageError
 

@@ -8,7 +8,7 @@ import pytest
 from builds_for_tests import Machine
 from servers_for_tests import serving
 
-from assetbuild.engine.remote import Budget, Remote
+from assetbuild.engine.share.remote import Budget, Remote
 from assetbuild.errors import UsageError
 
 pytest.importorskip("obstore", reason="needs assetbuild[remote]")
@@ -107,7 +107,7 @@ def test_whatever_is_wrong_in_the_bucket_is_a_miss(tmp_path, robot, bucket, spoi
 def test_a_large_object_comes_in_parts(tmp_path, bucket):
     from urllib.parse import urlsplit
 
-    from assetbuild.engine.remote_s3 import PART, S3Place
+    from assetbuild.engine.share.remote_s3 import PART, S3Place
 
     source, dest = tmp_path / "large", tmp_path / "came"
     source.write_bytes(bytes(range(256)) * (7 * PART // 256) + b"end")

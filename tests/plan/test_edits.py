@@ -9,7 +9,7 @@ import pytest
 from assetbuild.errors import RecipeError
 from assetbuild.pipeline.checking import check
 
-from .test_source import URDF
+from source.test_source import URDF
 
 HEAD = "schema: assetbuild/v1\nrobot: r\nsource: {path: ., urdf: r.urdf, license: MIT}\nedits:\n"
 

@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 from tiny import run_step, tiny_quadruped, write_robot_ports
 
+from assetbuild.looks.lighten import Lighten
+from assetbuild.looks.viewer import Viewer
 from assetbuild.report.document import make_report
 from assetbuild.report.html import View, html_page
-from assetbuild.steps.lighten import Lighten
-from assetbuild.steps.viewer import Viewer
 
 from .robots_for_tests import subject
 

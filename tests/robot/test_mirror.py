@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
@@ -26,8 +27,7 @@ from assetbuild.robot.model import (
     Tree,
 )
 from assetbuild.robot.pose import Pose, Vec3
-from assetbuild.steps.merge_fixed_joints import MergeFixedJoints
-from assetbuild.steps.read_urdf import ReadUrdf
+from assetbuild.source.urdf.read_urdf import ReadUrdf
 
 X, Y, MINUS_X, MINUS_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0)
 BENDS, TURNED, WIDE = (-0.5, 2.0), (-2.0, 0.5), (-1.0, 1.0)

@@ -15,7 +15,7 @@ from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Limits, Material, Shapes, Tree
 from assetbuild.robot.tree import depth_first, held_by_world
-from assetbuild.steps.read_urdf import ReadUrdf
+from assetbuild.source.urdf.read_urdf import ReadUrdf
 from assetbuild.targets.urdf import Urdf
 
 

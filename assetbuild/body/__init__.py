@@ -1,0 +1,1 @@
+"""Links and inertia: fixed joints merged, mass properties and limits looked over."""

@@ -1,0 +1,115 @@
+"""Look over the links and joints as the source states them, before anything is merged."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from pydantic import Field
+
+from assetbuild.body.inertia_rules import Bounds, inertia_findings
+from assetbuild.body.limit_rule import crossed_limits
+from assetbuild.engine.step import Files, Step
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import decode
+from assetbuild.robot.mimic import led_range
+from assetbuild.robot.model import Joint, Shapes, Tree
+from assetbuild.robot.tree import PLACEHOLDER_KG
+
+CONTRADICTION = 0.01
+"""Share of a range by which a mimic joint may be led over its limits: rounding in the source."""
+
+
+class LintLinks(Step):
+    """`links.json`, `shapes.json` -> findings only.
+
+    Mass properties and crossed limits are warnings at most: an edit can heal them, merging fixed
+    joints a placeholder, and `lint_bodies` judges what will be simulated.
+    """
+
+    version = "9"
+
+    bounds: Bounds = Field(default_factory=Bounds)
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Findings in the order of the source's tree."""
+        tree = decode(Tree, (files.inputs / "links.json").read_bytes())
+        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        yield from inertia_findings(tree, shapes, self.bounds, "warning")
+        for joint in tree.moving_joints:
+            yield from _range(joint)
+            yield from _drive(joint)
+            yield from _led(tree, joint)
+        yield from _without_collision(tree, shapes)
+
+
+def _range(joint: Joint) -> Iterator[Finding]:
+    lower, upper = joint.limits.lower, joint.limits.upper
+    if lower is None or upper is None:
+        return
+    unit = "m" if joint.kind == "prismatic" else "rad"
+    subject, data = f"joint {joint.name}", {"lower": lower, "upper": upper}
+    if lower == upper:
+        message = f"both limits are {lower:g} {unit}: taken by their word, the joint is locked"
+        hint = "if it is meant to move, give it a range: edit `set_limits`; else make it `fixed`"
+        yield Finding("joint.locked", "warning", subject, message, hint, data=data)
+    elif lower > upper:
+        yield from crossed_limits(joint, "warning")
+    elif joint.kind == "revolute" and upper - lower > 2 * math.pi * (1 + 1e-6):
+        message = f"range {upper - lower:.4g} rad is more than one turn"
+        hint = "right for some arms; else were degrees written for radians?"
+        yield Finding("joint.range", "warning", subject, message, hint, data=data)
+
+
+def _drive(joint: Joint) -> Iterator[Finding]:
+    """A limit of 0 means "unknown" in most exports; a simulator takes it by its word."""
+    newton = "N" if joint.kind == "prismatic" else "N m"
+    per_second = "m/s" if joint.kind == "prismatic" else "rad/s"
+    for name, value, unit in (
+        ("effort", joint.limits.effort, newton),
+        ("velocity", joint.limits.velocity, per_second),
+    ):
+        if value == 0.0 and joint.mimic is None:
+            yield Finding(
+                rule=f"joint.{name}_zero",
+                severity="warning",
+                subject=f"joint {joint.name}",
+                message=f"{name} limit is 0 {unit}: taken by its word, it cannot move",
+                hint=f"give `{name}` in the recipe's actuator table",
+                data={name: value},
+            )
+
+
+def _led(tree: Tree, joint: Joint) -> Iterator[Finding]:
+    """A mimic joint whose limits forbid where its leader takes it: two orders, one joint."""
+    led, lower, upper = led_range(tree, joint), joint.limits.lower, joint.limits.upper
+    if led is None or lower is None or upper is None or joint.kind == "continuous":
+        return
+    over = max(lower - led[0], led[1] - upper)
+    if joint.mimic is None or over <= CONTRADICTION * max(led[1] - led[0], upper - lower):
+        return
+    unit = "m" if joint.kind == "prismatic" else "rad"
+    yield Finding(
+        "joint.mimic_limits",
+        "warning",
+        f"joint {joint.name}",
+        f"mimics `{joint.mimic.joint}` from {led[0]:.4g} to {led[1]:.4g} {unit}, but its limits "
+        f"are {lower:g} to {upper:g}: PhysX blows up on the contradiction, MuJoCo holds both back",
+        "edit `set_limits`: the range that it is led to; or has the multiplier a wrong sign?",
+        data={"led_lower": led[0], "led_upper": led[1], "lower": lower, "upper": upper},
+    )
+
+
+def _without_collision(tree: Tree, shapes: Shapes) -> Iterator[Finding]:
+    seen = {shape.link for shape in shapes.of("visual")}
+    solid = {shape.link for shape in shapes.of("collision")}
+    for body in tree.bodies:
+        heavy = body.inertial is not None and body.inertial.mass_kg >= PLACEHOLDER_KG
+        if heavy and body.name in seen - solid:
+            yield Finding(
+                rule="link.no_collision",
+                severity="info",
+                subject=f"link {body.name}",
+                message="it has mass and a visual, but no collision geometry in the source",
+                hint="`from: visual` in the recipe's collision rule makes one from what is seen",
+            )

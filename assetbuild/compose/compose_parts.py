@@ -1,0 +1,316 @@
+"""One robot of several: parts under their prefixes, each on a fixed joint."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+
+from assetbuild.compose.composed_control import KeyOf, PartControl, joined, names_of
+from assetbuild.compose.composed_masks import meeting_masks
+from assetbuild.engine.step import Files, Step
+from assetbuild.errors import RecipeError, did_you_mean
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.model import (
+    Body,
+    Box,
+    Joint,
+    Material,
+    Mesh,
+    Mimic,
+    Shape,
+    Shapes,
+    Tree,
+)
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of_rpy
+from assetbuild.robot.randomize import homogeneous_box
+from assetbuild.robot.source import SourceControl
+from assetbuild.robot.tree import depth_first
+
+
+class PartOn(BaseModel):
+    """A part and its place. folder: of its inputs; prefix: of all its names; SI, rad.
+
+    link: of the base. xyz, rpy: of the part's root there. mount_*: of the box that holds it,
+    its centre from the part's root; no mass = no box.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    folder: str
+    prefix: str
+    link: str
+    xyz: Vec3
+    rpy: Vec3
+    mount_mass: float = 0.0
+    mount_size: Vec3 = (0.0, 0.0, 0.0)
+    mount_at: Vec3 = (0.0, 0.0, 0.0)
+    left_out: tuple[str, ...] = ()
+    """Keys of the part's recipe that the whole does not follow."""
+    keeps: bool = False
+    """Whether the bodies of its MJCF stay as they are."""
+    keys: tuple[KeyOf, ...] = ()
+    """Keyframes of the whole in which its source says how it stands."""
+
+
+class ComposeParts(Step):
+    """`base/` and `<part>/`, each links, shapes and source map -> the same of the whole.
+
+    Of sides that are MJCFs also `source_control.json`.
+    """
+
+    version = "2"
+    outputs = ("links.json", "shapes.json", "source_map.json", "source_control.json")
+
+    parts: tuple[PartOn, ...]
+    keeps: bool = False
+    """Whether the bodies of the base's MJCF stay as they are."""
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Raises RecipeError for a link that the base has not, and for names that clash."""
+        tree, shapes = _read(files.inputs / "base")
+        lines = _lines(files.inputs / "base")
+        said: dict[str, PartControl] = {}
+        base = _said(files.inputs / "base")
+        for part in self.parts:
+            own_tree, own_shapes = _read(files.inputs / part.folder)
+            tree = _mounted(tree, prefixed_tree(own_tree, part.prefix), part)
+            shapes = _joined(shapes, prefixed_shapes(own_shapes, part.prefix))
+            if part.mount_mass > 0.0:
+                shapes = replace(shapes, shapes=(*shapes.shapes, *_plate_shapes(part)))
+            lines["lines"] |= _prefixed_lines(files.inputs / part.folder, part.prefix)
+            control, place = _said(files.inputs / part.folder), IDENTITY
+            left_out = part.left_out
+            if control is not None:
+                words = PartControl(
+                    part.prefix,
+                    own_tree.root,
+                    control,
+                    part.keys,
+                    part.keeps,
+                    own_tree.X_world_root,
+                )
+                place = words.pose_in_root.inverse()
+                said[part.prefix] = words
+                left_out += words.left_out(base)
+                yield from _told_scenery(words, part)
+            yield _told(part, own_tree, place)
+            yield from _told_left_out(part, left_out)
+        _refuse_clashes(tree, shapes)
+        if base is not None and not self.keeps:
+            base = replace(base, bodies=())
+        whole, findings = _whole(base, {prefix: part.prefixed() for prefix, part in said.items()})
+        yield from findings
+        (files.outputs / "links.json").write_bytes(encode(tree))
+        (files.outputs / "shapes.json").write_bytes(encode(shapes))
+        (files.outputs / "source_control.json").write_bytes(encode(whole))
+        text = json.dumps(lines, sort_keys=True, indent=1)
+        (files.outputs / "source_map.json").write_text(text + "\n", encoding="utf-8")
+
+
+def _whole(
+    base: SourceControl | None, parts: Mapping[str, SourceControl]
+) -> tuple[SourceControl, list[Finding]]:
+    """What the sources say as one; RecipeError for two things of one name."""
+    sources = [*([("", base)] if base else []), *parts.items()]
+    met, findings = meeting_masks(sources)
+    changed = dict(zip((prefix for prefix, _ in sources), met, strict=True))
+    whole = joined(changed.pop("", None), changed)
+    seen: set[tuple[str, str]] = set()
+    for kind, name in names_of(whole):
+        if (kind, name) in seen:
+            raise _clash(kind, name)
+        seen.add((kind, name))
+    return whole, findings
+
+
+def _told_left_out(part: PartOn, keys: tuple[str, ...]) -> Iterator[Finding]:
+    if keys:
+        listed = ", ".join(f"`{key}`" for key in keys)
+        yield Finding(
+            rule="compose.left_out",
+            severity="info",
+            subject="recipe compose",
+            message=f"of the part `{part.prefix}` {listed} are not taken: the base's hold",
+            hint="say in the base's recipe what the whole needs",
+            data={"keys": keys},
+        )
+
+
+def _told_scenery(said: PartControl, part: PartOn) -> Iterator[Finding]:
+    names = said.scenery()
+    if names:
+        listed = ", ".join(f"`{part.prefix}{name}`" for name in names)
+        yield Finding(
+            rule="compose.scenery",
+            severity="info",
+            subject="recipe compose",
+            message=f"cameras and lights in the world of the part `{part.prefix}` stand on its "
+            f"root now, and move with it: {listed}",
+            hint="take them out of the part's MJCF if they belong to a scene",
+            data={"count": len(names)},
+        )
+
+
+def prefixed_tree(tree: Tree, prefix: str) -> Tree:
+    """The same tree with a prefix on every name."""
+    return replace(
+        tree,
+        bodies=tuple(replace(body, name=prefix + body.name) for body in tree.bodies),
+        joints=tuple(_prefixed_joint(joint, prefix) for joint in tree.joints),
+        frames=tuple(
+            replace(frame, name=prefix + frame.name, body=prefix + frame.body)
+            for frame in tree.frames
+        ),
+    )
+
+
+def _prefixed_joint(joint: Joint, prefix: str) -> Joint:
+    mimic: Mimic | None = joint.mimic and replace(joint.mimic, joint=prefix + joint.mimic.joint)
+    names = {key: prefix + getattr(joint, key) for key in ("name", "parent", "child")}
+    return replace(joint, mimic=mimic, **names)
+
+
+def prefixed_shapes(shapes: Shapes, prefix: str) -> Shapes:
+    """The same shapes with a prefix on names, links, materials and paths of meshes."""
+    return Shapes(
+        shapes=tuple(_prefixed_shape(shape, prefix) for shape in shapes.shapes),
+        materials=tuple(_prefixed_material(material, prefix) for material in shapes.materials),
+        meshes=shapes.meshes,
+    )
+
+
+def _prefixed_shape(shape: Shape, prefix: str) -> Shape:
+    geometry = shape.geometry
+    if isinstance(geometry, Mesh):
+        geometry = replace(geometry, mesh=part_path(prefix, geometry.mesh))
+    material = prefix + shape.material if shape.material else None
+    return replace(
+        shape,
+        name=prefix + shape.name,
+        link=prefix + shape.link,
+        geometry=geometry,
+        material=material,
+    )
+
+
+def _prefixed_material(material: Material, prefix: str) -> Material:
+    texture = part_path(prefix, material.texture) if material.texture else None
+    return replace(material, name=prefix + material.name, texture=texture)
+
+
+def part_path(prefix: str, path: str) -> str:
+    """Path of a part's file in the whole."""
+    return f"{prefix}/{path}"
+
+
+def prefixed_subject(subject: str, prefix: str) -> str:
+    """`joint calf` of a part as `joint arm_calf`; a mesh by its path."""
+    kind, _, name = subject.partition(" ")
+    return f"{kind} {part_path(prefix, name) if kind == 'mesh' else prefix + name}"
+
+
+def _mounted(tree: Tree, part: Tree, on: PartOn) -> Tree:
+    if on.link not in tree.by_body:
+        raise RecipeError(
+            f"no link `{on.link}` to mount `{on.prefix}` on",
+            hint=did_you_mean(on.link, tree.by_body),
+        )
+    X_link_root = Pose(on.xyz, quat_of_rpy(*on.rpy))
+    bodies = [*tree.bodies, *part.bodies]
+    joints = [*tree.joints, *part.joints]
+    joints.append(Joint(f"{on.prefix}mount", "fixed", on.link, part.root, X_link_root))
+    if on.mount_mass > 0.0:
+        box = homogeneous_box(on.mount_mass, on.mount_size, on.mount_at)
+        bodies.append(Body(_plate(on), box))
+        name = f"{on.prefix}mount_plate_joint"
+        joints.append(Joint(name, "fixed", on.link, _plate(on), X_link_root))
+    names, ordered = depth_first(tree.root, joints)
+    by_name = {body.name: body for body in bodies}
+    frames = (*tree.frames, *part.frames)
+    return replace(
+        tree, bodies=tuple(by_name[name] for name in names), joints=ordered, frames=frames
+    )
+
+
+def _plate(on: PartOn) -> str:
+    return f"{on.prefix}mount_plate"
+
+
+def _plate_shapes(on: PartOn) -> tuple[Shape, Shape]:
+    box, at, link = Box(on.mount_size), Pose(on.mount_at), _plate(on)
+    return (
+        Shape(f"{link}_visual", link, "visual", box, at),
+        Shape(f"{link}_collision", link, "collision", box, at),
+    )
+
+
+def _joined(a: Shapes, b: Shapes) -> Shapes:
+    return Shapes(a.shapes + b.shapes, a.materials + b.materials, a.meshes + b.meshes)
+
+
+def _refuse_clashes(tree: Tree, shapes: Shapes) -> None:
+    for kind, names in (
+        ("link", [body.name for body in tree.bodies] + [frame.name for frame in tree.frames]),
+        ("joint", [joint.name for joint in tree.joints]),
+        ("shape", [shape.name for shape in shapes.shapes]),
+    ):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise _clash(kind, twice[0])
+
+
+def _clash(kind: str, name: str) -> RecipeError:
+    hint = "give the part another prefix, `as:`"
+    return RecipeError(f"two parts have a {kind} `{name}`", hint=hint)
+
+
+def _told(part: PartOn, tree: Tree, X_world_root: Pose) -> Finding:
+    """X_world_root: in the part's own world, which `at` takes the place of."""
+    mass = sum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
+    plate = f", and {part.mount_mass:g} kg of mount" if part.mount_mass else ""
+    held = "; alone it floats, here its root is held" if tree.base == "floating" else ""
+    hint = ""
+    if X_world_root != IDENTITY:
+        where = ", ".join(f"{v:g}" for v in X_world_root.xyz)
+        turn = ", ".join(f"{v:.4g}" for v in X_world_root.quat)
+        held += f"; in its own world its root stands at ({where}) m, turned by ({turn}) wxyz"
+        hint = "`at` places the root itself: add that pose to it to place the part's world"
+    return Finding(
+        rule="compose.part",
+        severity="info",
+        subject=f"link {part.prefix}{tree.root}",
+        message=f"{len(tree.bodies)} links with {mass:g} kg stand on `{part.link}`{plate}{held}",
+        hint=hint,
+        data={"links": len(tree.bodies), "mass_kg": mass, "mount_kg": part.mount_mass},
+    )
+
+
+def _read(folder: Path) -> tuple[Tree, Shapes]:
+    tree = decode(Tree, (folder / "links.json").read_bytes())
+    return tree, decode(Shapes, (folder / "shapes.json").read_bytes())
+
+
+def _said(folder: Path) -> SourceControl | None:
+    """What an MJCF says beyond links and shapes; None of a URDF."""
+    file = folder / "source_control.json"
+    return decode(SourceControl, file.read_bytes()) if file.is_file() else None
+
+
+def _prefixed_lines(folder: Path, prefix: str) -> dict[str, int | str]:
+    own = _lines(folder)
+    file = own["file"]
+    return {
+        prefixed_subject(subject, prefix): line if isinstance(line, str) else f"{file}:{line}"
+        for subject, line in own["lines"].items()
+        if " " in subject  # the whole is not the part
+    }
+
+
+def _lines(folder: Path) -> dict[str, dict[str, int | str]]:
+    raw = json.loads((folder / "source_map.json").read_bytes())
+    return {"file": raw["file"], "lines": dict(raw["lines"])}

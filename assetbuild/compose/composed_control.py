@@ -1,0 +1,243 @@
+"""What the MJCFs of a composite say beyond links and shapes, as one: names, poses, commands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from xml.etree import ElementTree
+
+import numpy as np
+
+from assetbuild.errors import RecipeError
+from assetbuild.robot.model import Actuator, Camera, MjcfOnly, Place, Sensor, Simulation
+from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat, vec3
+from assetbuild.robot.source import SourceControl
+from assetbuild.source.mjcf.opaque import keys, words
+
+WORLD = "world"
+REFERENCES = keys(
+    "name joint joint1 joint2 jointinparent body body1 body2 subtree1 subtree2 target site site1 "
+    "site2 refsite sidesite cranksite slidersite tendon tendon1 tendon2 geom geom1 geom2 actuator "
+    "camera material objname refname"
+)
+"""Attributes that name something of the robot, in the elements that `MjcfOnly` holds."""
+OF_THE_BASE = ("option", "root", "freejoint")
+"""What a part says for itself alone: how it is simulated, and where it stands in its own world."""
+DEFAULTS = Simulation()
+_LIKE_MUJOCO = {"integrator": "Euler", "cone": "pyramidal", "impratio": "1"}
+
+
+@dataclass(frozen=True)
+class KeyOf:
+    """The pose of a part in a keyframe of the whole is that of its source's keyframe `source`.
+
+    moved: joints of the part, by their own names, that the recipe puts elsewhere.
+    """
+
+    name: str
+    source: str
+    moved: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class PartControl:
+    """A part's words. root: its topmost link, by its own name; keeps: its bodies stay bodies."""
+
+    prefix: str
+    root: str
+    said: SourceControl
+    keys: tuple[KeyOf, ...] = ()
+    keeps: bool = False
+    X_world_root: Pose = IDENTITY
+    """Where a fixed root is held in the part's own world."""
+
+    def prefixed(self) -> SourceControl:
+        """All of it about the names in the whole; what is the base's alone is left out."""
+        control, prefix = self.said.control, self.prefix
+        return SourceControl(
+            replace(
+                control,
+                actuators=tuple(_actuator(actuator, prefix) for actuator in control.actuators),
+                keyframes=(),
+                excludes=tuple((prefix + a, prefix + b) for a, b in control.excludes),
+                contacts=tuple((prefix + name, contact) for name, contact in control.contacts),
+                sensors=tuple(self._sensor(sensor) for sensor in control.sensors),
+                cameras=tuple(self._camera(camera) for camera in control.cameras),
+                mjcf_only=tuple(self._items()),
+            ),
+            bodies=tuple(prefix + name for name in self.said.bodies) if self.keeps else (),
+            ctrl=tuple(self._commands()),
+        )
+
+    # --- names --------------------------------------------------------------------------------
+
+    def _name(self, name: str) -> str:
+        """The world is the world, unless the part itself calls its root so."""
+        return name if name == WORLD and self.root != WORLD else self.prefix + name
+
+    def _place(self, place: Place) -> Place:
+        if place.kind == "world":
+            return Place("frame", self.prefix + WORLD) if self.root == WORLD else place
+        return replace(place, name=self._name(place.name))
+
+    def _sensor(self, sensor: Sensor) -> Sensor:
+        relative = self._place(sensor.relative_to) if sensor.relative_to else None
+        name = self.prefix + sensor.name
+        return replace(sensor, name=name, at=self._place(sensor.at), relative_to=relative)
+
+    def _items(self) -> Iterator[MjcfOnly]:
+        for item in self.said.control.mjcf_only:
+            if item.place in OF_THE_BASE:
+                continue
+            element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+            owner = self.prefix + item.owner if item.owner else ""
+            if item.place == "body" and not item.owner:
+                owner = self.prefix + self.root
+                _move(element, self.pose_in_root)
+            if element.tag in ("weld", "connect"):
+                self._hold(element)
+            for inner in element.iter():
+                for key in REFERENCES & inner.attrib.keys():
+                    if inner.get(key):
+                        inner.set(key, self._name(inner.get(key, "")))
+            yield MjcfOnly(item.place, ElementTree.tostring(element, "unicode"), owner)
+
+    def _hold(self, element: ElementTree.Element) -> None:
+        """A loop closed through the world: through the part's root, or not at all."""
+        bodies = [element.get(key) for key in ("body1", "body2") if element.get(key)]
+        if element.get("site1") or (len(bodies) == 2 and WORLD not in bodies):
+            return
+        if self.root != WORLD:
+            raise RecipeError(
+                f"<{element.tag}> `{element.get('name')}` of the part `{self.prefix}` holds "
+                f"`{bodies[0]}` to the world: on another robot it would nail that to the ground",
+                hint="hold it to a body or a site of the part in its MJCF",
+            )
+        element.attrib.setdefault("body2", WORLD)
+
+    # --- what stands in the part's own world --------------------------------------------------
+
+    @property
+    def pose_in_root(self) -> Pose:
+        """Of the part's own world, in which its root may stand anywhere."""
+        for item in self.said.control.mjcf_only:
+            if item.place == "root":
+                said = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader's
+                xyz = _numbers(said.get("pos", "0 0 0"))
+                w, x, y, z = _numbers(said.get("quat", "1 0 0 0"))
+                return Pose(vec3(xyz), normalised_quat((w, x, y, z))).inverse()
+        return self.X_world_root.inverse()
+
+    def _camera(self, camera: Camera) -> Camera:
+        """One in the part's world stands on its root now, as where it is attached in MuJoCo."""
+        link, pose = camera.link, camera.X_link_camera
+        if link is None:
+            link, pose = self.root, self.pose_in_root @ pose
+        name = self.prefix + camera.name
+        return replace(camera, name=name, link=self.prefix + link, X_link_camera=pose)
+
+    def scenery(self) -> list[str]:
+        """Names of cameras and lights in the part's own world."""
+        control = self.said.control
+        found = [camera.name for camera in control.cameras if camera.link is None]
+        for item in control.mjcf_only:
+            if item.place == "body" and not item.owner:
+                said = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+                found.append(said.get("name", ""))
+        return found
+
+    # --- poses --------------------------------------------------------------------------------
+
+    def _commands(self) -> Iterator[tuple[str, tuple[tuple[str, float], ...]]]:
+        """Of each keyframe of the whole; those of joints that the recipe moves are left out."""
+        joint_of = {a.name: a.joint for a in self.said.control.actuators if a.name}
+        said = dict(self.said.ctrl)
+        for key in self.keys:
+            yield (
+                key.name,
+                tuple(
+                    (self.prefix + drive, value)
+                    for drive, value in said.get(key.source, ())
+                    if joint_of.get(drive) not in key.moved
+                ),
+            )
+
+    def left_out(self, base: SourceControl | None) -> tuple[str, ...]:
+        """Of how the part is simulated what is neither the base's nor MuJoCo's own."""
+        timestep = base.control.simulation.timestep if base else DEFAULTS.timestep
+        own, bases = _options(self.said), _options(base)
+        found = []
+        if self.said.control.simulation.timestep not in (timestep, DEFAULTS.timestep):
+            found.append("option timestep")
+        for key, value in own.items():
+            if value not in (bases.get(key), _LIKE_MUJOCO.get(key)):
+                found.append(f"option {key}")
+        return tuple(found)
+
+
+def joined(base: SourceControl | None, parts: Mapping[str, SourceControl]) -> SourceControl:
+    """One for the whole: the base's, then each part's, prefixed already; parts: by prefix."""
+    first = base or SourceControl()
+    controls = [first.control, *(part.control for part in parts.values())]
+    ctrl = dict(first.ctrl)
+    for part in parts.values():
+        for key, values in part.ctrl:
+            ctrl[key] = (*ctrl.get(key, ()), *values)
+    return SourceControl(
+        replace(
+            first.control,
+            actuators=tuple(each for control in controls for each in control.actuators),
+            excludes=tuple(each for control in controls for each in control.excludes),
+            contacts=tuple(each for control in controls for each in control.contacts),
+            sensors=tuple(each for control in controls for each in control.sensors),
+            cameras=tuple(each for control in controls for each in control.cameras),
+            mjcf_only=tuple(each for control in controls for each in control.mjcf_only),
+        ),
+        bodies=(*first.bodies, *(body for part in parts.values() for body in part.bodies)),
+        ctrl=tuple((key, values) for key, values in ctrl.items() if values),
+        surfaces=tuple((prefix, part.control.contact) for prefix, part in parts.items()),
+    )
+
+
+def names_of(said: SourceControl) -> Iterator[tuple[str, str]]:
+    """(kind, name) of all that has a name of its own beside links, joints and shapes."""
+    for actuator in said.control.actuators:
+        if actuator.model != "passive" and actuator.name:
+            yield "actuator", actuator.name
+    yield from (("sensor", sensor.name) for sensor in said.control.sensors)
+    yield from (("camera", camera.name) for camera in said.control.cameras)
+    for item in said.control.mjcf_only:
+        element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+        if item.place in ("actuator", "sensor", "tendon", "equality") and element.get("name"):
+            yield item.place, element.get("name", "")
+
+
+def _actuator(actuator: Actuator, prefix: str) -> Actuator:
+    name = prefix + actuator.name if actuator.name else ""
+    return replace(actuator, joint=prefix + actuator.joint, name=name)
+
+
+def _options(said: SourceControl | None) -> Mapping[str, str]:
+    """Attributes of `<option>` and its flags."""
+    found: dict[str, str] = {}
+    for item in said.control.mjcf_only if said else ():
+        if item.place == "option":
+            element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+            found |= element.attrib
+            for flag in element:
+                found |= {f"flag {key}": value for key, value in flag.attrib.items()}
+    return found
+
+
+def _move(element: ElementTree.Element, X: Pose) -> None:
+    """A light of the part's world, seen from its root."""
+    if X == IDENTITY:
+        return
+    place = X.apply(np.asarray([_numbers(element.get("pos", "0 0 0"))]))[0]
+    element.set("pos", words(vec3(place)))
+    if element.get("dir"):
+        element.set("dir", words(vec3(X.rotation @ np.asarray(_numbers(element.get("dir", ""))))))
+
+
+def _numbers(text: str) -> list[float]:
+    return [float(word) for word in text.split()]

@@ -1,0 +1,1 @@
+"""Actuators, poses, contact, sensors: the recipe's tables resolved on this robot."""

@@ -1,0 +1,409 @@
+"""What the recipe adds to the geometry: actuators, poses, excludes, contact, simulation."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, Field
+
+from assetbuild.control.actuator_findings import actuator_findings, row_findings
+from assetbuild.control.senses import (
+    check_sensors,
+    contacts,
+    placed_cameras,
+    placed_sensors,
+    surface,
+)
+from assetbuild.control.source_control import Stated, join
+from assetbuild.engine.step import Files, Step
+from assetbuild.errors import did_you_mean
+from assetbuild.findings import Finding
+from assetbuild.mesh.obj import read_triangles
+from assetbuild.recipe.models import (
+    ActuatorRow,
+    Contact,
+    Exclude,
+    Keyframe,
+    Motor,
+    Recipe,
+    Simulation,
+)
+from assetbuild.recipe.names import anchored
+from assetbuild.recipe.sensing import Camera, Feet, Imu, Sensor
+from assetbuild.recipe.sides import Side, moving_by_source, side_of
+from assetbuild.robot import model
+from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, resolve
+from assetbuild.robot.chains import find_chains
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.mimic import with_mimics
+from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.source import SourceControl
+from assetbuild.robot.tree import forward_kinematics
+
+LIMIT_TOLERANCE = 1e-9
+"""rad or m; a value that was rounded from the limit itself is inside."""
+
+
+class ControlStep(Step):
+    """`control.json`: the recipe's tables, resolved on this robot.
+
+    Reads `tree.json`, `shapes.json` and the collision files of `meshes/`; of an MJCF also
+    `source_control.json`, whose words hold where the recipe has none.
+    """
+
+    version = "7"
+    outputs = ("control.json",)
+
+    rows: tuple[ActuatorRow, ...] = ()
+    motors: dict[str, Motor] = Field(default_factory=dict)
+    keyframes: dict[str, Keyframe] = Field(default_factory=dict)
+    contact: Contact = Contact.model_validate({})
+    simulation: Simulation = Simulation.model_validate({})
+    exclude: Exclude = Exclude.model_validate({})
+    feet: Feet | None = None
+    imu: Imu | None = None
+    sensors: dict[str, Sensor] = Field(default_factory=dict)
+    cameras: dict[str, Camera] = Field(default_factory=dict)
+    sides: tuple[Side, ...] = (Side(),)
+    """The robot, or each of those it is composed of: who decides what, the source or the recipe."""
+    poses: dict[str, dict[str, float]] = Field(default_factory=dict)
+    """Of parts, by pattern of joints, in keyframes that only the base's MJCF has; rad or m."""
+
+    @classmethod
+    def configure(
+        cls,
+        recipe: Recipe,
+        sides: tuple[Side, ...] = (),
+        poses: Mapping[str, Mapping[str, float]] | None = None,
+    ) -> ControlStep:
+        """The step with what the recipe says; sides, poses: of a composite."""
+        return cls(
+            rows=recipe.actuators,
+            motors=recipe.motors,
+            keyframes=dict(recipe.keyframes),
+            contact=recipe.contact,
+            simulation=recipe.simulation,
+            exclude=recipe.collision.exclude,
+            feet=recipe.feet,
+            imu=recipe.imu,
+            sensors=dict(recipe.sensors),
+            cameras=dict(recipe.cameras),
+            sides=sides or (Side.of(recipe),),
+            poses={name: dict(pose) for name, pose in (poses or {}).items()},
+        )
+
+    def check(self, tree: model.Tree) -> None:
+        """Raise the RowError that `run` would raise; for a plan that knows the tree and lines."""
+        self._resolved(tree)
+        for name, keyframe in self.keyframes.items():
+            _joint_values(tree, name, keyframe)
+        _excludes(tree, model.Shapes(), self.exclude, self.sides)
+        check_sensors(tree, self.imu, self.sensors, self.cameras)
+
+    def _resolved(self, tree: model.Tree) -> tuple[model.Actuator, ...]:
+        """The actuator table; gains by frequency are for `home`, else the first keyframe."""
+        name = next((n for n in ("home", *self.keyframes) if n in self.keyframes), None)
+        home = _joint_values(tree, name, self.keyframes[name]) if name is not None else {}
+        driven = moving_by_source(self.sides, (joint.name for joint in tree.moving_joints))
+        return resolve(tree, *_specs(self.rows, self.motors), home, driven)
+
+    def _of_parts(self, tree: model.Tree, pose: Mapping[str, float]) -> dict[str, float]:
+        """The value of each joint of the parts, by pattern; 0 where none matches."""
+        found = {
+            joint.name: value
+            for pattern, value in pose.items()
+            for joint in tree.moving_joints
+            if re.fullmatch(pattern, joint.name)
+        }
+        whole = with_mimics(tree, found)
+        return {name: q for name, q in whole.items() if side_of(self.sides, name).prefix}
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Raises RowError, with the key of the recipe, where a table does not fit the robot."""
+        tree = decode(model.Tree, (files.inputs / "tree.json").read_bytes())
+        shapes = decode(model.Shapes, (files.inputs / "shapes.json").read_bytes())
+        actuators = self._resolved(tree)
+        yield from row_findings(self.rows, tree, actuators)
+
+        ground = _Ground(tree, shapes, files.inputs / "meshes")
+        keyframes = []
+        for name, keyframe in self.keyframes.items():
+            q = with_mimics(tree, _joint_values(tree, name, keyframe))
+            yield from _limit_findings(tree, name, keyframe, q)
+            base, findings = _base(tree, name, keyframe, q, ground)
+            yield from findings
+            keyframes.append(model.Keyframe(name, tuple(q.items()), base))
+
+        yield from _same_body_findings(tree, self.exclude)
+        whole_parts = {anchored(side.prefix, ".*") for side in self.sides[1:]}
+        control = model.Control(
+            actuators=actuators,
+            keyframes=tuple(keyframes),
+            excludes=_excludes(tree, shapes, self.exclude, self.sides),
+            contact=surface(self.contact),
+            contacts=contacts(shapes, self.contact, whole_parts),
+            sensors=placed_sensors(tree, shapes, self.imu, self.feet, self.sensors),
+            cameras=placed_cameras(tree, self.cameras),
+            simulation=model.Simulation(
+                self.simulation.timestep, self.simulation.decimation, self.simulation.gravity
+            ),
+        )
+        said = files.inputs / "source_control.json"
+        if said.is_file():
+            source = decode(SourceControl, said.read_bytes())
+            rows, _ = _specs(self.rows, self.motors)
+            poses = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}
+            stated = Stated(self.sides, rows, self.contact.links, poses)
+            joined = join(control, source, tree, shapes, stated)
+            control = joined.control
+            yield from joined.findings
+        control = _with_sampled(control, files.inputs / "sampled_pairs.json")
+        only_mjcf = sum(item.place == "actuator" for item in control.mjcf_only)
+        yield from actuator_findings(
+            tree, control.actuators, has_table=bool(self.rows), only_mjcf=only_mjcf
+        )
+        (files.outputs / "control.json").write_bytes(encode(control))
+
+
+# --- actuators ------------------------------------------------------------------------------
+
+
+def _specs(
+    rows: tuple[ActuatorRow, ...], motors: Mapping[str, Motor]
+) -> tuple[tuple[RowSpec, ...], dict[str, MotorSpec]]:
+    return (
+        tuple(RowSpec(**_fields(row) | {"general": _general(row)}) for row in rows),
+        {name: MotorSpec(**_fields(motor)) for name, motor in motors.items()},
+    )
+
+
+def _fields(row: BaseModel) -> dict[str, Any]:  # Any: the dataclasses have the same fields
+    return {name: getattr(row, name) for name in type(row).model_fields}
+
+
+def _general(row: ActuatorRow) -> model.General | None:
+    return model.General(**_fields(row.general)) if row.general is not None else None
+
+
+# --- keyframes ------------------------------------------------------------------------------
+
+
+def _joint_values(tree: model.Tree, name: str, keyframe: Keyframe) -> dict[str, float]:
+    """The value of each joint that a pattern matches. RowError: none, or two patterns for one."""
+    free = [joint.name for joint in tree.moving_joints if joint.mimic is None]
+    mimics = [joint.name for joint in tree.moving_joints if joint.mimic is not None]
+    chosen: dict[str, str] = {}
+    for pattern in keyframe.joints:
+        key = ("keyframes", name, "joints", pattern)
+        names = [joint for joint in free if re.fullmatch(pattern, joint)]
+        if not names:
+            if any(re.fullmatch(pattern, joint) for joint in mimics):
+                message, hint = "matches only joints that mimic others", "set the joint they mimic"
+            else:
+                message, hint = "matches no moving joint", did_you_mean(pattern, free)
+            raise RowError(f"keyframes.{name}: pattern `{pattern}` {message}", key=key, hint=hint)
+        for joint in names:
+            if joint in chosen:
+                raise RowError(
+                    f"keyframes.{name}: joint `{joint}` is matched by "
+                    f"`{chosen[joint]}` and `{pattern}`",
+                    key=key,
+                    hint="narrow one of the two patterns",
+                )
+            chosen[joint] = pattern
+    return {joint: keyframe.joints[pattern] for joint, pattern in chosen.items()}
+
+
+def _limit_findings(
+    tree: model.Tree, name: str, keyframe: Keyframe, q: Mapping[str, float]
+) -> Iterator[Finding]:
+    for joint in tree.moving_joints:
+        lower, upper = joint.limits.lower, joint.limits.upper
+        value = q[joint.name]
+        if joint.kind == "continuous" or lower is None or upper is None:
+            if joint.kind != "prismatic" and abs(value) > 2.0 * math.pi:
+                yield _turns_finding(joint.name, name, value)
+            continue
+        if lower - LIMIT_TOLERANCE <= value <= upper + LIMIT_TOLERANCE:
+            continue
+        unit = "m" if joint.kind == "prismatic" else "rad"
+        if joint.mimic is not None:
+            hint = f"it follows `{joint.mimic.joint}`"
+        elif any(re.fullmatch(pattern, joint.name) for pattern in keyframe.joints):
+            hint = "choose a value inside the limits"
+            if joint.kind != "prismatic" and abs(value) > 2.0 * math.pi:
+                hint += f"; angles are in radians: {value:g} degrees are {math.radians(value):.4g}"
+        else:
+            hint = "no pattern of the keyframe matches it, so it is 0"
+        yield Finding(
+            rule="keyframe.limits",
+            severity="error",
+            subject=f"joint {joint.name}",
+            message=f"keyframe `{name}`: {value:g} {unit} is outside {lower:g}..{upper:g} {unit}",
+            hint=hint,
+            data={"keyframe": name, "value": value, "lower": lower, "upper": upper},
+        )
+
+
+def _turns_finding(joint: str, name: str, value: float) -> Finding:
+    """No limit says that the number is degrees."""
+    return Finding(
+        rule="keyframe.turns",
+        severity="warning",
+        subject=f"joint {joint}",
+        message=f"keyframe `{name}`: {value:g} rad are {abs(value) / (2.0 * math.pi):.1f} turns",
+        hint=f"angles are in radians: {value:g} degrees would be {math.radians(value):.4g}",
+        data={"keyframe": name, "value": value},
+    )
+
+
+def _base(
+    tree: model.Tree, name: str, keyframe: Keyframe, q: Mapping[str, float], ground: _Ground
+) -> tuple[Pose | None, list[Finding]]:
+    """X_world_root, upright; None for a fixed base."""
+    if tree.base == "fixed":
+        if keyframe.base == "on_ground":
+            return None, []
+        return None, [
+            Finding(
+                rule="keyframe.fixed_base",
+                severity="warning",
+                subject="robot",
+                message=f"keyframe `{name}`: its `base` is not used, the robot's base is fixed",
+                hint="remove `base`, or make the robot `base: floating`",
+                data={"keyframe": name},
+            )
+        ]
+    if keyframe.base != "on_ground":
+        return Pose(keyframe.base), []
+    lowest = ground.lowest(q)
+    if lowest is not None:
+        return Pose((0.0, 0.0, 0.0 - lowest)), []
+    return Pose(), [
+        Finding(
+            rule="keyframe.no_ground",
+            severity="warning",
+            subject="robot",
+            message=f"keyframe `{name}`: no collision geometry to put on the ground; z = 0",
+            hint="give the links collision geometry, or the keyframe `base: [x, y, z]`",
+            data={"keyframe": name},
+        )
+    ]
+
+
+class _Ground:
+    """The lowest collision point of the robot; mesh files are read once, when first needed."""
+
+    def __init__(self, tree: model.Tree, shapes: model.Shapes, mesh_dir: Path) -> None:
+        self._tree, self._shapes, self._mesh_dir = tree, shapes.of("collision"), mesh_dir
+        self._files = {asset.name: asset.file for asset in shapes.meshes}
+        self._vertices: dict[str, Array] = {}
+
+    def lowest(self, q: Mapping[str, float]) -> float | None:
+        """z of the lowest point in the root's frame, m; None without collision geometry."""
+        X_root_body = forward_kinematics(self._tree, q)
+        found = []
+        for shape in self._shapes:
+            body, X_body_link = self._tree.placement(shape.link)
+            X_root_shape = X_root_body[body] @ X_body_link @ shape.X_link_shape
+            found.append(self._bottom(shape.geometry, X_root_shape))
+        return min(found, default=None)
+
+    def _bottom(self, geometry: model.Geometry, X_root_shape: Pose) -> float:
+        if isinstance(geometry, model.Mesh):
+            points = self._mesh(geometry.mesh) * np.asarray(geometry.scale)
+            return float(X_root_shape.apply(points)[:, 2].min())
+        return X_root_shape.xyz[2] - half_height(geometry, X_root_shape.rotation[2])
+
+    def _mesh(self, name: str) -> Array:
+        if name not in self._vertices:
+            path = self._mesh_dir / self._files[name]
+            mesh = read_triangles(path.read_bytes(), f"mesh {name}")
+            self._vertices[name] = mesh.vertices[np.unique(mesh.faces)]
+        return self._vertices[name]
+
+
+def half_height(
+    geometry: model.Box | model.Sphere | model.Cylinder | model.Capsule, up: Array
+) -> float:
+    """How far a primitive reaches from its centre towards `up`, m: its support function.
+
+    up: (3,) unit vector in the frame of the primitive.
+    """
+    if isinstance(geometry, model.Sphere):
+        return geometry.radius
+    if isinstance(geometry, model.Box):
+        return float(np.abs(up) @ np.asarray(geometry.size)) / 2
+    along = abs(float(up[2])) * geometry.length / 2
+    if isinstance(geometry, model.Capsule):
+        return along + geometry.radius
+    return along + geometry.radius * float(np.hypot(up[0], up[1]))
+
+
+# --- excludes -------------------------------------------------------------------------------
+
+
+def _excludes(
+    tree: model.Tree, shapes: model.Shapes, exclude: Exclude, sides: tuple[Side, ...]
+) -> tuple[tuple[str, str], ...]:
+    """Sorted pairs of bodies. Raises RowError for an unknown link."""
+    pairs = {_bodies(tree, index, pair) for index, pair in enumerate(exclude.pairs)}
+    joined = [(joint.parent, joint.child) for joint in tree.joints]
+    # A ball joint of three hinges is one joint to the two bodies that it connects.
+    chains = find_chains(tree, {shape.link for shape in shapes.shapes})
+    joined += [(chain.parent, chain.body) for chain in chains]
+    for a, b in joined:
+        of_a, of_b = side_of(sides, a), side_of(sides, b)
+        if of_b.adjacent or of_a != of_b:  # what a mount holds together
+            pairs.add(_sorted(a, b))
+    return tuple(sorted(pair for pair in pairs if pair[0] != pair[1]))
+
+
+def _bodies(tree: model.Tree, index: int, pair: tuple[str, str]) -> tuple[str, str]:
+    bodies = []
+    for side, link in enumerate(pair):
+        try:
+            bodies.append(tree.placement(link)[0])
+        except KeyError:
+            known = [body.name for body in tree.bodies] + [frame.name for frame in tree.frames]
+            raise RowError(
+                f"collision.exclude.pairs[{index}]: no link `{link}`",
+                key=("collision", "exclude", "pairs", index, side),
+                hint=did_you_mean(link, known),
+            ) from None
+    return _sorted(*bodies)
+
+
+def _with_sampled(control: model.Control, path: Path) -> model.Control:
+    """The excludes and the pairs that sampling found, where it ran."""
+    if not path.is_file():
+        return control
+    sampled = json.loads(path.read_bytes())
+    pairs = {_sorted(*pair) for kind in ("always", "never") for pair in sampled[kind]}
+    return replace(control, excludes=tuple(sorted({*control.excludes, *pairs})))
+
+
+def _same_body_findings(tree: model.Tree, exclude: Exclude) -> Iterator[Finding]:
+    for index, pair in enumerate(exclude.pairs):
+        body, other = _bodies(tree, index, pair)
+        if body == other:
+            yield Finding(
+                rule="exclude.same_body",
+                severity="info",
+                subject=f"link {pair[0]}",
+                message=f"excluding `{pair[0]}` and `{pair[1]}` changes nothing: "
+                f"fixed joints merged both into `{body}`",
+                hint="remove the pair",
+                data={"other": pair[1], "body": body},
+            )
+
+
+def _sorted(a: str, b: str) -> tuple[str, str]:
+    return (a, b) if a <= b else (b, a)

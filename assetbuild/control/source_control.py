@@ -1,0 +1,404 @@
+"""What an MJCF says beyond links and shapes, joined with what the recipe says: the recipe wins."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import TypeVar
+from xml.etree import ElementTree
+
+from assetbuild.control.senses import changed
+from assetbuild.findings import Finding
+from assetbuild.recipe.sides import Side, side_of
+from assetbuild.recipe.surface import Surface
+from assetbuild.robot.actuators import RowSpec
+from assetbuild.robot.model import (
+    Actuator,
+    Camera,
+    Contact,
+    Control,
+    Keyframe,
+    MjcfOnly,
+    Place,
+    Sensor,
+    Shapes,
+    Simulation,
+    Tree,
+)
+from assetbuild.robot.source import SourceControl
+
+BODY_NAMES = ("body", "body1", "body2", "target")
+"""Attributes that name a body, in the elements that `MjcfOnly` holds."""
+
+
+T = TypeVar("T", Sensor, Camera)
+
+
+@dataclass
+class Joined:
+    """The control of the robot, and what is said about joining."""
+
+    control: Control
+    findings: list[Finding] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What the recipe says. sides: see `Side`; rows: of the actuator table; surfaces: by pattern
+    of links; poses: of parts in keyframes that only the base's source has, by joint.
+    """
+
+    sides: Sequence[Side] = (Side(from_mjcf=True),)
+    rows: tuple[RowSpec, ...] = ()
+    surfaces: Mapping[str, Surface] = field(default_factory=dict)
+    poses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    @property
+    def base(self) -> Side:
+        """The robot that carries the others."""
+        return self.sides[0]
+
+    def replaces(self, joint: str) -> bool:
+        """Whether the recipe says what drives a joint."""
+        rows = any(re.fullmatch(row.joints, joint) for row in self.rows)
+        return rows or not side_of(self.sides, joint).drives_itself
+
+
+def join(
+    control: Control, source: SourceControl, tree: Tree, shapes: Shapes, stated: Stated
+) -> Joined:
+    """The source's words where the recipe has none. control: as the recipe alone makes it."""
+    said, findings = source.control, list[Finding]()
+    bodies = _Bodies(tree, findings)
+    contact, contacts = _contacts(control.contact, source, shapes, stated, findings)
+    keyframes = _keyframes(control.keyframes, said.keyframes, tree, stated.poses)
+    mjcf_only = tuple(_kept(said, bodies, shapes, stated, findings))
+    mjcf_only += tuple(_commands(source, keyframes, stated))
+    joined = replace(
+        control,
+        actuators=_actuators(control, said, stated),
+        keyframes=keyframes,
+        excludes=tuple(sorted({*control.excludes, *bodies.pairs(said.excludes)})),
+        contact=contact,
+        contacts=contacts,
+        simulation=_simulation(control.simulation, said.simulation, stated.base),
+        sensors=_by_name(control.sensors, [s for s in said.sensors if bodies.has_all(s)]),
+        cameras=_by_name(control.cameras, said.cameras),
+        mjcf_only=mjcf_only,
+    )
+    return Joined(joined, [*findings, *explain_opaque(mjcf_only)])
+
+
+def _by_name(own: tuple[T, ...], said: Sequence[T]) -> tuple[T, ...]:
+    """The source's, then those of the recipe; one with the same name takes its place."""
+    anew: dict[str, T] = {thing.name: thing for thing in own}
+    kept: list[T] = [anew.pop(thing.name, thing) for thing in said]
+    return tuple(kept + list(anew.values()))
+
+
+# --- drives and poses -----------------------------------------------------------------------
+
+
+def _actuators(control: Control, said: Control, stated: Stated) -> tuple[Actuator, ...]:
+    """One for each moving joint in tree order; a row without armature leaves the source's."""
+    rows = stated.rows
+    silent = [row.joints for row in rows if row.armature is None and row.motor is None]
+
+    def chosen(actuator: Actuator) -> Actuator:
+        name = actuator.joint
+        before = said.by_joint.get(name)
+        if not stated.replaces(name):
+            return before or Actuator(name, "passive")
+        mute = any(re.fullmatch(pattern, name) for pattern in silent)
+        unmatched = not any(re.fullmatch(row.joints, name) for row in rows)
+        if before is None or not (mute or unmatched):
+            return actuator
+        return replace(actuator, armature=before.armature)
+
+    return tuple(chosen(actuator) for actuator in control.actuators)
+
+
+def _keyframes(
+    own: tuple[Keyframe, ...],
+    said: tuple[Keyframe, ...],
+    tree: Tree,
+    poses: Mapping[str, Mapping[str, float]],
+) -> tuple[Keyframe, ...]:
+    """The recipe's first, then those of the source that it does not say anew."""
+    taken = {key.name for key in own}
+    order = [joint.name for joint in tree.moving_joints]
+    more = []
+    for key in said:
+        if key.name not in taken:
+            values = dict(key.joints) | dict(poses.get(key.name, {}))
+            joints = tuple((name, values.get(name, 0.0)) for name in order)
+            more.append(Keyframe(key.name, joints, key.base if tree.base == "floating" else None))
+    return (*own, *more)
+
+
+def _commands(
+    source: SourceControl, keyframes: tuple[Keyframe, ...], stated: Stated
+) -> Iterator[MjcfOnly]:
+    """The commands of the source's keyframes, by actuator.
+
+    A drive whose joint stands elsewhere now than in the source gets the command of that place.
+    """
+    joint_of = {a.name: a.joint for a in source.control.actuators if a.name}
+    before = {key.name: dict(key.joints) for key in source.control.keyframes}
+    now = {key.name: dict(key.joints) for key in keyframes}
+    for key, values in source.ctrl:
+        element = ElementTree.Element("key")
+        for actuator, value in values:
+            joint = joint_of.get(actuator)
+            if joint is None:
+                if "actuators" in side_of(stated.sides, actuator).stated:
+                    continue
+            elif stated.replaces(joint) or _moved(joint, before.get(key, {}), now.get(key, {})):
+                continue
+            ElementTree.SubElement(element, "ctrl", {"actuator": actuator, "value": repr(value)})
+        if len(element):
+            yield MjcfOnly("keyframe", ElementTree.tostring(element, "unicode"), key)
+
+
+def _moved(joint: str, before: Mapping[str, float], now: Mapping[str, float]) -> bool:
+    return joint in before and before[joint] != now.get(joint, before[joint])
+
+
+def _simulation(own: Simulation, said: Simulation, base: Side) -> Simulation:
+    """Of a composite as the base says; only an MJCF says anything itself."""
+    if not base.from_mjcf:
+        return own
+    return Simulation(
+        own.timestep if "simulation.timestep" in base.stated else said.timestep,
+        own.decimation,
+        own.gravity if "simulation.gravity" in base.stated else said.gravity,
+    )
+
+
+# --- surfaces -------------------------------------------------------------------------------
+
+
+def _contacts(
+    own: Contact, source: SourceControl, shapes: Shapes, stated: Stated, findings: list[Finding]
+) -> tuple[Contact, tuple[tuple[str, Contact], ...]]:
+    """The common surface and those that differ; what the recipe says holds for all of them."""
+    said, by_prefix = source.control, dict(source.surfaces)
+    names = {f.name for f in fields(Contact)} & {
+        key.removeprefix("contact.") for key in stated.base.stated
+    }
+
+    def with_recipe(contact: Contact) -> Contact:
+        return replace(contact, **{name: getattr(own, name) for name in names})
+
+    common, by_shape = own, dict(said.contacts)
+    if stated.base.from_mjcf:
+        common = with_recipe(said.contact)
+    contacts, anew = [], dict[str, list[str]]()
+    for shape in shapes.of("collision"):
+        side, now = side_of(stated.sides, shape.link), own
+        if side.from_mjcf:
+            before = by_shape.get(shape.name) or by_shape.get(re.sub(r"_\d+$", "", shape.name))
+            if before is None:
+                anew.setdefault(side.prefix, []).append(shape.name)
+            now = before or by_prefix.get(side.prefix, said.contact)
+            now = with_recipe(now) if side == stated.base else now
+        now = changed(now, stated.surfaces, shape.link)
+        if now != common:
+            contacts.append((shape.name, now))
+    for prefix, shown in anew.items():
+        of_side = {c for n, c in by_shape.items() if side_of(stated.sides, n).prefix == prefix}
+        if len(of_side) > 1:
+            findings.append(_new_shapes(shown))
+    return common, tuple(contacts)
+
+
+def _new_shapes(names: list[str]) -> Finding:
+    shown = ", ".join(f"`{name}`" for name in names[:6]) + (", ..." if len(names) > 6 else "")
+    return Finding(
+        "mjcf.new_surface",
+        "info",
+        "recipe collision",
+        f"{len(names)} collision shapes are not the source's: {shown}; they have the surface that "
+        "most shapes of the source have",
+        "use `method: keep` to keep the source's shapes with their own surfaces",
+        data={"shapes": len(names)},
+    )
+
+
+# --- what only MJCF says --------------------------------------------------------------------
+
+
+def _kept(
+    said: Control,
+    bodies: _Bodies,
+    shapes: Shapes,
+    stated: Stated,
+    findings: list[Finding],
+) -> Iterator[MjcfOnly]:
+    """All but what the recipe replaced, and what names a body that was merged away."""
+    shown = [shape.name for shape in shapes.shapes]
+    named = {item.owner for item in said.mjcf_only if item.place == "shape"} | dict(
+        said.contacts
+    ).keys()
+    materials = {material.name for material in shapes.materials}
+    replaced, gone = _replaced(said, stated), []
+    for item in said.mjcf_only:
+        if item.place == "actuator" and _attribute(item, "name") in replaced:
+            continue
+        if item.place == "drive" and stated.replaces(item.owner):
+            continue
+        if item.place == "sensor" and _attribute(item, "actuator") in replaced:
+            findings.append(_sensor_of_drive(item))
+            continue
+        if item.place == "shape":
+            pieces = [
+                n for n in shown if _is_piece(n, item.owner) and (n == item.owner or n not in named)
+            ]
+            yield from (replace(item, owner=name) for name in pieces)
+            gone += [] if pieces else [item.owner]
+        elif item.place == "material" and item.owner not in materials:
+            continue
+        elif item.place == "option":
+            yield _unsaid(item, stated.base.stated)
+        elif bodies.keeps(item):
+            yield item
+    if gone:
+        findings.append(_gone(gone))
+
+
+def _replaced(said: Control, stated: Stated) -> frozenset[str]:
+    """Names of the source's drives that the recipe's table takes the place of."""
+    found = {a.name for a in said.actuators if a.name and stated.replaces(a.joint)}
+    for item in said.mjcf_only:
+        if item.place == "actuator":
+            name, joint = _attribute(item, "name"), _attribute(item, "joint")
+            whole_table = "actuators" in side_of(stated.sides, name).stated
+            if whole_table or (joint and stated.replaces(joint)):
+                found.add(name)
+    return frozenset(found)
+
+
+def _attribute(item: MjcfOnly, key: str) -> str:
+    return ElementTree.fromstring(item.element).get(key, "")  # noqa: S314 # our own reader wrote it
+
+
+def _unsaid(item: MjcfOnly, stated: Collection[str]) -> MjcfOnly:
+    """Options of the source that the recipe does not state itself. stated: of the base."""
+    element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+    for key in list(element.attrib):
+        if f"mjcf.{key}" in stated:
+            del element.attrib[key]
+    return replace(item, element=ElementTree.tostring(element, "unicode"))
+
+
+def _sensor_of_drive(item: MjcfOnly) -> Finding:
+    return Finding(
+        "mjcf.dropped",
+        "warning",
+        "recipe actuators",
+        f"a sensor of a drive that the recipe replaced was left out: {item.element}",
+        "name a sensor of the joint under `sensors:`",
+        data={"element": "sensor", "count": 1},
+    )
+
+
+def _is_piece(name: str, source: str) -> bool:
+    """Whether a shape is one of the source or a piece of it: `trunk`, `trunk_2`."""
+    return name == source or re.fullmatch(re.escape(source) + r"_\d+", name) is not None
+
+
+def _gone(names: list[str]) -> Finding:
+    return Finding(
+        "mjcf.dropped",
+        "info",
+        "recipe collision",
+        f"{len(names)} geoms of the source have other shapes now: what only MJCF says of "
+        f"`{names[0]}` and the like was left out",
+        "use `method: keep` to keep the source's shapes",
+        data={"element": "geom", "count": len(names)},
+    )
+
+
+class _Bodies:
+    """Which bodies of the source are still bodies."""
+
+    def __init__(self, tree: Tree, findings: list[Finding]) -> None:
+        self._tree, self._findings = tree, findings
+        self._frames = {frame.name for frame in tree.frames}
+
+    def pairs(self, pairs: tuple[tuple[str, str], ...]) -> Iterator[tuple[str, str]]:
+        """Excluded pairs, between the bodies that their links became part of."""
+        for pair in pairs:
+            a, b = sorted(self._tree.placement(link)[0] for link in pair)
+            if a != b:
+                yield a, b
+
+    def has_all(self, sensor: Sensor) -> bool:
+        """Whether the bodies are there that a sensor looks at."""
+        places = [place for place in (sensor.at, sensor.relative_to) if place]
+        return all(self._has(place, f"sensor `{sensor.name}`") for place in places)
+
+    def keeps(self, item: MjcfOnly) -> bool:
+        """Whether the bodies are there that an element stands on or names."""
+        element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+        names = [value for key in BODY_NAMES if (value := element.get(key))]
+        names += [
+            element.get(f"{side}name", "")
+            for side in ("obj", "ref")
+            if element.get(f"{side}type") in ("body", "xbody")
+        ]
+        if item.place in ("body", "root") and item.owner:
+            names.append(item.owner)
+        what = f"<{element.tag}> `{element.get('name', '')}`"
+        return all(self._has(Place("body", name), what) for name in names)
+
+    def _has(self, place: Place, what: str) -> bool:
+        if place.kind != "body" or place.name == "world" or place.name in self._tree.by_body:
+            return True
+        self._findings.append(
+            Finding(
+                "mjcf.dropped",
+                "warning",
+                f"link {place.name}",
+                f"{what} was left out: its body `{place.name}` was merged into another",
+                f"name `{place.name}` in `fixed_joints.keep_bodies`",
+                data={"element": what, "count": 1},
+            )
+        )
+        return False
+
+
+def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
+    """One finding for each kind of thing that only the MJCF holds."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for item in items:
+        element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+        said = _SAID_OF.get(item.place, _element_of)(element)
+        groups.setdefault((item.place, said), []).append(item.owner or element.get("name", ""))
+    for (place, said), owners in groups.items():
+        names = [f"`{name}`" for name in owners if name]
+        shown = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
+        of = f" of {_WORDS.get(place, place)} {shown}" if names else ""
+        yield Finding(
+            "mjcf.only",
+            "info",
+            "robot",
+            f"{said}{of}: in the MJCF only, URDF and USD have no place for it",
+            data={"place": place, "said": said, "count": len(owners)},
+        )
+
+
+def _attributes_of(element: ElementTree.Element) -> str:
+    return ", ".join(f"`{key}`" for key in element.attrib)
+
+
+def _element_of(element: ElementTree.Element) -> str:
+    return f"<{element.tag}>"
+
+
+_SAID_OF: Mapping[str, Callable[[ElementTree.Element], str]] = dict.fromkeys(
+    ("joint", "shape", "frame", "camera", "material", "option", "drive", "mimic", "root"),
+    _attributes_of,
+)
+_WORDS = {"shape": "geom", "frame": "site", "drive": "actuator", "mimic": "coupled joint"}

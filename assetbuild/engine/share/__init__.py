@@ -1,0 +1,1 @@
+"""Several machines: a remote cache and a cluster, both optional."""

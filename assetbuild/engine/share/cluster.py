@@ -1,0 +1,155 @@
+"""Steps on other machines, through dask.distributed; data go through the shared cache.
+
+dask carries plain JSON: what to run and the digests of its inputs one way, findings or an error
+the other. A worker fetches what its own store lacks, runs the same child process as a build here
+does, and offers the results to the shared cache, from where they are taken, verified.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import secrets
+from collections.abc import Mapping
+from typing import Any
+from urllib.parse import urlsplit
+
+from assetbuild.engine.children import CancelledError
+from assetbuild.engine.graph import Node
+from assetbuild.engine.keys import Parts, key_of
+from assetbuild.engine.session import Made, Session
+from assetbuild.engine.share.remote import Remote
+from assetbuild.engine.wire import error_from_json, step_to_json
+from assetbuild.errors import MachineError, UsageError
+
+CONNECT_S = 10.0
+SCHEMES = {"dask": "tcp", "dask+tls": "tls"}
+
+
+def scheduler_address(executor: str) -> str:
+    """`tcp://host:port` of `dask://host:port`, `tls://...` of `dask+tls://...`. UsageError."""
+    parts = urlsplit(executor)
+    try:
+        address = f"{SCHEMES[parts.scheme]}://{parts.hostname}:{parts.port or 8786}"
+    except (KeyError, ValueError):
+        address = ""
+    if not address or not parts.hostname or parts.path.strip("/"):
+        raise UsageError(
+            f"`{executor}` is no executor",
+            hint="say `local`, `dask://HOST:PORT`, or `dask+tls://HOST:PORT`",
+        )
+    return address
+
+
+class Cluster:
+    """A connection to a scheduler. `run` may be called from many threads.
+
+    remote: must be written to. MachineError when nobody answers at the address.
+    """
+
+    def __init__(self, executor: str, remote: Remote) -> None:
+        address = scheduler_address(executor)
+        try:
+            import distributed
+        except ImportError:
+            raise MachineError(
+                "an executor of dask needs the Python package `distributed`",
+                hint="pip install 'assetbuild[dask]'",
+            ) from None
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        self._remote = remote
+        self._closed = False
+        connect: Any = distributed.Client  # Any: distributed has hardly any types
+        try:
+            self._client = connect(address, timeout=CONNECT_S, set_as_default=False)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise MachineError(
+                f"no scheduler answers at {address}: {error or 'it took too long'}",
+                hint="start one by `dask scheduler`, see docs/how-to/cluster.md",
+            ) from None
+
+    @property
+    def places(self) -> int:
+        """Steps that all workers together run at once; at least 1, as workers may still come."""
+        return max(1, sum(int(count) for count in self._client.nthreads().values()))
+
+    def run(self, node: Node, parts: Parts, session: Session) -> Made:
+        """Run a step on some worker; its results are in the store afterwards. AssetBuildError."""
+        key = key_of(parts)
+        inputs = {str(name): str(digest) for name, digest in _dict(parts["inputs"]).items()}
+        objects = _objects(inputs, session)
+        for digest in objects:
+            session.object(digest)  # a source comes into the store first
+        if not self._remote.send(objects, session.store):
+            raise _cache_failed(node)
+        spec = {
+            "label": node.label,
+            "key": key,
+            "parts": parts,
+            "step": step_to_json(node.step),
+            "inputs": inputs,
+            "objects": objects,
+            "remote": self._remote.address,
+            "sandbox": session.sandbox,
+        }
+        answer = self._answer(node, json.dumps(spec))
+        if "error" in answer:
+            raise error_from_json(_dict(answer["error"]))
+        made = session.fetched(key)
+        if made is None:
+            raise _cache_failed(node)
+        return made
+
+    def _answer(self, node: Node, spec: str) -> dict[str, Any]:  # Any: JSON
+        from distributed import CancelledError as FutureCancelledError
+        from distributed.scheduler import KilledWorker
+
+        from assetbuild.engine.share.cluster_worker import run_action
+
+        # Not `pure`: dask would answer from its own memory, and the store is what is verified.
+        name = f"{node.label}-{secrets.token_hex(8)}"
+        future = self._client.submit(run_action, spec, pure=False, key=name)
+        try:
+            answer: dict[str, Any] = json.loads(future.result())
+        except KilledWorker:
+            raise MachineError(
+                f"worker after worker died while step `{node.label}` was on it",
+                hint="look at the logs of the workers: were they out of memory?",
+            ) from None
+        except FutureCancelledError:
+            if self._closed:
+                raise CancelledError from None
+            raise MachineError(f"the scheduler gave up step `{node.label}`") from None
+        except (OSError, TimeoutError, ImportError, ValueError) as error:
+            raise MachineError(f"step `{node.label}` could not run on a worker: {error}") from None
+        finally:
+            future.release()
+        return answer
+
+    def close(self) -> None:
+        """Give up what is not finished."""
+        self._closed = True
+        self._client.close(timeout=1)
+
+
+def _objects(inputs: Mapping[str, str], session: Session) -> dict[str, int]:
+    """Digest -> size in bytes of each input, and of each member of those that are folders."""
+    found: dict[str, int] = {}
+    for name, digest in inputs.items():
+        found[digest] = session.object(digest).stat().st_size
+        if name.endswith("/"):
+            found |= dict(session.tree(digest).values())
+    return found
+
+
+def _cache_failed(node: Node) -> MachineError:
+    return MachineError(
+        f"the shared cache failed while step `{node.label}` ran on a worker",
+        hint="inputs and results go through it; can this machine and the workers write to it?",
+    )
+
+
+def _dict(value: object) -> dict[str, Any]:  # Any: JSON
+    if not isinstance(value, dict):
+        raise TypeError("not an object")
+    return value

@@ -1,0 +1,283 @@
+"""A cache that machines share: what a step made, by its key, at `ac/<key>` and `cas/<sha256>`.
+
+Whatever goes wrong is a miss: a build never fails, and never waits long, because of the cache.
+Objects are verified by their digest. Action entries cannot be, so with a key they are signed, and
+others are refused. How names are read and written is a matter of the place: HTTP or S3.
+"""
+
+from __future__ import annotations
+
+import hmac
+import http.client
+import json
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+from urllib.parse import urlsplit
+
+from assetbuild.engine.digest import canonical_json
+from assetbuild.engine.store import LostObjectError, Store
+from assetbuild.errors import UsageError
+
+ENTRY_FORMAT = 1
+ENTRY_BYTES = 16 << 20
+"""No action entry is larger."""
+TOLERATED_ERRORS = 3
+
+FAULTS = (
+    OSError,
+    http.client.HTTPException,
+    ValueError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    RecursionError,
+    LostObjectError,
+)
+"""What a server that misbehaves can cause."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What the shared cache may cost one build.
+
+    request_s: for one request, on top of the time that its size allows. lost_s: for requests
+    that failed, all together; errors: so many requests; then the cache is left alone.
+    object_bytes: of one action.
+    """
+
+    request_s: float = 10.0
+    lost_s: float = 20.0
+    object_bytes: int = 4 << 30
+    errors: int = TOLERATED_ERRORS
+
+
+class Exchange(Protocol):
+    """A few requests to one place; each within its time, each body within its size."""
+
+    def get(self, name: str, limit: int) -> bytes | None:
+        """A small body; None when there is none of this name."""
+        ...
+
+    def save(self, name: str, size: int, dest: Path) -> None:
+        """Write a body of exactly `size` bytes to a file."""
+        ...
+
+    def has(self, name: str) -> bool:
+        """Is it there already?"""
+        ...
+
+    def put(self, name: str, body: bytes | Path) -> None:
+        """Upload bytes or a file."""
+        ...
+
+    def close(self) -> None:
+        """No more requests."""
+        ...
+
+
+class Place(Protocol):
+    """Where the cache is. name: for messages, without credentials."""
+
+    name: str
+
+    def exchange(self) -> Exchange:
+        """For one thread."""
+        ...
+
+
+def place_of(url: str, request_s: float) -> Place:
+    """The place that an address names. UsageError; MachineError when a library is missing."""
+    parts = urlsplit(url)
+    if parts.scheme in ("http", "https") and parts.hostname:
+        from assetbuild.engine.share.remote_http import HttpPlace
+
+        return HttpPlace(parts, request_s)
+    if parts.scheme == "s3" and parts.hostname:
+        from assetbuild.engine.share.remote_s3 import S3Place
+
+        return S3Place(parts, request_s)
+    raise UsageError(
+        "`--remote` takes the address of an HTTP cache or of an S3 bucket",
+        hint="as in `https://cache.example.org:8080` or `s3://bucket/prefix`",
+    )
+
+
+class Remote:
+    """The shared cache of one build. Threads may share it.
+
+    url: `http://host:port/prefix`, with `user:password@` if the server wants them, or
+    `s3://bucket/prefix`. UsageError.
+    key: secret that signs action entries; empty = unsigned. warn: called once, when first
+    something goes wrong.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        key: str = "",
+        write: bool = False,
+        budget: Budget | None = None,
+        warn: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self._budget = budget or Budget()
+        self._place = place_of(url, self._budget.request_s)
+        self._key = key.encode()
+        self._write = write
+        self._warn = warn
+        self._lock = threading.Lock()
+        self._asked: set[str] = set()
+        self._there: set[str] = set()
+        self._errors = 0
+        self._lost_s = 0.0
+        self._warned = False
+
+    @property
+    def is_given_up(self) -> bool:
+        """Did it fail so often or cost so much that this build leaves it alone?"""
+        return self._errors >= self._budget.errors or self._lost_s >= self._budget.lost_s
+
+    @property
+    def address(self) -> str:
+        """Without credentials."""
+        return self._place.name
+
+    def get(
+        self, key: str, store: Store, *, again: bool = False
+    ) -> dict[str, Any] | None:  # Any: JSON
+        """What a step with this key made elsewhere, all its objects now in the store, or None.
+
+        Each key is asked for once in a build, unless `again`. MachineError when the store cannot
+        take it.
+        """
+        with self._lock:
+            if key in self._asked and not again:
+                return None
+            self._asked.add(key)
+        with self._tolerant("read") as exchange:
+            if exchange is None:
+                return None
+            data = exchange.get(f"ac/{key}", ENTRY_BYTES)
+            if data is None:
+                return None
+            entry = json.loads(data)
+            result, objects = self._checked(key, entry)
+            if sum(objects.values()) > self._budget.object_bytes:
+                raise ValueError("a result is larger than its budget")
+            self._download(objects, store, exchange)
+            return result
+        return None
+
+    def put(self, key: str, result: Mapping[str, object], store: Store) -> bool:
+        """Offer what a step with this key made: objects first, then the action. Is it there?"""
+        if not self._write:
+            return False
+        with self._tolerant("write") as exchange:
+            if exchange is None:
+                return False
+            objects = _objects_of(result, store)
+            self._upload(objects, store, exchange)
+            entry = {
+                "format": ENTRY_FORMAT,
+                "key": key,
+                "result": dict(result),
+                "objects": objects,
+            }
+            if self._key:
+                entry["signature"] = self._signature(entry)
+            exchange.put(f"ac/{key}", canonical_json(entry))
+            return True
+        return False
+
+    def send(self, objects: Iterable[str], store: Store) -> bool:
+        """Upload those objects that are not there yet. Are all of them there now?"""
+        with self._tolerant("write") as exchange:
+            if exchange is not None and self._write:
+                self._upload(objects, store, exchange)
+                return True
+        return False
+
+    def fetch(self, objects: Mapping[str, int], store: Store) -> bool:
+        """Download those objects (digest -> size in bytes) that the store lacks. Has it all?"""
+        with self._tolerant("read") as exchange:
+            if exchange is not None:
+                self._download(objects, store, exchange)
+                return True
+        return False
+
+    def _upload(self, objects: Iterable[str], store: Store, exchange: Exchange) -> None:
+        for digest in sorted(set(objects) - self._there):
+            if not exchange.has(f"cas/{digest}"):
+                exchange.put(f"cas/{digest}", store.path(digest))
+            self._there.add(digest)
+
+    def _checked(self, key: str, entry: Any) -> tuple[dict[str, Any], dict[str, int]]:  # Any: JSON
+        """Result and objects of an entry that is for this key, and signed if it must be."""
+        if entry["format"] != ENTRY_FORMAT or entry["key"] != key:
+            raise ValueError("an entry is not for its key")
+        if self._key:
+            signed = {name: value for name, value in entry.items() if name != "signature"}
+            if not hmac.compare_digest(str(entry.get("signature")), self._signature(signed)):
+                raise ValueError("an entry is not signed with our key")
+        result, objects = entry["result"], entry["objects"]
+        if not isinstance(result, dict) or not isinstance(result["outputs"], dict):
+            raise TypeError("an entry holds no result")
+        sizes = {str(digest): int(size) for digest, size in objects.items()}
+        if any(size < 0 for size in sizes.values()):
+            raise ValueError("an entry lists a negative size")
+        return result, sizes
+
+    def _signature(self, entry: Mapping[str, object]) -> str:
+        text = b"assetbuild action entry\n" + canonical_json(dict(entry))
+        return hmac.new(self._key, text, "sha256").hexdigest()
+
+    def _download(self, objects: Mapping[str, int], store: Store, exchange: Exchange) -> None:
+        folder = store.scratch()
+        try:
+            for digest, size in sorted(objects.items()):
+                if store.has(digest):
+                    continue
+                beside = folder / "object"
+                exchange.save(f"cas/{digest}", size, beside)
+                if store.put_file(beside, move=True) != digest:
+                    raise ValueError("an object has not the bytes of its name")
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    @contextmanager
+    def _tolerant(self, what: str) -> Iterator[Exchange | None]:
+        """An exchange with the server; None when it is given up. Faults are counted, told once."""
+        if self.is_given_up:
+            yield None
+            return
+        exchange = self._place.exchange()
+        began = time.monotonic()
+        try:
+            yield exchange
+        except FAULTS as error:
+            with self._lock:
+                self._errors += 1
+                self._lost_s += time.monotonic() - began
+                first, self._warned = not self._warned, True
+            if first:
+                reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+                place = f"the shared cache {self._place.name}"
+                self._warn(f"warning: cannot {what} {place}: {reason}; going on without")
+        finally:
+            exchange.close()
+
+
+def _objects_of(result: Mapping[str, Any], store: Store) -> dict[str, int]:  # Any: JSON
+    """Digest -> size of every output, and of every member of those that are folders."""
+    found: dict[str, int] = {}
+    for name, digest in result["outputs"].items():
+        found[digest] = store.path(digest).stat().st_size
+        if name.endswith("/"):
+            found |= dict(store.tree(digest).values())
+    return found

@@ -1,0 +1,1 @@
+"""Meshes and textures: converted, thinned, given collision geometry, put in place."""

@@ -1,0 +1,325 @@
+"""Which collision method works on which shapes, with which fields; and which shapes are equal."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, get_args
+
+import numpy as np
+
+from assetbuild.collision import CollisionMethod, Likeness, PlacedSource, ProbeSource
+from assetbuild.engine.graph import Node, Planner, Ref
+from assetbuild.errors import RecipeError, did_you_mean
+from assetbuild.geometry.match_shapes import MatchShapes
+from assetbuild.kinds import load_plugin, plugin_names
+from assetbuild.mesh.read import Format
+from assetbuild.recipe.collision import PRESETS, CollisionRule, Region, ToleranceRegion
+from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.model import Mesh, Shape, Shapes, Tree
+from assetbuild.robot.pose import Pose, Vec3, vec3
+from assetbuild.source.get.from_folder import is_file
+
+BUILT_IN = ("keep", "none")
+"""Methods that need no step of their own."""
+DECOMPOSING = ("auto", "coacd", "vhacd", "spheres")
+"""Methods whose result is worth the search for an equal shape."""
+BONE_M = 0.02
+"""A joint nearer to the link's frame gives no direction."""
+_NOT_FIELDS = {"method", "from_", "preset", "keep_open", "regions"}
+
+
+@dataclass(frozen=True)
+class OwnMesh:
+    """A mesh file of the user's own that is a collision piece. path: absolute."""
+
+    path: Path
+    scale: Vec3
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """One collision use of a link. method: None = its shapes as they are.
+
+    fields: of the step, from the recipe; without sources and probes. own: inputs `own/<number>`.
+    """
+
+    link: str
+    shapes: tuple[Shape, ...]
+    method: type[CollisionMethod] | None = None
+    fields: Mapping[str, Any] = field(default_factory=dict)  # Any: any field of any plug-in
+    keep_open: tuple[Region, ...] = ()
+    regions: tuple[ToleranceRegion, ...] = ()
+    own: tuple[OwnMesh, ...] = ()
+
+    @property
+    def per_link(self) -> bool:
+        """Whether the result is in the frame of the link; else in that of its one shape."""
+        scope = self.method.scope if self.method else "shape"
+        return scope == "link" or (scope == "shapes" and len(self.shapes) != 1)
+
+    @property
+    def label(self) -> str:
+        """Of its node."""
+        name = self.method.step_name() if self.method else "keep"
+        per_shape = self.method is None or self.method.scope == "shape"
+        return f"{name} {self.shapes[0].name if per_shape else self.link}"
+
+    def step(self, like: Likeness | None = None) -> CollisionMethod:
+        """The step; poses and places are in the frame of the result."""
+        if self.method is None:
+            raise ValueError("kept shapes need no step")
+        sources = []
+        for index, shape in enumerate(self.shapes):
+            pose = shape.X_link_shape if self.per_link else None
+            if isinstance(shape.geometry, Mesh):
+                sources.append(PlacedSource.of_mesh(f"shapes/{index}", pose))
+            else:
+                sources.append(PlacedSource.of_primitive(shape.geometry, pose))
+        given = {"sources": tuple(sources), "probes": self._probes(), **self.fields}
+        if "bones" in given:
+            given["bones"] = tuple(self._direction(bone) for bone in given["bones"])
+        return self.method.model_validate(given | ({"like": like} if like else {}))
+
+    @property
+    def _to_output(self) -> Pose:
+        alone = self.shapes and not self.per_link
+        return self.shapes[0].X_link_shape.inverse() if alone else Pose()
+
+    def _direction(self, bone: Vec3) -> Vec3:
+        """A direction of the link in the output frame; rounded, so that four legs share a key."""
+        return vec3(np.round(self._to_output.rotation @ np.asarray(bone), 6) + 0.0)
+
+    def _probes(self) -> tuple[ProbeSource, ...]:
+        places: list[tuple[Region, float | None]]
+        places = [(place, None) for place in self.keep_open]
+        places += [(place, place.max_outside) for place in self.regions]
+        made = []
+        for place, most in places:
+            start, end = (vec3(self._to_output.apply(np.asarray([e]))[0]) for e in place.ends)
+            made.append(ProbeSource(start=start, end=end, radius=place.radius, max_outside=most))
+        return tuple(made)
+
+
+class Meshes(Protocol):
+    """What knows the source's shapes and their converted meshes."""
+
+    shapes: Shapes
+
+    def converted(self, mesh: Mesh) -> Node:
+        """The node of a converted mesh."""
+
+
+def collision_jobs(loaded: LoadedRecipe, links: Tree, meshes: Meshes) -> tuple[Job, ...]:
+    """All collision uses of the robot, in the order of its links."""
+    jobs: list[Job] = []
+    for body in links.bodies:
+        jobs += _jobs_of(loaded, body.name, links, meshes.shapes)
+    return tuple(jobs)
+
+
+def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: Shapes) -> list[Job]:
+    rule, key = _rule_of(loaded.recipe, link)
+    own = _source_of(rule, link, shapes)
+    method = check_rule(loaded, rule, key)
+    if method is None:
+        return [Job(link, (shape,)) for shape in own] if rule.method == "keep" else []
+    if not own and method.step_name() != "explicit":
+        return []
+    fields = _fields(rule, loaded.recipe)
+    if "bones" in method.model_fields and fields.get("max_hulls", 1) > 1:
+        fields["bones"] = _bones(links, link)
+    if method.scope != "shape":
+        files = _own_meshes(rule, fields, loaded.path.parent)
+        return [Job(link, own, method, fields, rule.keep_open, rule.regions, files)]
+    return [
+        # The source's primitive is convex and exact already.
+        Job(link, (shape,))
+        if not isinstance(shape.geometry, Mesh)
+        else Job(link, (shape,), method, fields, rule.keep_open, rule.regions)
+        for shape in own
+    ]
+
+
+def _own_meshes(
+    rule: CollisionRule,
+    fields: dict[str, Any],
+    folder: Path,  # Any: as Job.fields
+) -> tuple[OwnMesh, ...]:
+    """The mesh files of a rule's pieces; in `fields` they become inputs, whatever their names."""
+    found: list[OwnMesh] = []
+    for piece, data in zip(rule.pieces or (), fields.get("pieces", ()), strict=True):
+        if piece.file is None:
+            continue
+        mesh = OwnMesh(file_of(piece.file, folder), piece.scale or (1.0, 1.0, 1.0))
+        if mesh not in found:
+            found.append(mesh)
+        data |= {"file": f"own/{found.index(mesh)}", "scale": None}
+    return tuple(found)
+
+
+def file_of(name: str, folder: Path) -> Path:
+    """The absolute path of a file that a recipe in `folder` names."""
+    return Path(os.path.normpath(folder / name))
+
+
+def _bones(links: Tree, link: str) -> tuple[Vec3, ...]:
+    """From the link's frame to the joints that it carries, m."""
+    ends = [joint.X_parent_joint.xyz for joint in links.joints if joint.parent == link]
+    return tuple(sorted({end for end in ends if math.hypot(*end) > BONE_M}))
+
+
+def _rule_of(recipe: Recipe, link: str) -> tuple[CollisionRule, tuple[str, ...]]:
+    for pattern, rule in recipe.collision.links.items():
+        if re.fullmatch(pattern, link):
+            return rule, ("collision", "links", pattern)
+    return recipe.collision.default, ("collision", "default")
+
+
+def _source_of(rule: CollisionRule, link: str, shapes: Shapes) -> tuple[Shape, ...]:
+    of_link = {
+        role: tuple(s for s in shapes.shapes if s.link == link and s.role == role)
+        for role in ("collision", "visual")
+    }
+    if rule.from_ == "auto":
+        return of_link["collision"] or of_link["visual"]
+    return of_link[rule.from_]
+
+
+def check_rule(
+    loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...]
+) -> type[CollisionMethod] | None:
+    """The plug-in of a rule, None for `keep` and `none`.
+
+    RecipeError for an unknown one, and for a key that it does not have.
+    """
+    if rule.method in BUILT_IN:
+        _refuse_foreign(loaded, rule, key, known=("from", "preset"))
+        return None
+    try:
+        method = load_plugin(CollisionMethod, "assetbuild.collision", rule.method)
+    except KeyError:
+        known = (*plugin_names("assetbuild.collision"), *BUILT_IN)
+        raise RecipeError(
+            f"{'.'.join(key)}: no collision method `{rule.method}`",
+            where=loaded.where((*key, "method")),
+            hint=did_you_mean(rule.method, known),
+        ) from None
+    names = [name for name in method.model_fields if name not in ("sources", "probes", "like")]
+    _refuse_foreign(loaded, rule, key, (*names, "from", "preset", "keep_open", "regions"))
+    _check_files(loaded, rule, key)
+    return method
+
+
+def _check_files(loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...]) -> None:
+    """RecipeError for a piece whose file is not there, or no mesh by its name."""
+    for number, piece in enumerate(rule.pieces or ()):
+        if piece.file is None:
+            continue
+        path = file_of(piece.file, loaded.path.parent)
+        place: tuple[str | int, ...] = (*key, "pieces", number, "file")
+        if path.suffix.lower().lstrip(".") not in get_args(Format):
+            hint = f"known formats: {', '.join(get_args(Format))}"
+            raise loaded.error(place, f"`{piece.file}` is no mesh by its name", hint)
+        if not is_file(path):
+            hint = did_you_mean(path.name, [near.name for near in path.parent.glob("*")])
+            hint = hint or "paths are relative to the recipe's folder"
+            raise loaded.error(place, f"no file `{piece.file}`", hint)
+
+
+def _refuse_foreign(
+    loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...], known: Sequence[str]
+) -> None:
+    """RecipeError for a key that the rule's method does not know."""
+    given = [n.rstrip("_") for n in sorted(rule.model_fields_set) if n != "method"]
+    foreign = [name for name in given if name not in known and getattr(rule, name) is not None]
+    if foreign:
+        raise RecipeError(
+            f"{'.'.join(key)}: `{rule.method}` has no key `{foreign[0]}`",
+            where=loaded.where((*key, foreign[0])),
+            hint=did_you_mean(foreign[0], list(known)),
+        )
+
+
+def _fields(rule: CollisionRule, recipe: Recipe) -> dict[str, Any]:  # Any: as Job.fields
+    """The keys of a rule that are fields of its step; `auto` takes the rest from the preset."""
+    stated = {
+        name: value
+        for name, value in rule.model_dump(exclude=_NOT_FIELDS).items()
+        if value is not None
+    }
+    if rule.method != "auto":
+        return stated
+    return dict(PRESETS[rule.preset or recipe.collision.preset]) | stated
+
+
+# --- equal shapes ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Twin:
+    """An earlier job with an equal shape and equal fields."""
+
+    job: Job
+    likeness: Likeness
+
+
+Twins = Mapping[int, Twin]
+"""By id of the job that may reuse the other's result."""
+
+
+def equal_shapes(jobs: Sequence[Job], meshes: Meshes, p: Planner) -> Twins | None:
+    """Jobs that may take the result of another; None while that is not known.
+
+    A question to the graph: meshes are compared once they are converted.
+    """
+    shared = _by_mesh(jobs, meshes)
+    labels = list(dict.fromkeys(label for label, _ in shared))
+    if len(labels) < 2:
+        return {}
+    folders = {label: f"shapes/{number}" for number, label in enumerate(labels)}
+    inputs: dict[str, Ref] = {}
+    for job in (same[0] for same in shared.values()):
+        node = _mesh_node(job, meshes)
+        for output in ("parts/", "mesh.json"):
+            inputs[f"{folders[node.label]}/{output}"] = node[output]
+    node = p.add("match_shapes", MatchShapes(folders=tuple(folders.values())), inputs)
+    answer = p.ask(node["matches.json"])
+    if answer is None:
+        return None
+    matches = json.loads(answer)
+    by_folder = {folder: label for label, folder in folders.items()}
+    twins: dict[int, Twin] = {}
+    for (label, options), same in shared.items():
+        match = matches.get(folders[label])
+        others = shared.get((by_folder[match["like"]], options)) if match else None
+        if others and jobs.index(others[0]) < jobs.index(same[0]):  # else it is not planned yet
+            likeness = Likeness(signs=match["signs"], shift=match["shift"])
+            twins |= {id(job): Twin(others[0], likeness) for job in same}
+    return twins
+
+
+def _by_mesh(jobs: Sequence[Job], meshes: Meshes) -> dict[tuple[str, str], list[Job]]:
+    """(label of the mesh, fields) -> the jobs with them, of those worth the comparison."""
+    found: dict[tuple[str, str], list[Job]] = {}
+    for job in jobs:
+        if job.method is None or job.method.step_name() not in DECOMPOSING:
+            continue
+        if job.per_link or job.keep_open or job.regions:
+            continue
+        options = json.dumps([job.method.step_name(), job.fields], sort_keys=True, default=str)
+        found.setdefault((_mesh_node(job, meshes).label, options), []).append(job)
+    return found
+
+
+def _mesh_node(job: Job, meshes: Meshes) -> Node:
+    (shape,) = job.shapes
+    if not isinstance(shape.geometry, Mesh):
+        raise TypeError("only meshes are compared")
+    return meshes.converted(shape.geometry)

@@ -1,0 +1,1 @@
+"""Robots drawn at random from the recipe's ranges."""

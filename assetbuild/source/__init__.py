@@ -1,0 +1,1 @@
+"""A robot's description and files: brought here, read, and looked over."""

@@ -1,0 +1,1 @@
+"""Fetch and unpack: wheels, archives, git commits, folders."""

@@ -1,0 +1,84 @@
+"""What lies in an archive, without unpacking it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from typing import ClassVar
+
+from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.errors import SourceError, did_you_mean
+from assetbuild.findings import Finding
+from assetbuild.source.get.archive import Archive, below, open_archive, printable, why_unsafe
+
+_LICENSE = re.compile(
+    r"[^/]+\.dist-info/(licen[cs]es/.+|(licen[cs]e|copying|notice|authors)[^/]*)", re.IGNORECASE
+)
+
+
+class ListArchive(Step):
+    """`listing.json`: the files below `root` with their sizes, and the licence texts.
+
+    {"files": [[path relative to root, bytes], ...], "licenses": [path in the archive, ...],
+    "links": [path relative to root, ...]}, all sorted. links: those of `files` that are no regular
+    files; `unpack` refuses them by name.
+    """
+
+    version = "2"
+    outputs = ("listing.json",)
+    isolated = True
+    limits: ClassVar[Limits] = Limits(wall_s=120, memory_mb=2048)
+
+    root: str = "."
+    """Folder inside the archive; `.` = all of it."""
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads `archive`; SourceError for a broken archive, an unsafe name, a missing root."""
+        with open_archive(files.inputs / "archive") as archive:
+            listing = {
+                "files": [[path, size] for path, size in _files_below(archive, self.root)],
+                "licenses": _licenses(archive),
+                "links": _links_below(archive, self.root),
+            }
+        text = json.dumps(listing, separators=(",", ":"))
+        (files.outputs / "listing.json").write_text(text + "\n", encoding="ascii")
+        yield from ()
+
+
+def _files_below(archive: Archive, root: str) -> list[tuple[str, int]]:
+    found: set[tuple[str, int]] = set()
+    for member in archive.members:
+        path = below(root, member.path)
+        if path is None or member.kind == "folder":
+            continue
+        reason = why_unsafe(member.path)
+        if reason:
+            raise SourceError(f"archive: member `{printable(member.path)}` has {reason}")
+        found.add((path, member.size))
+    if not found:
+        raise _no_root(archive, root)
+    return sorted(found)
+
+
+def _links_below(archive: Archive, root: str) -> list[str]:
+    odd = (m.path for m in archive.members if m.kind not in ("file", "folder"))
+    return sorted({path for name in odd if (path := below(root, name)) is not None})
+
+
+def _licenses(archive: Archive) -> list[str]:
+    found = {
+        member.path
+        for member in archive.members
+        if member.kind == "file" and _LICENSE.fullmatch(member.path) and not why_unsafe(member.path)
+    }
+    return sorted(found)
+
+
+def _no_root(archive: Archive, root: str) -> SourceError:
+    folders = set()
+    for member in archive.members:
+        parts = member.path.split("/")[:-1]
+        folders |= {"/".join(parts[:n]) for n in range(1, min(len(parts), 6) + 1)}
+    hint = did_you_mean(root, folders) if folders else "the archive has no folders"
+    return SourceError(f"archive: no file below the folder `{printable(root)}`", hint=hint)

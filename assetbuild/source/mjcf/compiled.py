@@ -1,0 +1,125 @@
+"""The source as MuJoCo understands it: compiled once as it is, once without its meshes.
+
+Defaults, angles, frames, `fromto`, inertia from shapes: MuJoCo resolves them, in doubles. It also
+moves every mesh to its own principal axes, so where a mesh stands is read from a second model in
+which spheres hold the places of the meshes.
+"""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from assetbuild.errors import SourceError
+from assetbuild.simulators.mujoco import caught_warnings
+from assetbuild.source.mjcf.text import AT, Classes, where_of
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
+
+Model = Any  # mujoco.MjModel: its extension module has no types
+_LINE = re.compile(r",? line (\d+)")
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """full: the robot. places: the same, a small sphere in the place of each mesh.
+
+    warnings: what MuJoCo said about the source.
+    """
+
+    full: Model
+    places: Model
+    warnings: tuple[str, ...]
+
+
+def compile_source(root: _Element, files: Mapping[str, bytes]) -> Compiled:
+    """Compile a flattened source; SourceError with MuJoCo's words and our line.
+
+    files: content of each mesh file by its path below the source's root.
+    """
+    plain = _plain(root)
+    full, said = _compiled(plain, files)
+    places, _ = _compiled(_without_meshes(plain), {})
+    return Compiled(full, places, said)
+
+
+def _compiled(root: _Element, files: Mapping[str, bytes]) -> tuple[Model, tuple[str, ...]]:
+    import mujoco
+    from lxml import etree
+
+    bare = copy.deepcopy(root)
+    for element in bare.iter("*"):
+        element.attrib.pop(AT, "")
+    etree.indent(bare)
+    text = etree.tostring(bare, encoding="unicode")
+    with caught_warnings() as said:
+        try:
+            model = mujoco.MjModel.from_xml_string(text, dict(files))
+        except ValueError as error:
+            raise _told(str(error), text, root) from None
+    return model, tuple(" ".join(line.split()) for line in said)
+
+
+def _told(message: str, text: str, root: _Element) -> SourceError:
+    """MuJoCo's complaint with the line of the source instead of that of our text."""
+    from lxml import etree
+
+    words = " ".join(message.removeprefix("XML Error: ").removeprefix("Error: ").split())
+    found = _LINE.search(words)
+    where = where_of(root)
+    if found:
+        lines = [int(element.sourceline or 0) for element in etree.fromstring(text).iter("*")]  # type: ignore[call-overload] # the stubs call it a literal
+        if int(found[1]) in lines:
+            where = where_of(list(root.iter("*"))[lines.index(int(found[1]))])
+        words = _LINE.sub("", words)
+    return SourceError(f"MuJoCo does not compile it: {words}", where=where)
+
+
+def _plain(root: _Element) -> _Element:
+    """The source without pictures and height fields, and with all its bodies and shapes kept."""
+    plain = copy.deepcopy(root)
+    for element in list(plain.iter("texture", "layer", "hfield")):
+        _remove(element)
+    for element in plain.iter("material", "light"):
+        element.attrib.pop("texture", "")
+    classes = Classes(plain)
+    for geom in list(plain.iter("geom")):
+        if not _is_default(geom) and classes.attributes(geom).get("type") == "hfield":
+            _remove(geom)
+    for compiler in plain.iterchildren("compiler"):
+        compiler.attrib.pop("discardvisual", "")
+        compiler.attrib.pop("fusestatic", "")
+    return plain
+
+
+def _without_meshes(root: _Element) -> _Element:
+    spheres = copy.deepcopy(root)
+    classes = Classes(spheres)
+    meshed = [
+        geom
+        for geom in spheres.iter("geom", "site")
+        if not _is_default(geom) and classes.attributes(geom).get("mesh")
+    ]
+    for geom in meshed:
+        geom.set("type", "sphere")
+        geom.set("size", "0.01")
+        geom.attrib.pop("fitscale", "")
+    for element in spheres.iter("geom", "site"):
+        element.attrib.pop("mesh", "")
+    for mesh in [m for m in spheres.iter("mesh") if not _is_default(m)]:
+        _remove(mesh)
+    return spheres
+
+
+def _is_default(element: _Element) -> bool:
+    return next(element.iterancestors("default"), None) is not None
+
+
+def _remove(element: _Element) -> None:
+    parent = element.getparent()
+    if parent is not None:
+        parent.remove(element)

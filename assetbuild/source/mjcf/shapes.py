@@ -1,0 +1,296 @@
+"""Geoms of a compiled MJCF as shapes of the Robot, their looks and their surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from assetbuild.findings import Finding
+from assetbuild.robot.model import (
+    Box,
+    Capsule,
+    Contact,
+    Cylinder,
+    Geometry,
+    Material,
+    Mesh,
+    MjcfOnly,
+    Shape,
+    Sphere,
+)
+from assetbuild.robot.pose import Pose, Vec3, normalised_quat, rotation_of, vec3
+from assetbuild.source.mjcf.compiled import Compiled
+from assetbuild.source.mjcf.links import WORLD, Links, Model, _pose
+from assetbuild.source.mjcf.opaque import attributes_of, body_element, keys, leftover
+from assetbuild.source.mjcf.text import Classes, bodies, error_at, parts, where_of
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
+
+PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(8)
+DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)
+GROUPS = {"visual": "2", "collision": "3"}
+"""What the MJCF target writes by itself."""
+SAID = keys(
+    "name class type size pos quat fromto euler axisangle xyaxes zaxis mesh fitscale contype "
+    "conaffinity condim priority friction solref solimp margin gap mass density shellinertia "
+    "material rgba group"
+)
+"""Attributes of a geom that the Robot holds, or that its inertia has taken in."""
+
+
+@dataclass
+class Geoms:
+    """What the geoms of an MJCF amount to. contacts: by shape, of all that touch."""
+
+    shapes: list[Shape] = field(default_factory=list)
+    materials: dict[str, Material] = field(default_factory=dict)
+    contacts: dict[str, Contact] = field(default_factory=dict)
+    mjcf_only: list[MjcfOnly] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+
+
+def read_geoms(root: _Element, links: Links, compiled: Compiled) -> Geoms:
+    """All geoms of the robot; those of the world only where the world is its root."""
+    geoms, classes = Geoms(), Classes(root)
+    reader = _Reader(root, links, compiled, classes, geoms)
+    world = root.find("worldbody")
+    assert world is not None  # noqa: S101 # it compiled
+    for body, name in [(world, WORLD), *((b, str(b.get("name"))) for b, _ in bodies(world))]:
+        for geom in parts(body, "geom"):
+            if name in links.shift:
+                reader.read(geom, name)
+            elif name == WORLD:
+                geoms.findings.append(_scenery(geom, classes))
+    visible = [s.name for s in geoms.shapes if s.role == "collision" and s.name in reader.drawn]
+    if visible:
+        seen = any(shape.role == "visual" for shape in geoms.shapes)
+        geoms.findings.append(_drawn(visible, alone=not seen))
+    return geoms
+
+
+class _Reader:
+    def __init__(
+        self, root: _Element, links: Links, compiled: Compiled, classes: Classes, geoms: Geoms
+    ) -> None:
+        self.links, self.compiled, self.classes, self.geoms = links, compiled, classes, geoms
+        self.full: Model = compiled.full
+        self.looks = {m.get("name"): m for m in root.iterfind("asset/material")}
+        self.pictures = {t.get("name"): t for t in root.iterfind("asset/texture")}
+        self.meshes = {m.get("name"): m for m in root.iterfind("asset/mesh")}
+        self.drawn: set[str] = set()
+
+    def read(self, geom: _Element, body: str) -> None:
+        name, said = str(geom.get("name")), self.classes.attributes(geom)
+        if said.get("type") == "hfield":
+            self.geoms.findings.append(_scenery(geom, self.classes))
+            return
+        index = int(self.full.geom(name).id)
+        touches = bool(self.full.geom_contype[index] or self.full.geom_conaffinity[index])
+        role = "collision" if touches else "visual"
+        kind = int(self.full.geom_type[index])
+        if kind not in (SPHERE, CAPSULE, CYLINDER, BOX, MESH):
+            self._only_mjcf(geom, said, body, index)
+            return
+        model = self.compiled.places if kind == MESH else self.full
+        X_body_geom = _pose(model.geom_pos, model.geom_quat, int(model.geom(name).id))
+        X_link_geom = self.links.in_link(body, X_body_geom)
+        geometry: Geometry
+        if kind == MESH:
+            geometry, X_geom_mesh = self._mesh(geom, str(said["mesh"]))
+            X_link_geom = X_link_geom @ X_geom_mesh
+        else:
+            geometry = _primitive(kind, vec3(self.full.geom_size[index]))
+        material = self._material(said, index) if role == "visual" else None
+        shape = Shape(name, body, "visual", geometry, X_link_geom, material)
+        self.geoms.shapes.append(shape if not touches else replace(shape, role="collision"))
+        if touches:
+            self.geoms.contacts[name] = contact_of(self.full, index)
+            if int(said.get("group", "0")) < 3:
+                self.drawn.add(name)
+        self._left_over(name, said, role, index)
+
+    def _left_over(self, name: str, said: dict[str, str], role: str, index: int) -> None:
+        more = leftover(said, SAID)
+        if said.get("group", "0") != GROUPS[role]:
+            more["group"] = said.get("group", "0")
+        if role == "collision" and ("rgba" in said or "material" in said):
+            more["rgba"] = _words(self._colour(index))
+        if more:
+            self.geoms.mjcf_only.append(MjcfOnly("shape", attributes_of("geom", more), name))
+
+    def _only_mjcf(self, geom: _Element, said: dict[str, str], body: str, index: int) -> None:
+        """A shape that only MJCF has, whole: ellipsoids, planes, signed distance fields."""
+        kind = said.get("type", "sphere")
+        if kind == "sdf" or said.get("mesh"):
+            hint = "use a mesh or a primitive"
+            raise error_at(geom, f"geom `{geom.get('name')}`: a {kind} of a mesh is not read", hint)
+        pose = self.links.in_link(body, _pose(self.full.geom_pos, self.full.geom_quat, index))
+        kept = {k: v for k, v in said.items() if k not in _PLACING and k not in _MASS}
+        if kept.pop("material", None):
+            kept["rgba"] = _words(self._colour(index))
+        size = _words(self.full.geom_size[index])
+        element = body_element("geom", str(geom.get("name")), pose, {**kept, "size": size})
+        self.geoms.mjcf_only.append(MjcfOnly("body", element, body))
+
+    # --- meshes and looks ---------------------------------------------------------------------
+
+    def _mesh(self, geom: _Element, name: str) -> tuple[Mesh, Pose]:
+        """The mesh file with a scale, and where it stands in the geom.
+
+        MuJoCo: vertex = S Rᵀ (v - p) with `scale`, `refquat`, `refpos`. With one scale s for all
+        axes that is the mesh scaled by s, turned by Rᵀ and moved by -s Rᵀ p.
+        """
+        element = self.meshes[name]
+        said = self.classes.attributes(element)
+        scale = _numbers(said, "scale", (1.0, 1.0, 1.0))
+        p = _numbers(said, "refpos", (0.0, 0.0, 0.0))
+        w, x, y, z = _numbers(said, "refquat", (1.0, 0.0, 0.0, 0.0))
+        turn = normalised_quat((w, -x, -y, -z))
+        uneven = len(set(scale)) > 1
+        if uneven and turn != (1.0, 0.0, 0.0, 0.0):
+            hint = "write the turned mesh into a file of its own"
+            raise error_at(element, f"mesh `{name}`: turned, then scaled unevenly", hint)
+        offset = rotation_of(turn) @ [-v * s for v, s in zip(p, scale, strict=True)]
+        if set(said) & _LOST_OF_MESH:
+            self._lost(element, sorted(set(said) & _LOST_OF_MESH))
+        return Mesh(str(element.get("file")), vec3(scale)), Pose(vec3(offset), turn)
+
+    def _lost(self, element: _Element, attributes: list[str]) -> None:
+        finding = Finding(
+            "mjcf.dropped",
+            "info",
+            f"mesh {element.get('file')}",
+            f"{', '.join(f'`{a}`' for a in attributes)} of mesh `{element.get('name')}` was "
+            f"left out ({where_of(element)})",
+            "our meshes are converted: their normals and hulls are made anew",
+            data={"element": "mesh", "attributes": tuple(attributes)},
+        )
+        if finding not in self.geoms.findings:
+            self.geoms.findings.append(finding)
+
+    def _colour(self, index: int) -> tuple[float, float, float, float]:
+        """As MuJoCo draws it: the geom's own colour unless that is the default."""
+        r, g, b, a = (round(float(v), 7) for v in self.full.geom_rgba[index])
+        material = int(self.full.geom_matid[index])
+        if material >= 0 and (r, g, b, a) == DEFAULT_RGBA:
+            r, g, b, a = (round(float(v), 7) for v in self.full.mat_rgba[material])
+        return (r, g, b, a)
+
+    def _material(self, said: Mapping[str, str], index: int) -> str | None:
+        """The material of a visual geom; a colour of its own makes one."""
+        colour, look = self._colour(index), self.looks.get(said.get("material", ""))
+        if look is None:
+            if "rgba" not in said:
+                return None
+            name = "rgba_" + "_".join(f"{round(v * 255):d}" for v in colour)
+            self.geoms.materials.setdefault(name, Material(name, colour))
+            return name
+        name = str(look.get("name"))
+        known = self._look(look, name)
+        if known.rgba != colour:
+            name = name + "_" + "_".join(f"{round(v * 255):d}" for v in colour)
+            self.geoms.materials.setdefault(name, replace(known, name=name, rgba=colour))
+            return name
+        return name
+
+    def _look(self, look: _Element, name: str) -> Material:
+        if name in self.geoms.materials:
+            return self.geoms.materials[name]
+        said = self.classes.attributes(look)
+        r, g, b, a = (
+            round(float(v), 7) for v in self.full.mat_rgba[int(self.full.material(name).id)]
+        )
+        more = leftover(said, frozenset({"rgba", "texture"}))
+        if more:
+            only = MjcfOnly("material", attributes_of("material", more), name)
+            self.geoms.mjcf_only.append(only)
+        picture = self.pictures.get(said.get("texture", ""))
+        layers = look.find("layer")
+        file = picture.get("file") if picture is not None else None
+        if layers is not None or (picture is not None and file is None):
+            self.geoms.findings.append(_unpictured(look))
+        material = Material(name, (r, g, b, a), file)
+        self.geoms.materials[name] = material
+        return material
+
+
+def contact_of(model: Model, index: int) -> Contact:
+    """The surface of a geom; what equals MuJoCo's default stays unsaid."""
+    slide, torsion, roll = (float(v) for v in model.geom_friction[index])
+    stiff, damp = (float(v) for v in model.geom_solref[index])
+    a, b, c, d, e = (float(v) for v in model.geom_solimp[index])
+    return Contact(
+        friction=(slide, torsion, roll),
+        condim=int(model.geom_condim[index]),
+        priority=int(model.geom_priority[index]),
+        solref=(stiff, damp) if (stiff, damp) != (0.02, 1.0) else None,
+        solimp=(a, b, c, d, e) if (a, b, c, d, e) != (0.9, 0.95, 0.001, 0.5, 2.0) else None,
+        margin=float(model.geom_margin[index]),
+        gap=float(model.geom_gap[index]),
+        mask=int(model.geom_contype[index]),
+        partners=int(model.geom_conaffinity[index]),
+    )
+
+
+_PLACING = keys("pos quat fromto euler axisangle xyaxes zaxis size")
+_MASS = keys("mass density shellinertia")
+_LOST_OF_MESH = keys("maxhullvert smoothnormal octree_maxdepth")
+
+
+def _primitive(kind: int, size: Vec3) -> Geometry:
+    """MJCF counts half edges and half lengths."""
+    if kind == SPHERE:
+        return Sphere(size[0])
+    if kind == CAPSULE:
+        return Capsule(size[0], 2 * size[1])
+    if kind == CYLINDER:
+        return Cylinder(size[0], 2 * size[1])
+    return Box((2 * size[0], 2 * size[1], 2 * size[2]))
+
+
+def _numbers(said: Mapping[str, str], key: str, default: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(float(word) for word in said[key].split()) if key in said else default
+
+
+def _words(values: Any) -> str:  # Any: an array of the model
+    return " ".join(repr(float(v)).removesuffix(".0") for v in values)
+
+
+def _scenery(geom: _Element, classes: Classes) -> Finding:
+    kind = classes.attributes(geom).get("type", "sphere")
+    return Finding(
+        "mjcf.dropped",
+        "info" if kind in ("plane", "hfield") else "warning",
+        f"shape {geom.get('name')}",
+        f"the {kind} `{geom.get('name')}` of the world was left out: it is scenery",
+        "`scene.xml` has a floor of its own; a part of the robot belongs into a body",
+        data={"element": "geom of worldbody", "count": 1},
+    )
+
+
+def _drawn(names: list[str], *, alone: bool) -> Finding:
+    """alone: the robot has no visual shape at all, so URDF and USD show nothing."""
+    shown = ", ".join(f"`{name}`" for name in names[:6]) + (", ..." if len(names) > 6 else "")
+    return Finding(
+        "mjcf.visible_collision",
+        "warning" if alone else "info",
+        "robot",
+        f"{len(names)} geoms touch and are drawn: {shown}; in URDF and USD they are collision only"
+        + (", so viewers of these show nothing of the robot" if alone else ""),
+        'to see it there, repeat the geom in the MJCF with `contype="0" conaffinity="0" group="2"`',
+        data={"geoms": len(names)},
+    )
+
+
+def _unpictured(look: _Element) -> Finding:
+    return Finding(
+        "mjcf.dropped",
+        "info",
+        f"material {look.get('name')}",
+        f"the made or layered picture of material `{look.get('name')}` was left out; its colour "
+        "stays",
+        "give the material a `texture` with a PNG file",
+        data={"element": "texture", "count": 1},
+    )

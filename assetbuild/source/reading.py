@@ -1,0 +1,78 @@
+"""The description as links, shapes and what else it says: URDF or MJCF."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from assetbuild.engine.graph import Planner, Ref
+from assetbuild.recipe.models import Recipe
+from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
+from assetbuild.source.mjcf.read_mjcf import ReadMjcf
+from assetbuild.source.plan import Description, Source
+from assetbuild.source.urdf.read_urdf import ReadUrdf
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a reader made of the description.
+
+    robot: `links.json` and `shapes.json`. meshes: listing of the files it names; files: those
+        of an MJCF by path, which its reader has asked for already.
+    control: `source_control.json` of an MJCF. urdf: the untouched description, when it is one.
+    mjcf: `source.xml` and its meshes as a check finds them, by input name.
+    """
+
+    robot: Mapping[str, Ref]
+    meshes: Ref
+    files: Mapping[str, Ref] | None = field(default=None, kw_only=True)
+    source_map: Ref
+    control: Ref | None = None
+    urdf: Ref | None = None
+    mjcf: Mapping[str, Ref] = field(default_factory=dict)
+
+
+def read_description(
+    recipe: Recipe, source: Source, description: Description, p: Planner
+) -> Reading | None:
+    """The steps that read the robot; None while an answer is missing."""
+    if recipe.source.mjcf is not None:
+        return _read_mjcf(recipe, source, description, p)
+    step = ReadUrdf(
+        file=description.path,
+        base=recipe.base,
+        packages=dict(sorted(recipe.source.packages.items())),
+    )
+    read = p.add("read_urdf", step, {"robot.urdf": description.ref})
+    return Reading(
+        robot={port: read[port] for port in ("links.json", "shapes.json")},
+        meshes=read["meshes.json"],
+        source_map=read["source_map.json"],
+        urdf=read["source.urdf"],
+    )
+
+
+def _read_mjcf(
+    recipe: Recipe, source: Source, description: Description, p: Planner
+) -> Reading | None:
+    tree = {description.path: description.ref} | dict(description.includes)
+    inputs = {f"tree/{path}": ref for path, ref in sorted(tree.items())}
+    flat = p.add("flatten_mjcf", FlattenMjcf(file=description.path), inputs)
+    listed = p.ask(flat["meshes.json"])
+    files = source.meshes(json.loads(listed), description.path) if listed is not None else None
+    if files is None:
+        return None
+    given = {"source.xml": flat["source.xml"]}
+    given |= {f"files/{path}": ref for path, ref in files.items()}
+    # Without the key the source itself says whether its root floats.
+    base = recipe.base if "base" in recipe.model_fields_set else None
+    read = p.add("read_mjcf", ReadMjcf(base=base), {**given, "lines.json": flat["lines.json"]})
+    return Reading(
+        robot={port: read[port] for port in ("links.json", "shapes.json")},
+        meshes=flat["meshes.json"],
+        files=files,
+        source_map=flat["source_map.json"],
+        control=read["source_control.json"],
+        mjcf=given,
+    )

@@ -1,0 +1,1 @@
+"""URDF and xacro as a source: XML with lines, links, joints, what a CAD export leaves."""

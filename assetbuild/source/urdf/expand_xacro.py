@@ -1,0 +1,121 @@
+"""A xacro file to plain URDF, as a program of strangers: see `xacro_child`."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, ClassVar
+
+from pydantic import Field
+
+from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.errors import SourceError, Where, did_you_mean
+from assetbuild.findings import Finding
+
+SECONDS = 30.0
+"""Wall-clock limit of the expansion; real robots take less than one."""
+PROGRAM = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
+    "from assetbuild.source.urdf import xacro_child; xacro_child.main()"
+)
+INCLUDED = (".xacro", ".urdf", ".xml", ".yaml", ".yml", ".txt")
+"""Suffixes of the files that a xacro may read."""
+
+
+class ExpandXacro(Step):
+    """`tree/` (declared files, relative to the source root) -> `robot.urdf`, `used.json`.
+
+    `used.json`: JSON list of the files that were read. The file runs without network, without
+    environment, and may read nothing but `tree/`. Paths below it come out as `package://` or
+    relative. SourceError names the file, and what it wanted.
+    """
+
+    tools = ("xacro", "pyyaml", "defusedxml")
+    outputs = ("robot.urdf", "used.json")
+    isolated = True
+    limits: ClassVar[Limits] = Limits(wall_s=SECONDS + 30, memory_mb=4096)
+
+    file: str
+    """The xacro file, below the source root."""
+    args: dict[str, str] = Field(default_factory=dict)
+    """Values of its `xacro:arg`s."""
+    packages: dict[str, str] = Field(default_factory=dict)
+    """`$(find NAME)` -> folder below the source root."""
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Expand; what xacro warned of is told once each."""
+        answer = self._expanded(files.inputs / "tree")
+        if "error" in answer:
+            raise self._error(answer)
+        (files.outputs / "robot.urdf").write_text(answer["urdf"], encoding="utf-8")
+        used = json.dumps(answer["used"], indent=1)
+        (files.outputs / "used.json").write_text(used + "\n", encoding="ascii")
+        for text in dict.fromkeys(answer["said"]):
+            yield Finding("xacro.warning", "info", "robot", f"xacro: {text}")
+
+    def _expanded(self, tree: Path) -> dict[str, Any]:  # Any: JSON of the child
+        job = {
+            "tree": str(tree),
+            "file": self.file,
+            "args": self.args,
+            "packages": self.packages,
+        }
+        path = json.dumps([os.path.abspath(p) for p in sys.path if p])  # noqa: PTH100
+        child = subprocess.Popen(
+            [sys.executable, "-P", "-s", "-c", PROGRAM, path],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env=_bare_environment(),
+        )
+        try:
+            out, err = child.communicate(json.dumps(job).encode(), timeout=SECONDS)
+        except subprocess.TimeoutExpired:
+            raise SourceError(
+                f"the expansion took more than {SECONDS:g} s and was stopped",
+                where=Where(self.file),
+                hint="does a macro or an expression loop without end?",
+            ) from None
+        finally:
+            if child.poll() is None:
+                child.kill()
+                child.communicate()
+        if child.returncode != 0 or not out:
+            last = err.decode("utf-8", "replace").strip().rpartition("\n")[2][:300]
+            reason = last or f"it ended with code {child.returncode}"
+            raise SourceError(f"the expansion died: {reason}", where=Where(self.file))
+        answer: dict[str, Any] = json.loads(out)  # Any: JSON
+        return answer
+
+    def _error(self, answer: dict[str, Any]) -> SourceError:  # Any: JSON
+        stack = answer.get("files") or [self.file]
+        file = answer.get("file") or stack[-1]
+        macros = answer.get("macros") or []
+        within = f" (in macro `{macros[-1]}`)" if macros else ""
+        message = f"{answer['error']}{within}"
+        return SourceError(
+            message, where=Where(file, answer.get("line", 0)), hint=self._hint(answer)
+        )
+
+    def _hint(self, answer: dict[str, Any]) -> str:  # Any: JSON
+        said = answer["error"]
+        if "$(find" in said:
+            near = did_you_mean(said.split("`")[-2], self.packages) if self.packages else ""
+            return f"{near}; " * bool(near) + "add it under `source.packages` in the recipe"
+        if "declared packages" in said or "readable files" in said:
+            suffixes = ", ".join(INCLUDED)
+            return f"declare its package under `source.packages`; {suffixes} files are readable"
+        if "Undefined substitution argument" in said:
+            return "give it under `source.args` in the recipe"
+        return ""
+
+
+def _bare_environment() -> dict[str, str]:
+    """Nothing of the user's, but what the interpreter itself needs to start."""
+    needed = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT")
+    fixed = {"PYTHONHASHSEED": "0", "PYTHONUTF8": "1", "TZ": "UTC", "LC_ALL": "C"}
+    return {name: os.environ[name] for name in needed if name in os.environ} | fixed

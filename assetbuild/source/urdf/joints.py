@@ -1,0 +1,270 @@
+"""Joints of a URDF, and the tree that they make of the links."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import cast, get_args
+
+from assetbuild.errors import did_you_mean
+from assetbuild.findings import Finding, Scalar
+from assetbuild.robot.model import Base, Body, Joint, JointKind, Limits, Mimic, Tree
+from assetbuild.robot.pose import Vec3, vec3
+from assetbuild.robot.tree import depth_first
+from assetbuild.source.urdf.links import read_origin
+from assetbuild.source.urdf.xml import Node, Problems
+
+KINDS: tuple[str, ...] = get_args(JointKind)
+WITH_AXIS = ("revolute", "continuous", "prismatic", "planar")
+AXIS_TOLERANCE = 1e-6
+"""An axis whose length is off by more was not meant as a unit vector: said as a finding."""
+
+
+def read_joint(
+    name: str, node: Node, joint_names: set[str], links: Mapping[str, Node]
+) -> tuple[Joint, list[Finding]]:
+    """One joint; its parent and child must be in `links`, a mimicked joint in `joint_names`."""
+    kind = node.text("type")
+    if kind not in KINDS:
+        raise node.error(f"unknown joint type `{kind}`", did_you_mean(kind, KINDS))
+    parent, child = (_link(node.need(tag), links) for tag in ("parent", "child"))
+    if parent == child:
+        raise node.error(f"parent and child are the same link `{child}`")
+    axis, findings = _read_axis(node, kind)
+    limits, told = _read_limits(node, kind)
+    damping, friction = _read_dynamics(node)
+    joint = Joint(
+        name=name,
+        kind=cast(JointKind, kind),  # checked against KINDS above
+        parent=parent,
+        child=child,
+        X_parent_joint=read_origin(node),
+        axis=axis,
+        limits=limits,
+        damping=damping,
+        friction=friction,
+        mimic=_read_mimic(node, name, joint_names),
+    )
+    return joint, findings + told
+
+
+def build_tree(
+    name: str,
+    base: Base,
+    bodies: list[Body],
+    joints: list[Joint],
+    nodes: Mapping[str, Node],
+    problems: Problems,
+) -> tuple[Tree, list[Finding]]:
+    """Depth-first tree with one root. nodes: by subject, `link trunk`, for the lines of errors."""
+    above: dict[str, Joint] = {}
+    for joint in joints:
+        with problems.kept():
+            if joint.child in above:
+                other = above[joint.child].name
+                message = f"link `{joint.child}` already hangs on joint `{other}`"
+                hint = "a link has one parent; a closed loop needs a constraint instead"
+                raise _at(nodes, joint.name).error(message, hint)
+            above[joint.child] = joint
+    problems.raise_first()
+    _refuse_mimic_loops(joints, nodes)
+    joints, findings = _hold_followers(joints, nodes)
+    by_name = {body.name: body for body in bodies}
+    root = _root(list(by_name), above, nodes)
+    links, ordered = depth_first(root, joints)
+    return Tree(name, base, tuple(by_name[link] for link in links), ordered), findings
+
+
+def _root(links: list[str], above: Mapping[str, Joint], nodes: Mapping[str, Node]) -> str:
+    roots = [link for link in links if link not in above]
+    if len(roots) > 1:
+        names = ", ".join(f"`{link}`" for link in roots[:8]) + (", ..." if len(roots) > 8 else "")
+        message = f"{len(roots)} links have no parent: {names}"
+        hint = "connect all but one by a joint, of type `fixed` if they do not move"
+        raise nodes[f"link {roots[1]}"].error(message, hint)
+    for start in links:
+        loop: list[str] = []
+        link = start
+        while link in above and link not in loop:
+            loop.append(link)
+            link = above[link].parent
+        if link in loop:
+            ring = [*loop[loop.index(link) :], link][::-1]
+            way = " -> ".join(f"`{name}`" for name in ring[:12])
+            node = _at(nodes, above[link].name)
+            raise node.error(f"the joints close a loop: {way}", "a robot is a tree with one root")
+    return roots[0]
+
+
+def _at(nodes: Mapping[str, Node], joint: str) -> Node:
+    subject = f"joint {joint}"
+    return nodes[subject].about(subject)
+
+
+def _link(node: Node, links: Mapping[str, Node]) -> str:
+    name = node.text("link")
+    if name not in links:
+        raise node.error(f"{node.tag} link `{name}` does not exist", did_you_mean(name, links))
+    return name
+
+
+def _read_axis(node: Node, kind: str) -> tuple[Vec3, list[Finding]]:
+    """Unit axis in the joint frame; X where omitted (so says the format)."""
+    element = node.only("axis")
+    if element is None:
+        return (1.0, 0.0, 0.0), []
+    axis = vec3(element.numbers("xyz", 3, (1.0, 0.0, 0.0)))
+    if kind not in WITH_AXIS:
+        return (1.0, 0.0, 0.0), []  # an axis without meaning, which exporters like to write
+    norm = math.sqrt(math.fsum(value * value for value in axis))
+    if norm < 1e-9:
+        hint = "give the direction that the joint moves about or along"
+        raise element.error(f"axis is `{element.get('xyz')}`: it has no direction", hint)
+    unit = axis if norm == 1.0 else vec3([value / norm for value in axis])
+    if abs(norm - 1.0) <= AXIS_TOLERANCE:
+        return unit, []
+    message = f"axis `{element.get('xyz')}` has length {norm:.6g} and was normalised"
+    hint = "write a unit vector"
+    data: dict[str, Scalar | tuple[Scalar, ...]] = {"axis": axis, "norm": norm}
+    return unit, [Finding("urdf.axis.normalised", "info", node.subject, message, hint, data=data)]
+
+
+def _read_limits(node: Node, kind: str) -> tuple[Limits, list[Finding]]:
+    element = node.only("limit")
+    if element is None:
+        if kind in ("revolute", "prismatic"):
+            raise node.error(
+                f"a {kind} joint without <limit>",
+                "add <limit lower upper effort velocity>"
+                + (", or make it `continuous`" if kind == "revolute" else ""),
+            )
+        return Limits(), []
+    lower, upper, effort, velocity = (
+        element.optional(name) for name in ("lower", "upper", "effort", "velocity")
+    )
+    for name, value in (("effort", effort), ("velocity", velocity)):
+        if value is not None and value < 0.0:
+            raise element.error(f"limit {name} is {value!r}, it cannot be negative")
+    if kind == "continuous":
+        findings = _ignored_range(node, lower, upper)
+        return Limits(None, None, effort, velocity), findings
+    if kind not in ("revolute", "prismatic"):
+        return Limits(), []
+    missing = [
+        name
+        for name, value in (
+            ("lower", lower), ("upper", upper), ("effort", effort), ("velocity", velocity)
+        )
+        if value is None
+    ]  # fmt: skip
+    limits = Limits(lower or 0.0, upper or 0.0, effort, velocity)
+    return limits, _omitted(node, missing) if missing else []
+
+
+def _ignored_range(node: Node, lower: float | None, upper: float | None) -> list[Finding]:
+    if not lower and not upper:
+        return []
+    message = f"a continuous joint has no range; lower {lower}, upper {upper} are not used"
+    hint = "make it `revolute` if the range is meant"
+    data = {"lower": lower, "upper": upper}
+    return [Finding("urdf.limit.ignored", "info", node.subject, message, hint, data=data)]
+
+
+def _omitted(node: Node, missing: list[str]) -> list[Finding]:
+    words = ", ".join(f"`{name}`" for name in missing)
+    zero = [f"`{name}`" for name in missing if name in ("lower", "upper")]
+    note = f"; {' and '.join(zero)} count as 0, as the format says" if zero else ""
+    return [
+        Finding(
+            "urdf.limit.omitted",
+            "warning",
+            node.subject,
+            f"<limit> leaves out {words}{note}",
+            "state it in the URDF, or give effort and velocity in the recipe's actuator table",
+            data={"missing": tuple(missing)},
+        )
+    ]
+
+
+def _read_dynamics(node: Node) -> tuple[float | None, float | None]:
+    element = node.only("dynamics")
+    if element is None:
+        return None, None
+    damping, friction = element.optional("damping"), element.optional("friction")
+    for name, value in (("damping", damping), ("friction", friction)):
+        if value is not None and value < 0.0:
+            raise element.error(f"dynamics {name} is {value!r}, it cannot be negative")
+    return damping, friction
+
+
+def _read_mimic(node: Node, name: str, joint_names: set[str]) -> Mimic | None:
+    element = node.only("mimic")
+    if element is None:
+        return None
+    leader = element.text("joint")
+    if leader not in joint_names:
+        hint = did_you_mean(leader, joint_names)
+        raise element.error(f"mimic joint `{leader}` does not exist", hint)
+    if leader == name:
+        raise element.error("a joint cannot mimic itself")
+    return Mimic(leader, element.number("multiplier", 1.0), element.number("offset", 0.0))
+
+
+def _refuse_mimic_loops(joints: list[Joint], nodes: Mapping[str, Node]) -> None:
+    leader = {joint.name: joint.mimic.joint for joint in joints if joint.mimic}
+    for start in leader:
+        seen = [start]
+        while (following := leader.get(seen[-1])) is not None:
+            if following in seen:
+                way = " -> ".join(f"`{name}`" for name in [*seen, following])
+                raise _at(nodes, start).error(f"mimic joints follow one another: {way}")
+            seen.append(following)
+
+
+def _hold_followers(
+    joints: list[Joint], nodes: Mapping[str, Node]
+) -> tuple[list[Joint], list[Finding]]:
+    """Joints that mimic a fixed one, directly or through others, are locked where it puts them."""
+    by_name = {joint.name: joint for joint in joints}
+    held: dict[str, float] = {}
+
+    def position(joint: Joint) -> float | None:
+        """rad or m; None = it moves."""
+        if joint.kind == "fixed":
+            return 0.0
+        if joint.mimic is None:
+            return None
+        leader = by_name[joint.mimic.joint]
+        if leader.kind in ("planar", "floating"):
+            raise _at(nodes, joint.name).error(
+                f"mimic joint `{leader.name}` is {leader.kind}: it has no single position"
+            )
+        at = position(leader)
+        return None if at is None else joint.mimic.offset + joint.mimic.multiplier * at
+
+    for joint in joints:
+        if (
+            joint.mimic is not None
+            and joint.kind != "fixed"
+            and (at := position(joint)) is not None
+        ):
+            held[joint.name] = at + 0.0
+    findings = [
+        Finding(
+            "joint.mimic_fixed",
+            "warning",
+            f"joint {name}",
+            f"mimics a joint that is fixed: locked at {at:g}",
+            "make it `fixed` too, or give the joint that it mimics a type that moves",
+            data={"position": at},
+        )
+        for name, at in held.items()
+    ]
+    return [_locked(j, held[j.name]) if j.name in held else j for j in joints], findings
+
+
+def _locked(joint: Joint, at: float) -> Joint:
+    kind: JointKind = "revolute" if joint.kind == "continuous" else joint.kind
+    limits = replace(joint.limits, lower=at, upper=at)
+    return replace(joint, kind=kind, mimic=None, limits=limits)

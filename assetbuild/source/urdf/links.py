@@ -1,0 +1,295 @@
+"""Links of a URDF: mass properties, shapes, materials."""
+
+from __future__ import annotations
+
+import posixpath
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
+
+from assetbuild.errors import did_you_mean
+from assetbuild.findings import Finding
+from assetbuild.mesh.read import Format
+from assetbuild.robot.inertia import rotate_tensor
+from assetbuild.robot.model import (
+    Body,
+    Box,
+    Capsule,
+    Cylinder,
+    Geometry,
+    Inertial,
+    Material,
+    Mesh,
+    Shape,
+    Shapes,
+    Sphere,
+)
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of_rpy, vec3
+from assetbuild.source.urdf.paths import Paths
+from assetbuild.source.urdf.xml import SIZE, Node, Problems
+
+FORMATS: tuple[str, ...] = get_args(Format)
+
+ROLES: tuple[Literal["visual", "collision"], ...] = ("visual", "collision")
+Rgba = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class FileUse:
+    """The first use of a file. path: below the source root; subject: `link trunk`."""
+
+    path: str
+    uri: str
+    subject: str
+    line: int
+
+
+@dataclass
+class Geometries:
+    """What the shapes of all links amount to. lines: of `shape ...`, `material ...`."""
+
+    shapes: Shapes
+    meshes: tuple[FileUse, ...]
+    findings: tuple[Finding, ...]
+    lines: dict[str, int] = field(default_factory=dict)
+
+
+def named(nodes: list[Node], problems: Problems) -> Iterator[tuple[str, Node]]:
+    """(name, node about it) of links, joints or materials; a name used twice is an error."""
+    first: dict[str, int] = {}
+    for node in nodes:
+        with problems.kept():
+            name = node.text("name")
+            if name in first:
+                where = f"first on line {first[name]}"
+                raise node.error(f"{node.tag} `{name}` is defined twice, {where}", "rename one")
+            first[name] = node.line
+            yield name, node.about(f"{node.tag} {name}")
+
+
+def read_origin(node: Node) -> Pose:
+    """The pose of <origin>: xyz in m, rpy in rad, zeros where omitted (so says the format)."""
+    origin = node.only("origin")
+    if origin is None:
+        return IDENTITY
+    xyz = vec3(origin.numbers("xyz", 3, (0.0, 0.0, 0.0)))
+    roll, pitch, yaw = origin.numbers("rpy", 3, (0.0, 0.0, 0.0))
+    return Pose(xyz, quat_of_rpy(roll, pitch, yaw))
+
+
+def read_body(name: str, link: Node) -> Body:
+    """The link's mass properties in its own frame and axes."""
+    inertial = link.only("inertial")
+    if inertial is None:
+        return Body(name)
+    mass = inertial.need("mass").number("value")
+    if mass < 0.0:
+        raise inertial.need("mass").error(f"mass is {mass!r} kg", "a mass cannot be negative")
+    tensor = inertial.need("inertia")
+    xx, yy, zz, xy, xz, yz = (
+        tensor.number(f"i{axes}") + 0.0 for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
+    )
+    X_link_com = read_origin(inertial)
+    turned = rotate_tensor((xx, yy, zz, xy, xz, yz), X_link_com.quat)
+    return Body(name, Inertial(mass + 0.0, X_link_com.xyz, turned))
+
+
+def read_shapes(
+    root: Node, links: list[tuple[str, Node]], paths: Paths, problems: Problems
+) -> Geometries:
+    """All shapes in file order, the visuals of a link before its collisions."""
+    palette = _Palette(paths)
+    for name, node in named([n.about("robot") for n in root.all("material")], problems):
+        with problems.kept():
+            palette.define(name, node)
+    uses: dict[str, FileUse] = {}
+    drafts: list[tuple[Shape, str]] = []
+    lines: dict[str, int] = {}
+    for link, node in links:
+        for role in ROLES:
+            for index, element in enumerate(node.all(role)):
+                with problems.kept():
+                    suffix = f"_{index}" if index else ""
+                    material = element.only("material") if role == "visual" else None
+                    name = palette.see(material, link) if material is not None else ""
+                    if role == "visual" and _draws_nothing(element.need("geometry")):
+                        palette.findings.append(_drawn_as_nothing(element))
+                        continue
+                    geometry = _read_geometry(element.need("geometry"), paths, uses)
+                    shape = Shape(
+                        f"{link}_{role}{suffix}", link, role, geometry, read_origin(element)
+                    )
+                    drafts.append((shape, name))
+                    lines[f"shape {shape.name}"] = element.line
+    shapes = tuple(palette.paint(shape, name) for shape, name in drafts)
+    found = Shapes(shapes, tuple(palette.materials.values()))
+    meshes = tuple(uses[path] for path in sorted(uses))
+    return Geometries(found, meshes, tuple(palette.findings), lines | palette.lines)
+
+
+def _draws_nothing(geometry: Node) -> bool:
+    """Whether it is a point or a line: a sphere of radius 0 is what authors write for "hide it"."""
+    shapes = geometry.all("*")
+    if len(shapes) != 1:
+        return False
+    if shapes[0].tag == "box":
+        return sorted(shapes[0].numbers("size", 3))[:2] == [0.0, 0.0]
+    round_ = shapes[0].tag in ("sphere", "cylinder", "capsule")
+    return round_ and shapes[0].number("radius") == 0.0
+
+
+def _drawn_as_nothing(visual: Node) -> Finding:
+    return Finding(
+        rule="urdf.visual.nothing",
+        severity="warning",
+        subject=visual.subject,
+        message=f"a <visual> on line {visual.line} has no width and shows nothing: it was left out",
+        hint="remove it, or write its size",
+        data={"line": visual.line},
+    )
+
+
+def _read_geometry(node: Node, paths: Paths, uses: dict[str, FileUse]) -> Geometry:
+    children = [Node(child, node.file, node.subject) for child in node.element.iterchildren("*")]
+    if len(children) != 1:
+        raise node.error(f"<geometry> needs one shape, found {len(children)}")
+    shape = children[0]
+    if shape.tag == "mesh":
+        path = paths.resolve(shape)
+        uri = shape.text("filename").strip()
+        if posixpath.splitext(path)[1].lower().lstrip(".") not in FORMATS:
+            endings = ", ".join(f"`.{name}`" for name in FORMATS)
+            raise shape.error(f"mesh filename `{uri}` is of no known format", f"known: {endings}")
+        uses.setdefault(path, FileUse(path, uri, shape.subject, shape.line))
+        return Mesh(path, _scale(shape))
+    if shape.tag == "box":
+        return Box(_box_size(shape))
+    if shape.tag == "sphere":
+        return Sphere(shape.positive("radius"))
+    if shape.tag == "cylinder":
+        return Cylinder(shape.positive("radius"), shape.positive("length"))
+    if shape.tag == "capsule":
+        return Capsule(shape.positive("radius"), shape.positive("length"))
+    tags = ("box", "sphere", "cylinder", "capsule", "mesh")
+    raise shape.error(f"unknown geometry <{shape.tag}>", did_you_mean(shape.tag, tags))
+
+
+def _box_size(node: Node) -> Vec3:
+    size = vec3(node.numbers("size", 3))
+    if min(size) <= 0.0:
+        raise node.error(f"box size is `{node.get('size')}`, every edge must be positive", SIZE)
+    return size
+
+
+def _scale(node: Node) -> Vec3:
+    scale = vec3(node.numbers("scale", 3, (1.0, 1.0, 1.0)))
+    if 0.0 in scale:
+        raise node.error(f"mesh scale is `{node.get('scale')}`", "a scale of 0 leaves no mesh")
+    return scale
+
+
+class _Palette:
+    """Materials by name: those of the robot first, then those defined inside visuals."""
+
+    def __init__(self, paths: Paths) -> None:
+        self.paths = paths
+        self.materials: dict[str, Material] = {}
+        self.findings: list[Finding] = []
+        self.lines: dict[str, int] = {}
+        self._undefined: set[str] = set()
+
+    def define(self, name: str, node: Node) -> None:
+        """A material of the robot; one that says nothing about its look defines nothing."""
+        look = self._look(name, node)
+        if look is not None:
+            self._add(look, node)
+
+    def see(self, node: Node, link: str) -> str:
+        """The name that a material inside a visual goes by; it may define a look, named or not."""
+        name = node.get("name") or ""
+        look = self._look(name or f"{link}_material", node)
+        if look is None:
+            return name
+        known = self.materials.get(look.name)
+        if known is not None and known != look:
+            look = self._renamed(look, told=bool(name))
+        if look.name not in self.materials:
+            self._add(look, node)
+        return look.name
+
+    def paint(self, shape: Shape, name: str) -> Shape:
+        """The shape with its material; call when every visual has been seen."""
+        if name and name not in self.materials:
+            self._tell_undefined(name, shape.link)
+            return shape
+        return replace(shape, material=name or None)
+
+    def _add(self, material: Material, node: Node) -> None:
+        self.materials[material.name] = material
+        self.lines[f"material {material.name}"] = node.line
+
+    def _look(self, name: str, node: Node) -> Material | None:
+        color, texture = node.only("color"), node.only("texture")
+        if texture is not None and not (texture.get("filename") or "").strip():
+            texture = None  # `<texture filename=""/>`, which exporters write, says nothing
+        if color is None and texture is None:
+            return None
+        rgba: Rgba = (1.0, 1.0, 1.0, 1.0)  # a texture alone is shown as it is
+        if color is not None:
+            rgba = self._rgba(name, color)
+        return Material(name, rgba, self.paths.resolve(texture) if texture is not None else None)
+
+    def _rgba(self, name: str, color: Node) -> Rgba:
+        stated = color.numbers("rgba", 4)
+        r, g, b, a = (min(1.0, max(0.0, value)) + 0.0 for value in stated)
+        if stated != (r, g, b, a):
+            self.findings.append(
+                Finding(
+                    "urdf.material.range",
+                    "warning",
+                    f"material {name}",
+                    f"rgba `{color.get('rgba')}` was cut to 0..1",
+                    "write colours as fractions of 1, not of 255",
+                    data={"rgba": stated},
+                )
+            )
+        return (r, g, b, a)
+
+    def _renamed(self, look: Material, told: bool) -> Material:
+        """The look under the next free name, or under the one that it already got."""
+        number = 1
+        while True:
+            other = Material(f"{look.name}_{number}", look.rgba, look.texture)
+            known = self.materials.get(other.name)
+            if known == other:
+                return other
+            if known is None:
+                break
+            number += 1
+        if told:
+            self.findings.append(
+                Finding(
+                    "urdf.material.conflict",
+                    "info",
+                    f"material {look.name}",
+                    f"defined with two looks; the second is called `{other.name}`",
+                    "give each look its own name",
+                    data={"renamed": other.name},
+                )
+            )
+        return other
+
+    def _tell_undefined(self, name: str, link: str) -> None:
+        if name in self._undefined:
+            return
+        self._undefined.add(name)
+        self.findings.append(
+            Finding(
+                "urdf.material.undefined",
+                "warning",
+                f"link {link}",
+                f"material `{name}` is defined nowhere; its shapes get the default look",
+                did_you_mean(name, self.materials),
+                data={"material": name},
+            )
+        )

@@ -1,0 +1,151 @@
+"""Read a URDF strictly: what is wrong is told with its line, what has no home is told too."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import asdict
+
+from pydantic import Field
+
+from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import encode
+from assetbuild.robot.model import Base, Body, Joint, Tree
+from assetbuild.source.urdf.joints import build_tree, read_joint
+from assetbuild.source.urdf.links import Geometries, named, read_body, read_shapes
+from assetbuild.source.urdf.paths import Paths
+from assetbuild.source.urdf.xml import (
+    Node,
+    Problems,
+    homeless,
+    in_xml_1,
+    parse,
+    without_comments,
+    xml_version,
+)
+
+
+class ReadUrdf(Step):
+    """`robot.urdf` -> links, shapes, the meshes it names, and the lines of them all.
+
+    `source.urdf` is the description itself, without comments and indentation: what checks read
+    who must not believe this reader.
+
+    Comments and formatting change nothing but `source_map.json` and the lines in `meshes.json`.
+    Raises SourceError with `file:line`; of several mistakes the first in the file is told.
+    """
+
+    tools = ("lxml",)
+    version = "5"
+    outputs = ("links.json", "shapes.json", "meshes.json", "source_map.json", "source.urdf")
+    isolated = True
+    preload = ("lxml.etree",)
+    limits = Limits(wall_s=120.0, memory_mb=2048)
+
+    file: str
+    """Path of the URDF below the source root: errors name it, relative paths start beside it."""
+    base: Base = "fixed"
+    packages: dict[str, str] = Field(default_factory=dict)
+    """package:// name -> folder below the source root; `.` is the root itself."""
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads `robot.urdf`; writes Tree, Shapes, mesh uses, lines."""
+        data = (files.inputs / "robot.urdf").read_bytes()
+        root = parse(data, self.file)
+        problems = Problems()
+        links = list(named(root.all("link"), problems))
+        bodies = _read_bodies(links, problems)
+        geometries = read_shapes(root, links, Paths(self.file, self.packages), problems)
+        joints, findings = _read_joints(root, dict(links), problems)
+        name, unnamed = _robot_name(root)
+        if not root.all("link"):
+            raise root.error("a robot without links", "is this the right file?")
+        nodes = {f"{n.tag} {n.get('name')}": n for n in root.all("link") + root.all("joint")}
+        tree, held = build_tree(name, self.base, bodies, joints, nodes, problems)
+        _write(files, tree, geometries, self._source_map(root, nodes, geometries))
+        (files.outputs / "source.urdf").write_bytes(without_comments(in_xml_1(data)))
+        if version := xml_version(data):
+            yield Finding(
+                "urdf.xml_version",
+                "warning",
+                "robot",
+                f"it says it is XML {version}, which does not exist: read as XML 1.0",
+                hint='many readers refuse it: write `<?xml version="1.0"?>`',
+            )
+        yield from [*unnamed, *geometries.findings, *findings, *held, *_dropped(root)]
+
+    def _source_map(
+        self, root: Node, nodes: dict[str, Node], geometries: Geometries
+    ) -> dict[str, object]:
+        lines = {"robot": root.line}
+        lines |= {subject: node.line for subject, node in nodes.items()}
+        lines |= geometries.lines
+        lines |= {f"mesh {use.path}": use.line for use in geometries.meshes}
+        lines |= {f"element {kind}": line for kind, (_, line) in homeless(root).items()}
+        return {"file": self.file, "lines": lines}
+
+
+def _read_bodies(links: list[tuple[str, Node]], problems: Problems) -> list[Body]:
+    bodies: list[Body] = []
+    for name, node in links:
+        with problems.kept():
+            bodies.append(read_body(name, node))
+    return bodies
+
+
+def _read_joints(
+    root: Node, links: dict[str, Node], problems: Problems
+) -> tuple[list[Joint], list[Finding]]:
+    nodes = root.all("joint")
+    names = {str(node.get("name")) for node in nodes}
+    joints: list[Joint] = []
+    findings: list[Finding] = []
+    for name, node in named(nodes, problems):
+        with problems.kept():
+            joint, told = read_joint(name, node, names, links)
+            joints.append(joint)
+            findings += told
+    return joints, findings
+
+
+def named_packages(urdf: bytes) -> dict[str, str]:
+    """Every package that a URDF names, as if it lay beside it: for a look without its meshes."""
+    named = set(re.findall(rb"package:/*([A-Za-z0-9_.-]+)", urdf))
+    return {name.decode(): "." for name in sorted(named)}
+
+
+def _robot_name(root: Node) -> tuple[str, list[Finding]]:
+    name = (root.get("name") or "").strip()
+    if name:
+        return name, []
+    message = "<robot> has no name; it is called `robot`"
+    hint = 'write <robot name="...">'
+    return "robot", [Finding("urdf.name.missing", "info", "robot", message, hint)]
+
+
+def _dropped(root: Node) -> Iterator[Finding]:
+    """One finding for each kind of thing that the robot model has no place for."""
+    for kind, (count, _) in homeless(root).items():
+        what = f"<{kind}>" if " of " not in kind else "attribute `{}` of <{}>".format(
+            *kind.split(" of ")
+        )  # fmt: skip
+        yield Finding(
+            rule="urdf.dropped",
+            severity="info",
+            subject="robot",
+            message=f"{what} was left out, {count} times" if count > 1 else f"{what} was left out",
+            hint="no target has a place for it; the source keeps it",
+            data={"element": kind, "count": count},
+        )
+
+
+def _write(files: Files, tree: Tree, geometries: Geometries, source_map: dict[str, object]) -> None:
+    out = files.outputs
+    (out / "links.json").write_bytes(encode(tree))
+    (out / "shapes.json").write_bytes(encode(geometries.shapes))
+    meshes = [asdict(use) for use in geometries.meshes]
+    for name, value in (("meshes.json", meshes), ("source_map.json", source_map)):
+        text = json.dumps(value, sort_keys=True, indent=1)
+        (out / name).write_text(text + "\n", encoding="ascii")

@@ -1,1 +1,0 @@
-"""Steps: what the plan wires together, one file each."""

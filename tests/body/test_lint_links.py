@@ -1,0 +1,106 @@
+"""Each rule fires on the robot that breaks it, and is silent on one that does not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, write_robot_ports
+
+from assetbuild.body.lint_links import LintLinks
+from assetbuild.findings import Finding
+from assetbuild.robot.model import Body, Box, Inertial, Joint, Limits, Mimic, Shape, Shapes, Tree
+
+BRICK = box_inertial(1.0, (0.1, 0.1, 0.1))
+
+
+def lint(tree: Tree, tmp_path: Path, shapes: Shapes | None = None) -> list[Finding]:
+    robot = TinyRobot(tree, tree, shapes or Shapes())
+    return run_step(LintLinks(), write_robot_ports(tmp_path / "in", robot), tmp_path / "out")
+
+
+def arm(
+    limits: Limits = Limits(-1.0, 1.0, 1.0, 1.0),  # noqa: B008 # frozen
+    inertial: Inertial | None = BRICK,
+    kind: str = "revolute",
+) -> Tree:
+    joint = Joint("j", kind, "base", "arm", limits=limits)  # type: ignore[arg-type] # a literal
+    return Tree("arm", "fixed", (Body("base"), Body("arm", inertial)), (joint,))
+
+
+@pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()])
+def test_good_robots_have_no_warning(robot: TinyRobot, tmp_path: Path):
+    inputs = write_robot_ports(tmp_path / "in", robot)
+    told = run_step(LintLinks(), inputs, tmp_path / "out")
+    assert [f for f in told if f.severity != "info"] == []
+
+
+@pytest.mark.parametrize(
+    ("rule", "severity", "limits"),
+    [
+        ("joint.limits", "warning", Limits(1.0, -1.0, 1.0, 1.0)),
+        ("joint.locked", "warning", Limits(0.0, 0.0, 1.0, 1.0)),
+        ("joint.range", "warning", Limits(-4.0, 4.0, 1.0, 1.0)),
+        ("joint.effort_zero", "warning", Limits(-1.0, 1.0, 0.0, 1.0)),
+        ("joint.velocity_zero", "warning", Limits(-1.0, 1.0, 1.0, 0.0)),
+    ],
+)
+def test_joint_limits_that_cannot_be_meant(
+    rule: str, severity: str, limits: Limits, tmp_path: Path
+):
+    (finding,) = lint(arm(limits), tmp_path)
+    assert (finding.rule, finding.severity, finding.subject) == (rule, severity, "joint j")
+
+
+def coupled(multiplier: float, offset: float = 0.0) -> Tree:
+    """A finger of 0 to 0.5 rad that mimics another of the same range."""
+    lead = Joint("lead", "revolute", "base", "a", limits=Limits(0.0, 0.5, 1.0, 1.0))
+    follow = Joint(
+        *("follow", "revolute", "base", "b"),
+        limits=Limits(0.0, 0.5, 1.0, 1.0),
+        mimic=Mimic("lead", multiplier, offset),
+    )
+    return Tree("gripper", "fixed", (Body("base"), Body("a", BRICK), Body("b", BRICK)),
+                (lead, follow))  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("multiplier", "offset", "led"),
+    [(-1.0, 0.0, (-0.5, 0.0)), (1.5, 0.0, (0.0, 0.75)), (1.0, 0.3, (0.3, 0.8))],
+)
+def test_a_finger_that_is_led_over_its_limits(
+    multiplier: float, offset: float, led: tuple[float, float], tmp_path: Path
+):
+    (finding,) = lint(coupled(multiplier, offset), tmp_path)
+    assert (finding.rule, finding.severity) == ("joint.mimic_limits", "warning")
+    assert finding.subject == "joint follow"
+    assert (finding.data["led_lower"], finding.data["led_upper"]) == pytest.approx(led)
+
+
+@pytest.mark.parametrize(("multiplier", "offset"), [(1.0, 0.0), (-1.0, 0.5), (0.4, 0.1)])
+def test_a_finger_that_is_led_within_its_limits(multiplier: float, offset: float, tmp_path: Path):
+    assert lint(coupled(multiplier, offset), tmp_path) == []
+
+
+def test_a_long_slide_is_no_turn(tmp_path: Path):
+    assert lint(arm(Limits(0.0, 7.0, 1.0, 1.0), kind="prismatic"), tmp_path) == []
+
+
+def test_a_link_seen_but_not_felt(tmp_path: Path):
+    visual = Shape("arm_visual", "arm", "visual", Box((0.1, 0.1, 0.1)))
+    (finding,) = lint(arm(), tmp_path, Shapes((visual,)))
+    assert (finding.rule, finding.severity) == ("link.no_collision", "info")
+    solid = Shape("arm_collision", "arm", "collision", Box((0.1, 0.1, 0.1)))
+    assert lint(arm(), tmp_path / "b", Shapes((visual, solid))) == []
+
+
+def test_mass_properties_are_no_errors_before_merging(tmp_path: Path):
+    for number, inertial in enumerate((None, Inertial(0.0, (0.0,) * 3, (0.0,) * 6))):
+        (finding,) = lint(arm(inertial=inertial), tmp_path / str(number))
+        assert finding.severity == "warning"
+
+
+def test_a_link_on_a_fixed_joint_may_be_a_frame_without_mass(tmp_path: Path):
+    nothing = Inertial(0.0, (0.0,) * 3, (0.0,) * 6)
+    assert lint(arm(inertial=nothing, kind="fixed"), tmp_path) == []
+    assert lint(arm(inertial=None, kind="fixed"), tmp_path / "b") == []

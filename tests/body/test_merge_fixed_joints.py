@@ -1,0 +1,95 @@
+"""The step says what was merged, and refuses patterns that mean no link."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+from tiny import TinyRobot, run_step, tiny_quadruped, write_robot_ports
+
+from assetbuild.body.merge_fixed_joints import MergeFixedJoints
+from assetbuild.errors import RecipeError
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Tree
+from assetbuild.source.urdf.read_urdf import ReadUrdf
+
+
+def merge(folder: Path, step: MergeFixedJoints) -> tuple[Tree, list[Finding]]:
+    findings = run_step(step, folder, folder)
+    return decode(Tree, (folder / "tree.json").read_bytes()), findings
+
+
+def read(path: Path, folder: Path, base: str = "floating") -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "robot.urdf").write_bytes(path.read_bytes())
+    packages = {"example-robot-data": "."}
+    run_step(ReadUrdf(file="a/b/c/x.urdf", base=base, packages=packages), folder, folder)  # type: ignore[arg-type] # a literal
+    return folder
+
+
+@pytest.fixture
+def quadruped(tmp_path: Path) -> Path:
+    robot: TinyRobot = tiny_quadruped()
+    return write_robot_ports(tmp_path / "all", robot)
+
+
+def test_one_finding_names_all_that_was_merged(quadruped: Path):
+    tree, (finding,) = merge(quadruped, MergeFixedJoints())
+    assert len(tree.bodies) == 13
+    assert (finding.rule, finding.severity) == ("merge.fixed_joints", "info")
+    assert finding.data["bodies"] == 13
+    assert set(finding.data["links"]) == {"imu", "FR_foot", "FL_foot", "RR_foot", "RL_foot"}  # type: ignore[arg-type] # a tuple of names
+
+
+def test_feet_are_kept_by_pattern(quadruped: Path):
+    tree, _ = merge(quadruped, MergeFixedJoints(keep_bodies=(".*_foot",)))
+    assert len(tree.bodies) == 17
+    assert tree.joint_above["FR_foot"].kind == "fixed"
+
+
+def test_nothing_is_merged_on_request(quadruped: Path):
+    tree, findings = merge(quadruped, MergeFixedJoints(merge=False))
+    assert (len(tree.bodies), findings) == (18, [])
+
+
+def test_a_pattern_must_match_a_whole_name_of_a_link(quadruped: Path):
+    with pytest.raises(RecipeError, match="no link matches `FR_fot`") as caught:
+        merge(quadruped, MergeFixedJoints(keep_bodies=("FR_fot",)))
+    assert caught.value.hint == "did you mean `FR_foot`?"
+    with pytest.raises(RecipeError):
+        merge(quadruped, MergeFixedJoints(keep_bodies=("_foot",)))
+
+
+def test_a_placeholder_root_is_told(robots: Path, tmp_path: Path):
+    folder = read(robots / "placeholder_root.urdf", tmp_path)
+    tree, findings = merge(folder, MergeFixedJoints())
+    assert [b.name for b in tree.bodies] == ["trunk", "arm"]
+    assert (findings[0].rule, findings[0].subject) == ("merge.placeholder_root", "link base")
+    assert findings[0].data == {"body": "trunk", "mass_kg": 1e-6}
+
+
+def test_go1_becomes_thirteen_bodies_with_all_its_mass(go1_root: Path, tmp_path: Path):
+    path = go1_root / "robots/go1_description/urdf/go1.urdf"
+    tree, findings = merge(read(path, tmp_path), MergeFixedJoints())
+    xml = ET.parse(path).getroot()  # noqa: S314 # the real robot, which we trust here
+    total = sum(float(m.get("value", "nan")) for m in xml.iter("mass"))
+    assert sum(b.inertial.mass_kg for b in tree.bodies if b.inertial) == pytest.approx(
+        total, rel=1e-12
+    )
+    assert len(tree.bodies) == 13
+    assert len(tree.moving_joints) == 12
+    assert len(tree.frames) == len(xml.findall("link")) - 13
+    assert tree.root == "trunk"
+    assert tree.placement("base")[0] == "trunk"
+    assert [f.rule for f in findings] == ["merge.placeholder_root", "merge.fixed_joints"]
+
+
+def test_go1s_mass_is_pinocchios(go1_root: Path, tmp_path: Path):
+    pinocchio = pytest.importorskip("pinocchio", reason="needs the extra `oracle`")
+    path = go1_root / "robots/go1_description/urdf/go1.urdf"
+    tree, _ = merge(read(path, tmp_path), MergeFixedJoints())
+    model = pinocchio.buildModelFromXML(path.read_text(), pinocchio.JointModelFreeFlyer())
+    ours = sum(b.inertial.mass_kg for b in tree.bodies if b.inertial)
+    assert ours == pytest.approx(pinocchio.computeTotalMass(model), rel=1e-12)

@@ -1,0 +1,132 @@
+"""Parts on a base: names, masses and motion are those of the parts, moved to their place."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
+
+from assetbuild.compose.compose_parts import ComposeParts, PartOn
+from assetbuild.errors import RecipeError
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Shapes, Tree
+from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.robot.tree import forward_kinematics, sample_positions
+from assetbuild.source.urdf.read_urdf import ReadUrdf
+
+ARM = PartOn(folder="arm_", prefix="arm_", link="trunk", xyz=(0.1, 0.0, 0.2), rpy=(0.3, -0.2, 1.0))
+
+
+def put(folder: Path, robot: TinyRobot, file: str) -> None:
+    write_robot_ports(folder, robot)
+    lines = {f"link {body.name}": 7 for body in robot.links.bodies}
+    (folder / "source_map.json").write_text(json.dumps({"file": file, "lines": lines}))
+
+
+def composed(tmp_path: Path, *parts: PartOn) -> tuple[Tree, Shapes, dict, list]:
+    put(tmp_path / "base", tiny_quadruped(), "dog.urdf")
+    for part in parts:
+        put(tmp_path / part.folder, pendulum(), "arm.urdf")
+    findings = run_step(ComposeParts(parts=parts), tmp_path, tmp_path / "out")
+    out = tmp_path / "out"
+    return (
+        decode(Tree, (out / "links.json").read_bytes()),
+        decode(Shapes, (out / "shapes.json").read_bytes()),
+        json.loads((out / "source_map.json").read_text()),
+        findings,
+    )
+
+
+def total_mass(tree: Tree) -> float:
+    return sum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
+
+
+def test_a_part_moves_as_alone_seen_from_its_place(tmp_path):
+    tree, *_ = composed(tmp_path, ARM)
+    alone = pendulum().links
+    place = Pose(ARM.xyz, quat_of_rpy(*ARM.rpy))
+    for positions in sample_positions(tree, 5, seed=1):
+        whole = forward_kinematics(tree, positions)
+        part = forward_kinematics(alone, {n[4:]: q for n, q in positions.items()})
+        for body in alone.bodies:
+            wanted = (whole["trunk"] @ place @ part[body.name]).matrix()
+            assert np.allclose(whole[f"arm_{body.name}"].matrix(), wanted, atol=1e-14)
+
+
+def test_nothing_is_lost_and_the_mount_adds_its_mass(tmp_path):
+    plate = ARM.model_copy(
+        update={"mount_mass": 0.3, "mount_size": (0.1, 0.1, 0.01), "mount_at": (0, 0, -0.005)}
+    )
+    tree, shapes, _, findings = composed(tmp_path, plate)
+    quadruped, arm = tiny_quadruped(), pendulum()
+    assert total_mass(tree) == pytest.approx(
+        total_mass(quadruped.links) + total_mass(arm.links) + 0.3
+    )
+    assert len(tree.joints) == len(quadruped.links.joints) + len(arm.links.joints) + 2
+    own = len(quadruped.shapes.shapes) + len(arm.shapes.shapes)
+    assert len(shapes.shapes) == own + 2  # the plate is seen and hit
+    (told,) = findings
+    assert told.data["mount_kg"] == 0.3
+
+
+def test_two_equal_parts_need_two_prefixes(tmp_path):
+    other = ARM.model_copy(update={"folder": "second_", "prefix": "second_", "xyz": (-0.1, 0, 0.2)})
+    tree, *_ = composed(tmp_path, ARM, other)
+    assert {"arm_mount", "second_mount"} <= set(tree.by_joint)
+    with pytest.raises(RecipeError, match="two parts have a"):
+        composed(tmp_path / "again", ARM, other.model_copy(update={"prefix": "arm_"}))
+
+
+def test_a_place_that_is_no_link_is_refused(tmp_path):
+    with pytest.raises(RecipeError, match="no link `trnk`") as caught:
+        composed(tmp_path, ARM.model_copy(update={"link": "trnk"}))
+    assert "trunk" in str(caught.value)
+
+
+def test_findings_about_a_part_name_its_own_file(tmp_path):
+    _, _, lines, _ = composed(tmp_path, ARM)
+    root = pendulum().links.root
+    assert lines["lines"][f"link arm_{root}"] == "arm.urdf:7"
+    assert lines["lines"]["link trunk"] == 7
+
+
+def read(urdf: Path, folder: Path, base: str) -> Tree:
+    folder.mkdir(parents=True)
+    (folder / "robot.urdf").write_bytes(urdf.read_bytes())
+    step = ReadUrdf(file="a/b/c.urdf", base=base, packages={"example-robot-data": "."})  # type: ignore[arg-type] # a literal
+    run_step(step, folder, folder)
+    return decode(Tree, (folder / "links.json").read_bytes())
+
+
+def test_b1_with_z1_is_the_robot_that_somebody_merged_by_hand(tmp_path, go1_root):
+    """Against example-robot-data's own b1-z1.urdf: every link, joint and pose."""
+    folder = go1_root / "robots"
+    by_hand = read(folder / "b1_description/urdf/b1-z1.urdf", tmp_path / "hand", "floating")
+    read(folder / "b1_description/urdf/b1.urdf", tmp_path / "base", "floating")
+    read(folder / "z1_description/urdf/z1.urdf", tmp_path / "arm_", "fixed")
+    place = PartOn(folder="arm_", prefix="arm_", link="trunk", xyz=(0.35, 0, 0.09), rpy=(0, 0, 0))
+    run_step(ComposeParts(parts=(place,)), tmp_path, tmp_path / "out")
+    ours = decode(Tree, (tmp_path / "out/links.json").read_bytes())
+
+    assert total_mass(ours) == pytest.approx(total_mass(by_hand), rel=1e-12)
+    names = {body.name: body.name.removeprefix("arm_") for body in ours.bodies}
+    extra = {name for name, plain in names.items() if plain not in by_hand.by_body}
+    assert extra == {"arm_world"}  # the arm's own placeholder root
+    for body in ours.bodies:
+        if body.name not in extra:
+            assert body.inertial == by_hand.by_body[names[body.name]].inertial, body.name
+    moving = {joint.name.removeprefix("arm_") for joint in ours.moving_joints}
+    assert moving == {joint.name for joint in by_hand.moving_joints}
+    for positions in sample_positions(by_hand, 10, seed=2):
+        theirs = forward_kinematics(by_hand, positions)
+        mine = forward_kinematics(ours, positions | {f"arm_{n}": q for n, q in positions.items()})
+        for name, plain in names.items():
+            if name not in extra:
+                assert np.allclose(mine[name].matrix(), theirs[plain].matrix(), atol=1e-12), name
+    limits = {joint.name: replace(joint.limits) for joint in by_hand.joints}
+    for joint in ours.moving_joints:
+        assert joint.limits == limits[joint.name.removeprefix("arm_")]

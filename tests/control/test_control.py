@@ -1,0 +1,438 @@
+"""The recipe's tables on a robot: gains, poses on the ground, excludes.
+
+Heights are compared with MuJoCo's kinematics and with points sampled on each surface.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from assetbuild.control.control import ControlStep, half_height
+from assetbuild.engine.step import Files
+from assetbuild.recipe.models import Recipe
+from assetbuild.robot.actuators import RowError
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.model import (
+    Body,
+    Box,
+    Capsule,
+    Control,
+    Cylinder,
+    Frame,
+    Joint,
+    Limits,
+    Mesh,
+    MeshAsset,
+    Mimic,
+    Shape,
+    Shapes,
+    Sphere,
+    Tree,
+)
+from assetbuild.robot.pose import Pose, normalised_quat, quat_of_rpy
+
+LEGS = {"FL": (1, 1), "FR": (1, -1), "RL": (-1, 1), "RR": (-1, -1)}
+
+
+def quadruped(base: str = "floating") -> Tree:
+    """A trunk with four legs of thigh and calf, mirrored front to rear and left to right."""
+    bodies, joints, frames = [Body("trunk")], [], []
+    limits = Limits(-3.0, 3.0, effort=20.0, velocity=30.0)
+    for leg, (front, left) in LEGS.items():
+        at = Pose((0.2 * front, 0.1 * left, 0.0))
+        thigh, calf = f"{leg}_thigh", f"{leg}_calf"
+        bodies += [Body(thigh), Body(calf)]
+        y = (0.0, 1.0, 0.0)
+        joints.append(Joint(f"{thigh}_joint", "revolute", "trunk", thigh, at, y, limits))
+        down = Pose((0.0, 0.0, -0.213))
+        joints.append(Joint(f"{calf}_joint", "revolute", thigh, calf, down, y, limits))
+        frames.append(Frame(f"{leg}_foot", calf, Pose((0.0, 0.0, -0.22))))
+    return Tree("tiny", base, tuple(bodies), tuple(joints), tuple(frames))
+
+
+def feet(radius: float = 0.02) -> Shapes:
+    return Shapes(
+        tuple(Shape(f"{leg}_f", f"{leg}_foot", "collision", Sphere(radius)) for leg in LEGS)
+    )
+
+
+def recipe(**keys: object) -> Recipe:
+    head = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": "p", "urdf": "r.urdf"}}
+    table = [{"joints": ".*", "kp": 80.0, "kd": 4.0}]
+    return Recipe.model_validate({**head, "actuators": table, **keys})
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Run the control step; the control and its findings by rule."""
+    (tmp_path / "in/meshes").mkdir(parents=True)
+    (tmp_path / "out").mkdir()
+
+    def run_step(tree: Tree, shapes: Shapes, said: Recipe, **meshes: str):
+        (tmp_path / "in/tree.json").write_bytes(encode(tree))
+        (tmp_path / "in/shapes.json").write_bytes(encode(shapes))
+        for name, text in meshes.items():
+            (tmp_path / f"in/meshes/{name}.obj").write_text(text)
+        findings = list(ControlStep.configure(said).run(Files(tmp_path / "in", tmp_path / "out")))
+        control = decode(Control, (tmp_path / "out/control.json").read_bytes())
+        return control, {finding.rule: finding for finding in findings}
+
+    return run_step
+
+
+def refused(tree: Tree, said: Recipe) -> RowError:
+    with pytest.raises(RowError) as caught:
+        ControlStep.configure(said).check(tree)
+    return caught.value
+
+
+HOME = {".*_thigh_joint": 0.8, ".*_calf_joint": -1.6}
+
+
+def test_soles_touch_the_ground_by_the_formula_of_a_two_link_leg(run):
+    control, findings = run(quadruped(), feet(), recipe(keyframes={"home": {"joints": HOME}}))
+    (home,) = control.keyframes
+    expected = 0.213 * math.cos(0.8) + 0.22 * math.cos(0.8 - 1.6) + 0.02
+    assert home.base.xyz == pytest.approx((0.0, 0.0, expected), abs=1e-12)
+    assert home.base.quat == (1.0, 0.0, 0.0, 0.0)
+    assert findings == {}
+
+
+def mjcf_of(tree: Tree, shapes: Shapes) -> str:
+    """The robot's kinematics and spheres as MJCF, written here and read by MuJoCo."""
+
+    def numbers(values) -> str:
+        return " ".join(repr(float(v)) for v in values)
+
+    def body(name: str) -> str:
+        joint = tree.joint_above.get(name)
+        pose = joint.X_parent_joint if joint else Pose()
+        parts = [f'<body name="{name}" pos="{numbers(pose.xyz)}" quat="{numbers(pose.quat)}">']
+        parts.append('<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>')
+        if joint:
+            kind = "slide" if joint.kind == "prismatic" else "hinge"
+            parts.append(f'<joint name="{joint.name}" type="{kind}" axis="{numbers(joint.axis)}"/>')
+        for shape in shapes.shapes:
+            at, X_body_link = tree.placement(shape.link)
+            if at == name:
+                X = X_body_link @ shape.X_link_shape
+                parts.append(
+                    f'<geom name="{shape.name}" size="{shape.geometry.radius}" '
+                    f'pos="{numbers(X.xyz)}"/>'
+                )
+        parts += [body(j.child) for j in tree.joints if j.parent == name]
+        return "".join([*parts, "</body>"])
+
+    return f"<mujoco><worldbody>{body(tree.root)}</worldbody></mujoco>"
+
+
+def test_the_height_agrees_with_mujoco_for_random_poses(run):
+    import mujoco
+
+    tree, shapes = quadruped(), feet()
+    model = mujoco.MjModel.from_xml_string(mjcf_of(tree, shapes))
+    data = mujoco.MjData(model)
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        q = {joint.name: float(rng.uniform(-1.5, 1.5)) for joint in tree.joints}
+        control, _ = run(tree, shapes, recipe(keyframes={"k": {"joints": q}}))
+        for name, value in q.items():
+            data.qpos[model.joint(name).qposadr[0]] = value
+        mujoco.mj_kinematics(model, data)
+        lowest = min(data.geom_xpos[:, 2] - model.geom_size[:, 0])
+        assert control.keyframes[0].base.xyz[2] == pytest.approx(-lowest, abs=1e-12)
+
+
+def surface(geometry, rng, n=200_000):
+    """Random points on a primitive, by construction; of a box its corners."""
+    if isinstance(geometry, Box):
+        corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
+        return corners * np.asarray(geometry.size)
+    direction = rng.normal(size=(n, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    if isinstance(geometry, Sphere):
+        return direction * geometry.radius
+    end = rng.choice([-0.5, 0.5], (n, 1)) * geometry.length * np.array([[0, 0, 1.0]])
+    if isinstance(geometry, Capsule):
+        return direction * geometry.radius + end
+    angle = rng.uniform(0, 2 * np.pi, n)
+    rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(n)], axis=1) * geometry.radius
+    return rim + end
+
+
+@pytest.mark.parametrize(
+    "geometry",
+    [Box((0.3, 0.1, 0.2)), Sphere(0.1), Capsule(0.05, 0.3), Cylinder(0.1, 0.05)],
+    ids=lambda g: type(g).__name__,
+)
+def test_how_far_a_primitive_reaches_down_agrees_with_points_on_its_surface(geometry):
+    rng = np.random.default_rng(2)
+    points = surface(geometry, rng)
+    for _ in range(5):
+        quat = normalised_quat(tuple(rng.normal(size=4)))
+        pose = Pose((0.0, 0.0, 0.0), quat)
+        reach = half_height(geometry, pose.rotation[2])
+        sampled = -pose.apply(points)[:, 2].min()
+        assert reach >= sampled - 1e-12
+        assert reach == pytest.approx(sampled, rel=5e-3)
+
+
+def test_a_mesh_touches_with_its_lowest_vertex(run):
+    # A tetrahedron, turned by 90 deg about y: its x becomes -z. The last vertex has no face.
+    text = "v 0 0 0\nv 2 0 0\nv 0 1 0\nv 0 0 1\nv 9 9 9\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    shape = Shape("m", "trunk", "collision", Mesh("t-1"), Pose(quat=quat_of_rpy(0, math.pi / 2, 0)))
+    shapes = Shapes((shape,), meshes=(MeshAsset("t-1", "t-1.obj", 5, 4, True),))
+    said = recipe(keyframes={"home": {}})
+    control, _ = run(quadruped(), shapes, said, **{"t-1": text})
+    assert control.keyframes[0].base.xyz[2] == pytest.approx(2.0, abs=1e-12)
+
+
+def test_only_collision_geometry_counts(run):
+    low = Shape("v", "trunk", "visual", Sphere(5.0))
+    shapes = Shapes((low, *feet().shapes))
+    control, _ = run(quadruped(), shapes, recipe(keyframes={"home": {}}))
+    assert control.keyframes[0].base.xyz[2] == pytest.approx(0.213 + 0.22 + 0.02)
+
+
+def test_without_collision_geometry_there_is_no_ground_and_it_is_said(run):
+    control, findings = run(quadruped(), Shapes(), recipe(keyframes={"home": {}}))
+    assert findings["keyframe.no_ground"].severity == "warning"
+    assert control.keyframes[0].base == Pose()
+
+
+def test_a_given_base_is_taken_as_it_is(run):
+    said = recipe(keyframes={"home": {"base": (0.1, 0.2, 0.3)}})
+    control, _ = run(quadruped(), feet(), said)
+    assert control.keyframes[0].base == Pose((0.1, 0.2, 0.3))
+
+
+def test_a_fixed_base_stays_and_a_given_height_is_reported(run):
+    said = recipe(keyframes={"a": {}, "b": {"base": (0, 0, 1.0)}})
+    control, findings = run(quadruped("fixed"), feet(), said)
+    assert [k.base for k in control.keyframes] == [None, None]
+    assert findings["keyframe.fixed_base"].data == {"keyframe": "b"}
+
+
+def test_joints_stand_in_tree_order_and_unnamed_ones_are_zero(run):
+    tree = quadruped()
+    said = recipe(keyframes={"home": {"joints": {"RR_calf_joint": -1.0, "FL_.*": 0.5}}})
+    control, _ = run(tree, feet(), said)
+    home = control.keyframes[0]
+    assert [name for name, _ in home.joints] == [joint.name for joint in tree.joints]
+    values = dict(home.joints)
+    assert (values["FL_thigh_joint"], values["RR_calf_joint"]) == (0.5, -1.0)
+    assert values["FR_thigh_joint"] == 0.0
+
+
+def test_values_outside_the_limits_are_errors_with_numbers(run):
+    said = recipe(keyframes={"home": {"joints": {"FL_calf_joint": -3.2}}})
+    _, findings = run(quadruped(), feet(), said)
+    finding = findings["keyframe.limits"]
+    assert (finding.severity, finding.subject) == ("error", "joint FL_calf_joint")
+    assert finding.data == {"keyframe": "home", "value": -3.2, "lower": -3.0, "upper": 3.0}
+
+
+def with_calf_limits(lower: float | None, upper: float | None) -> Tree:
+    tree = quadruped()
+    joints = [
+        Joint(
+            j.name, j.kind, j.parent, j.child, j.X_parent_joint, j.axis, Limits(lower, upper, 9.0)
+        )
+        if j.name == "FL_calf_joint"
+        else j
+        for j in tree.joints
+    ]
+    return Tree(tree.name, tree.base, tree.bodies, tuple(joints), tree.frames)
+
+
+def test_degrees_in_a_keyframe_are_told_with_the_radians(run):
+    said = recipe(keyframes={"home": {"joints": {"FL_calf_joint": -90}}})
+    _, findings = run(with_calf_limits(-2.8, -0.8), feet(), said)
+    assert findings["keyframe.limits"].hint.endswith("-90 degrees are -1.571")
+    _, findings = run(with_calf_limits(None, None), feet(), said)
+    finding = findings["keyframe.turns"]
+    assert (finding.severity, finding.subject) == ("warning", "joint FL_calf_joint")
+    assert "14.3 turns" in finding.message and "-1.571" in finding.hint
+    once = recipe(keyframes={"home": {"joints": {"FL_calf_joint": 6.28}}})
+    assert "keyframe.turns" not in run(with_calf_limits(None, None), feet(), once)[1]
+
+
+def test_a_joint_that_no_pattern_names_may_be_outside_at_zero(run):
+    _, findings = run(with_calf_limits(-2.8, -0.8), feet(), recipe(keyframes={"home": {}}))
+    assert "so it is 0" in findings["keyframe.limits"].hint
+
+
+def test_a_value_on_the_limit_is_inside(run):
+    said = recipe(keyframes={"home": {"joints": {"FL_calf_joint": -2.8}}})
+    _, findings = run(with_calf_limits(-2.8, -0.8), feet(), said)
+    assert findings == {}
+
+
+def gripper() -> Tree:
+    limits = Limits(0.0, 0.05, effort=1.0)
+    left = Joint("left", "prismatic", "palm", "l", axis=(0.0, 1.0, 0.0), limits=limits)
+    right = Joint(
+        "right",
+        "prismatic",
+        "palm",
+        "r",
+        axis=(0, -1.0, 0.0),
+        limits=limits,
+        mimic=Mimic("left", 2.0),
+    )
+    return Tree("gripper", "fixed", (Body("palm"), Body("l"), Body("r")), (left, right))
+
+
+def test_mimic_joints_follow_and_are_checked_too(run):
+    said = recipe(keyframes={"open": {"joints": {".*": 0.04}}})
+    control, findings = run(gripper(), Shapes(), said)
+    assert control.keyframes[0].joints == (("left", 0.04), ("right", 0.08))
+    assert findings["keyframe.limits"].subject == "joint right"
+    assert findings["keyframe.limits"].hint == "it follows `left`"
+
+
+@pytest.mark.parametrize(
+    ("joints", "key", "said"),
+    [
+        ({".*_kalf_joint": 1.0}, ".*_kalf_joint", "matches no moving joint"),
+        ({"FL_.*": 1.0, ".*_calf_joint": 2.0}, ".*_calf_joint", "`FL_calf_joint` is matched by"),
+    ],
+)
+def test_a_pattern_that_matches_nothing_or_twice_is_an_error_with_its_key(joints, key, said):
+    error = refused(quadruped(), recipe(keyframes={"home": {"joints": joints}}))
+    assert error.key == ("keyframes", "home", "joints", key)
+    assert said in error.message
+
+
+def test_a_mimic_joint_cannot_be_posed():
+    error = refused(gripper(), recipe(keyframes={"open": {"joints": {"right": 0.01}}}))
+    assert "mimic others" in error.message
+
+
+def test_adjacent_bodies_and_pairs_of_links_are_excluded(run):
+    pairs = [["trunk", "FL_foot"], ["FR_calf", "FL_foot"]]
+    said = recipe(collision={"exclude": {"pairs": tuple(map(tuple, pairs))}})
+    control, _ = run(quadruped(), feet(), said)
+    adjacent = {("FL_thigh", "trunk"), ("FL_calf", "FL_thigh")}
+    assert adjacent <= set(control.excludes)
+    assert ("FL_calf", "trunk") in control.excludes
+    assert ("FL_calf", "FR_calf") in control.excludes
+    assert len(control.excludes) == 8 + 2
+    assert list(control.excludes) == sorted(control.excludes)
+
+
+def test_without_adjacent_only_pairs_remain(run):
+    said = recipe(collision={"exclude": {"adjacent": False, "pairs": (("trunk", "FL_foot"),)}})
+    control, _ = run(quadruped(), feet(), said)
+    assert control.excludes == (("FL_calf", "trunk"),)
+
+
+def test_a_pair_that_fixed_joints_made_one_body_is_reported(run):
+    said = recipe(collision={"exclude": {"pairs": (("FL_calf", "FL_foot"),)}})
+    _, findings = run(quadruped(), feet(), said)
+    assert findings["exclude.same_body"].severity == "info"
+
+
+def test_an_unknown_link_in_a_pair_is_an_error_with_its_key():
+    error = refused(quadruped(), recipe(collision={"exclude": {"pairs": (("trunk", "FL_fot"),)}}))
+    assert error.key == ("collision", "exclude", "pairs", 0, 1)
+    assert error.hint == "did you mean `FL_foot`?"
+
+
+def test_gains_come_from_the_table(run):
+    control, _ = run(quadruped(), feet(), recipe())
+    assert {a.kp for a in control.actuators} == {80.0}
+    assert {a.effort for a in control.actuators} == {20.0}
+    assert len(control.actuators) == 8
+
+
+def test_without_a_table_all_is_passive_and_it_is_said(run):
+    control, findings = run(quadruped(), feet(), recipe(actuators=()))
+    assert {a.model for a in control.actuators} == {"passive"}
+    assert findings["actuator.none"].data == {"joints": 8}
+
+
+def test_a_table_of_passive_rows_drives_nothing_and_it_is_said(run):
+    """What `init` writes where the source states no effort."""
+    _, findings = run(
+        quadruped(), feet(), recipe(actuators=({"joints": ".*", "model": "passive"},))
+    )
+    assert (findings["actuator.none"].severity, findings["actuator.none"].data) == (
+        "warning",
+        {"joints": 8},
+    )
+
+
+def test_a_source_s_limit_of_zero_is_reported(run):
+    tree = with_calf_limits(-3.0, 3.0)
+    joints = [replace(j, limits=Limits(-3, 3, 9.0, 0.0)) for j in tree.joints]
+    tree = Tree(tree.name, tree.base, tree.bodies, tuple(joints), tree.frames)
+    _, findings = run(tree, feet(), recipe())
+    assert findings["actuator.zero_limit"].data == {"velocity": 0.0}
+
+
+def test_what_a_row_states_over_the_source_is_told(tmp_path: Path):
+    tree = quadruped()
+    joints = tuple(replace(joint, damping=0.01, friction=None) for joint in tree.joints)
+    drive = {"model": "pd", "kp": 20.0, "kd": 1.0}
+    rows = [
+        drive | {"joints": ".*_thigh_joint", "damping": 0.0, "friction": 0.2, "effort": 30.0},
+        drive | {"joints": ".*_calf_joint", "damping": 0.01, "velocity": "unlimited"},
+    ]
+    inputs = {"tree.json": encode(replace(tree, joints=joints)), "shapes.json": encode(feet())}
+    (tmp_path / "out").mkdir(exist_ok=True)
+    (tmp_path / "in").mkdir(exist_ok=True)
+    for name, data in inputs.items():
+        (tmp_path / "in" / name).write_bytes(data)
+    step = ControlStep.configure(recipe(actuators=rows))
+    findings = list(step.run(Files(tmp_path / "in", tmp_path / "out")))
+    told = {(f.subject, f.message.split(": ", 1)[1]) for f in findings if "overr" in f.rule}
+    assert told == {
+        ("recipe actuators.0", "damping 0 in place of the source's 0.01 (4 joints)"),
+        ("recipe actuators.0", "effort 30 in place of the source's 20 (4 joints)"),
+        ("recipe actuators.1", "velocity unlimited in place of the source's 30 (4 joints)"),
+    }
+
+
+def test_the_same_recipe_gives_the_same_bytes(run, tmp_path):
+    said = recipe(keyframes={"home": {"joints": HOME}, "b": {}})
+    run(quadruped(), feet(), said)
+    first = (Path(tmp_path) / "out/control.json").read_bytes()
+    run(quadruped(), feet(), said)
+    assert (Path(tmp_path) / "out/control.json").read_bytes() == first
+
+
+def test_the_real_go1_stands_on_its_soles_by_pinocchio_on_the_source(run, go1_root, tmp_path):
+    pin = pytest.importorskip("pinocchio", reason="needs the extra `oracle`")
+    from assetbuild.body.merge_fixed_joints import MergeFixedJoints
+    from assetbuild.source.urdf.read_urdf import ReadUrdf
+
+    urdf = go1_root / "robots/go1_description/urdf/go1.urdf"
+    ports = Files(tmp_path / "ports", tmp_path / "ports")
+    ports.inputs.mkdir()
+    (ports.inputs / "robot.urdf").write_bytes(urdf.read_bytes())
+    packages = {"example-robot-data": "."}
+    read = ReadUrdf(file="robots/go1_description/urdf/go1.urdf", base="floating", packages=packages)
+    for step in (read, MergeFixedJoints(merge=True, keep_bodies=())):
+        list(step.run(ports))
+    tree = decode(Tree, (ports.outputs / "tree.json").read_bytes())
+    shapes = decode(Shapes, (ports.outputs / "shapes.json").read_bytes())
+    soles = tuple(s for s in shapes.of("collision") if s.link.endswith("_foot"))
+
+    said = recipe(keyframes={"home": {"joints": HOME}})
+    control, findings = run(tree, Shapes(soles), said)
+    model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
+    data, q = model.createData(), pin.neutral(model)
+    for name, value in control.keyframes[0].joints:
+        q[model.joints[model.getJointId(name)].idx_q] = value
+    pin.framesForwardKinematics(model, data, q)
+    heights = [data.oMf[model.getFrameId(s.link)].translation[2] for s in soles]
+    assert len(soles) == 4
+    assert control.keyframes[0].base.xyz[2] == pytest.approx(0.02 - min(heights), abs=1e-12)
+    assert findings == {}

@@ -1,0 +1,141 @@
+"""Meshes and pieces go to the places of the source's geometry, each content once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from tiny import box_obj, run_step
+
+from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse, called
+from assetbuild.kinds import ConvertedMesh, MeshPart, Piece, Pieces
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.model import Box, Material, Mesh, Shape, Shapes, Sphere
+from assetbuild.robot.pose import Pose
+
+RAISED = Pose((0.0, 0.0, 1.0))
+RED = (1.0, 0.0, 0.0, 1.0)
+
+
+def converted(folder: Path, *parts: tuple[bytes, MeshPart]) -> None:
+    (folder / "parts").mkdir(parents=True)
+    for data, part in parts:
+        (folder / "parts" / part.file).write_bytes(data)
+    mesh = ConvertedMesh(tuple(p for _, p in parts), 12, 1.0, (0.0,) * 3, (1.0,) * 3, True, 1.0)
+    (folder / "mesh.json").write_bytes(encode(mesh))
+
+
+def assembled(tmp_path: Path, source: Shapes, step: Assemble) -> tuple[Shapes, Path]:
+    (tmp_path / "in").mkdir(exist_ok=True)
+    (tmp_path / "in" / "shapes.json").write_bytes(encode(source))
+    run_step(step, tmp_path / "in", tmp_path / "out")
+    shapes = decode(Shapes, (tmp_path / "out" / "shapes.json").read_bytes())
+    return shapes, tmp_path / "out" / "meshes"
+
+
+def test_a_mesh_that_two_links_share_is_one_file(tmp_path: Path):
+    converted(tmp_path / "in/visual/leg", (box_obj((1.0, 1.0, 1.0)), MeshPart("0.obj", 8, 12)))
+    source = Shapes(
+        tuple(Shape(f"{n}_v", n, "visual", Mesh("m/leg.dae"), RAISED) for n in ("left", "right"))
+    )
+    uses = tuple(
+        VisualUse(shape=f"{n}_v", folder="visual/leg", stem="leg") for n in ("left", "right")
+    )
+    shapes, meshes = assembled(tmp_path, source, Assemble(visuals=uses, collisions=()))
+    assert [s.name for s in shapes.shapes] == ["left_visual", "right_visual"]
+    assert {s.geometry for s in shapes.shapes} == {Mesh(shapes.meshes[0].name)}
+    assert all(s.X_link_shape == RAISED for s in shapes.shapes)
+    assert [p.name for p in meshes.iterdir()] == [shapes.meshes[0].file]
+    assert shapes.meshes[0].name.startswith("leg-")
+
+
+def test_a_part_keeps_its_own_colour_and_else_takes_the_description_s(tmp_path: Path):
+    converted(
+        tmp_path / "in/visual/arm",
+        (box_obj((1.0, 1.0, 1.0)), MeshPart("0.obj", 8, 12, "材质", RED)),
+        (box_obj((2.0, 1.0, 1.0)), MeshPart("1.obj", 8, 12)),
+    )
+    silver = Material("silver", (0.7, 0.7, 0.8, 1.0))
+    shape = Shape("a", "arm", "visual", Mesh("arm.dae"), material="silver")
+    step = Assemble(visuals=(VisualUse(shape="a", folder="visual/arm", stem="arm"),), collisions=())
+    shapes, _ = assembled(tmp_path, Shapes((shape,), (silver, Material("unused"))), step)
+    assert [s.name for s in shapes.shapes] == ["arm_visual1", "arm_visual2"]
+    assert [s.material for s in shapes.shapes] == ["材质", "silver"]
+    assert [(m.name, m.rgba) for m in shapes.materials] == [("材质", RED), ("silver", silver.rgba)]
+
+
+def test_two_colours_of_one_name_stay_two_materials(tmp_path: Path):
+    for name, rgba in (("a", RED), ("b", (0.0, 1.0, 0.0, 1.0))):
+        part = MeshPart("0.obj", 8, 12, "paint", rgba)
+        converted(tmp_path / "in/visual" / name, (box_obj((1.0, 1.0, 1.0)), part))
+    source = Shapes(tuple(Shape(n, n, "visual", Mesh(f"{n}.dae")) for n in "ab"))
+    uses = tuple(VisualUse(shape=n, folder=f"visual/{n}", stem=n) for n in "ab")
+    shapes, _ = assembled(tmp_path, source, Assemble(visuals=uses, collisions=()))
+    assert [m.name for m in shapes.materials] == ["paint", "paint_2"]
+    assert [s.material for s in shapes.shapes] == ["paint", "paint_2"]
+    assert len(shapes.meshes) == 1  # the same geometry, in two colours
+
+
+def test_pieces_are_placed_in_the_frame_of_their_shape(tmp_path: Path):
+    folder = tmp_path / "in/collision/hull"
+    (folder / "pieces").mkdir(parents=True)
+    (folder / "pieces/0.obj").write_bytes(box_obj((1.0, 1.0, 1.0)))
+    offset = Pose((0.5, 0.0, 0.0))
+    pieces = Pieces((Piece(Mesh("0.obj"), offset, 8, 12), Piece(Sphere(0.1))))
+    (folder / "pieces.json").write_bytes(encode(pieces))
+    source = Shapes((Shape("s", "foot", "collision", Mesh("f.stl"), RAISED),))
+    use = CollisionUse(link="foot", shape="s", pieces="collision/hull", stem="foot")
+    shapes, _ = assembled(tmp_path, source, Assemble(visuals=(), collisions=(use,)))
+    assert [s.name for s in shapes.shapes] == ["foot_collision1", "foot_collision2"]
+    assert shapes.shapes[0].X_link_shape == RAISED @ offset
+    assert shapes.shapes[1].geometry == Sphere(0.1)
+    assert shapes.meshes[0].convex
+
+
+def test_a_primitive_of_the_source_is_kept_as_it_is(tmp_path: Path):
+    source = Shapes((Shape("s", "trunk", "collision", Box((1.0, 2.0, 3.0)), RAISED),))
+    use = CollisionUse(link="trunk", shape="s")
+    shapes, _ = assembled(tmp_path, source, Assemble(visuals=(), collisions=(use,)))
+    assert shapes.shapes == (
+        Shape("trunk_collision", "trunk", "collision", Box((1.0, 2.0, 3.0)), RAISED),
+    )
+
+
+def test_links_that_hit_nothing_are_told(tmp_path: Path):
+    shapes = tuple(Shape(n, n, "collision", Sphere(0.1)) for n in ("foot", "rotor"))
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "shapes.json").write_bytes(encode(Shapes(shapes)))
+    step = Assemble(visuals=(), collisions=(CollisionUse(link="foot", shape="foot"),))
+    (finding,) = run_step(step, tmp_path / "in", tmp_path / "out")
+    assert finding.rule == "collision.none"
+    assert "`rotor`" in finding.message
+    assert "`foot`" not in finding.message
+
+
+def test_collision_made_of_what_is_seen_leaves_that_its_name(tmp_path: Path):
+    """Shapes of an MJCF keep their names; two geoms of one name are refused by MuJoCo."""
+    source = Shapes((Shape("lid", "box", "visual", Box((1.0, 1.0, 1.0))),))
+    step = Assemble(
+        visuals=(VisualUse(shape="lid", named=True),),
+        collisions=(CollisionUse(link="box", shape="lid", named=True),),
+    )
+    shapes, _ = assembled(tmp_path, source, step)
+    assert [(s.name, s.role) for s in shapes.shapes] == [
+        ("lid", "visual"),
+        ("box_collision", "collision"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("source", "second"),
+    [
+        ("base_collision", "base_2_collision"),
+        ("base_collision1", "base_2_collision1"),
+        ("pad", "pad_2"),
+        ("my_collision_pad", "my_collision_pad_2"),
+    ],
+)
+def test_the_pieces_of_a_named_shape_are_found_as_the_shape_was(source: str, second: str):
+    """mjlab's configs look for `.*_collision` with digits at most behind it."""
+    pieces = [Shape("", "base", "collision", Sphere(1.0))] * 2
+    assert [shape.name for shape in called(pieces, source)] == [source, second]

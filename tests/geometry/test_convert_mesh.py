@@ -1,0 +1,274 @@
+"""A mesh file becomes one OBJ per material, the same bytes for the same geometry."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
+from pydantic import ValidationError
+from tiny import box_obj, run_step
+
+from assetbuild.errors import StepError
+from assetbuild.geometry.convert_mesh import ConvertMesh
+from assetbuild.kinds import ConvertedMesh
+from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.volume import signed_volume
+from assetbuild.robot.codec import decode
+
+GO1_MESHES = ("calf", "depthCamera", "hip", "thigh", "thigh_mirror", "trunk", "ultraSound")
+
+
+def convert(tmp_path: Path, data: bytes, **fields):
+    """(record, first part, findings, all bytes written)."""
+    inputs, outputs = tmp_path / "in", tmp_path / f"out{len(list(tmp_path.glob('out*')))}"
+    inputs.mkdir(exist_ok=True)
+    outputs.mkdir()
+    (inputs / "mesh").write_bytes(data)
+    findings = run_step(ConvertMesh(**fields), inputs, outputs)
+    record = decode(ConvertedMesh, (outputs / "mesh.json").read_bytes())
+    files = {p.name: p.read_bytes() for p in sorted(outputs.rglob("*")) if p.is_file()}
+    return record, read_triangles(files["0.obj"]), findings, files
+
+
+def stl(triangles: np.ndarray, header: bytes = b"") -> bytes:
+    record = np.zeros(len(triangles), dtype=[("n", "<f4", 3), ("c", "<f4", (3, 3)), ("a", "<u2")])
+    record["c"] = triangles
+    return header.ljust(80, b" ") + struct.pack("<I", len(triangles)) + record.tobytes()
+
+
+BOX = read_triangles(box_obj((1.0, 2.0, 4.0)))
+
+
+def test_an_stl_is_welded_measured_and_written(tmp_path):
+    record, mesh, findings, _ = convert(tmp_path, stl(BOX.corners), format="stl")
+    assert (record.faces, len(mesh.vertices)) == (12, 8)
+    assert record.area_m2 == pytest.approx(28.0)
+    assert record.volume_m3 == pytest.approx(8.0)
+    assert record.watertight
+    assert (record.lower, record.upper) == ((-0.5, -1.0, -2.0), (0.5, 1.0, 2.0))
+    assert [p.file for p in record.parts] == ["0.obj"]
+    assert findings == []
+
+
+def test_scale_is_baked_and_a_mirroring_one_keeps_the_volume_positive(tmp_path):
+    scale = (0.001, -0.001, 0.002)
+    record, mesh, _, _ = convert(tmp_path, stl(BOX.corners), format="stl", scale=scale)
+    assert signed_volume(mesh) == pytest.approx(16e-9)
+    assert record.upper == pytest.approx((0.0005, 0.001, 0.004))
+
+
+def test_a_file_saved_again_gives_the_same_bytes(tmp_path):
+    *_, first = convert(tmp_path, stl(BOX.corners, b"CAD 1, Monday"), format="stl")
+    *_, again = convert(tmp_path, stl(BOX.corners, b"solid CAD 2, Tuesday"), format="stl")
+    assert first == again
+
+
+def test_parts_follow_the_first_use_of_their_material(tmp_path):
+    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n" + b"".join(
+        b"usemtl %s\nf %s\n" % pair
+        for pair in [(b"b", b"1 3 2"), (b"a", b"1 2 4"), (b"b", b"1 4 3"), (b"c", b"2 3 4")]
+    )
+    record, _, _, files = convert(tmp_path, data, format="obj")
+    assert [(p.material, p.faces) for p in record.parts] == [("b", 2), ("a", 3), ("c", 3)]
+    assert record.watertight  # the parts close one another
+    assert record.volume_m3 == pytest.approx(1 / 6)
+    assert set(files) == {"0.obj", "1.obj", "2.obj", "mesh.json"}
+
+
+TRIANGLE = (
+    b"mtllib ./a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 9\nvt 0 0\nvt 1 0\nusemtl m\n"
+    b"f 1/1 2/2 3/1\nf 1/1 2/1 4/1\n"
+)
+
+
+def png(rgb=(255, 0, 0), size=(2, 2), format="PNG") -> bytes:
+    out = io.BytesIO()
+    Image.new("RGB", size, rgb).save(out, format=format)
+    return out.getvalue()
+
+
+def convert_with(tmp_path: Path, data: bytes, companions: dict[str, bytes], **fields):
+    folder = tmp_path / "in" / "companions"
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, content in enumerate(companions.values()):
+        (folder / str(number)).write_bytes(content)
+    return convert(tmp_path, data, companions=tuple(companions), **fields)
+
+
+def test_texture_coordinates_stay_only_with_a_texture(tmp_path):
+    plain = {"a.mtl": b"newmtl m\nKd 1 0 0\n"}
+    _, mesh, findings, _ = convert_with(tmp_path, TRIANGLE, plain, format="obj")
+    assert mesh.uv is None
+    assert [f.rule for f in findings] == ["mesh.uv"]
+    _, mesh, findings, _ = convert_with(tmp_path, TRIANGLE, plain, format="obj", keep_uv=True)
+    assert mesh.uv[:1].tolist() == [[[0, 0], [1, 0], [0, 0]]]
+    assert findings == []
+
+
+def test_a_texture_becomes_a_png_beside_its_part(tmp_path):
+    red = png(size=(3, 2), format="JPEG")
+    files = {"a.mtl": b"newmtl m\nKd 0 0 0\nmap_Kd -s 1 1 1 my wood.jpg\n", "my wood.jpg": red}
+    record, mesh, findings, written = convert_with(tmp_path, TRIANGLE, files, format="obj")
+    (part,) = record.parts
+    assert findings == []
+    assert mesh.uv[:1].tolist() == [[[0, 0], [1, 0], [0, 0]]]
+    assert (part.uv, part.rgba) == (True, (1.0, 1.0, 1.0, 1.0))  # black would hide the picture
+    picture = Image.open(io.BytesIO(written[part.texture]))
+    assert (picture.format, picture.size, picture.mode) == ("PNG", (3, 2), "RGB")
+    assert part.texture.startswith("my_wood-")
+
+
+def test_a_picture_saved_with_another_date_gives_the_same_bytes(tmp_path):
+    noted = io.BytesIO()
+    info = PngInfo()
+    info.add_text("date", "Monday")
+    Image.new("RGB", (2, 2), (255, 0, 0)).save(noted, format="PNG", pnginfo=info, dpi=(72, 72))
+    library = b"newmtl m\nmap_Kd w.png\n"
+    written = [
+        convert_with(tmp_path, TRIANGLE, {"a.mtl": library, "w.png": data}, format="obj")[3]
+        for data in (png(), noted.getvalue())
+    ]
+    assert written[0] == written[1]
+
+
+@pytest.mark.parametrize(
+    ("stated", "companions", "says"),
+    [
+        ("w.png", {}, "is not in the source"),
+        ("../../../etc/w.png", {}, "is not in the source"),
+        ("C:\\pictures\\w.png", {}, "is not in the source"),
+        ("w.png", {"w.png": b"no picture"}, "not readable as a picture"),
+        ("w.png", {"w.png": png()[:45]}, "not readable as a picture"),
+    ],
+)
+def test_a_mesh_without_its_texture_is_built_in_one_colour(tmp_path, stated, companions, says):
+    library = f"newmtl m\nKd 1 0 0\nmap_Kd {stated}\n".encode()
+    record, _, findings, _ = convert_with(
+        tmp_path, TRIANGLE, {"a.mtl": library, **companions}, format="obj"
+    )
+    assert (record.parts[0].texture, record.parts[0].rgba) == (None, (1.0, 0.0, 0.0, 1.0))
+    (finding,) = [f for f in findings if f.rule == "mesh.texture"]
+    assert says in finding.message
+
+
+@pytest.mark.parametrize(("alpha", "told"), [(255, []), (254, ["mesh.texture_alpha"])])
+def test_transparent_parts_of_a_texture_are_told(tmp_path, alpha, told):
+    out = io.BytesIO()
+    Image.new("RGBA", (2, 2), (255, 0, 0, alpha)).save(out, format="PNG")
+    files = {"a.mtl": b"newmtl m\nmap_Kd w.png\n", "w.png": out.getvalue()}
+    *_, findings, _ = convert_with(tmp_path, TRIANGLE, files, format="obj")
+    assert [f.rule for f in findings] == told
+
+
+def test_a_picture_of_sixteen_bits_keeps_its_tone(tmp_path):
+    out = io.BytesIO()
+    Image.fromarray(np.full((2, 2), 0x80FF, dtype=np.uint16)).save(out, format="PNG")
+    files = {"a.mtl": b"newmtl m\nmap_Kd w.png\n", "w.png": out.getvalue()}
+    record, *_, written = convert_with(tmp_path, TRIANGLE, files, format="obj")
+    picture = Image.open(io.BytesIO(written[record.parts[0].texture]))
+    assert picture.getpixel((0, 0)) == (128,) * 3  # 0x80FF of 0xFFFF is 128.49 of 255
+
+
+def test_a_texture_without_coordinates_is_told(tmp_path):
+    bare = TRIANGLE.replace(b"1/1 2/2 3/1", b"1 2 3")
+    files = {"a.mtl": b"newmtl m\nmap_Kd w.png\n", "w.png": png()}
+    record, _, findings, _ = convert_with(tmp_path, bare, files, format="obj")
+    assert record.parts[0].texture is None
+    assert "no texture coordinates" in findings[0].message
+
+
+def test_a_texture_bomb_is_refused_before_it_is_decoded(tmp_path):
+    width = struct.pack(">I", 30_000)
+    bomb = png().replace(struct.pack(">II", 2, 2), width + width, 1)
+    head = bomb[12:29]  # the header's checksum covers its type and data
+    bomb = bomb.replace(bomb[29:33], struct.pack(">I", zlib.crc32(head)), 1)
+    files = {"a.mtl": b"newmtl m\nmap_Kd w.png\n", "w.png": bomb}
+    with pytest.raises(StepError, match=r"picture `w.png` is too large"):
+        convert_with(tmp_path, TRIANGLE, files, format="obj")
+
+
+def test_collapsed_triangles_are_left_out_and_counted(tmp_path):
+    flat = np.concatenate([BOX.corners, np.repeat(BOX.corners[:2, :1], 3, axis=1)])
+    record, _, findings, _ = convert(tmp_path, stl(flat), format="stl")
+    assert record.faces == 12
+    assert [(f.rule, f.data["dropped"]) for f in findings] == [("mesh.collapsed_faces", 2)]
+
+
+def test_a_mesh_that_is_inside_out_is_told(tmp_path):
+    *_, findings, _ = convert(tmp_path, stl(BOX.corners[:, ::-1]), format="stl")
+    assert [(f.rule, f.severity) for f in findings] == [("mesh.inside_out", "warning")]
+
+
+def test_normals_are_kept_and_missing_ones_are_those_of_the_face(tmp_path):
+    corners = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvn 0 3 4\nvn 0 0 0\n"
+    text = corners + b"f 1//1 2//1 3//2\nf 1//1 2//1 4//1\n"
+    normals = convert(tmp_path, text, format="obj")[1].normals[0]
+    assert normals.tolist() == [[0.0, 0.6, 0.8], [0.0, 0.6, 0.8], [0.0, 0.0, 1.0]]
+
+
+def test_scale_zero_is_an_error_and_an_unknown_format_is_not_a_step(tmp_path):
+    with pytest.raises(StepError, match="scaled to zero"):
+        convert(tmp_path, stl(BOX.corners), format="stl", scale=(1.0, 0.0, 1.0))
+    with pytest.raises(ValidationError):
+        ConvertMesh(format="step")
+
+
+@pytest.mark.parametrize("name", GO1_MESHES)
+def test_each_mesh_of_go1_arrives_whole(tmp_path, go1_root, name):
+    path = go1_root / "robots/go1_description/meshes" / f"{name}.dae"
+    scene = trimesh.load_scene(path, process=False)
+    other = [g for g in scene.dump() if hasattr(g, "faces")]
+    record, _, findings, _ = convert(tmp_path, path.read_bytes(), format="dae")
+    assert record.faces == sum(len(g.faces) for g in other)
+    assert np.allclose([record.lower, record.upper], scene.bounds, atol=1e-7)
+    assert record.area_m2 == pytest.approx(sum(g.area for g in other), rel=1e-5)
+    told = [f.rule for f in findings]
+    assert told == (["mesh.up_axis"] if name == "trunk" else [])
+    material = record.parts[0].material
+    expected = {"depthCamera": "材质", "trunk": None, "hip": "Material.029"}
+    assert material == expected.get(name, material)
+
+
+def test_more_faces_than_mujoco_reads_from_an_stl_arrive(tmp_path):
+    """Its reader of STL stops at 200,000, so what we write is an OBJ."""
+    side = 405
+    x, y = np.meshgrid(np.arange(side + 1), np.arange(side + 1), indexing="ij")
+    points = np.stack([x, y, np.zeros_like(x)], axis=-1).astype(float)
+    a, b, c, d = points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]
+    faces = np.concatenate([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)])
+    record, mesh, _, _ = convert(tmp_path, stl(faces.reshape(-1, 3, 3) * 0.001), format="stl")
+    assert record.faces == len(mesh.faces) == 2 * side * side == 328_050
+    assert record.area_m2 == pytest.approx((0.001 * side) ** 2)
+
+
+ONE = np.array([[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
+
+
+def test_a_single_triangle_gets_a_fourth_corner_on_its_surface(tmp_path):
+    record, mesh, findings, _ = convert(tmp_path, stl(ONE), format="stl")
+    assert findings == []
+    assert (len(mesh.vertices), record.faces) == (4, 3)
+    assert record.area_m2 == pytest.approx(1.0)
+    assert not mesh.vertices[:, 2].any()
+    normals = np.cross(*(mesh.corners[:, i] - mesh.corners[:, 0] for i in (1, 2)))
+    assert (normals[:, 2] > 0.0).all()
+
+
+def test_a_part_that_is_a_line_is_left_out_and_told(tmp_path):
+    line = b"v 3 0 0\nv 4 0 0\nv 5 0 0\n"
+    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n" + line + b"usemtl a\nf 1 2 3\nusemtl b\nf 4 5 6\n"
+    record, _, findings, _ = convert(tmp_path, data, format="obj")
+    assert [part.material for part in record.parts] == ["a"]
+    assert "mesh.no_area" in [finding.rule for finding in findings]
+
+
+def test_nothing_but_a_line_is_refused(tmp_path):
+    with pytest.raises(StepError, match="no triangle has an area"):
+        convert(tmp_path, stl(ONE * [1.0, 0.0, 1.0]), format="stl")

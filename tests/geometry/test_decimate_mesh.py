@@ -1,0 +1,121 @@
+"""Fewer triangles, never another shape."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny import run_step
+
+from assetbuild.geometry.convert_mesh import ConvertMesh, write_converted
+from assetbuild.geometry.decimate_mesh import DecimateMesh
+from assetbuild.kinds import ConvertedMesh
+from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
+from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.triangles import TriangleMesh, merged
+from assetbuild.mesh.volume import signed_volume
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Box, Sphere
+
+BALL = tessellate(Sphere(0.1))
+
+
+def decimate(tmp_path: Path, parts: list[MaterialPart], goal: int, run: str = "a"):
+    inputs, outputs = tmp_path / "in", tmp_path / run
+    inputs.mkdir(exist_ok=True)
+    outputs.mkdir()
+    write_converted(inputs, parts)
+    findings = {f.rule: f for f in run_step(DecimateMesh(max_faces=goal), inputs, outputs)}
+    record = decode(ConvertedMesh, (outputs / "mesh.json").read_bytes())
+    files = {str(p.relative_to(outputs)): p.read_bytes() for p in outputs.rglob("*.*")}
+    return record, findings, files
+
+
+def part(mesh: TriangleMesh, name: str = "paint") -> MaterialPart:
+    return MaterialPart(SurfaceMaterial(name, (1.0, 0.5, 0.0, 1.0)), mesh)
+
+
+def test_a_ball_of_four_thousand_faces_stays_a_ball_at_one_thousand(tmp_path):
+    record, findings, files = decimate(tmp_path, [part(BALL)], 1000)
+    assert 900 <= record.faces <= 1000
+    assert set(findings) == {"visual.decimated"}
+    data = findings["visual.decimated"].data
+    assert (data["from"], data["to"]) == (len(BALL.faces), record.faces)
+    assert data["max_mm"] < 2.0
+    volume = signed_volume(read_triangles(files["parts/0.obj"]))
+    assert volume == pytest.approx(signed_volume(BALL), rel=0.01)
+    assert record.parts[0].material == "paint"
+    assert record.parts[0].rgba == (1.0, 0.5, 0.0, 1.0)
+
+
+def test_a_mesh_within_the_goal_passes_byte_for_byte(tmp_path):
+    _, findings, files = decimate(tmp_path, [part(BALL)], len(BALL.faces))
+    assert findings == {}
+    given = {
+        str(p.relative_to(tmp_path / "in")): p.read_bytes() for p in (tmp_path / "in").rglob("*.*")
+    }
+    assert files == given
+
+
+def test_the_goal_is_doubled_until_the_shape_is_kept(tmp_path):
+    record, findings, _ = decimate(tmp_path, [part(BALL)], 8)
+    assert record.faces > 8
+    stopped = findings["visual.budget"]
+    assert stopped.severity == "warning"
+    assert (stopped.data["goal"], stopped.data["to"]) == (8, record.faces)
+    assert findings["visual.decimated"].data["area_ratio"] > 0.98
+
+
+def test_a_shape_that_cannot_lose_a_face_is_kept(tmp_path):
+    boxes = merged([tessellate(Box((0.1, 0.1, 0.1))).mapped(np.eye(3), (x, 0, 0)) for x in (0, 1)])
+    record, findings, _ = decimate(tmp_path, [part(boxes)], 6)
+    assert record.faces == 24
+    assert set(findings) == {"visual.budget"}
+
+
+def test_parts_share_the_goal_by_their_faces(tmp_path):
+    small = tessellate(Box((0.1, 0.1, 0.1))).mapped(np.eye(3), (1, 0, 0))
+    shifted = BALL.mapped(np.eye(3), (0.0, 0.5, 0.0))
+    parts = [part(BALL, "a"), part(shifted, "b"), part(small, "c")]
+    record, _, _ = decimate(tmp_path, parts, 2000)
+    a, b, c = (p.faces for p in record.parts)
+    assert a == pytest.approx(b, rel=0.1)
+    assert 4 <= c <= 12
+    assert a + b + c <= 2010
+
+
+def test_a_textured_part_is_left_alone_and_named(tmp_path):
+    uv = np.random.default_rng(0).random((len(BALL.faces), 3, 2))
+    textured = TriangleMesh(np.add(BALL.vertices, (1.0, 0.0, 0.0)), BALL.faces, uv)
+    record, findings, files = decimate(tmp_path, [part(textured, "a"), part(BALL, "b")], 5000)
+    assert record.parts[0].faces == len(BALL.faces)
+    assert record.parts[1].faces < len(BALL.faces) / 3
+    assert findings["visual.textured"].data["parts"] == 1
+    assert files["parts/0.obj"] == (tmp_path / "in/parts/0.obj").read_bytes()
+
+
+def test_the_same_bytes_twice(tmp_path):
+    assert (
+        decimate(tmp_path, [part(BALL)], 500, "a")[2]
+        == decimate(tmp_path, [part(BALL)], 500, "b")[2]
+    )
+
+
+@pytest.mark.slow
+def test_the_trunk_of_go1_keeps_its_shape(tmp_path, go1_root):
+    converted = tmp_path / "converted"
+    (tmp_path / "source").mkdir()
+    converted.mkdir()
+    path = go1_root / "robots/go1_description/meshes/trunk.dae"
+    (tmp_path / "source/mesh").symlink_to(path)
+    run_step(ConvertMesh(format="dae"), tmp_path / "source", converted)
+    outputs = tmp_path / "out"
+    outputs.mkdir()
+    findings = {f.rule: f for f in run_step(DecimateMesh(max_faces=20000), converted, outputs)}
+    data = findings["visual.decimated"].data
+    assert data["from"] == 351394
+    assert data["to"] < 40000
+    assert data["area_ratio"] == pytest.approx(1.0, abs=0.01)
+    assert data["p99_mm"] < 1.5

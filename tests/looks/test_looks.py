@@ -1,0 +1,245 @@
+"""Light meshes, pictures and the view's geometry; a gain changes none of them."""
+
+from __future__ import annotations
+
+import base64
+import json
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
+
+from assetbuild.looks.keep_pose import KeepPose
+from assetbuild.looks.lighten import Lighten
+from assetbuild.looks.render import CAPTION, Render, caption
+from assetbuild.looks.viewer import SPAN_M, Viewer, in_bytes, three_js
+from assetbuild.mesh.obj import obj_bytes, read_triangles
+from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.model import Box, Control, Material, Mesh, MeshAsset, Shape, Shapes, Sphere
+from assetbuild.robot.pose import Pose
+from assetbuild.simulators.offscreen import renderer
+from assetbuild.targets.mjcf import Mjcf
+
+
+def ball_robot(faces_goal: int = 5000) -> TinyRobot:
+    """The pendulum with one more visual: a ball of 0.1 m, finely meshed, and its sphere."""
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.1)
+    data = obj_bytes(TriangleMesh(np.array(ball.vertices), np.array(ball.faces)))
+    robot = pendulum()
+    link = robot.tree.bodies[-1].name
+    asset = MeshAsset("ball-1", "ball-1.obj", len(ball.vertices), len(ball.faces))
+    shapes = Shapes(
+        (
+            Shape("ball", link, "visual", Mesh("ball-1"), Pose((0.0, 0.0, 0.5))),
+            Shape("hit", link, "collision", Sphere(0.09), Pose((0.0, 0.0, 0.5))),
+        ),
+        (),
+        (asset,),
+    )
+    return replace(robot, shapes=shapes, meshes={"ball-1.obj": data})
+
+
+def test_light_meshes_keep_to_the_budget_and_the_shape(tmp_path: Path):
+    inputs = write_robot_ports(tmp_path / "in", ball_robot())
+    run_step(Lighten(max_faces=500), inputs, tmp_path / "out")
+    shapes = decode(Shapes, (tmp_path / "out/shapes.json").read_bytes())
+    mesh = read_triangles((tmp_path / "out/meshes/ball-1.obj").read_bytes())
+    assert len(mesh.faces) == shapes.meshes[0].faces <= 520
+    radii = np.linalg.norm(mesh.vertices, axis=1)
+    assert radii == pytest.approx(0.1, rel=0.05)
+
+
+@pytest.mark.parametrize(("budget", "whole"), [(4000, True), (500, False)])
+def test_a_textured_mesh_stays_whole_or_becomes_plain(tmp_path: Path, budget: int, whole: bool):
+    """Thinned, it would wear its texture without coordinates: stripes that nobody painted."""
+    robot = ball_robot()
+    (shape,) = (s for s in robot.shapes.shapes if s.geometry == Mesh("ball-1"))
+    painted = replace(shape, material="skin")
+    shapes = tuple(painted if s is shape else s for s in robot.shapes.shapes)
+    skin = Material("skin", texture="skin-1.png")
+    robot = replace(robot, shapes=replace(robot.shapes, shapes=shapes, materials=(skin,)))
+    inputs = write_robot_ports(tmp_path / "in", robot)
+    (inputs / "meshes/skin-1.png").write_bytes(b"a picture")
+    run_step(Lighten(max_faces=budget), inputs, tmp_path / "out")
+    light = (tmp_path / "out/meshes/ball-1.obj").read_bytes()
+    assert (light == robot.meshes["ball-1.obj"]) == whole
+    (material,) = decode(Shapes, (tmp_path / "out/shapes.json").read_bytes()).materials
+    assert material.texture == ("skin-1.png" if whole else None)
+
+
+def test_collision_meshes_pass_through_as_they_are(tmp_path: Path):
+    robot = ball_robot()
+    both = (*robot.shapes.shapes, Shape("c", robot.tree.root, "collision", Mesh("ball-1")))
+    robot = replace(robot, shapes=replace(robot.shapes, shapes=both))
+    inputs = write_robot_ports(tmp_path / "in", robot)
+    run_step(Lighten(max_faces=500), inputs, tmp_path / "out")
+    assert (tmp_path / "out/meshes/ball-1.obj").read_bytes() == robot.meshes["ball-1.obj"]
+
+
+def test_a_gain_a_friction_and_a_timestep_leave_the_pose_as_it_is(tmp_path: Path):
+    control = tiny_quadruped().control
+    stiffer = tuple(replace(a, kp=2 * a.kp + 1, effort=3.0) for a in control.actuators)
+    other = replace(
+        control,
+        actuators=stiffer,
+        contact=replace(control.contact, friction=(0.1, 0.0, 0.0)),
+        simulation=replace(control.simulation, timestep=1e-4),
+    )
+    moved = replace(control, keyframes=(replace(control.keyframes[0], name="other"),))
+    made = [_pose(tmp_path / str(n), c) for n, c in enumerate((control, other, moved))]
+    assert made[0] == made[1] != made[2]
+
+
+def _pose(folder: Path, control: Control) -> bytes:
+    (folder / "in").mkdir(parents=True)
+    (folder / "in/control.json").write_bytes(encode(control))
+    run_step(KeepPose(), folder / "in", folder / "out")
+    return (folder / "out/control.json").read_bytes()
+
+
+def test_the_view_tells_how_far_visual_and_collision_are_apart(tmp_path: Path):
+    """A ball of 100 mm around a collision sphere of 90 mm: 10 mm are not covered, everywhere."""
+    inputs = write_robot_ports(tmp_path / "in", ball_robot())
+    run_step(Viewer(), inputs, tmp_path / "out")
+    view = json.loads((tmp_path / "out/viewer.json").read_text())
+    (row,) = [shape for shape in view["shapes"] if shape["role"] == "visual"]
+    distance = np.frombuffer(base64.b64decode(row["distance"]), dtype=np.uint8)
+    told = (distance.astype(float) - 128) / 127 * SPAN_M
+    assert told == pytest.approx(0.01, abs=SPAN_M / 127)
+
+
+def test_packed_points_come_back_to_a_hundredth_of_their_size(tmp_path: Path):
+    robot = ball_robot()
+    inputs = write_robot_ports(tmp_path / "in", robot)
+    run_step(Viewer(), inputs, tmp_path / "out")
+    mesh = json.loads((tmp_path / "out/viewer.json").read_text())["meshes"]["ball-1"]
+    packed = np.frombuffer(base64.b64decode(mesh["points"]), dtype="<u2").reshape(-1, 3)
+    points = np.array(mesh["lower"]) + packed / 65535 * np.array(mesh["size"])
+    expected = read_triangles(robot.meshes["ball-1.obj"])
+    assert points == pytest.approx(expected.vertices, abs=5e-6)
+    faces = np.frombuffer(base64.b64decode(mesh["faces"]), dtype="<u2").reshape(-1, 3)
+    assert (faces == expected.faces).all()
+
+
+def test_distances_are_cut_to_the_span():
+    assert list(in_bytes(np.array([-1.0, 0.0, 1.0, np.inf]))) == [1, 128, 255, 255]
+
+
+def test_the_library_is_whole_and_says_whose_it_is():
+    text = three_js()
+    if text is None:
+        pytest.skip("the installed trimesh brings no three.js")
+    assert "Three.js Authors" in text[:200] and "MIT" in text[:200]
+    assert "WebGLRenderer" in text and "</script" not in text
+
+
+def test_a_machine_without_opengl_says_so_and_goes_on(tmp_path: Path):
+    (tmp_path / "in").mkdir()
+    found = run_step(Render(renderer="none"), tmp_path / "in", tmp_path / "out")
+    assert [f.rule for f in found] == ["pictures.none"]
+    assert json.loads((tmp_path / "out/pictures.json").read_text())["pictures"] == []
+    assert list((tmp_path / "out/images").iterdir()) == []
+
+
+def test_an_mjcf_that_does_not_load_has_no_pictures_and_says_why(tmp_path: Path):
+    (tmp_path / "in/mjcf").mkdir(parents=True)
+    (tmp_path / "in/mjcf/scene.xml").write_text("<mujoco><worldbody><geom/></worldbody></mujoco>")
+    found = run_step(Render(renderer="egl x"), tmp_path / "in", tmp_path / "out")
+    assert [f.rule for f in found] == ["pictures.none"]
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, bytes]]:
+    """The pictures of the tiny quadruped, made twice."""
+    if renderer() == "none":
+        pytest.skip("no OpenGL without a window: apt-get install libegl1 libgl1-mesa-dri")
+    folder = tmp_path_factory.mktemp("render")
+    inputs = write_robot_ports(folder / "in", tiny_quadruped())
+    run_step(Mjcf(robot="tiny"), inputs, folder / "model")
+    runs = []
+    for name in ("a", "b"):
+        found = run_step(Render(renderer=renderer()), folder / "model", folder / name)
+        if found:
+            pytest.skip(found[0].message)
+        runs.append({p.name: p.read_bytes() for p in sorted((folder / name / "images").iterdir())})
+    return runs
+
+
+def test_two_runs_draw_the_same_bytes(rendered):
+    assert rendered[0] == rendered[1]
+
+
+def test_every_picture_shows_something_of_its_own(rendered):
+    names = {"visual", "collision", "overlay", "inertia", "joints", "contacts", "turntable"}
+    assert {name.removesuffix(".png") for name in rendered[0]} == names | {"directions"}
+    assert len(set(rendered[0].values())) == len(rendered[0])
+    for name, data in rendered[0].items():
+        pixels = np.asarray(Image.open(BytesIO(data)).convert("RGB"), dtype=float)
+        assert pixels.std() > 3.0, name
+
+
+def test_a_robot_of_collision_geometry_alone_is_seen_and_a_notch_is_not(tmp_path: Path):
+    """The hull is what collides; and an empty floor says nothing about a robot."""
+    if renderer() == "none":
+        pytest.skip("no OpenGL without a window: apt-get install libegl1 libgl1-mesa-dri")
+    cross = trimesh.util.concatenate(
+        [trimesh.creation.box(size) for size in ([0.6, 0.05, 0.05], [0.05, 0.6, 0.05])]
+    )
+    shown = []
+    for number, mesh in enumerate((cross, cross.convex_hull)):
+        robot = ball_robot()
+        data = obj_bytes(TriangleMesh(np.array(mesh.vertices), np.array(mesh.faces)))
+        (ball,) = (s for s in robot.shapes.shapes if s.geometry == Mesh("ball-1"))
+        shapes = replace(robot.shapes, shapes=(replace(ball, role="collision"),))
+        robot = replace(robot, shapes=shapes, meshes={"ball-1.obj": data})
+        inputs = write_robot_ports(tmp_path / f"in{number}", robot)
+        run_step(Mjcf(robot="pendulum"), inputs, tmp_path / f"model{number}")
+        out = tmp_path / f"out{number}"
+        found = run_step(Render(renderer=renderer()), tmp_path / f"model{number}", out)
+        if found:
+            pytest.skip(found[0].message)
+        files = {p.stem: Image.open(p).convert("RGB") for p in (out / "images").iterdir()}
+        shown.append({name: np.asarray(image).astype(int) for name, image in files.items()})
+    different = np.abs(shown[0]["collision"] - shown[1]["collision"]).max(axis=2) > 40
+    assert different.mean() < 0.005, "the cross is drawn as its hull"
+    red, _, blue = shown[1]["visual"][235:245, 315:325].reshape(-1, 3).mean(axis=0)
+    assert abs(red - blue) < 15, "grey is the robot, the floor is blue"
+
+
+def test_what_a_joint_moves_is_orange_in_its_two_tiles(rendered):
+    pixels = np.asarray(Image.open(BytesIO(rendered[0]["directions.png"])).convert("RGB"))
+    red, green, blue = (pixels[..., i].astype(int) for i in range(3))
+    orange = (red > 120) & (red > green + 30) & (green > blue + 20)
+    assert pixels.shape == (24 // 4 * (150 + 16), 4 * 200, 3)
+    for row in range(6):
+        for column in range(4):
+            tile = orange[row * 166 : (row + 1) * 166, column * 200 : (column + 1) * 200]
+            assert tile.sum() > 20, (row, column)
+
+
+def test_a_box_robot_needs_no_mesh_to_be_seen(tmp_path: Path):
+    robot = pendulum()
+    box = Shapes((Shape("b", robot.tree.root, "visual", Box((0.1, 0.2, 0.3))),))
+    inputs = write_robot_ports(tmp_path / "in", replace(robot, shapes=box, meshes={}))
+    run_step(Viewer(), inputs, tmp_path / "out")
+    (row,) = json.loads((tmp_path / "out/viewer.json").read_text())["shapes"]
+    assert row["kind"] == "box" and row["dims"] == [0.1, 0.2, 0.3]
+
+
+def test_mujoco_s_own_variable_switches_drawing_off(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("MUJOCO_GL", "Disable")
+    assert renderer() == "none"
+
+
+def test_a_caption_keeps_both_ends_of_a_long_name():
+    """Vendors tell legs apart at the front (`FR_`) and joints at the back."""
+    assert caption("hip", " +0.3 rad") == "hip +0.3 rad"
+    legs = {caption(f"{leg}_upper_leg_2_hip_motor_joint", " +0.3 rad") for leg in ("FR", "FL")}
+    assert len(legs) == 2
+    assert all(len(one) <= CAPTION and one.endswith("joint +0.3 rad") for one in legs)

@@ -1,0 +1,429 @@
+"""The reader takes what is right exactly, and tells what is wrong with its line."""
+
+# ruff: noqa: E501 # one broken file per line reads better than wrapped XML
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tiny import run_step
+
+from assetbuild.errors import SourceError
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Box, Capsule, Cylinder, Limits, Mesh, Mimic, Shapes, Sphere, Tree
+from assetbuild.source.urdf.read_urdf import ReadUrdf
+
+FILE = "pkg/urdf/robot.urdf"
+PACKAGES = {"robot_pkg": "pkg"}
+
+
+@dataclass
+class Reading:
+    tree: Tree
+    shapes: Shapes
+    meshes: list[dict[str, object]]
+    lines: dict[str, int]
+    findings: list[Finding]
+    folder: Path
+
+    def rules(self) -> list[str]:
+        return [finding.rule for finding in self.findings]
+
+
+def read(
+    text: str | bytes, tmp_path: Path, *, packages: dict[str, str] | None = None, name: str = "a"
+) -> Reading:
+    inputs, outputs = tmp_path / f"{name}_in", tmp_path / f"{name}_out"
+    inputs.mkdir()
+    data = text.encode() if isinstance(text, str) else text
+    (inputs / "robot.urdf").write_bytes(data)
+    step = ReadUrdf(file=FILE, base="fixed", packages=PACKAGES if packages is None else packages)
+    findings = run_step(step, inputs, outputs)
+    return Reading(
+        decode(Tree, (outputs / "links.json").read_bytes()),
+        decode(Shapes, (outputs / "shapes.json").read_bytes()),
+        json.loads((outputs / "meshes.json").read_text()),
+        json.loads((outputs / "source_map.json").read_text())["lines"],
+        findings,
+        outputs,
+    )
+
+
+def refused(text: str | bytes, tmp_path: Path, **options: dict[str, str]) -> str:
+    with pytest.raises(SourceError) as caught:
+        read(text, tmp_path, **options)
+    return str(caught.value)
+
+
+@pytest.fixture
+def every_kind(robots: Path, tmp_path: Path) -> Reading:
+    return read((robots / "every_kind.urdf").read_bytes(), tmp_path)
+
+
+def test_the_tree_is_depth_first_from_the_only_root(every_kind: Reading):
+    assert [b.name for b in every_kind.tree.bodies] == ["base", "arm", "hand", "finger", "thumb"]
+    assert [j.name for j in every_kind.tree.joints] == ["shoulder", "wrist", "slide", "spin"]
+    assert every_kind.tree.by_body["hand"].inertial is None
+
+
+def test_joints_say_what_the_file_says(every_kind: Reading):
+    shoulder, slide, spin = (every_kind.tree.by_joint[n] for n in ("shoulder", "slide", "spin"))
+    assert shoulder.axis == (0.0, 0.0, 1.0)
+    assert shoulder.limits == Limits(-1.0, 2.0, 10.0, 3.0)
+    assert (shoulder.damping, shoulder.friction) == (0.1, 0.2)
+    assert shoulder.X_parent_joint.quat == pytest.approx((math.cos(0.75), 0, 0, math.sin(0.75)))
+    assert slide.axis == (1.0, 0.0, 0.0), "an omitted axis is X"
+    assert spin.mimic == Mimic("slide", -2.0, 0.5)
+    assert spin.limits == Limits()
+
+
+def test_shapes_have_stable_names_and_their_own_geometry(every_kind: Reading):
+    assert [(s.name, s.geometry) for s in every_kind.shapes.shapes] == [
+        ("base_visual", Mesh("pkg/meshes/base.dae", (0.001, 0.001, -0.001))),
+        ("base_visual_1", Mesh("pkg/meshes/lid.stl")),
+        ("base_collision", Box((1.0, 2.0, 3.0))),
+        ("base_collision_1", Capsule(0.1, 0.5)),
+        ("arm_visual", Mesh("pkg/meshes/base.dae")),
+        ("arm_visual_1", Sphere(0.1)),
+        ("finger_visual", Cylinder(0.1, 0.2)),
+    ]
+
+
+def test_materials_are_found_by_name_wherever_they_are_defined(every_kind: Reading):
+    by_name = {shape.name: shape.material for shape in every_kind.shapes.shapes}
+    assert by_name["base_visual"] == "grey"
+    assert by_name["base_visual_1"] == "base_material", "a colour without a name gets one"
+    assert by_name["arm_visual_1"] == by_name["finger_visual"] == "green"
+    assert by_name["arm_visual"] is None, "`blue` is defined nowhere"
+    colours = {m.name: m.rgba for m in every_kind.shapes.materials}
+    assert colours["base_material"] == (1.0, 0.0, 0.0, 1.0)
+
+
+def test_each_mesh_is_listed_once_with_its_first_use(every_kind: Reading):
+    assert [(m["path"], m["subject"]) for m in every_kind.meshes] == [
+        ("pkg/meshes/base.dae", "link base"),
+        ("pkg/meshes/lid.stl", "link base"),
+    ]
+    assert every_kind.meshes[0]["uri"] == "package://robot_pkg/meshes/base.dae"
+
+
+def test_what_has_no_home_is_told_once_per_kind(every_kind: Reading):
+    dropped = {
+        f.data["element"]: f.data["count"] for f in every_kind.findings if "dropped" in f.rule
+    }
+    assert dropped == {
+        "transmission": 2,
+        "gazebo": 1,
+        "safety_controller": 1,
+        "name of visual": 1,
+    }
+
+
+@pytest.mark.parametrize(
+    "shape", ['<sphere radius="0.0"/>', '<cylinder radius="0" length="1"/>', '<box size="0 1 0"/>']
+)
+def test_a_visual_that_shows_nothing_is_left_out_and_told(shape: str, tmp_path: Path):
+    found = read(_shape(shape, "visual"), tmp_path)
+    assert found.shapes.shapes == ()
+    (told,) = (f for f in found.findings if f.rule == "urdf.visual.nothing")
+    assert (told.severity, told.subject, told.data["line"]) == ("warning", "link a", 2)
+    assert "must be positive" in refused(_shape(shape), tmp_path, name="collision")
+
+
+def test_repairs_and_gaps_are_findings(every_kind: Reading):
+    told = {f.rule: f for f in every_kind.findings}
+    assert told["urdf.axis.normalised"].subject == "joint shoulder"
+    assert told["urdf.axis.normalised"].data["norm"] == 2.0
+    assert told["urdf.material.undefined"].data["material"] == "blue"
+
+
+def test_the_source_map_knows_the_lines(every_kind: Reading, robots: Path):
+    text = (robots / "every_kind.urdf").read_text().splitlines()
+    for subject, needle in {
+        "link arm": '<link name="arm"',
+        "joint slide": '<joint name="slide"',
+        "mesh pkg/meshes/lid.stl": "lid.stl",
+        "material green": '<material name="green">',
+        "shape base_collision_1": "capsule",
+        "element gazebo": "<gazebo",
+        "robot": "<robot",
+    }.items():
+        assert needle in text[every_kind.lines[subject] - 1], subject
+
+
+def test_comments_and_formatting_change_only_the_lines(robots: Path, tmp_path: Path):
+    text = (robots / "every_kind.urdf").read_text()
+    noisy = text.replace("<link", "<!-- a comment -->\n\n   <link").replace(
+        ' radius="0.1"', '\n radius = "0.1"'
+    )
+    plain, other = read(text, tmp_path), read(noisy, tmp_path, name="b")
+    for name in ("links.json", "shapes.json"):
+        assert (plain.folder / name).read_bytes() == (other.folder / name).read_bytes()
+    assert plain.findings == other.findings
+    assert other.lines["joint slide"] > plain.lines["joint slide"]
+
+
+def test_inertia_given_in_turned_axes_is_read_into_link_axes(robots: Path, tmp_path: Path):
+    reading = read((robots / "inertia_rotated_origin.urdf").read_bytes(), tmp_path)
+    inertial = reading.tree.bodies[0].inertial
+    assert inertial is not None
+    # A quarter turn about z swaps xx and yy; what was xz is seen along y.
+    assert inertial.inertia_com_kg_m2 == pytest.approx((2.0, 1.0, 2.5, 0.0, 0.0, 0.25), abs=1e-15)
+    assert inertial.com_m == (0.1, 0.2, 0.3)
+
+
+@pytest.mark.parametrize("version", ["0.0", "1", "2.7"])
+def test_a_version_of_xml_that_does_not_exist_is_told(version: str, tmp_path: Path):
+    """As in many files of Bullet's, whose reader does not look."""
+    body = '<robot name="r"><link name="a"/></robot>'
+    reading = read(f'<?xml version="{version}" encoding="utf-8"?>\n{body}', tmp_path)
+    assert reading.rules() == ["urdf.xml_version"]
+    assert reading.lines["link a"] == 2
+    assert (reading.folder / "source.urdf").read_bytes().startswith(b"<robot")
+    assert read(f'<?xml version="1.0"?>\n{body}', tmp_path, name="b").rules() == []
+
+
+def test_numbers_without_a_rotation_keep_every_bit(tmp_path: Path):
+    inertia = 'ixx="0.10000000000000003" ixy="1e-17" ixz="-3.3e-9" iyy=".2" iyz="+4E-3" izz="3."'
+    text = _robot(f'<link name="a"><inertial><origin xyz="1e-300 2 3" rpy="0 -0 0"/>'
+                  f'<mass value="7.000000000000001"/><inertia {inertia}/></inertial></link>')  # fmt: skip
+    inertial = read(text, tmp_path).tree.bodies[0].inertial
+    assert inertial is not None
+    assert inertial.inertia_com_kg_m2 == (0.10000000000000003, 0.2, 3.0, 1e-17, -3.3e-9, 4e-3)
+    assert (inertial.mass_kg, inertial.com_m) == (7.000000000000001, (1e-300, 2.0, 3.0))
+
+
+# --- what is refused ----------------------------------------------------------------------------
+
+
+def _robot(inside: str) -> str:
+    return f'<robot name="r">\n{inside}\n</robot>\n'
+
+
+def _arm(joint: str, links: str = '<link name="a"/><link name="b"/>') -> str:
+    return _robot(f"{links}\n{joint}")
+
+
+def _joint(inside: str = "", kind: str = "fixed", name: str = "j") -> str:
+    ends = '<parent link="a"/><child link="b"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}{inside}</joint>'
+
+
+def _mass(mass: str, inertia: str = 'ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"') -> str:
+    return _robot(f'<link name="a"><inertial>{mass}<inertia {inertia}/></inertial></link>')
+
+
+def _shape(geometry: str, role: str = "collision") -> str:
+    return _robot(f'<link name="a"><{role}><geometry>{geometry}</geometry></{role}></link>')
+
+
+BAD = {
+    "not xml": ("hello", 1, "not readable as XML"),
+    "empty": ("", 1, "not readable as XML"),
+    "cut off": ('<robot name="r">\n<link name="a">\n', 3, "hint: is the file cut off?"),
+    "mjcf": ("<mujoco/>", 1, "this is MJCF, not URDF"),
+    "no links": ('<robot name="r"/>', 1, "a robot without links"),
+    "link twice": (_robot('<link name="a"/>\n<link name="a"/>'), 3, "link `a` is defined twice, first on line 2"),
+    "joint twice": (_arm(_joint() + "\n" + _joint()), 4, "joint `j` is defined twice"),
+    "material twice": (_robot('<material name="m"/>\n<material name="m"/><link name="a"/>'), 3, "material `m` is defined twice"),
+    "no name": (_robot("<link/>"), 2, "<link> without `name`"),
+    "joint type": (_arm(_joint(kind="revolut")), 3, "hint: did you mean `revolute`?"),
+    "no parent": (_arm('<joint name="j" type="fixed"><child link="b"/></joint>'), 3, "joint j: <joint> without <parent>"),
+    "no child": (_arm('<joint name="j" type="fixed"><parent link="a"/></joint>'), 3, "joint j: <joint> without <child>"),
+    "no such link": (_arm(_joint().replace('child link="b"', 'child link="bb"')), 3, "joint j: child link `bb` does not exist"),
+    "own parent": (_arm(_joint().replace('child link="b"', 'child link="a"')), 3, "the same link `a`"),
+    "two parents": (_arm(_joint() + "\n" + _joint(name="k")), 4, "joint k: link `b` already hangs on joint `j`"),
+    "two roots": (_robot('<link name="a"/>\n<link name="b"/>'), 3, "2 links have no parent: `a`, `b`"),
+    "loop": (_arm(_joint() + "\n" + '<joint name="k" type="fixed"><parent link="b"/><child link="a"/></joint>'), 4, "close a loop: `a` -> `b` -> `a`"),
+    "nan inertia": (_mass('<mass value="1"/>', 'ixx="nan" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"'), 2, "link a: inertia ixx is `nan`"),
+    "infinite": (_mass('<mass value="1e999"/>'), 2, "mass value is `1e999`, not a finite number"),
+    "python number": (_mass('<mass value="1_0"/>'), 2, "mass value is `1_0`"),
+    "xacro number": (_mass('<mass value="${m}"/>'), 2, "hint: expand the xacro file first"),
+    "no mass": (_mass(""), 2, "link a: <inertial> without <mass>"),
+    "no inertia": (_robot('<link name="a"><inertial><mass value="1"/></inertial></link>'), 2, "<inertial> without <inertia>"),
+    "no iyz": (_mass('<mass value="1"/>', 'ixx="1" ixy="0" ixz="0" iyy="1" izz="1"'), 2, "<inertia> without `iyz`"),
+    "negative mass": (_mass('<mass value="-1"/>'), 2, "mass is -1.0 kg"),
+    "two origins": (_robot('<link name="a"><visual><origin/><origin/><geometry><sphere radius="1"/></geometry></visual></link>'), 2, "a second <origin>"),
+    "short vector": (_arm(_joint('<origin xyz="0 0"/>')), 3, "origin xyz needs 3 numbers, found 2: `0 0`"),
+    "xacro with blanks": (_arm(_joint('<origin xyz="$(optenv X 1 0 0)"/>')), 3, "expand the xacro"),
+    "commas": (_arm(_joint('<origin xyz="0,0,0"/>')), 3, "hint: separate the numbers by spaces"),
+    "zero axis": (_arm(_joint('<axis xyz="0 0 0"/>', "continuous")), 3, "joint j: axis is `0 0 0`"),
+    "no limit": (_arm(_joint(kind="revolute")), 3, "joint j: a revolute joint without <limit>"),
+    "negative effort": (_arm(_joint('<limit lower="0" upper="1" effort="-1" velocity="1"/>', "prismatic")), 3, "limit effort is -1.0"),
+    "negative damping": (_arm(_joint('<dynamics damping="-1"/>', "continuous")), 3, "dynamics damping is -1.0"),
+    "mimics nobody": (_arm(_joint('<mimic joint="x"/>', "continuous")), 3, "mimic joint `x` does not exist"),
+    "mimics itself": (_arm(_joint('<mimic joint="j"/>', "continuous")), 3, "cannot mimic itself"),
+    "flat picture": (_shape('<box size="1 1 0"/>', "visual"), 2, "every edge must be positive"),
+    "flat box": (_shape('<box size="1 1 0"/>'), 2, "every edge must be positive"),
+    "negative radius": (_shape('<sphere radius="-1"/>'), 2, "sphere radius is -1.0"),
+    "no length": (_shape('<cylinder radius="1"/>'), 2, "<cylinder> without `length`"),
+    "zero scale": (_shape('<mesh filename="a.stl" scale="1 0 1"/>'), 2, "a scale of 0 leaves no mesh"),
+    "unknown geometry": (_shape("<boxx/>"), 2, "hint: did you mean `box`?"),
+    "no geometry": (_shape(""), 2, "<geometry> needs one shape, found 0"),
+    "three colours": (_robot('<material name="m"><color rgba="1 1 1"/></material><link name="a"/>'), 2, "color rgba needs 4 numbers"),
+    "file uri": (_shape('<mesh filename="file:///x/a.stl"/>'), 2, "`file:` cannot be followed"),
+    "absolute": (_shape('<mesh filename="/x/a.stl"/>'), 2, "is absolute"),
+    "escape": (_shape('<mesh filename="../../../a.stl"/>'), 2, "leads out of the source"),
+    "escape by package": (_shape('<mesh filename="package://robot_pkg/../../a.stl"/>'), 2, "leads out of the source"),
+    "backslash": (_shape(r'<mesh filename="meshes\a.stl"/>'), 2, "hint: write `/` instead"),
+    "unknown package": (_shape('<mesh filename="package://robot_pgk/a.stl"/>'), 2, "did you mean `robot_pkg`?; or add `robot_pgk: FOLDER` under `source.packages`"),
+    "folder": (_shape('<mesh filename="package://robot_pkg/"/>'), 2, "names a folder"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_broken_file_is_refused_with_its_line(case: str, tmp_path: Path):
+    text, line, words = BAD[case]
+    said = refused(text, tmp_path)
+    assert said.startswith(f"{FILE}:{line}: ")
+    assert words in said
+
+
+def test_the_first_mistake_in_the_file_is_told_and_the_rest_counted(tmp_path: Path):
+    text = _robot(
+        '<joint name="j" type="floatin"><parent link="a"/><child link="b"/></joint>\n'
+        '<link name="a"><collision><geometry><sphere radius="nan"/></geometry></collision></link>\n'
+        '<link name="b"><inertial/></link>'
+    )
+    said = refused(text, tmp_path)
+    assert said.startswith(f"{FILE}:2: joint j: unknown joint type `floatin` (and 2 more)")
+
+
+@pytest.mark.parametrize(
+    "doctype",
+    [
+        '<!DOCTYPE robot [<!ENTITY a "x">]>',
+        '<!DOCTYPE robot SYSTEM "http://localhost/never.dtd">',
+        "<!DOCTYPE robot>",
+    ],
+)
+def test_a_doctype_is_refused_before_anything_is_expanded(doctype: str, tmp_path: Path):
+    text = f'<?xml version="1.0"?>\n{doctype}\n<robot name="&a;"><link name="a"/></robot>'
+    assert "a DOCTYPE is not allowed" in refused(text, tmp_path)
+
+
+def test_an_entity_bomb_in_an_encoding_that_hides_it_is_refused(tmp_path: Path):
+    entities = "".join(f'<!ENTITY e{i + 1} "{f"&e{i};" * 10}">' for i in range(12))
+    bomb = f'<!DOCTYPE robot [<!ENTITY e0 "ha">{entities}]><robot name="&e12;"><link name="a"/></robot>'
+    assert "a DOCTYPE is not allowed" in refused(bomb.encode("utf-16"), tmp_path)
+
+
+def test_absurd_nesting_is_refused(tmp_path: Path):
+    deep = "<a>" * 5000 + "</a>" * 5000
+    assert "nested this deep" in refused(_robot(deep), tmp_path)
+
+
+def test_too_many_bytes_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("assetbuild.source.urdf.xml.MAX_BYTES", 100)
+    assert "of URDF; at most" in refused(_robot(" " * 101), tmp_path)
+
+
+def test_a_xacro_file_is_named_as_such(tmp_path: Path):
+    text = (
+        '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n'
+        '<xacro:property name="a" value="1"/><link name="a"/></robot>'
+    )
+    said = refused(text, tmp_path)
+    assert said.startswith(f"{FILE}:2: <xacro:property> in a URDF")
+
+
+def test_mimic_joints_that_follow_one_another_are_refused(tmp_path: Path):
+    links = "".join(f'<link name="{name}"/>' for name in "abc")
+    joints = _joint('<mimic joint="k"/>', "continuous") + (
+        '<joint name="k" type="continuous"><parent link="b"/><child link="c"/><mimic joint="j"/></joint>'
+    )
+    assert "follow one another: `j` -> `k` -> `j`" in refused(_arm(joints, links), tmp_path)
+
+
+# --- what is told and goes on -------------------------------------------------------------------
+
+
+def test_one_look_under_two_names_and_two_under_one(tmp_path: Path):
+    def visual(look: str) -> str:
+        return f'<visual><geometry><sphere radius="1"/></geometry><material name="m">{look}</material></visual>'
+
+    red, blue = '<color rgba="1 0 0 1"/>', '<color rgba="0 0 1 1"/>'
+    reading = read(
+        _robot(f'<link name="a">{visual(red)}{visual(blue)}{visual(red)}{visual(blue)}</link>'),
+        tmp_path,
+    )
+    assert [s.material for s in reading.shapes.shapes] == ["m", "m_1", "m", "m_1"]
+    assert reading.rules() == ["urdf.material.conflict"]
+
+
+def test_colours_out_of_255_are_cut_and_told(tmp_path: Path):
+    reading = read(
+        _robot('<material name="m"><color rgba="255 0 0 1"/></material><link name="a"/>'), tmp_path
+    )
+    assert reading.shapes.materials[0].rgba == (1.0, 0.0, 0.0, 1.0)
+    assert reading.rules() == ["urdf.material.range"]
+
+
+def test_textures_are_paths_of_the_source(tmp_path: Path):
+    look = '<material name="m"><texture filename="package://robot_pkg/wood.png"/></material>'
+    material = read(_robot(f'{look}<link name="a"/>'), tmp_path).shapes.materials[0]
+    assert (material.texture, material.rgba) == ("pkg/wood.png", (1.0, 1.0, 1.0, 1.0))
+
+
+def test_limits_left_out_are_told(tmp_path: Path):
+    reading = read(_arm(_joint('<limit upper="1"/>', "revolute")), tmp_path)
+    assert reading.tree.joints[0].limits == Limits(0.0, 1.0, None, None)
+    assert reading.findings[0].data["missing"] == ("lower", "effort", "velocity")
+
+
+def test_a_range_on_a_continuous_joint_is_told(tmp_path: Path):
+    limit = '<limit lower="-1" upper="1" effort="2" velocity="3"/>'
+    reading = read(_arm(_joint(limit, "continuous")), tmp_path)
+    assert reading.tree.joints[0].limits == Limits(None, None, 2.0, 3.0)
+    assert reading.rules() == ["urdf.limit.ignored"]
+
+
+def test_package_root_may_be_the_source_root(tmp_path: Path):
+    text = _shape('<mesh filename="package:///whole/x/../a.stl"/>')
+    assert read(text, tmp_path, packages={"whole": "."}).meshes[0]["path"] == "a.stl"
+
+
+def test_names_beyond_ascii_survive(tmp_path: Path):
+    reading = read(_robot('<link name="材质 &lt;&amp;&gt;"/>'), tmp_path)
+    assert reading.tree.root == "材质 <&>"
+
+
+# --- the real robot -----------------------------------------------------------------------------
+
+
+def test_go1_is_read_whole(go1_root: Path, tmp_path: Path):
+    path = go1_root / "robots/go1_description/urdf/go1.urdf"
+    inputs, outputs = tmp_path / "in", tmp_path / "out"
+    inputs.mkdir()
+    (inputs / "robot.urdf").write_bytes(path.read_bytes())
+    step = ReadUrdf(
+        file="robots/go1_description/urdf/go1.urdf",
+        base="floating",
+        packages={"example-robot-data": "."},
+    )
+    findings = run_step(step, inputs, outputs)
+    tree = decode(Tree, (outputs / "links.json").read_bytes())
+    shapes = decode(Shapes, (outputs / "shapes.json").read_bytes())
+    xml = ET.parse(path).getroot()  # noqa: S314 # the real robot, which we trust here
+    masses = [float(m) for m in re.findall(r'<mass value="([^"]+)"', path.read_text())]
+    assert sum(b.inertial.mass_kg for b in tree.bodies if b.inertial) == pytest.approx(sum(masses))
+    assert sum(masses) == pytest.approx(13.1005, abs=1e-4)
+    assert len(tree.bodies) == len(xml.findall("link"))
+    assert len(tree.joints) == len(xml.findall("joint"))
+    assert len(tree.moving_joints) == 12
+    assert len(shapes.of("visual")) == len(xml.findall("link/visual"))
+    assert len(shapes.of("collision")) == len(xml.findall("link/collision"))
+    meshes = [m["path"] for m in json.loads((outputs / "meshes.json").read_text())]
+    assert len(meshes) == 7
+    assert all((go1_root / mesh).is_file() for mesh in meshes)
+    told = {f.data["element"]: f.data["count"] for f in findings}
+    assert told == {"gazebo": 5, "transmission": 12}
+    assert not np.isnan([j.limits.upper for j in tree.moving_joints]).any()
