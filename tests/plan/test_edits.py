@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from source.test_source import URDF
 
 from assetbuild.errors import RecipeError
 from assetbuild.pipeline.checking import check
-
-from source.test_source import URDF
 
 HEAD = "schema: assetbuild/v1\nrobot: r\nsource: {path: ., urdf: r.urdf, license: MIT}\nedits:\n"
 
