@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
@@ -33,4 +32,4 @@ class KeepPose(Step):
 
 
 def _masks(contact: Contact) -> Contact:
-    return replace(Contact(), mask=contact.mask, partners=contact.partners)
+    return Contact(mask=contact.mask, partners=contact.partners)
