@@ -36,7 +36,6 @@ from assetbuild.recipe.models import (
     Simulation,
 )
 from assetbuild.recipe.names import anchored
-from assetbuild.recipe.sensing import Camera, Feet, Imu, Sensor
 from assetbuild.recipe.sides import Side, moving_by_source, side_of
 from assetbuild.robot import model
 from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, resolve
@@ -44,6 +43,7 @@ from assetbuild.robot.chains import find_chains
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.sensing import Camera, Feet, Imu, Sensor
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import forward_kinematics
 

@@ -10,14 +10,6 @@ import numpy as np
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.recipe.randomize import (
-    JOINT_FACTORS,
-    Randomize,
-    RandomMatter,
-    RandomPayload,
-    first_match,
-    per_axis,
-)
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.inertia import combine, move_inertial, principal_moments
 from assetbuild.robot.model import Body, Inertial, Tree
@@ -37,6 +29,14 @@ from assetbuild.robot.randomize import (
     inconsistent,
     matrices_of,
     unit_draws,
+)
+from assetbuild.robot.ranges import (
+    JOINT_FACTORS,
+    Randomize,
+    RandomMatter,
+    RandomPayload,
+    first_match,
+    per_axis,
 )
 
 WASTEFUL = 0.5
