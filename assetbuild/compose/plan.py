@@ -239,7 +239,7 @@ def _with_own_files(part: LoadedRecipe) -> Recipe:
             piece
             if piece.file is None
             else piece.model_copy(update={"file": str(file_of(piece.file, part.path.parent))})
-            for piece in rule.pieces or ()
+            for piece in getattr(rule, "pieces", None) or ()
         )
         return rule.model_copy(update={"pieces": pieces}) if pieces else rule
 

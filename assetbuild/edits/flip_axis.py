@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -25,6 +25,8 @@ class FlipAxis(Edit):
 
     `limits: keep`: the axis itself is wrong in the source, its limits are right.
     """
+
+    follows_names: ClassVar[bool] = False
 
     joint: Pattern = Field(description="joints, by whole name")
     limits_: Literal["mirror", "keep"] = Field(

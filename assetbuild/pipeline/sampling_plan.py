@@ -6,9 +6,10 @@ from dataclasses import dataclass, field, replace
 
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.errors import RecipeError
-from assetbuild.kinds import Target, load_plugin
+from assetbuild.kinds import Target
 from assetbuild.lock import Lock
 from assetbuild.plan import Outline, plan
+from assetbuild.plugins import load_plugin
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.samples.apply_sample import ApplySample
 from assetbuild.samples.draw_samples import DrawSamples
@@ -64,7 +65,7 @@ def _variant(
             "samples.json": draws["samples.json"],
         },
     )
-    target = load_plugin(Target, "assetbuild.targets", "mjcf")
+    target = load_plugin(Target, "mjcf")
     ports = {**robot, **{name: changed[name] for name in ("tree.json", "control.json")}}
     return p.add(
         f"mjcf {index:03}",

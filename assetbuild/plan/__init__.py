@@ -15,7 +15,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from assetbuild.body.inertia_rules import Bounds
 from assetbuild.body.lint_bodies import LintBodies
 from assetbuild.body.lint_links import LintLinks
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
@@ -26,11 +25,12 @@ from assetbuild.control.sample_pairs import SamplePairs
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.geometry.companions import companions
 from assetbuild.geometry.plan import Geometry, assemble, lint_density, lint_meshes
-from assetbuild.kinds import Check, Target, lacking, load_plugin, plugin_names
+from assetbuild.kinds import Check, Target, lacking
 from assetbuild.lock import Lock, lock_path, read_lock
 from assetbuild.looks.plan import looks
 from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
 from assetbuild.plan.edits import apply_edits, edit_keys
+from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.sides import Side
@@ -140,7 +140,7 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
     read = read_description(loaded.recipe, source, description, p)
     if read is None:
         return None
-    p.add("lint_links", LintLinks(bounds=Bounds.of(loaded.recipe)), dict(read.robot))
+    p.add("lint_links", LintLinks(bounds=loaded.recipe.validate_.inertia), dict(read.robot))
     lint_export(loaded.recipe, source, description, read, p)
     outline.source_map = read.source_map
     outline.expanded = description.ref if loaded.recipe.source.xacro else None
@@ -201,7 +201,7 @@ def _merge(recipe: Recipe, ready: Ready, p: Planner) -> Node:
     step = MergeFixedJoints(merge=fixed.merge, keep_bodies=fixed.keep_bodies, keep_source=keeps)
     tree = p.add("merge_fixed_joints", step, inputs)
     linted = {"tree.json": tree["tree.json"], "shapes.json": edited["shapes.json"]}
-    p.add("lint_bodies", LintBodies(bounds=Bounds.of(recipe)), linted)
+    p.add("lint_bodies", LintBodies(bounds=recipe.validate_.inertia), linted)
     return tree
 
 
@@ -229,7 +229,7 @@ def _control(
 def _targets(recipe: Recipe, robot: Mapping[str, Ref], p: Planner) -> dict[str, Node]:
     nodes = {}
     for name in recipe.targets:
-        target = load_plugin(Target, "assetbuild.targets", name)
+        target = load_plugin(Target, name)
         ports = {port: robot[port] for port in target.reads}
         nodes[name] = p.add(name, target.configure(recipe), ports)
     return nodes
@@ -257,8 +257,8 @@ def _checks(
 ) -> None:
     """Every check whose needs are built; those that this machine cannot run are named."""
     possible = {*outline.targets, "source", *(["source_mjcf"] if recipe.source.mjcf else [])}
-    for name in plugin_names("assetbuild.checks"):
-        check = load_plugin(Check, "assetbuild.checks", name)
+    for name in plugin_names(Check):
+        check = load_plugin(Check, name)
         if not set(check.needs) <= possible:
             continue
         step = check.configure(recipe)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -38,8 +39,17 @@ _BOUNDS = {
 }
 
 
-def validated(model: type[M], root: Node, error: type[AssetBuildError]) -> M:
-    """The model behind the tree; raises `error` with the first problem in file order."""
+def validated(
+    model: type[M],
+    root: Node,
+    error: type[AssetBuildError],
+    whole: Callable[[], type[BaseModel]] | None = None,
+) -> M:
+    """The model behind the tree; raises `error` with the first problem in file order.
+
+    whole: the model with all keys that there are, where `model` has only some of them; it
+    explains what is wrong.
+    """
     try:
         return model.model_validate(plain(root), strict=True)
     except ValidationError as problem:
@@ -47,7 +57,8 @@ def validated(model: type[M], root: Node, error: type[AssetBuildError]) -> M:
     placed = sorted(
         (_find(raw, root) for raw in found), key=lambda p: (p.where.line, p.where.column)
     )
-    problems = _distinct([_explained(place, model) for place in placed[:_EXPLAINED]])
+    known = whole() if whole else model
+    problems = _distinct([_explained(place, known) for place in placed[:_EXPLAINED]])
     first = problems[0]
     more = len(problems) - 1 + len(placed[_EXPLAINED:])
     others = f" (and {more} more error{'s' if more > 1 else ''} in this file)" if more else ""

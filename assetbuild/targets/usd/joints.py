@@ -10,12 +10,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from assetbuild.errors import StepError
-from assetbuild.recipe.usd import Usd as Options
-from assetbuild.recipe.usd import UsdArticulation
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import MOVING, Actuator, Control, Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply
 from assetbuild.simulators.usd_names import JOINTS
+from assetbuild.simulators.usd_options import Usd as Options
+from assetbuild.simulators.usd_options import UsdArticulation
 from assetbuild.targets.usd.layers import apply_foreign, label
 from assetbuild.targets.usd.names import Names
 from assetbuild.targets.usd.units import coordinate, gain, is_angular, limits

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.recipe.usd import Usd as Options
 from assetbuild.robot.model import Contact, Control, Joint, Tree
+from assetbuild.simulators.usd_options import Usd as Options
 from assetbuild.targets.usd.joints import starting_positions
 from assetbuild.targets.usd.units import is_angular, limits
 
