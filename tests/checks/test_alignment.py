@@ -19,7 +19,8 @@ from assetbuild.checks.alignment.modules import World, mjlab_world, module_rows
 from assetbuild.checks.alignment.pair import all_apart, stand_row, weight_of
 from assetbuild.checks.alignment.row import Row, findings_of
 from assetbuild.findings import Finding
-from assetbuild.recipe.models import Recipe, Sine
+from assetbuild.pipeline.recipes import whole_model
+from assetbuild.recipe.models import Sine
 from assetbuild.report.summary import WITHHELD, public_message
 from assetbuild.robot.model import Body, Inertial, Joint, Tree
 from assetbuild.robot.pose import Pose
@@ -199,9 +200,9 @@ def test_a_kind_of_row_is_one_finding_about_its_worst() -> None:
 def test_recipe_decides() -> None:
     base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
     both = {"simulators": ["physx", "mujoco"], "sine": None}
-    asked = Recipe.model_validate(base | {"validate": both})
+    asked = whole_model().model_validate(base | {"validate": both})
     assert Alignment.configure(asked) == Alignment(robot="r", sine=None)
-    one = Recipe.model_validate(base | {"validate": {"simulators": ["physx"]}})
+    one = whole_model().model_validate(base | {"validate": {"simulators": ["physx"]}})
     assert Alignment.configure(one) is None
 
 

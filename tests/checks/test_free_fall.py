@@ -11,7 +11,7 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
 from assetbuild.checks.free_fall import FreeFall
 from assetbuild.findings import Finding
-from assetbuild.recipe.models import Recipe
+from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Simulation
 from assetbuild.targets.mjcf import Mjcf
 
@@ -70,9 +70,9 @@ def test_file_that_does_not_load_is_an_error(tmp_path: Path) -> None:
 
 def test_recipe_decides_whether_and_how_long() -> None:
     base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
-    asked = Recipe.model_validate(base | {"validate": {"free_fall": {"seconds": 0.2}}})
-    unasked = Recipe.model_validate(base | {"validate": {"free_fall": None}})
-    elsewhere = Recipe.model_validate(base | {"validate": {"simulators": ["physx"]}})
+    asked = whole_model().model_validate(base | {"validate": {"free_fall": {"seconds": 0.2}}})
+    unasked = whole_model().model_validate(base | {"validate": {"free_fall": None}})
+    elsewhere = whole_model().model_validate(base | {"validate": {"simulators": ["physx"]}})
     assert FreeFall.configure(asked) == FreeFall(robot="r", seconds=0.2, tolerance=0.003)
     assert FreeFall.configure(unasked) is None
     assert FreeFall.configure(elsewhere) is None

@@ -13,10 +13,9 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
 from assetbuild.checks.mjx_pairs import FAST_ON_WARP, KINDS, NOT_IN_MJX, MjxPairs, judge, pairs
 from assetbuild.findings import Finding
-from assetbuild.recipe.mjcf import Mjx as Options
 from assetbuild.robot.model import Box, Contact, Control
 from assetbuild.targets.mjcf import Mjcf
-from assetbuild.targets.mjx import Mjx
+from assetbuild.targets.mjx import Mjx, Options
 
 
 def checked(robot: TinyRobot, folder: Path, **said: object) -> tuple[list[Finding], dict]:

@@ -12,7 +12,7 @@ from tiny import run_step
 
 from assetbuild.collision import CollisionMethod, PlacedSource, PrimitiveSource
 from assetbuild.collision.coacd import CoAcd
-from assetbuild.collision.explicit import Explicit
+from assetbuild.collision.explicit import Explicit, ExplicitPiece
 from assetbuild.collision.hull import Hull
 from assetbuild.collision.primitive import FitPrimitive
 from assetbuild.collision.spheres import Spheres
@@ -27,9 +27,9 @@ from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, merged
+from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.mesh.volume import is_closed, signed_volume
 from assetbuild.plugins import load_plugin, plugin_names
-from assetbuild.recipe.collision import ExplicitPiece, VHacdOptions
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Box, Capsule, Cylinder, Mesh, Sphere
 from assetbuild.robot.pose import Pose, quat_of_rpy

@@ -14,6 +14,7 @@ from assetbuild.compose.merging import (
     left_out,
     poses_in_source_keys,
 )
+from assetbuild.pipeline.recipes import whole_model
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.ranges import first_match
 
@@ -23,7 +24,7 @@ ARM_JOINTS = ("arm_joint1", "arm_joint2")
 
 def recipe(**more) -> Recipe:
     head = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
-    return Recipe.model_validate(head | more)
+    return whole_model().model_validate(head | more)
 
 
 def whole(base: dict, arm: dict, **part) -> Recipe:

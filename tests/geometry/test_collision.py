@@ -15,7 +15,8 @@ from assetbuild.engine.step import Step
 from assetbuild.errors import RecipeError
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.geometry.jobs import check_rule, collision_jobs, equal_shapes
-from assetbuild.recipe.loader import LoadedRecipe, load_recipe
+from assetbuild.pipeline.recipes import load_recipe
+from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.model import Body, Box, Joint, Mesh, Shape, Shapes, Tree
 from assetbuild.robot.pose import Pose, quat_of_rpy
 

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from assetbuild.errors import RecipeError, Where
-from assetbuild.recipe.loader import load_recipe
+from assetbuild.pipeline.recipes import load_recipe
 
 GOOD = """\
 schema: assetbuild/v1

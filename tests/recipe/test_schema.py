@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from assetbuild.pipeline.recipes import schema_text
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.schema import allowed_values, known_keys, meaning, schema_text
+from assetbuild.recipe.schema import allowed_values, known_keys, meaning
 
 
 def test_the_schema_is_json_with_the_keys_of_the_file():
