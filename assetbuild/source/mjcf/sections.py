@@ -55,7 +55,9 @@ def read_sections(root: _Element, links: Links, drives: Drives, model: Model) ->
     driven = {name: joint for name, joint in drives.names if joint}
     found, names = Sections(list(links.joints)), Names(links, driven)
     classes = Classes(root)
-    found.simulation = Simulation(timestep=float(model.opt.timestep), gravity=_gravity(model))
+    found.simulation = Simulation.model_construct(
+        timestep=float(model.opt.timestep), gravity=_gravity(model)
+    )
     found.mjcf_only.append(options(root, model))
     for element in root.iterfind("contact/*"):
         _contact(element, classes, names, found)
