@@ -204,7 +204,7 @@ def _collision(methods: tuple[str, ...]) -> type[Collision]:
         "Collision",
         __base__=Collision,
         __doc__=Collision.__doc__,
-        default=(rule, _rule("auto")()),
+        default=(rule, Field(_rule("auto")(), description="of links that no pattern matches")),
         links=(dict[Pattern, rule], links),
     )
 

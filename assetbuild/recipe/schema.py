@@ -23,11 +23,16 @@ def schema_of(model: type[BaseModel]) -> str:
     return json.dumps(head | {k: v for k, v in schema.items() if k not in head}, indent=2) + "\n"
 
 
-def known_keys(model: type[BaseModel], path: tuple[str | int, ...]) -> list[str]:
-    """The keys that `model` takes at `path`; none where any key is taken."""
+def known_keys(model: type[BaseModel], path: tuple[str | int, ...], choice: str = "") -> list[str]:
+    """The keys that `model` takes at `path`; none where any key is taken.
+
+    choice: only of the forms one of whose keys must be this word.
+    """
     found: list[str] = []
     for schema in _at(model, path):
-        found += schema.get("properties", {})
+        keys = schema.get("properties", {})
+        if not choice or any(value.get("const") == choice for value in keys.values()):
+            found += keys
     return found
 
 

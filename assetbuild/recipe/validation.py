@@ -59,11 +59,20 @@ def validated(
     )
     known = whole() if whole else model
     problems = _distinct([_explained(place, known) for place in placed[:_EXPLAINED]])
-    first = problems[0]
+    first = _telling(problems)
     more = len(problems) - 1 + len(placed[_EXPLAINED:])
     others = f" (and {more} more error{'s' if more > 1 else ''} in this file)" if more else ""
     message = f"{shown(first.key)}: {first.message}" if first.key else first.message
     raise error(message + others, where=first.where, hint=first.hint)
+
+
+def _telling(problems: list[_Problem]) -> _Problem:
+    """The first; a key that is spelt wrong before one that is missing beside it."""
+    first = problems[0]
+    if first.message.startswith("missing"):
+        spelt = (p for p in problems if p.message == "unknown key" and p.key[:-1] == first.key)
+        return next(spelt, first)
+    return first
 
 
 def locate(root: Node, key: Key) -> Where:
@@ -163,7 +172,9 @@ def _sentence(
 ) -> tuple[str, str]:  # Any: as above
     found = described(node)
     if kind == "extra_forbidden":
-        return "unknown key", did_you_mean(str(key[-1]), known_keys(model, key[:-1]))
+        choice = _choice(raw["loc"])
+        hint = did_you_mean(str(key[-1]), known_keys(model, key[:-1], choice))
+        return f"`{choice}` has no key `{key[-1]}`" if choice else "unknown key", hint
     if kind in ("literal_error", "enum"):
         values = allowed_values(model, key)
         *most, last = [f"`{value}`" for value in values] or ["another value"]
@@ -182,6 +193,12 @@ def _sentence(
         pattern = raw["ctx"]["pattern"]
         return f"{found} does not fit `{pattern}`", meaning(model, key)
     return _said(raw), meaning(model, key) if key else ""
+
+
+def _choice(loc: tuple[str | int, ...]) -> str:
+    """The word that chose between the forms of a map: `hull` behind the tag `method hull`."""
+    tags = [part for part in loc[-2:-1] if isinstance(part, str) and " " in part]
+    return tags[0].partition(" ")[2] if tags else ""
 
 
 def _said(raw: Any) -> str:  # Any: as above

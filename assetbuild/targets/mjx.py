@@ -56,7 +56,7 @@ HULL = Rule(
 )
 
 
-class Options(Model):
+class MjxOptions(Model):
     """Of the target `mjx`, the model for MJX and mujoco_warp: `<robot>_mjx.xml`."""
 
     integrator: Literal["Euler", "RK4", "implicitfast"] = Field(
@@ -93,7 +93,7 @@ class Mjx(Target):
 
     sections: ClassVar[Mapping[str, str]] = {"mjx": "options"}
 
-    options: Options = Options()
+    options: MjxOptions = MjxOptions()
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError for joints and actuators that MJCF cannot say."""

@@ -20,11 +20,10 @@ from assetbuild.checks.alignment.pair import all_apart, stand_row, weight_of
 from assetbuild.checks.alignment.row import Row, findings_of
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
-from assetbuild.recipe.models import Sine
 from assetbuild.report.summary import WITHHELD, public_message
 from assetbuild.robot.model import Body, Inertial, Joint, Tree
 from assetbuild.robot.pose import Pose
-from assetbuild.simulators.experiments import Motion
+from assetbuild.simulators.experiments import Motion, Swing
 from assetbuild.simulators.physx import Held, HeldLink
 from assetbuild.targets.isaaclab import IsaacLab
 from assetbuild.targets.mjcf import Mjcf
@@ -52,7 +51,7 @@ def check(robot: TinyRobot, folder: Path, spoil: Spoil | None = None) -> list[Fi
         spoil(stage)
         stage.Save()
         del stage
-    short = Sine(frequency=4.0, seconds=0.75, tolerance=0.02)
+    short = Swing(frequency=4.0, seconds=0.75, tolerance=0.02)
     found = run_step(Alignment(robot="robot", sine=short), inputs, folder / "out")
     return [finding for finding in found if finding.rule != "alignment.physx.gap"]
 

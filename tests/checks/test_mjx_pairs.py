@@ -15,11 +15,11 @@ from assetbuild.checks.mjx_pairs import FAST_ON_WARP, KINDS, NOT_IN_MJX, MjxPair
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Box, Contact, Control
 from assetbuild.targets.mjcf import Mjcf
-from assetbuild.targets.mjx import Mjx, Options
+from assetbuild.targets.mjx import Mjx, MjxOptions
 
 
 def checked(robot: TinyRobot, folder: Path, **said: object) -> tuple[list[Finding], dict]:
-    target = Mjx(robot="robot", options=Options.model_validate(said))
+    target = Mjx(robot="robot", options=MjxOptions.model_validate(said))
     inputs = check_inputs(folder, robot, target, "mjx")
     findings = run_step(MjxPairs(), inputs, folder / "out")
     return findings, json.loads((folder / "out/figures.json").read_text())

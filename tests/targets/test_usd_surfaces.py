@@ -15,14 +15,14 @@ from assetbuild.checks.usd_equal import UsdEqual
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Contact, Limits
-from assetbuild.simulators.usd_options import Usd as Options
+from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd import Usd
 
 
 def build(
     robot: TinyRobot, folder: Path, options: dict[str, object] | None = None
 ) -> tuple[UsdCore.Stage, list[Finding]]:
-    target = Usd(robot="robot", options=Options.model_validate(options or {}))
+    target = Usd(robot="robot", options=UsdOptions.model_validate(options or {}))
     inputs = check_inputs(folder, robot, target, "usd")
     found = run_step(target, inputs, folder / "again")
     return UsdCore.Stage.Open(str(inputs / "usd/robot.usda")), found

@@ -20,10 +20,10 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.robot.ranges import Randomize, first_match
 from assetbuild.simulators.usd_names import joint_identifiers
-from assetbuild.simulators.usd_options import Usd
+from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.isaaclab import events
 from assetbuild.targets.isaaclab.measure import script
-from assetbuild.targets.isaaclab.options import Options
+from assetbuild.targets.isaaclab.options import IsaacLabOptions
 
 Generation = Literal[2, 3]
 
@@ -79,9 +79,9 @@ class IsaacLab(Target):
     sections: ClassVar[Mapping[str, str]] = {"isaaclab": "options"}
     told: ClassVar[Mapping[str, str]] = {"usd": "usd", "randomize": "randomize"}
 
-    options: Options = Options()
+    options: IsaacLabOptions = IsaacLabOptions()
     """The recipe's `isaaclab`."""
-    usd: Usd = Usd()
+    usd: UsdOptions = UsdOptions()
     """The recipe's `usd`: the modules repeat it, so that no default of Isaac Lab's slips in."""
     randomize: Randomize | None = None
     """The recipe's ranges, for the modules' event terms."""
@@ -154,8 +154,8 @@ class Module:
     generation: Generation
     tree: Tree
     control: Control
-    options: Options
-    usd: Usd
+    options: IsaacLabOptions
+    usd: UsdOptions
     randomize: Randomize | None = None
 
     def text(self) -> str:

@@ -28,7 +28,7 @@ from assetbuild.targets.mjcf.files import (
     write_xml,
 )
 from assetbuild.targets.mjcf.opaque import with_opaque
-from assetbuild.targets.mjcf.options import Options
+from assetbuild.targets.mjcf.options import MjcfOptions
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
 
@@ -52,7 +52,7 @@ class Mjcf(Target):
 
     sections: ClassVar[Mapping[str, str]] = {"mjcf": "options"}
 
-    options: Options = Options()
+    options: MjcfOptions = MjcfOptions()
     """cone None: elliptic for a floating base (feet slip less), else MuJoCo's default;
     impratio None: 100 with an elliptic cone, as Menagerie's legged robots have, else MuJoCo's 1."""
 

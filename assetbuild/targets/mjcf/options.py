@@ -12,7 +12,7 @@ Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
 Cone = Literal["pyramidal", "elliptic"]
 
 
-class Options(Model):
+class MjcfOptions(Model):
     """Solver options of the MJCF: the `<option>` of `<robot>.xml`."""
 
     integrator: Integrator = Field(

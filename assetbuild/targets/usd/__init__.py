@@ -12,7 +12,7 @@ from assetbuild.kinds import Target
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Shapes, Tree
 from assetbuild.robot.tree import forward_kinematics
-from assetbuild.simulators.usd_options import Usd as Options
+from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd.bodies import apply_rigid_bodies, write_base
 from assetbuild.targets.usd.colliders import (
     apply_filtered_pairs,
@@ -50,7 +50,7 @@ class Usd(Target):
 
     sections: ClassVar[Mapping[str, str]] = {"usd": "options"}
 
-    options: Options = Options()
+    options: UsdOptions = UsdOptions()
     """The recipe's `usd`."""
 
     def run(self, files: Files) -> Iterator[Finding]:
