@@ -11,15 +11,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
+from assetbuild.control.sides import own_side
 from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.compose import Part
 from assetbuild.recipe.models import FixedJoints, Keyframe, Recipe
 from assetbuild.recipe.names import anchored, but_not
-from assetbuild.recipe.sides import Side
 from assetbuild.robot.actuator_table import ActuatorRow, Motor
 from assetbuild.robot.contact import Contact, Surface
 from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.sensing import IMU_NAMES, Feet, Imu, Sensor
+from assetbuild.robot.sides import Side
 
 Value = TypeVar("Value")
 HOME = "home"
@@ -46,7 +47,7 @@ class Mounted:
     @property
     def side(self) -> Side:
         """Who decides what in it."""
-        return Side.of(self.recipe, self.prefix)
+        return own_side(self.recipe, self.prefix)
 
     def pose_key(self, name: str) -> tuple[str, bool] | None:
         """Its keyframe for one of the whole, and whether the source says it; None without any.

@@ -25,9 +25,9 @@ from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.compose import Part
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.sides import Side
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
+from assetbuild.robot.sides import Side
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.reading import Reading
 

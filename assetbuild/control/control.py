@@ -21,6 +21,7 @@ from assetbuild.control.senses import (
     placed_sensors,
     surface,
 )
+from assetbuild.control.sides import own_side
 from assetbuild.control.source_control import Stated, join
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import did_you_mean
@@ -36,7 +37,6 @@ from assetbuild.recipe.models import (
     Simulation,
 )
 from assetbuild.recipe.names import anchored
-from assetbuild.recipe.sides import Side, moving_by_source, side_of
 from assetbuild.robot import model
 from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, resolve
 from assetbuild.robot.chains import find_chains
@@ -44,6 +44,7 @@ from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.sensing import Camera, Feet, Imu, Sensor
+from assetbuild.robot.sides import Side, moving_by_source, side_of
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import forward_kinematics
 
@@ -95,7 +96,7 @@ class ControlStep(Step):
             imu=recipe.imu,
             sensors=dict(recipe.sensors),
             cameras=dict(recipe.cameras),
-            sides=sides or (Side.of(recipe),),
+            sides=sides or (own_side(recipe),),
             poses={name: dict(pose) for name, pose in (poses or {}).items()},
         )
 

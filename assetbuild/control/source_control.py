@@ -10,7 +10,6 @@ from xml.etree import ElementTree
 
 from assetbuild.control.senses import changed
 from assetbuild.findings import Finding
-from assetbuild.recipe.sides import Side, side_of
 from assetbuild.robot.actuators import RowSpec
 from assetbuild.robot.contact import Surface
 from assetbuild.robot.model import (
@@ -26,6 +25,7 @@ from assetbuild.robot.model import (
     Simulation,
     Tree,
 )
+from assetbuild.robot.sides import Side, side_of
 from assetbuild.robot.source import SourceControl
 
 BODY_NAMES = ("body", "body1", "body2", "target")

@@ -23,6 +23,7 @@ from assetbuild.compose.plan import Ready, check_parts, compose
 from assetbuild.control.control import ControlStep
 from assetbuild.control.keep_ratings import KeepRatings
 from assetbuild.control.sample_pairs import SamplePairs
+from assetbuild.control.sides import own_side
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.geometry.companions import companions
 from assetbuild.geometry.plan import Geometry, assemble, lint_density, lint_meshes
@@ -33,7 +34,6 @@ from assetbuild.plan.agree import check_against_robot, check_names, turned_meshe
 from assetbuild.plan.edits import apply_edits, edit_keys
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.sides import Side
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Shapes, Tree
 from assetbuild.samples.state_ranges import StateRanges
@@ -151,7 +151,7 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
     edited = apply_edits(loaded, read.robot, geometry, p)
     if edited is None:
         return None
-    return Ready(read, edited, geometry, read.source_map, (Side.of(loaded.recipe),))
+    return Ready(read, edited, geometry, read.source_map, (own_side(loaded.recipe),))
 
 
 def _prepare_part(whole: LoadedRecipe, index: int, outline: Outline, p: Planner) -> Ready | None:
