@@ -31,6 +31,9 @@ from assetbuild.robot.randomize import homogeneous_box
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import depth_first
 
+PLATE = "mount_plate"
+"""The link that holds a part, by its name without the prefix."""
+
 
 class PartOn(BaseModel):
     """A part and its place. folder: of its inputs; prefix: of all its names; SI, rad.
@@ -227,7 +230,7 @@ def _mounted(tree: Tree, part: Tree, on: PartOn) -> Tree:
     if on.mount_mass > 0.0:
         box = homogeneous_box(on.mount_mass, on.mount_size, on.mount_at)
         bodies.append(Body(_plate(on), box))
-        name = f"{on.prefix}mount_plate_joint"
+        name = f"{_plate(on)}_joint"
         joints.append(Joint(name, "fixed", on.link, _plate(on), X_link_root))
     names, ordered = depth_first(tree.root, joints)
     by_name = {body.name: body for body in bodies}
@@ -238,7 +241,7 @@ def _mounted(tree: Tree, part: Tree, on: PartOn) -> Tree:
 
 
 def _plate(on: PartOn) -> str:
-    return f"{on.prefix}mount_plate"
+    return on.prefix + PLATE
 
 
 def _plate_shapes(on: PartOn) -> tuple[Shape, Shape]:

@@ -95,7 +95,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
     merged = p.ask(tree["tree.json"])
     if links is None or shapes is None or merged is None:
         return outline
-    control_step = ControlStep.configure(recipe, sides, ready.poses)
+    control_step = ControlStep.configure(recipe, sides, ready.poses, ready.common_surfaces)
     check_against_robot(loaded, decode(Tree, links), decode(Tree, merged), control_step)
 
     if geometry is None:

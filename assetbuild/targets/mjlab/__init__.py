@@ -52,7 +52,7 @@ class Mjlab(Target):
     imu: str | None = None
     """The IMU's link; None: the root's own frame."""
     rows: tuple[str, ...] = ()
-    """Patterns of the actuator table, to name joints by."""
+    """Patterns of the actuator table, to name joints by; none of a composite, which has names."""
     randomize: Randomize | None = None
     """The recipe's ranges, for the module's events."""
 
@@ -63,7 +63,7 @@ class Mjlab(Target):
             robot=recipe.robot,
             feet=recipe.feet.links if recipe.feet else None,
             imu=recipe.imu.link if recipe.imu else None,
-            rows=tuple(row.joints for row in recipe.actuators),
+            rows=() if recipe.compose else tuple(row.joints for row in recipe.actuators),
             randomize=recipe.randomize,
         )
 
