@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from assetbuild.compose.names import HOME, Member, Row, Value, rows_of, spoken_of
-from assetbuild.errors import Where
 from assetbuild.quantities import listed
 from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.loader import LoadedRecipe
@@ -34,13 +33,13 @@ class Composed(LoadedRecipe):
 
     origins: Mapping[Key, tuple[LoadedRecipe, Key]] = field(default_factory=dict)
 
-    def where(self, key: Key) -> Where:
-        """In the recipe of the part, where a row is the part's."""
+    def origin(self, key: Key) -> tuple[LoadedRecipe, Key]:
+        """The recipe of the part, where a row is the part's."""
         for length in range(len(key), 0, -1):
             if key[:length] in self.origins:
                 whose, own = self.origins[key[:length]]
-                return whose.where((*own, *key[length:]))
-        return super().where(key)
+                return whose, (*own, *key[length:])
+        return self, key
 
     @property
     def common_surfaces(self) -> tuple[str, ...]:

@@ -12,9 +12,7 @@ from assetbuild.compose.merging import Composed, composed, left_out, pose_of, po
 from assetbuild.compose.names import HOME, Member
 from assetbuild.engine.graph import Planner, Ref
 from assetbuild.errors import did_you_mean
-from assetbuild.geometry.jobs import file_of
 from assetbuild.geometry.plan import Geometry
-from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import Key
@@ -51,7 +49,7 @@ def compose(
 ) -> tuple[Composed, Ready] | None:
     """The whole as one robot, with a recipe that speaks of its names; None: not known yet."""
     made = [base, *(ready for _, ready in parts if ready is not None)]
-    members = _members([loaded, *(_with_own_files(part) for part, _ in parts)], made, p)
+    members = _members([loaded, *(part for part, _ in parts)], made, p)
     if members is None:
         return None
     _check_links(members)
@@ -191,21 +189,3 @@ def _moved(part: Member, pose: Mapping[str, float], key: str) -> tuple[str, ...]
     found = [joint for joint, before in own if pose.get(part.prefix + joint, before) != before]
     followers = [j for j in part.tree.moving_joints if j.mimic and j.mimic.joint in found]
     return (*found, *(joint.name for joint in followers))
-
-
-def _with_own_files(part: LoadedRecipe) -> LoadedRecipe:
-    """The recipe whose collision pieces are files by absolute paths: the whole lies elsewhere."""
-
-    def moved(rule: CollisionRule) -> CollisionRule:
-        pieces = tuple(
-            piece
-            if piece.file is None
-            else piece.model_copy(update={"file": str(file_of(piece.file, part.path.parent))})
-            for piece in rule.pieces or ()
-        )
-        return rule.model_copy(update={"pieces": pieces}) if pieces else rule
-
-    collision = part.recipe.collision
-    links = {pattern: moved(rule) for pattern, rule in collision.links.items()}
-    changed = collision.model_copy(update={"default": moved(collision.default), "links": links})
-    return replace(part, recipe=part.recipe.model_copy(update={"collision": changed}))

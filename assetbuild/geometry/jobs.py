@@ -136,7 +136,7 @@ def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: Shapes) -> li
     if "bones" in method.model_fields and fields.get("max_hulls", 1) > 1:
         fields["bones"] = _bones(links, link)
     if method.scope != "shape":
-        files = _own_meshes(rule, fields, loaded.path.parent)
+        files = _own_meshes(rule, fields, loaded.folder(key))
         return [Job(link, own, method, fields, rule.keep_open, rule.regions, files)]
     return [
         # The source's primitive is convex and exact already.
@@ -222,7 +222,7 @@ def _check_files(loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...]
     for number, piece in enumerate(rule.pieces or ()):
         if piece.file is None:
             continue
-        path = file_of(piece.file, loaded.path.parent)
+        path = file_of(piece.file, loaded.folder(key))
         place: tuple[str | int, ...] = (*key, "pieces", number, "file")
         if path.suffix.lower().lstrip(".") not in get_args(Format):
             hint = f"known formats: {', '.join(get_args(Format))}"

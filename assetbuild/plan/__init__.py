@@ -50,9 +50,11 @@ class Outline:
     subjects: what a node works on, where the node itself does not know. edits: label of an edit's
     node -> its key in the recipe. expanded: the URDF behind a xacro, which its lines count.
     absent: files that were looked for; their appearance changes the build. ranges: `dr.yaml`,
-    where the recipe randomizes.
+    where the recipe randomizes. composed: the recipe of a composite, which knows the lines of its
+    parts.
     """
 
+    composed: LoadedRecipe | None = None
     source_map: Ref | None = None
     expanded: Ref | None = None
     absent: tuple[Path, ...] = ()
@@ -88,7 +90,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
         if composite is None:
             return outline
         loaded, ready = composite
-        recipe, outline.source_map = loaded.recipe, ready.source_map
+        recipe, outline.source_map, outline.composed = loaded.recipe, ready.source_map, loaded
     read, edited, geometry, sides = ready.read, ready.robot, ready.geometry, ready.sides
     tree = _merge(recipe, ready, p)
     links, shapes = p.ask(edited["links.json"]), p.ask(edited["shapes.json"])
