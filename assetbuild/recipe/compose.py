@@ -37,8 +37,8 @@ class Part(Model):
     recipe: str | None = Field(None, description="its recipe, relative to this one")
     source: Source | None = Field(
         None,
-        description="the robot itself, instead of a `recipe`: the rows of this recipe that begin "
-        "with the prefix speak of it",
+        description="the robot itself, instead of a `recipe`: the rows of this recipe that name "
+        "its prefix speak of it",
     )
     variant: Name | None = Field(None, description="of that recipe")
     as_: Prefix = Field(alias="as", description="prefix of all its names, such as `arm_`")
