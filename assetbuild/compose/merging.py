@@ -16,7 +16,7 @@ from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import Key
-from assetbuild.robot.actuator_table import ActuatorRow, Motor
+from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.contact import Contact, Surface
 from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.ranges import Randomize
@@ -71,7 +71,7 @@ def composed(members: Sequence[Member]) -> Composed:
         ("collision", "links"): _by_pattern(_collision(members)),
         ("collision", "exclude", "pairs"): list(_pairs(members).values()),
         ("fixed_joints", "keep_bodies"): list(_keep_bodies(members)),
-        ("motors",): _motors(members),
+        ("motors",): _placed(members, "motors", ("extends",)),
         ("actuators",): list(_actuators(members)),
         **{("keyframes", k, "joints"): _one_each(pose_rows(members, k)) for k in keyframes},
         ("contact", "links"): _by_pattern(_contact(members)),
@@ -147,7 +147,9 @@ def _replaced(of: Any, values: Mapping[Key, Any]) -> Any:  # Any: a model, or a 
 
 
 def _all_links(member: Member, value: Value, *key: str) -> Row[Value]:
-    return Row(value, member.loaded, key, tuple(member.prefix + link for link in member.links))
+    return Row(
+        value, member.loaded, key, tuple(member.prefix + link for link in member.names["links"])
+    )
 
 
 def _keep_bodies(members: Sequence[Member]) -> Iterator[Row[str]]:
@@ -166,13 +168,11 @@ def _keep_bodies(members: Sequence[Member]) -> Iterator[Row[str]]:
 
 def _collision(members: Sequence[Member]) -> Iterator[Row[CollisionRule]]:
     for member in members:
-        own, key = member.recipe.collision, ("collision", "links")
-        if not member.part:
-            yield from rows_of(member, key, own.links)
-            continue
+        own = member.recipe.collision
         rules = {pattern: _under(rule, own.preset) for pattern, rule in own.links.items()}
-        yield from rows_of(member, key, rules)
-        yield _all_links(member, _under(own.default, own.preset), "collision", "default")
+        yield from rows_of(member, ("collision", "links"), rules)
+        if member.part:
+            yield _all_links(member, _under(own.default, own.preset), "collision", "default")
 
 
 def _under(rule: CollisionRule, preset: str) -> CollisionRule:
@@ -225,16 +225,6 @@ def _feet(members: Sequence[Member]) -> Feet | None:
 
 
 # --- drives and poses -----------------------------------------------------------------------
-
-
-def _motors(members: Sequence[Member]) -> dict[str, Row[Motor]]:
-    rows: dict[str, Row[Motor]] = {}
-    for member in members:
-        for name, motor in member.recipe.motors.items():
-            extends = member.prefix + motor.extends if motor.extends else None
-            moved = motor.model_copy(update={"extends": extends})
-            rows.setdefault(member.prefix + name, Row(moved, member.loaded, ("motors", name)))
-    return rows
 
 
 def _actuators(members: Sequence[Member]) -> Iterator[Row[ActuatorRow]]:
@@ -321,8 +311,8 @@ def _other_imus(members: Sequence[Member], whole: Imu | None) -> dict[str, Row[S
 
 def _placed(
     members: Sequence[Member], table: str, places: tuple[str, ...]
-) -> dict[str, Row[Any]]:  # Any: sensors or cameras
-    """Sensors or cameras of all, each at the link or joint with the prefix."""
+) -> dict[str, Row[Any]]:  # Any: sensors, cameras or motors
+    """What all have by name; `places`: keys that name a link, a joint or another of them."""
     found: dict[str, Row[Any]] = {}
     for member in members:
         for name, entry in getattr(member.recipe, table).items():

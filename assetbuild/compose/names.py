@@ -15,7 +15,7 @@ what it does.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Generic, Literal, TypeVar
@@ -71,15 +71,11 @@ class Member:
         return own_side(self.recipe, self.prefix)
 
     @cached_property
-    def links(self) -> tuple[str, ...]:
-        """Its own names of bodies, and of the plate that holds it."""
+    def names(self) -> dict[Kind, tuple[str, ...]]:
+        """Its own: of bodies with the plate that holds it, and of joints that move."""
         plate = [PLATE] if self.part and self.part.mount else []
-        return (*self.tree.by_body, *plate)
-
-    @cached_property
-    def joints(self) -> tuple[str, ...]:
-        """Its own names of the joints that move."""
-        return tuple(joint.name for joint in self.tree.moving_joints)
+        joints = tuple(joint.name for joint in self.tree.moving_joints)
+        return {"links": (*self.tree.by_body, *plate), "joints": joints}
 
     @cached_property
     def poses(self) -> dict[str, dict[str, float]]:
@@ -87,10 +83,6 @@ class Member:
         free = {joint.name for joint in self.tree.moving_joints if joint.mimic is None}
         keys = self.said.control.keyframes if self.said else ()
         return {key.name: {n: q for n, q in key.joints if n in free} for key in keys}
-
-    def named(self, kind: Kind) -> tuple[str, ...]:
-        """Its own names of a kind."""
-        return self.links if kind == "links" else self.joints
 
     def pose_key(self, name: str) -> tuple[str, bool] | None:
         """Its keyframe for one of the whole, and whether the source says it; None without any.
@@ -103,13 +95,6 @@ class Member:
             if key in self.poses:
                 return key, True
         return None
-
-    @cached_property
-    def other_prefixes(self) -> tuple[str, ...]:
-        """Of the same shape as a part's own."""
-        upper = (re.sub("[A-Z]", letter.upper(), self.prefix) for letter in OTHER_LETTERS)
-        made = (re.sub("[a-z]", c, text) for c, text in zip(OTHER_LETTERS, upper, strict=True))
-        return tuple(prefix for prefix in made if prefix != self.prefix)
 
 
 @dataclass(frozen=True)
@@ -145,10 +130,10 @@ def spoken_of(member: Member, key: Key, pattern: str, kind: Kind = "links") -> t
 
     RecipeError: it speaks of nothing, or nobody can tell whether it means a part.
     """
-    own = member.named(kind)
+    own = member.names[kind]
     found = [member.prefix + name for name in own if re.fullmatch(pattern, name)]
     for part in member.reach:
-        names = [name for name in part.named(kind) if re.fullmatch(pattern, part.prefix + name)]
+        names = [name for name in part.names[kind] if re.fullmatch(pattern, part.prefix + name)]
         found += [part.prefix + n for n in names if _means(member, key, pattern, part, n)]
     if not found:
         raise _idle(member, key, pattern, kind)
@@ -157,8 +142,7 @@ def spoken_of(member: Member, key: Key, pattern: str, kind: Kind = "links") -> t
 
 def _means(base: Member, key: Key, pattern: str, part: Member, name: str) -> bool:
     """Whether a pattern that matches a name of a part means this part alone."""
-    real = [each.prefix for each in base.reach]
-    others = [prefix for prefix in part.other_prefixes if prefix not in real]
+    others = _other_prefixes(part, [*base.names["links"], *base.names["joints"]], base.reach)
     fits = [other + name for other in others if re.fullmatch(pattern, other + name)]
     if fits and len(fits) < len(others):
         message = f"`{pattern}` matches `{part.prefix}{name}`, and would match `{fits[0]}`"
@@ -167,11 +151,19 @@ def _means(base: Member, key: Key, pattern: str, part: Member, name: str) -> boo
     return not fits and bool(others)
 
 
+def _other_prefixes(part: Member, base: Iterable[str], parts: Iterable[Member]) -> list[str]:
+    """Of the same shape, and no beginning of any name of the composite."""
+    known = [*base, *(each.prefix for each in parts)]
+    upper = [re.sub("[A-Z]", letter.upper(), part.prefix) for letter in OTHER_LETTERS]
+    made = [re.sub("[a-z]", c, text) for c, text in zip(OTHER_LETTERS, upper, strict=True)]
+    return [prefix for prefix in made if not any(name.startswith(prefix) for name in known)]
+
+
 def _idle(member: Member, key: Key, pattern: str, kind: Kind) -> RecipeError:
-    fixed = [joint.name for joint in member.tree.joints if joint.name not in member.joints]
+    fixed = [joint.name for joint in member.tree.joints if joint.name not in member.names[kind]]
     if kind == "joints" and any(re.fullmatch(pattern, name) for name in fixed):
         return member.loaded.error(key, f"`{pattern}` matches only joints that do not move")
-    known = [*member.named(kind), *(p.prefix + n for p in member.reach for n in p.named(kind))]
+    known = [*member.names[kind], *(p.prefix + n for p in member.reach for n in p.names[kind])]
     hint = did_you_mean(pattern, known)
     if any(re.fullmatch(pattern, name) for name in known):
         hint = "write the prefix of a part out if it is meant"

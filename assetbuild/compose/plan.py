@@ -169,14 +169,11 @@ def _part_on(part: Member, base: Recipe, poses: Mapping[str, Mapping[str, float]
     )
     own = dict.fromkeys((*part.recipe.keyframes, *part.poses))
     idle = [f"keyframes.{name}" for name in own if name not in {key for key, _ in used.values()}]
-    mount = {f"mount_{key}": value for key, value in row.mount or ()}
     return PartOn(
         folder=row.as_,
         prefix=row.as_,
-        link=row.at.link,
-        xyz=row.at.xyz,
-        rpy=row.at.rpy,
-        **mount,
+        at=row.at,
+        mount=row.mount,
         left_out=(*left_out(base, part.recipe), *idle),
         keeps=part.side.keeps,
         keys=keys,
