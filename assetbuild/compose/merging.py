@@ -73,7 +73,10 @@ def composed(members: Sequence[Member]) -> Composed:
         ("fixed_joints", "keep_bodies"): list(_keep_bodies(members)),
         ("motors",): _placed(members, "motors", ("extends",)),
         ("actuators",): list(_actuators(members)),
-        **{("keyframes", k, "joints"): _one_each(pose_rows(members, k)) for k in keyframes},
+        **{
+            ("keyframes", k, "joints"): _by_pattern(pose_rows(members, k), once=True)
+            for k in keyframes
+        },
         ("contact", "links"): _by_pattern(_contact(members)),
         ("sensors",): _placed(members, "sensors", ("link", "joint", "relative_to"))
         | _other_imus(members, imu),
@@ -99,22 +102,14 @@ def left_out(recipe: Recipe, part: Recipe) -> tuple[str, ...]:
 # --- tables to recipe -----------------------------------------------------------------------
 
 
-def _by_pattern(rows: Iterable[Row[Value]]) -> dict[str, Row[Value]]:
-    """Of rows about the same names the first holds."""
+def _by_pattern(rows: Iterable[Row[Value]], *, once: bool = False) -> dict[str, Row[Value]]:
+    """Of rows about the same names the first; RecipeError for a second if there may be one only."""
     found: dict[str, Row[Value]] = {}
     for row in rows:
-        found.setdefault(row.pattern, row)
-    return found
-
-
-def _one_each(rows: Iterable[Row[Value]]) -> dict[str, Row[Value]]:
-    """RecipeError for two rows about the same names."""
-    found: dict[str, Row[Value]] = {}
-    for row in rows:
-        if row.pattern in found:
-            message = f"`{found[row.pattern].key[-1]}` matches joint `{row.names[0]}` too"
+        first = found.setdefault(row.pattern, row)
+        if once and first is not row:
+            message = f"`{first.key[-1]}` matches joint `{row.names[0]}` too"
             raise row.whose.error(row.key, message, "narrow one of the two patterns")
-        found[row.pattern] = row
     return found
 
 

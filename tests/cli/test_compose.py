@@ -217,3 +217,14 @@ def test_a_finding_about_a_row_of_a_part_has_its_line_in_the_parts_recipe(folder
         ("recipe actuators.1", "arm.yaml:5"),
         ("recipe actuators.2", "arm.yaml:5"),
     ]
+
+
+def test_samples_of_a_composite_draw_each_robot_from_its_own_ranges(folder):
+    for name, factor in (("cart", 3), ("arm", 2)):
+        text = (folder / f"{name}.yaml").read_text()
+        ranges = f'randomize: {{joints: {{".*": {{kp: [{factor}, {factor}]}}}}}}\n'
+        (folder / f"{name}.yaml").write_text(text + ranges)
+    done = run(folder, "sample", "cart.yaml", "-n", "1", "--judge", "1", "-o", "drawn")
+    assert done.returncode == 0, done.stdout + done.stderr
+    model = mujoco.MjModel.from_xml_path(str(folder / "drawn/cart_000.xml"))
+    assert model.actuator_gainprm[:, 0].tolist() == pytest.approx([2700, 80, 80])

@@ -8,11 +8,13 @@ import pytest
 from composites import Named, members
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from assetbuild.compose.merging import composed
 from assetbuild.compose.names import spoken_of
 from assetbuild.errors import RecipeError
 from assetbuild.quantities import listed
+from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.ranges import first_match
 
 KEY = ("actuators", 0, "joints")
@@ -166,3 +168,11 @@ def test_listed_names_are_matched_and_nothing_else_is(names, other):
     pattern = listed(names)
     assert all(re.fullmatch(pattern, name) for name in names)
     assert (re.fullmatch(pattern, other) is not None) == (other in names)
+
+
+def test_a_list_of_names_may_be_longer_than_a_pattern_that_somebody_writes():
+    names = [f"a-rather-long.name_of_a_joint_{number}" for number in range(40)]
+    row = ActuatorRow(joints=listed(names), kp=1)
+    assert ActuatorRow.model_validate(row.model_dump()) == row
+    with pytest.raises(ValidationError, match="at most 500 characters"):
+        ActuatorRow(joints="(" + listed(names) + ")", kp=1)
