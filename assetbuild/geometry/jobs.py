@@ -125,7 +125,7 @@ def collision_jobs(loaded: LoadedRecipe, links: Tree, meshes: Meshes) -> tuple[J
 
 
 def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: Shapes) -> list[Job]:
-    rule = _rule_of(loaded.recipe, link)
+    rule, key = _rule_of(loaded.recipe, link)
     own = _source_of(rule, link, shapes)
     method = method_of(rule)
     if method is None or not isinstance(rule, ShapedRule):
@@ -136,7 +136,7 @@ def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: Shapes) -> li
     if "bones" in method.model_fields and fields.get("max_hulls", 1) > 1:
         fields["bones"] = _bones(links, link)
     if method.scope != "shape":
-        files = _own_meshes(rule, fields, loaded.path.parent)
+        files = _own_meshes(rule, fields, loaded.folder(key))
         return [Job(link, own, method, fields, rule.keep_open, rule.regions, files)]
     return [
         # The source's primitive is convex and exact already.
@@ -177,10 +177,11 @@ def _bones(links: Tree, link: str) -> tuple[Vec3, ...]:
     return tuple(sorted({end for end in ends if math.hypot(*end) > BONE_M}))
 
 
-def _rule_of(recipe: Recipe, link: str) -> CollisionRule:
-    rules = recipe.collision.links.items()
-    found = (rule for pattern, rule in rules if re.fullmatch(pattern, link))
-    return next(found, recipe.collision.default)
+def _rule_of(recipe: Recipe, link: str) -> tuple[CollisionRule, tuple[str, ...]]:
+    for pattern, rule in recipe.collision.links.items():
+        if re.fullmatch(pattern, link):
+            return rule, ("collision", "links", pattern)
+    return recipe.collision.default, ("collision", "default")
 
 
 def _source_of(rule: CollisionRule, link: str, shapes: Shapes) -> tuple[Shape, ...]:
@@ -205,7 +206,7 @@ def check_files(loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...])
     for number, piece in enumerate(getattr(rule, "pieces", None) or ()):
         if piece.file is None:
             continue
-        path = file_of(piece.file, loaded.path.parent)
+        path = file_of(piece.file, loaded.folder(key))
         place: tuple[str | int, ...] = (*key, "pieces", number, "file")
         if path.suffix.lower().lstrip(".") not in get_args(Format):
             hint = f"known formats: {', '.join(get_args(Format))}"

@@ -22,6 +22,7 @@ from assetbuild.compose.plan import Ready, check_parts, compose
 from assetbuild.control.control import ControlStep
 from assetbuild.control.keep_ratings import KeepRatings
 from assetbuild.control.sample_pairs import SamplePairs
+from assetbuild.control.sides import own_side
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.geometry.companions import companions
 from assetbuild.geometry.plan import Geometry, assemble, lint_density, lint_meshes
@@ -33,7 +34,6 @@ from assetbuild.plan.edits import apply_edits, edit_keys
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.sides import Side
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Shapes, Tree
 from assetbuild.samples.state_ranges import StateRanges
@@ -50,9 +50,11 @@ class Outline:
     subjects: what a node works on, where the node itself does not know. edits: label of an edit's
     node -> its key in the recipe. expanded: the URDF behind a xacro, which its lines count.
     absent: files that were looked for; their appearance changes the build. ranges: `dr.yaml`,
-    where the recipe randomizes.
+    where the recipe randomizes. composed: the recipe of a composite, which knows the lines of its
+    parts.
     """
 
+    composed: LoadedRecipe | None = None
     source_map: Ref | None = None
     expanded: Ref | None = None
     absent: tuple[Path, ...] = ()
@@ -88,14 +90,14 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
         if composite is None:
             return outline
         loaded, ready = composite
-        recipe, outline.source_map = loaded.recipe, ready.source_map
+        recipe, outline.source_map, outline.composed = loaded.recipe, ready.source_map, loaded
     read, edited, geometry, sides = ready.read, ready.robot, ready.geometry, ready.sides
     tree = _merge(recipe, ready, p)
     links, shapes = p.ask(edited["links.json"]), p.ask(edited["shapes.json"])
     merged = p.ask(tree["tree.json"])
     if links is None or shapes is None or merged is None:
         return outline
-    control_step = ControlStep.configure(recipe, sides, ready.poses)
+    control_step = ControlStep.configure(recipe, sides, ready.poses, ready.common_surfaces)
     check_against_robot(loaded, decode(Tree, links), decode(Tree, merged), control_step)
 
     if geometry is None:
@@ -151,7 +153,7 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
     edited = apply_edits(loaded, read.robot, geometry, p)
     if edited is None:
         return None
-    return Ready(read, edited, geometry, read.source_map, (Side.of(loaded.recipe),))
+    return Ready(read, edited, geometry, read.source_map, (own_side(loaded.recipe),))
 
 
 def _prepare_part(whole: LoadedRecipe, index: int, outline: Outline, p: Planner) -> Ready | None:

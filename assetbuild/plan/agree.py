@@ -12,6 +12,7 @@ from assetbuild.kinds import Target
 from assetbuild.plan.edits import edits_of
 from assetbuild.plugins import plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.recipe.validation import shown
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.model import Tree
 from assetbuild.samples.state_ranges import StateRanges
@@ -64,8 +65,11 @@ def check_against_robot(
         if recipe.randomize is not None:
             StateRanges(robot=recipe.robot, randomize=recipe.randomize).check(tree)
     except RowError as error:
+        # In a composite the row of a part has another index than in the part's recipe.
+        _, own = loaded.origin(error.key)
+        message = error.message.replace(shown(error.key[:2]), shown(own[:2]), 1)
         where = loaded.where(error.key)
-        raise RecipeError(error.message, where=where, hint=error.hint) from None
+        raise RecipeError(message, where=where, hint=error.hint) from None
 
 
 def turned_meshes(loaded: LoadedRecipe, paths: Collection[str]) -> frozenset[str]:

@@ -34,13 +34,23 @@ class LoadedRecipe:
     parts: tuple[LoadedRecipe, ...] = ()
     inline: bool = False
 
+    def origin(self, key: Key) -> tuple[LoadedRecipe, Key]:
+        """The recipe that a key is written in, and the key there; of a composite maybe a part's."""
+        return self, key
+
+    def folder(self, key: Key) -> Path:
+        """Where the paths begin that a key names."""
+        return self.origin(key)[0].path.parent
+
     def where(self, key: Key) -> Where:
         """The place of a key such as `("actuators", 2, "kp")`; of the nearest above if absent."""
-        return locate(self.tree, key)
+        recipe, own = self.origin(key)
+        return locate(recipe.tree, own)
 
     def error(self, key: Key, message: str, hint: str = "") -> RecipeError:
         """An error about a key: its place, its path, what is wrong, the next move."""
-        return RecipeError(f"{shown(key)}: {message}", where=self.where(key), hint=hint)
+        _, own = self.origin(key)
+        return RecipeError(f"{shown(own)}: {message}", where=self.where(key), hint=hint)
 
 
 ModelOf = Callable[[Node], type[Recipe]]

@@ -195,6 +195,13 @@ class Recipe(Model):
         """Whether the recipe itself states a key at its top."""
         return _attribute(self, key) in self.model_fields_set
 
+    def agrees(self, key: str, value: object) -> bool:
+        """Whether a key at the top has this value; one that the recipe lacks has its default."""
+        try:
+            return bool(self.value(key) == value)
+        except KeyError:
+            return bool(type(value)() == value)
+
 
 def _attribute(model: BaseModel, key: str) -> str:
     """The attribute behind a key: `from_` behind `from`. KeyError."""

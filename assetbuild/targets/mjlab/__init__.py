@@ -79,14 +79,15 @@ class Mjlab(Target):
     imu: str | None = None
     """The IMU's link; None: the root's own frame."""
     rows: tuple[str, ...] = ()
-    """Patterns of the actuator table, to name joints by."""
+    """Patterns of the actuator table, to name joints by; none of a composite, which has names."""
     randomize: Randomize | None = None
     """The recipe's ranges, for the module's events."""
 
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
-        """With the patterns of the actuator table."""
-        found, rows = super().values(recipe), recipe.value("actuators")
+        """With the patterns of the actuator table; a composite's are lists of names."""
+        found = super().values(recipe)
+        rows = () if recipe.value("compose") else recipe.value("actuators")
         return None if found is None else found | {"rows": tuple(row.joints for row in rows)}
 
     def run(self, files: Files) -> Iterator[Finding]:
