@@ -18,7 +18,7 @@ from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Capsule, Role, Shapes
 
 
@@ -54,7 +54,7 @@ class Counts(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `source.urdf`, `shapes.json` and `mjcf/<robot>.xml`."""
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        shapes = RobotFiles(files.inputs).shapes
         source = _root(files.inputs / "source.urdf")
         stated = {role: _stated(source, role) for role in ("visual", "collision")}
         built = {

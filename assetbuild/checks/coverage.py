@@ -23,7 +23,7 @@ from assetbuild.mesh.primitives import Primitive, tessellate
 from assetbuild.mesh.solids import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Mesh, Shape, Shapes, Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose
 
@@ -68,10 +68,10 @@ class Coverage(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads tree, shapes and meshes."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, shapes = robot.tree, robot.shapes
         meshes = {
-            asset.name: read_triangles((files.inputs / "meshes" / asset.file).read_bytes())
+            asset.name: read_triangles((robot.mesh_dir / asset.file).read_bytes())
             for asset in shapes.meshes
         }
         seen = {b.name: _points(tree, shapes, meshes, b.name, "visual") for b in tree.bodies}

@@ -10,8 +10,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Tree
+from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import experiments, mujoco
 
 
@@ -42,7 +41,7 @@ class FreeFall(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `tree.json` and `mjcf/<robot>.xml`."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        tree = RobotFiles(files.inputs).tree
         if tree.base == "fixed":
             write_figures(files, {"skipped": "fixed base"})
             yield Finding(

@@ -19,8 +19,8 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
 from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Control, Keyframe, Mesh, Shape, Shapes, Sphere, Tree
 from assetbuild.robot.pose import Array
 
@@ -80,9 +80,8 @@ class Gains(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot without its meshes."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        stored = RobotFiles(files.inputs)
+        tree, shapes, control = stored.tree, stored.shapes, stored.control
         key = _home(control)
         robot = dynamics(
             tree,

@@ -23,7 +23,7 @@ from assetbuild.mesh.corners import corners_by_body
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.volume import solid_moments
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Body, Shapes, Tree
 from assetbuild.robot.pose import Array
@@ -80,9 +80,9 @@ class Mass(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads tree, shapes and meshes."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        points = _points(tree, shapes, files.inputs / "meshes")
+        robot = RobotFiles(files.inputs)
+        tree, shapes = robot.tree, robot.shapes
+        points = _points(tree, shapes, robot.mesh_dir)
         found = {b.name: made for b in tree.bodies if (made := _measured(b, points)) is not None}
         total = math.fsum(b.inertial.mass_kg for b in tree.bodies if b.inertial)
         rows = [

@@ -9,8 +9,7 @@ from assetbuild.engine.step import Files, Limits
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import FreeFall
 
@@ -50,14 +49,13 @@ class PhysxFreeFall(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `tree.json`, `control.json` and `usd/<robot>.usda`."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
-        if tree.base == "fixed":
+        robot = RobotFiles(files.inputs)
+        if robot.tree.base == "fixed":
             write_figures(files, {"skipped": "fixed base"})
             return  # `free_fall.fixed_base` says so
-        dt = control.simulation.timestep
+        dt = robot.control.simulation.timestep
         steps = max(1, round(self.seconds / dt))
-        setting = physx.Setting(dt, control.simulation.gravity, contacts=False)
+        setting = physx.Setting(dt, robot.control.simulation.gravity, contacts=False)
         experiment = physx.Experiment("fall", setting, steps=steps, every=steps)
         done = physx.perform(files.inputs / f"usd/{self.robot}.usda", (experiment,))["fall"]
         fall = physx.free_fall_of(done, setting, self.iterations)

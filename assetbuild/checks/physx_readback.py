@@ -20,7 +20,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Actuator, Control, Joint, Keyframe, Shapes, Tree
 from assetbuild.simulators import mujoco, mujoco_trials, physx
@@ -61,9 +61,8 @@ class PhysxReadback(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures: what PhysX holds, joint by joint, beside the robot's."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, shapes, control = robot.tree, robot.shapes, robot.control
         home = next((key for key in control.keyframes if key.name == "home"), None)
         main = files.inputs / f"usd/{self.robot}.usda"
         experiments = _experiments(tree, control, home, self.seconds)

@@ -13,8 +13,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control
+from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco, mujoco_motion, mujoco_policy, mujoco_trials
 from assetbuild.simulators.mujoco_trials import Settled, Support
 
@@ -78,7 +77,7 @@ class Trials(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/scene.xml`."""
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        control = RobotFiles(files.inputs).control
         try:
             model = mujoco.load(files.inputs / "mjcf" / "scene.xml", visuals=False).model
         except StepError as error:

@@ -41,10 +41,10 @@ from assetbuild.recipe.sides import Side, moving_by_source, side_of
 from assetbuild.robot import model
 from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, resolve
 from assetbuild.robot.chains import find_chains
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import encode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
-from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import forward_kinematics
 
 LIMIT_TOLERANCE = 1e-9
@@ -127,12 +127,12 @@ class ControlStep(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises RowError, with the key of the recipe, where a table does not fit the robot."""
-        tree = decode(model.Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(model.Shapes, (files.inputs / "shapes.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, shapes = robot.tree, robot.shapes
         actuators = self._resolved(tree)
         yield from row_findings(self.rows, tree, actuators)
 
-        ground = _Ground(tree, shapes, files.inputs / "meshes")
+        ground = _Ground(tree, shapes, robot.mesh_dir)
         keyframes = []
         for name, keyframe in self.keyframes.items():
             q = with_mimics(tree, _joint_values(tree, name, keyframe))
@@ -155,9 +155,8 @@ class ControlStep(Step):
                 self.simulation.timestep, self.simulation.decimation, self.simulation.gravity
             ),
         )
-        said = files.inputs / "source_control.json"
-        if said.is_file():
-            source = decode(SourceControl, said.read_bytes())
+        source = robot.source_control
+        if source is not None:
             rows, _ = _specs(self.rows, self.motors)
             poses = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}
             stated = Stated(self.sides, rows, self.contact.links, poses)

@@ -20,8 +20,7 @@ from assetbuild.recipe.models import FreeFall as FallWish
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.models import Sine as Wish
 from assetbuild.recipe.trials import Alignment as FloorWish
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco, physx
 from assetbuild.simulators.physx_causes import cause_of
 
@@ -64,8 +63,8 @@ class Alignment(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures: all rows, worst first within their rank."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, control = robot.tree, robot.control
         try:
             mujoco.load(files.inputs / "mjcf" / "scene.xml")
         except StepError as error:

@@ -17,7 +17,7 @@ from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.chains import axis_in_body, find_chains
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import (
     MOVING,
     Actuator,
@@ -61,9 +61,7 @@ class MjcfEqual(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/<robot>.xml`."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
         try:
             model = mujoco.load(files.inputs / "mjcf" / f"{self.robot}.xml").model
         except StepError as error:
@@ -72,7 +70,7 @@ class MjcfEqual(Check):
                 "equal.mjcf.load", "error", "robot", f"nothing to compare: {error.message}"
             )
             return
-        comparison = _Comparison(model, tree, shapes, control, self.tolerance)
+        comparison = _Comparison(model, robot.tree, robot.shapes, robot.control, self.tolerance)
         yield from comparison.findings()
         write_figures(files, comparison.figures())
 

@@ -19,8 +19,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Tree
+from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco
 
 SHOWN = 12
@@ -66,7 +65,7 @@ class MjcfSource(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `source.xml`, `files/` and `mjcf/<robot>.xml`."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        tree = RobotFiles(files.inputs).tree
         try:
             flat = ElementTree.fromstring((files.inputs / "source.xml").read_bytes())  # noqa: S314 # `flatten_mjcf` wrote it
             if tree.root != "world":

@@ -20,7 +20,7 @@ from assetbuild.recipe.isaaclab import IsaacLab as Options
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.randomize import Randomize, first_match
 from assetbuild.recipe.usd import Usd
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.simulators.usd_names import joint_identifiers
 from assetbuild.targets.isaaclab import events
@@ -80,8 +80,8 @@ class IsaacLab(Target):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """One module for each generation."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, control = robot.tree, robot.control
         folder = files.outputs / "isaaclab"
         folder.mkdir()
         generations: tuple[Generation, ...] = (2, 3)

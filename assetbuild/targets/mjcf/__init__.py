@@ -14,8 +14,8 @@ from assetbuild.findings import Finding
 from assetbuild.kinds import Target
 from assetbuild.recipe.mjcf import Mjcf as Options
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Tree
 from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjcf.chains import explain_chains
 from assetbuild.targets.mjcf.drives import explain_losses
@@ -53,11 +53,10 @@ class Mjcf(Target):
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError for joints and actuators that MJCF cannot say."""
         refuse_name(self.robot)
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, shapes, control = robot.tree, robot.shapes, robot.control
 
-        without = unreadable_textures(shapes, files.inputs / "meshes")
+        without = unreadable_textures(shapes, robot.mesh_dir)
         plain = without_textures(shapes, without)
         shapes = one_per_look(plain)
         folder = files.outputs / "mjcf"
@@ -67,7 +66,7 @@ class Mjcf(Target):
         write_xml(
             folder / "scene.xml", scene(self.robot, self.robot, tree, control, model.free_name)
         )
-        copy_assets(files.inputs / "meshes", folder / "assets", shapes)
+        copy_assets(robot.mesh_dir, folder / "assets", shapes)
         yield from _explain_names(tree)
         yield from _explain_planar(tree)
         yield from explain_chains(tree, shapes)

@@ -17,7 +17,7 @@ from assetbuild.findings import Finding
 from assetbuild.kinds import Target
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.randomize import Randomize
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Shapes, Tree
 from assetbuild.targets.mjcf.files import (
     copy_assets,
@@ -70,10 +70,9 @@ class Mjlab(Target):
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError for joints that MJCF cannot say."""
         refuse_name(self.robot)
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
-        without = unreadable_textures(shapes, files.inputs / "meshes")
+        robot = RobotFiles(files.inputs)
+        tree, shapes, control = robot.tree, robot.shapes, robot.control
+        without = unreadable_textures(shapes, robot.mesh_dir)
         shapes = one_per_look(without_textures(shapes, without))
 
         facts = self._facts(tree, shapes, control)
@@ -85,7 +84,7 @@ class Mjlab(Target):
         opaque = tuple(o for o in control.mjcf_only if o.place not in NOT_BARE)
         root = with_opaque(model.element(bare=True), opaque, model.body_names)
         write_xml(folder / "mjcf" / f"{self.robot}_bare.xml", root)
-        copy_assets(files.inputs / "meshes", folder / "mjcf" / "assets", shapes)
+        copy_assets(robot.mesh_dir, folder / "mjcf" / "assets", shapes)
         module = folder / "python" / f"{self.robot.replace('-', '_').replace('.', '_')}_mjlab.py"
         module.parent.mkdir(parents=True)
         module.write_text(module_text(facts), encoding="utf-8")

@@ -11,7 +11,7 @@ from assetbuild.findings import Finding
 from assetbuild.kinds import Target
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.usd import Usd as Options
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control, Shapes, Tree
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.usd.bodies import apply_rigid_bodies, write_base
@@ -59,10 +59,9 @@ class Usd(Target):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Writes the layers from the inside out, so that each finds what it refers to."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
-        meshes = files.inputs / "meshes"
+        robot = RobotFiles(files.inputs)
+        tree, shapes, control = robot.tree, robot.shapes, robot.control
+        meshes = robot.mesh_dir
         names = Names.of(self.robot, tree, shapes)
         folder = files.outputs / "usd"
         payloads = folder / PAYLOADS
