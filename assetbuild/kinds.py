@@ -1,6 +1,6 @@
 """The kinds of plug-ins and their fixed ports. A plug-in is one file: its name is the file's.
 
-Every target and check finds the robot under the same input names:
+Every target and check finds the robot under the same input names; `RobotFiles` reads them:
 
     links.json     Tree before merging fixed joints (after the recipe's edits): the source's links
     tree.json      Tree after merging: the bodies that will be simulated
@@ -36,7 +36,6 @@ from assetbuild.robot.model import (
     Body,
     Box,
     Capsule,
-    Control,
     Cylinder,
     Inertial,
     Joint,
@@ -49,29 +48,6 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3
 
 ROBOT_PORTS = ("links.json", "tree.json", "shapes.json", "control.json", "meshes/")
-
-
-@dataclass(frozen=True)
-class Robot:
-    """What a target or check reads. mesh_dir holds the files of `shapes.meshes`."""
-
-    links: Tree
-    tree: Tree
-    shapes: Shapes
-    control: Control
-    mesh_dir: Path
-
-
-def read_robot(files: Files) -> Robot:
-    """The robot behind the fixed ports."""
-    folder = files.inputs
-    return Robot(
-        links=decode(Tree, (folder / "links.json").read_bytes()),
-        tree=decode(Tree, (folder / "tree.json").read_bytes()),
-        shapes=decode(Shapes, (folder / "shapes.json").read_bytes()),
-        control=decode(Control, (folder / "control.json").read_bytes()),
-        mesh_dir=folder / "meshes",
-    )
 
 
 @dataclass(frozen=True)
@@ -160,9 +136,8 @@ class Edit(Step):
 
     def run(self, files: Files) -> Iterable[Finding]:
         """Reads and writes `links.json` and `shapes.json`."""
-        tree = decode(Tree, (files.inputs / "links.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        done = self.edit(tree, shapes, files)
+        robot = RobotFiles(files.inputs)
+        done = self.edit(robot.links, robot.shapes, files)
         (files.outputs / "links.json").write_bytes(encode(done.tree))
         (files.outputs / "shapes.json").write_bytes(encode(done.shapes))
         return done.findings

@@ -22,8 +22,7 @@ class LintBodies(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Findings in tree order."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        yield from inertia_findings(tree, shapes, self.bounds, "error")
-        for joint in tree.moving_joints:
+        robot = RobotFiles(files.inputs)
+        yield from inertia_findings(robot.tree, robot.shapes, self.bounds, "error")
+        for joint in robot.tree.moving_joints:
             yield from crossed_limits(joint, "error")

@@ -70,14 +70,13 @@ class LintLinks(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Findings in the order of the source's tree."""
-        tree = decode(Tree, (files.inputs / "links.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        yield from inertia_findings(tree, shapes, self.bounds, "warning")
-        for joint in tree.moving_joints:
+        robot = RobotFiles(files.inputs)
+        yield from inertia_findings(robot.links, robot.shapes, self.bounds, "warning")
+        for joint in robot.links.moving_joints:
             yield from _range(joint)
             yield from _drive(joint)
-            yield from _led(tree, joint)
-        yield from _without_collision(tree, shapes)
+            yield from _led(robot.links, joint)
+        yield from _without_collision(robot.links, robot.shapes)
 
 
 def _range(joint: Joint) -> Iterator[Finding]:

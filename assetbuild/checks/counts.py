@@ -68,7 +68,7 @@ class Counts(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `source.urdf`, `shapes.json` and `mjcf/<robot>.xml`."""
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        shapes = RobotFiles(files.inputs).shapes
         source = _root(files.inputs / "source.urdf")
         stated = {role: _stated(source, role) for role in ("visual", "collision")}
         built = {

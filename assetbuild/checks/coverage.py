@@ -80,10 +80,10 @@ class Coverage(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads tree, shapes and meshes."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, shapes = robot.tree, robot.shapes
         meshes = {
-            asset.name: read_triangles((files.inputs / "meshes" / asset.file).read_bytes())
+            asset.name: read_triangles((robot.mesh_dir / asset.file).read_bytes())
             for asset in shapes.meshes
         }
         seen = {b.name: _points(tree, shapes, meshes, b.name, "visual") for b in tree.bodies}

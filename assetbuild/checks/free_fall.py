@@ -42,7 +42,7 @@ class FreeFall(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `tree.json` and `mjcf/<robot>.xml`."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        tree = RobotFiles(files.inputs).tree
         if tree.base == "fixed":
             write_figures(files, {"skipped": "fixed base"})
             yield FIXED_BASE("robot", "a fixed base does not fall: not dropped")

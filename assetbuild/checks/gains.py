@@ -22,6 +22,7 @@ from assetbuild.kinds import Check, RecipeView, write_figures
 from assetbuild.quantities import Positive
 from assetbuild.robot.codec import decode
 from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Control, Keyframe, Mesh, Shape, Shapes, Sphere, Tree
 from assetbuild.robot.pose import Array
 
@@ -137,9 +138,8 @@ class Gains(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot without its meshes."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        stored = RobotFiles(files.inputs)
+        tree, shapes, control = stored.tree, stored.shapes, stored.control
         key = _home(control)
         robot = dynamics(
             tree,

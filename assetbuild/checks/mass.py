@@ -99,9 +99,9 @@ class Mass(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads tree, shapes and meshes."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        points = _points(tree, shapes, files.inputs / "meshes")
+        robot = RobotFiles(files.inputs)
+        tree, shapes = robot.tree, robot.shapes
+        points = _points(tree, shapes, robot.mesh_dir)
         found = {b.name: made for b in tree.bodies if (made := _measured(b, points)) is not None}
         total = math.fsum(b.inertial.mass_kg for b in tree.bodies if b.inertial)
         rows = [

@@ -10,7 +10,6 @@ from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.codec import decode
 from assetbuild.robot.mirror import Tolerances, mirror_findings, parts_of, twins
-from assetbuild.robot.model import Control, Tree
 
 
 class Mirror(Check):
@@ -27,9 +26,8 @@ class Mirror(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the bodies, their joints, the table and the first keyframe."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
-        found = twins(parts_of(tree, control), self.allowed.place)
+        robot = RobotFiles(files.inputs)
+        found = twins(parts_of(robot.tree, robot.control), self.allowed.place)
         figures: dict[str, object] = {
             "twins": len(found.pairs),
             "pairs": [[a.name, b.name] for a, b in found.pairs],

@@ -39,9 +39,8 @@ class PhysxFreeFall(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `tree.json`, `control.json` and `usd/<robot>.usda`."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
-        if tree.base == "fixed":
+        robot = RobotFiles(files.inputs)
+        if robot.tree.base == "fixed":
             write_figures(files, {"skipped": "fixed base"})
             return  # `free_fall.fixed_base` says so
         dt = control.simulation.timestep

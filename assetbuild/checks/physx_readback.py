@@ -95,9 +95,8 @@ class PhysxReadback(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures: what PhysX holds, joint by joint, beside the robot's."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, shapes, control = robot.tree, robot.shapes, robot.control
         home = next((key for key in control.keyframes if key.name == "home"), None)
         main = files.inputs / f"usd/{self.robot}.usda"
         experiments = _experiments(tree, control, home, self.seconds)

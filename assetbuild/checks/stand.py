@@ -115,9 +115,8 @@ class Stand(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/scene.xml`."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, shapes, control = robot.tree, robot.shapes, robot.control
         try:
             model = mujoco.load(files.inputs / "mjcf" / "scene.xml", visuals=False).model
             stood = mujoco.stand(model, self.keyframe, self.seconds, _external(control))

@@ -153,7 +153,7 @@ class Trials(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/scene.xml`."""
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        control = RobotFiles(files.inputs).control
         try:
             model = mujoco.load(files.inputs / "mjcf" / "scene.xml", visuals=False).model
         except StepError as error:

@@ -200,7 +200,7 @@ class CollisionMethod(Step):
         if source.primitive is not None:
             return tessellate(source.primitive.geometry).placed(source.pose)
         folder = inputs / (source.folder or "")
-        record = decode(ConvertedMesh, (folder / "mesh.json").read_bytes())
+        record = decode_file(ConvertedMesh, folder / "mesh.json")
         files = [folder / "parts" / part.file for part in record.parts]
         mesh = merged([read_triangles(file.read_bytes(), self.subject) for file in files])
         if not np.isfinite(mesh.vertices).all():
@@ -249,7 +249,7 @@ class CollisionMethod(Step):
         before = json.loads((folder / "quality.json").read_bytes())
         pieces = [
             carried(piece, folder / "pieces", self.like)
-            for piece in decode(Pieces, (folder / "pieces.json").read_bytes()).pieces
+            for piece in decode_file(Pieces, folder / "pieces.json").pieces
         ]
         if before is None or any(
             blocked_by(p, place) for place in self.closed_places for p in pieces

@@ -90,19 +90,21 @@ class ComposeParts(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises RecipeError for a link that the base has not, and for names that clash."""
-        tree, shapes = _read(files.inputs / "base")
+        robot = RobotFiles(files.inputs / "base")
+        tree, shapes = robot.links, robot.shapes
         lines = _lines(files.inputs / "base")
         said: dict[str, PartControl] = {}
-        base = _said(files.inputs / "base")
+        base = robot.source_control
         for part in self.parts:
-            own_tree, own_shapes = _read(files.inputs / part.folder)
+            own = RobotFiles(files.inputs / part.folder)
+            own_tree, own_shapes = own.links, own.shapes
             tree = _mounted(tree, prefixed_tree(own_tree, part.prefix), part)
             shapes = _joined(shapes, prefixed_shapes(own_shapes, part.prefix))
             if part.mount is not None:
                 plate = _plate_shapes(part.prefix + PLATE, part.mount)
                 shapes = replace(shapes, shapes=(*shapes.shapes, *plate))
             lines["lines"] |= _prefixed_lines(files.inputs / part.folder, part.prefix)
-            control, place = _said(files.inputs / part.folder), IDENTITY
+            control, place = own.source_control, IDENTITY
             left_out = part.left_out
             if control is not None:
                 words = PartControl(
@@ -284,17 +286,6 @@ def _told(part: PartOn, tree: Tree, X_world_root: Pose) -> Finding:
         hint=hint,
         data={"links": len(tree.bodies), "mass_kg": mass, "mount_kg": mount_kg},
     )
-
-
-def _read(folder: Path) -> tuple[Tree, Shapes]:
-    tree = decode(Tree, (folder / "links.json").read_bytes())
-    return tree, decode(Shapes, (folder / "shapes.json").read_bytes())
-
-
-def _said(folder: Path) -> SourceControl | None:
-    """What an MJCF says beyond links and shapes; None of a URDF."""
-    file = folder / "source_control.json"
-    return decode(SourceControl, file.read_bytes()) if file.is_file() else None
 
 
 def _prefixed_lines(folder: Path, prefix: str) -> dict[str, int | str]:

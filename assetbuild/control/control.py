@@ -144,12 +144,12 @@ class ControlStep(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises RowError, with the key of the recipe, where a table does not fit the robot."""
-        tree = decode(model.Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(model.Shapes, (files.inputs / "shapes.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, shapes = robot.tree, robot.shapes
         actuators = self._resolved(tree)
         yield from row_findings(self.rows, tree, actuators)
 
-        ground = _Ground(tree, shapes, files.inputs / "meshes")
+        ground = _Ground(tree, shapes, robot.mesh_dir)
         keyframes = []
         for name, keyframe in self.keyframes.items():
             q = with_mimics(tree, _joint_values(tree, name, keyframe))

@@ -112,7 +112,7 @@ class InertiaFromGeometry(Edit):
         return move_inertial(of_primitive(shape.geometry), shape.X_link_shape)
 
     def _of_mesh(self, shape: Shape, folder: Path) -> Inertial:
-        record = decode(ConvertedMesh, (folder / "mesh.json").read_bytes())
+        record = decode_file(ConvertedMesh, folder / "mesh.json")
         parts = [read_triangles((folder / "parts" / p.file).read_bytes()) for p in record.parts]
         mesh = cleaned(merged(parts))
         if not is_closed(mesh):

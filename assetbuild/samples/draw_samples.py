@@ -65,10 +65,10 @@ class DrawSamples(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError where the ranges lead out of a link."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        tree = RobotFiles(files.inputs).tree
         rooms = {
             room.body: room.ellipsoid
-            for room in decode(Rooms, (files.inputs / "rooms.json").read_bytes()).rooms
+            for room in decode_file(Rooms, files.inputs / "rooms.json").rooms
         }
         draws = dict(self._draws(tree, rooms))
         samples = tuple(self._sample(tree, draws, index) for index in range(self.keep))

@@ -94,8 +94,8 @@ class StateRanges(Step):
         """Every body and joint that a range speaks of, with nominal value, range and source."""
         import yaml
 
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, control = robot.tree, robot.control
         stated = {
             "schema": "assetbuild/dr/v1",
             "robot": self.robot,

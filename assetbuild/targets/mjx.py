@@ -98,10 +98,9 @@ class Mjx(Target):
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError for joints and actuators that MJCF cannot say."""
         refuse_name(self.robot)
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
-        without = unreadable_textures(shapes, files.inputs / "meshes")
+        robot = RobotFiles(files.inputs)
+        tree, shapes, control = robot.tree, robot.shapes, robot.control
+        without = unreadable_textures(shapes, robot.mesh_dir)
         shapes = one_per_look(without_textures(shapes, without))
 
         left_out, shapes = self._touching(shapes)
@@ -121,7 +120,7 @@ class Mjx(Target):
         root = with_opaque(model.element(), opaque, model.body_names)
         write_xml(folder / f"{stem}.xml", root)
         write_xml(folder / "scene_mjx.xml", scene(self.robot, stem, tree, control, model.free_name))
-        copy_assets(files.inputs / "meshes", folder / "assets", shapes)
+        copy_assets(robot.mesh_dir, folder / "assets", shapes)
         yield from self._explain(left_out, capped)
 
     def _solver(self) -> Solver:

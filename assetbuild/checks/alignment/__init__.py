@@ -63,8 +63,8 @@ class Alignment(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures: all rows, worst first within their rank."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, control = robot.tree, robot.control
         try:
             mujoco.load(files.inputs / "mjcf" / "scene.xml")
         except StepError as error:

@@ -17,7 +17,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.quantities import Positive
 from assetbuild.robot.chains import axis_in_body, find_chains
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import (
     MOVING,
     Actuator,
@@ -69,9 +69,7 @@ class MjcfEqual(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/<robot>.xml`."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
         try:
             model = mujoco.load(files.inputs / "mjcf" / f"{self.robot}.xml").model
         except StepError as error:

@@ -71,7 +71,7 @@ class MjcfSource(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `source.xml`, `files/` and `mjcf/<robot>.xml`."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        tree = RobotFiles(files.inputs).tree
         try:
             flat = ElementTree.fromstring((files.inputs / "source.xml").read_bytes())  # noqa: S314 # `flatten_mjcf` wrote it
             if tree.root != "world":

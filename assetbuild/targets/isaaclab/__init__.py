@@ -96,8 +96,8 @@ class IsaacLab(Target):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """One module for each generation."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, control = robot.tree, robot.control
         folder = files.outputs / "isaaclab"
         folder.mkdir()
         generations: tuple[Generation, ...] = (2, 3)

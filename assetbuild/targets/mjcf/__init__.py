@@ -59,11 +59,10 @@ class Mjcf(Target):
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError for joints and actuators that MJCF cannot say."""
         refuse_name(self.robot)
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, shapes, control = robot.tree, robot.shapes, robot.control
 
-        without = unreadable_textures(shapes, files.inputs / "meshes")
+        without = unreadable_textures(shapes, robot.mesh_dir)
         plain = without_textures(shapes, without)
         shapes = one_per_look(plain)
         folder = files.outputs / "mjcf"
@@ -73,7 +72,7 @@ class Mjcf(Target):
         write_xml(
             folder / "scene.xml", scene(self.robot, self.robot, tree, control, model.free_name)
         )
-        copy_assets(files.inputs / "meshes", folder / "assets", shapes)
+        copy_assets(robot.mesh_dir, folder / "assets", shapes)
         yield from _explain_names(tree)
         yield from _explain_planar(tree)
         yield from explain_chains(tree, shapes)

@@ -93,10 +93,9 @@ class Mjlab(Target):
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError for joints that MJCF cannot say."""
         refuse_name(self.robot)
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
-        without = unreadable_textures(shapes, files.inputs / "meshes")
+        robot = RobotFiles(files.inputs)
+        tree, shapes, control = robot.tree, robot.shapes, robot.control
+        without = unreadable_textures(shapes, robot.mesh_dir)
         shapes = one_per_look(without_textures(shapes, without))
 
         facts = self._facts(tree, shapes, control)
@@ -108,7 +107,7 @@ class Mjlab(Target):
         opaque = tuple(o for o in control.mjcf_only if o.place not in NOT_BARE)
         root = with_opaque(model.element(bare=True), opaque, model.body_names)
         write_xml(folder / "mjcf" / f"{self.robot}_bare.xml", root)
-        copy_assets(files.inputs / "meshes", folder / "mjcf" / "assets", shapes)
+        copy_assets(robot.mesh_dir, folder / "mjcf" / "assets", shapes)
         module = folder / "python" / f"{self.robot.replace('-', '_').replace('.', '_')}_mjlab.py"
         module.parent.mkdir(parents=True)
         module.write_text(module_text(facts), encoding="utf-8")

@@ -55,10 +55,9 @@ class Usd(Target):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Writes the layers from the inside out, so that each finds what it refers to."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
-        meshes = files.inputs / "meshes"
+        robot = RobotFiles(files.inputs)
+        tree, shapes, control = robot.tree, robot.shapes, robot.control
+        meshes = robot.mesh_dir
         names = Names.of(self.robot, tree, shapes)
         folder = files.outputs / "usd"
         payloads = folder / PAYLOADS
