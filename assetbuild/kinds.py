@@ -23,7 +23,6 @@ import json
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, ClassVar, Protocol, Self, get_args
 
 from pydantic import ConfigDict
@@ -31,7 +30,8 @@ from pydantic.fields import FieldInfo
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import encode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import (
     Body,
     Box,

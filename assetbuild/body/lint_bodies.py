@@ -8,9 +8,8 @@ from assetbuild.body.inertia_rules import inertia_findings
 from assetbuild.body.limit_rule import crossed_limits
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import InertiaBounds
-from assetbuild.robot.model import Shapes, Tree
 
 
 class LintBodies(Step):

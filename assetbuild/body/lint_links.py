@@ -9,7 +9,7 @@ from assetbuild.body.inertia_rules import inertia_findings
 from assetbuild.body.limit_rule import crossed_limits
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.mimic import led_range
 from assetbuild.robot.model import Joint, Shapes, Tree

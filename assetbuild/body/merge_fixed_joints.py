@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import encode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.tree import Merged, merge_fixed_joints
 

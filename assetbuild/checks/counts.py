@@ -16,7 +16,7 @@ from xml.etree.ElementTree import Element
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, RecipeView, write_figures
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Capsule, Role, Shapes
 
 VISUAL = Rule(

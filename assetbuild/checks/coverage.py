@@ -23,7 +23,7 @@ from assetbuild.mesh.primitives import Primitive, tessellate
 from assetbuild.mesh.solids import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.quantities import Positive
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Mesh, Shape, Shapes, Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose
 

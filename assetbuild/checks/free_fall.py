@@ -9,8 +9,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Tree
+from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import experiments, mujoco
 from assetbuild.simulators.experiments import Fall
 

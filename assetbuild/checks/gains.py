@@ -20,7 +20,6 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, RecipeView, write_figures
 from assetbuild.quantities import Positive
-from assetbuild.robot.codec import decode
 from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Control, Keyframe, Mesh, Shape, Shapes, Sphere, Tree

@@ -23,7 +23,7 @@ from assetbuild.mesh.corners import corners_by_body
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.volume import solid_moments
 from assetbuild.quantities import Positive
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Body, Shapes, Tree
 from assetbuild.robot.pose import Array

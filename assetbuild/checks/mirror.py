@@ -8,7 +8,7 @@ from typing import ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mirror import Tolerances, mirror_findings, parts_of, twins
 
 

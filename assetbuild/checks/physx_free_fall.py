@@ -8,8 +8,7 @@ from typing import ClassVar
 from assetbuild.engine.step import Files, Limits
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Fall, FreeFall
 
@@ -43,9 +42,10 @@ class PhysxFreeFall(Check):
         if robot.tree.base == "fixed":
             write_figures(files, {"skipped": "fixed base"})
             return  # `free_fall.fixed_base` says so
-        dt = control.simulation.timestep
+        simulation = robot.control.simulation
+        dt = simulation.timestep
         steps = max(1, round(self.drop.seconds / dt))
-        setting = physx.Setting(dt, control.simulation.gravity, contacts=False)
+        setting = physx.Setting(dt, simulation.gravity, contacts=False)
         experiment = physx.Experiment("fall", setting, steps=steps, every=steps)
         done = physx.perform(files.inputs / f"usd/{self.robot}.usda", (experiment,))["fall"]
         fall = physx.free_fall_of(done, setting, self.iterations)

@@ -19,7 +19,7 @@ from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Actuator, Control, Joint, Keyframe, Shapes, Tree
 from assetbuild.simulators import mujoco, mujoco_trials, physx

@@ -13,8 +13,8 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.quantities import Pattern, Positive
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Control
 from assetbuild.simulators import mujoco
 
 FAR = 10.0

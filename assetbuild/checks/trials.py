@@ -15,8 +15,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.quantities import Positive, Real
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control
+from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco, mujoco_motion, mujoco_policy, mujoco_trials
 from assetbuild.simulators.mujoco_trials import Settled, Support
 

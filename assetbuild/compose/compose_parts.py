@@ -15,7 +15,8 @@ from assetbuild.compose.composed_masks import meeting_masks
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import encode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import (
     Body,
     Box,

@@ -32,6 +32,7 @@ from assetbuild.robot.actuators import RowError, resolve
 from assetbuild.robot.chains import find_chains
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.contact import Contacts, Exclude
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.poses import Keyframe

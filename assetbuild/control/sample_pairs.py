@@ -18,7 +18,7 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Box, Capsule, Cylinder, Mesh, Shape, Shapes, Sphere, Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose

@@ -22,7 +22,7 @@ from assetbuild.mesh.triangles import merged
 from assetbuild.mesh.volume import is_closed, solid_moments
 from assetbuild.mesh.weld import cleaned
 from assetbuild.quantities import Pattern, Positive
-from assetbuild.robot.codec import decode
+from assetbuild.robot.codec import decode_file
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
 from assetbuild.robot.model import (
     Body,

@@ -119,7 +119,7 @@ def _word(option: Schema, root: Schema) -> str:
     if kind == "array":
         return f"list of {_type(option.get('items', {}), root) or 'values'}"
     words = {"string": "text", "boolean": "true or false", "object": "map", "null": ""}
-    return {**words, "integer": "whole number"}.get(kind, kind)
+    return {**words, "integer": "whole number"}.get(kind, str(kind))
 
 
 # --- who reads a key ------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from assetbuild.errors import AssetBuildError, SourceError, UsageError
 from assetbuild.findings import Finding, Rule, worst_first
 from assetbuild.pipeline import OnEvent
 from assetbuild.pipeline.trying import UNTRIED
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mirror import Tolerances, mirror_findings, parts_of, twins
 from assetbuild.robot.model import Control
 

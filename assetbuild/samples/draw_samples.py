@@ -10,7 +10,8 @@ import numpy as np
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import decode_file, encode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import combine, move_inertial, principal_moments
 from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.pose import Array

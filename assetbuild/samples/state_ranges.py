@@ -11,7 +11,7 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.errors import did_you_mean
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuators import RowError
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Body, Control, Tree
 from assetbuild.robot.ranges import (
     JOINT_FACTORS,

@@ -21,8 +21,8 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
 from assetbuild.quantities import Model, Pattern, Positive
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Contact, Control, Mesh, Shapes, Tree
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Contact, Control, Mesh, Shapes
 from assetbuild.targets.mjcf.files import (
     copy_assets,
     one_per_look,

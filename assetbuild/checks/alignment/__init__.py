@@ -16,8 +16,7 @@ from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco, physx
 from assetbuild.simulators.experiments import Fall, Swing
 from assetbuild.simulators.physx_causes import cause_of

@@ -76,7 +76,7 @@ class MjcfEqual(Check):
             write_figures(files, {"skipped": "the MJCF does not load"})
             yield LOAD("robot", f"nothing to compare: {error.message}")
             return
-        comparison = _Comparison(model, tree, shapes, control, self.equality)
+        comparison = _Comparison(model, robot.tree, robot.shapes, robot.control, self.equality)
         yield from comparison.findings()
         write_figures(files, comparison.figures())
 

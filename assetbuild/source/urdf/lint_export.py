@@ -19,7 +19,7 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Body, Inertial, Tree
 
 HEAD = 4096

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Literal
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import RecipeView, Target
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.robot.ranges import Randomize, first_match
 from assetbuild.simulators.usd_names import joint_identifiers

@@ -12,8 +12,8 @@ from typing import ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Tree
 from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjcf.chains import explain_chains
 from assetbuild.targets.mjcf.drives import explain_losses

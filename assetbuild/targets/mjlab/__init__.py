@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import RecipeView, Target
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Shapes, Tree
 from assetbuild.robot.ranges import Randomize
 from assetbuild.targets.mjcf.files import (

@@ -9,7 +9,7 @@ from typing import ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.kinds import Target
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control, Shapes, Tree
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.simulators.usd_options import UsdOptions
