@@ -1,10 +1,11 @@
-"""MuJoCo as checks use it: load, drop, stand. Versions 3.11 to 4.
+"""MuJoCo as checks use it: load, look, drop, stand. Versions 3.11 to 4.
 
 MuJoCo's own warnings are caught: without a handler they go to a log file in the working folder.
 """
 
 from __future__ import annotations
 
+import copy
 import math
 import re
 import warnings
@@ -19,7 +20,7 @@ import numpy as np
 from assetbuild.errors import StepError
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, rotation_of
-from assetbuild.simulators.experiments import FreeFall
+from assetbuild.simulators.experiments import FreeFall, fall_of
 
 Model = Any  # mujoco.MjModel: its extension module has no types
 Data = Any  # mujoco.MjData: as above
@@ -121,6 +122,97 @@ def mass_matrix(model: Model, data: Data) -> Array:
     return full
 
 
+# --- states -------------------------------------------------------------------------------------
+
+
+def without(model: Model, *flags: str) -> Model:
+    """A copy to change and to step, with some of MuJoCo's features off: `CONTACT`, `LIMIT`."""
+    import mujoco
+
+    changed = copy.copy(model)
+    for flag in flags:
+        changed.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
+    return changed
+
+
+def at_key(model: Model, key: int = 0) -> Data:
+    """A keyframe with its controls; zero where the model has none."""
+    import mujoco
+
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, key)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def step_for(model: Model, data: Data, seconds: float) -> int:
+    """Steps for so long, at least once; how often."""
+    import mujoco
+
+    steps = max(1, round(seconds / float(model.opt.timestep)))
+    mujoco.mj_step(model, data, steps)
+    mujoco.mj_forward(model, data)
+    return steps
+
+
+def is_finite(data: Data) -> bool:
+    """MuJoCo starts over silently when a state goes bad: its counters tell."""
+    import mujoco
+
+    bad = (
+        mujoco.mjtWarning.mjWARN_BADQPOS,
+        mujoco.mjtWarning.mjWARN_BADQVEL,
+        mujoco.mjtWarning.mjWARN_BADQACC,
+        mujoco.mjtWarning.mjWARN_BADCTRL,
+    )
+    if any(data.warning[int(kind)].number for kind in bad):
+        return False
+    return bool(np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all())
+
+
+def overlaps(model: Model, data: Data, kind: str) -> dict[tuple[str, str], float]:
+    """Depth (m) of the contacts of the robot with itself, by pair of names of `geom` or `body`."""
+    found: dict[tuple[str, str], float] = {}
+    for contact in data.contact[: data.ncon]:
+        bodies = [int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2)]
+        if 0 not in bodies:
+            pair = bodies if kind == "body" else (int(contact.geom1), int(contact.geom2))
+            a, b = sorted(name_of(model, kind, index) for index in pair)
+            found[a, b] = max(found.get((a, b), 0.0), -float(contact.dist))
+    return dict(sorted(found.items()))
+
+
+def turning(model: Model) -> list[int]:
+    """Hinges and slides."""
+    import mujoco
+
+    kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    return [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in kinds]
+
+
+def raise_base(model: Model, data: Data, height_m: float) -> None:
+    """Lift what floats; call before the next step."""
+    import mujoco
+
+    for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
+        data.qpos[int(model.jnt_qposadr[joint]) + 2] += height_m
+
+
+def driven_joint(model: Model, actuator: int) -> str:
+    """Name of the joint that an actuator of the Robot drives."""
+    return name_of(model, "joint", int(model.actuator_trnid[actuator, 0]))
+
+
+def largest_force(model: Model, actuator: int) -> float | None:
+    """N m or N: the limit of an actuator, that of the command of a plain motor; None = none."""
+    if model.actuator_forcelimited[actuator]:
+        return float(model.actuator_forcerange[actuator, 1])
+    if model.actuator_ctrllimited[actuator] and not model.actuator_biastype[actuator]:
+        return float(model.actuator_ctrlrange[actuator, 1])
+    return None
+
+
 # --- free fall ----------------------------------------------------------------------------------
 
 
@@ -129,36 +221,14 @@ def free_fall(model: Model, seconds: float) -> FreeFall:
 
     MuJoCo's integrators are semi-implicit: n steps of h from rest fall g/2 t (t + h), t = n h.
     """
-    import mujoco
-
-    # A foreign model stays as it was: flags are put back.
-    flags = int(model.opt.disableflags)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
-    try:
-        with caught_warnings():
-            data = _at_key(model, 0 if model.nkey else None)
-            start = np.array(data.subtree_com[0])
-            steps = max(1, round(seconds / model.opt.timestep))
-            for _ in range(steps):
-                mujoco.mj_step(model, data)
-            mujoco.mj_forward(model, data)
-            moved = np.array(data.subtree_com[0]) - start
-            finite = _is_finite(data)
-    finally:
-        model.opt.disableflags = flags
-    gravity = np.array(model.opt.gravity)
-    g = float(np.linalg.norm(gravity))
-    down = gravity / g if g else np.array([0.0, 0.0, -1.0])
-    t = steps * float(model.opt.timestep)
-    drop = float(moved @ down)
-    return FreeFall(
-        seconds=t,
-        drop_m=drop,
-        expected_m=g / 2 * t * (t + float(model.opt.timestep)),
-        sideways_m=float(np.linalg.norm(moved - drop * down)),
-        finite=finite,
-    )
+    falling = without(model, "CONSTRAINT", "ACTUATION")
+    with caught_warnings():
+        data = at_key(falling)
+        start = np.array(data.subtree_com[0])
+        t = step_for(falling, data, seconds) * float(model.opt.timestep)
+    moved = np.array(data.subtree_com[0]) - start
+    gravity, h = np.array(model.opt.gravity), float(model.opt.timestep)
+    return fall_of(moved, t, gravity, h, finite=is_finite(data))
 
 
 # --- standing -----------------------------------------------------------------------------------
@@ -212,12 +282,14 @@ def stand(
     key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, keyframe)
     if key < 0:
         raise StepError(f"the model has no keyframe `{keyframe}`")
-    floor = _floor(model)
+    if not floors(model):
+        raise StepError("the scene has no floor: no plane in its world")
+    floor = floors(model)[0]
     with caught_warnings() as said:
-        data = _at_key(model, key)
+        data = at_key(model, key)
         target = np.array(data.qpos)
-        gaps = _gaps(model, data)
-        overlapping = _overlaps(model, data)
+        gaps = {name_of(model, "geom", i): lowest_z(model, data, i) for i in collision_geoms(model)}
+        overlapping = overlaps(model, data, "geom")
         X_start = np.array(data.xpos[1]), np.array(data.xmat[1]).reshape(3, 3)
         touched: set[str] = set()
         for _ in range(max(1, round(seconds / model.opt.timestep))):
@@ -225,7 +297,7 @@ def stand(
             mujoco.mj_step(model, data)
             touched |= _on_floor(model, data, floor)
         mujoco.mj_forward(model, data)
-        finite = _is_finite(data)
+        finite = is_finite(data)
     turned = X_start[1].T @ np.array(data.xmat[1]).reshape(3, 3)
     moved = np.array(data.xpos[1]) - X_start[0]
     return Stand(
@@ -245,50 +317,18 @@ def stand(
     )
 
 
-def _at_key(model: Model, key: int | None) -> Data:
+def floors(model: Model) -> list[int]:
+    """Planes of the world."""
     import mujoco
 
-    data = mujoco.MjData(model)
-    if key is not None:
-        mujoco.mj_resetDataKeyframe(model, data, key)
-    mujoco.mj_forward(model, data)
-    return data
-
-
-def _is_finite(data: Data) -> bool:
-    """MuJoCo starts over silently when a state goes bad: its counters tell."""
-    import mujoco
-
-    bad = (
-        mujoco.mjtWarning.mjWARN_BADQPOS,
-        mujoco.mjtWarning.mjWARN_BADQVEL,
-        mujoco.mjtWarning.mjWARN_BADQACC,
-        mujoco.mjtWarning.mjWARN_BADCTRL,
-    )
-    if any(data.warning[int(kind)].number for kind in bad):
-        return False
-    return bool(np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all())
-
-
-def _floor(model: Model) -> int:
-    import mujoco
-
-    planes = np.flatnonzero(
-        (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & (model.geom_bodyid == 0)
-    )
-    if not len(planes):
-        raise StepError("the scene has no floor: no plane in its world")
-    return int(planes[0])
+    planes = model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)
+    return [int(i) for i in np.flatnonzero(planes & (model.geom_bodyid == 0))]
 
 
 def collision_geoms(model: Model) -> list[int]:
     """Geoms of the robot that can touch something."""
     solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     return [int(i) for i in np.flatnonzero(solid & (model.geom_bodyid != 0))]
-
-
-def _gaps(model: Model, data: Data) -> dict[str, float]:
-    return {name_of(model, "geom", i): lowest_z(model, data, i) for i in collision_geoms(model)}
 
 
 def lowest_z(model: Model, data: Data, geom: int) -> float:
@@ -317,23 +357,10 @@ def lowest_z(model: Model, data: Data, geom: int) -> float:
     raise StepError(f"no lowest point of a geom of type {kind}")
 
 
-def _overlaps(model: Model, data: Data) -> dict[tuple[str, str], float]:
-    found: dict[tuple[str, str], float] = {}
-    for contact in data.contact[: data.ncon]:
-        if 0 in (model.geom_bodyid[contact.geom1], model.geom_bodyid[contact.geom2]):
-            continue
-        a, b = sorted(name_of(model, "geom", int(g)) for g in (contact.geom1, contact.geom2))
-        found[a, b] = max(found.get((a, b), 0.0), -float(contact.dist))
-    return dict(sorted(found.items()))
-
-
 def _on_floor(model: Model, data: Data, floor: int) -> set[str]:
-    names = set()
-    for contact in data.contact[: data.ncon]:
-        if floor in (contact.geom1, contact.geom2):
-            other = contact.geom2 if contact.geom1 == floor else contact.geom1
-            names.add(name_of(model, "geom", int(other)))
-    return names
+    touching = [{int(c.geom1), int(c.geom2)} for c in data.contact[: data.ncon]]
+    others = set().union(*(pair for pair in touching if floor in pair)) - {floor}
+    return {name_of(model, "geom", geom) for geom in others}
 
 
 def _drive_outside(model: Model, data: Data, target: Array, external: Mapping[str, Gains]) -> None:
@@ -353,25 +380,17 @@ def _drive_outside(model: Model, data: Data, target: Array, external: Mapping[st
 
 
 def _joint_sag(model: Model, data: Data, target: Array) -> dict[str, float]:
-    sag = {}
-    for joint in range(model.njnt):
-        q = int(model.jnt_qposadr[joint])
-        if model.jnt_type[joint] in (2, 3):  # slide, hinge
-            sag[name_of(model, "joint", joint)] = float(target[q] - data.qpos[q])
-    return sag
+    places = {name_of(model, "joint", j): int(model.jnt_qposadr[j]) for j in turning(model)}
+    return {name: float(target[q] - data.qpos[q]) for name, q in places.items()}
 
 
 def _load(model: Model, data: Data) -> dict[str, float]:
     load = {}
     for actuator in range(model.nu):
-        limit = 0.0
-        if model.actuator_forcelimited[actuator]:
-            limit = float(model.actuator_forcerange[actuator, 1])
-        elif model.actuator_ctrllimited[actuator] and not model.actuator_biastype[actuator]:
-            limit = float(model.actuator_ctrlrange[actuator, 1])
-        if limit > 0.0:
-            joint = name_of(model, "joint", int(model.actuator_trnid[actuator, 0]))
-            load[joint] = abs(float(data.actuator_force[actuator])) / limit
+        limit = largest_force(model, actuator)
+        if limit:
+            force = abs(float(data.actuator_force[actuator]))
+            load[driven_joint(model, actuator)] = force / limit
     return load
 
 

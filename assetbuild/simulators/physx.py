@@ -24,7 +24,7 @@ import numpy as np
 from assetbuild.robot.pose import IDENTITY, Array, Pose, normalised_quat, vec3
 from assetbuild.simulators._physx_scene import Names, write_world
 from assetbuild.simulators._physx_scene import Setting as Setting  # checks take it from here
-from assetbuild.simulators.experiments import FreeFall, Motion, Sine
+from assetbuild.simulators.experiments import FreeFall, Motion, Sine, fall_of
 
 REQUIRES: Mapping[str, str] = {"ovphysx": "physx", "physx_usd_schemas": "physx"}
 """Modules of the extra, for `Check.requires`."""
@@ -334,14 +334,8 @@ def free_fall_of(outcome: Outcome, setting: Setting, iterations: int) -> FreeFal
     TGS applies gravity in each of N position iterations, so n steps of h from rest fall
     g/2 t (t + h / N), t = n h.
     """
-    gravity = np.asarray(setting.gravity)
-    g = float(np.linalg.norm(gravity))
-    down = gravity / g if g else np.array([0.0, 0.0, -1.0])
     motion = outcome.motion
     if motion is None or not outcome.finite:
         return FreeFall(0.0, math.nan, math.nan, math.nan, finite=False)
     t, moved = float(motion.time[-1]), motion.com[-1] - motion.com[0]
-    drop = float(moved @ down)
-    expected = g / 2 * t * (t + setting.timestep / iterations)
-    sideways = float(np.linalg.norm(moved - drop * down))
-    return FreeFall(t, drop, expected, sideways, finite=True)
+    return fall_of(moved, t, np.asarray(setting.gravity), setting.timestep / iterations)
