@@ -36,7 +36,6 @@ from assetbuild.recipe.models import (
     Simulation,
 )
 from assetbuild.recipe.names import anchored
-from assetbuild.recipe.sensing import Camera, Feet, Imu, Sensor
 from assetbuild.recipe.sides import Side, moving_by_source, side_of
 from assetbuild.robot import model
 from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, resolve
@@ -45,6 +44,7 @@ from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.sensing import Camera, Feet, Imu, Sensor
 from assetbuild.robot.tree import forward_kinematics
 
 LIMIT_TOLERANCE = 1e-9

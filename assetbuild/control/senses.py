@@ -7,12 +7,12 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 from assetbuild.errors import did_you_mean
-from assetbuild.recipe.sensing import IMU_NAMES, Camera, Feet, Imu, Sensor
-from assetbuild.recipe.surface import Contact, Surface
 from assetbuild.robot import model
 from assetbuild.robot.actuators import RowError
+from assetbuild.robot.contact import Contact, Surface
 from assetbuild.robot.motors import Key
 from assetbuild.robot.pose import Pose, quat_multiply, quat_of_rpy
+from assetbuild.robot.sensing import IMU_NAMES, Camera, Feet, Imu, Sensor
 
 _ABOUT_X = (0.0, 1.0, 0.0, 0.0)
 

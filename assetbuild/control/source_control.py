@@ -11,8 +11,8 @@ from xml.etree import ElementTree
 from assetbuild.control.senses import changed
 from assetbuild.findings import Finding
 from assetbuild.recipe.sides import Side, side_of
-from assetbuild.recipe.surface import Surface
 from assetbuild.robot.actuators import RowSpec
+from assetbuild.robot.contact import Surface
 from assetbuild.robot.model import (
     Actuator,
     Camera,

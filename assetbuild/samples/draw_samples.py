@@ -10,14 +10,6 @@ import numpy as np
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
-from assetbuild.recipe.randomize import (
-    JOINT_FACTORS,
-    Randomize,
-    RandomMatter,
-    RandomPayload,
-    first_match,
-    per_axis,
-)
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import combine, move_inertial, principal_moments
@@ -38,6 +30,14 @@ from assetbuild.robot.randomize import (
     inconsistent,
     matrices_of,
     unit_draws,
+)
+from assetbuild.robot.ranges import (
+    JOINT_FACTORS,
+    Randomize,
+    RandomMatter,
+    RandomPayload,
+    first_match,
+    per_axis,
 )
 
 WASTEFUL = 0.5

@@ -10,7 +10,10 @@ from typing import Any
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import did_you_mean
 from assetbuild.findings import Finding
-from assetbuild.recipe.randomize import (
+from assetbuild.robot.actuators import RowError
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Body, Control, Tree
+from assetbuild.robot.ranges import (
     JOINT_FACTORS,
     Randomize,
     RandomMatter,
@@ -18,9 +21,6 @@ from assetbuild.recipe.randomize import (
     first_match,
     per_axis,
 )
-from assetbuild.robot.actuators import RowError
-from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Body, Control, Tree
 
 UNSTATED = "not stated"
 DRIVE = ("kp", "kd", "effort")

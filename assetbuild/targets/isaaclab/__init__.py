@@ -18,10 +18,10 @@ from assetbuild.findings import Finding
 from assetbuild.kinds import Target
 from assetbuild.recipe.isaaclab import IsaacLab as Options
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.randomize import Randomize, first_match
 from assetbuild.recipe.usd import Usd
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
+from assetbuild.robot.ranges import Randomize, first_match
 from assetbuild.simulators.usd_names import joint_identifiers
 from assetbuild.targets.isaaclab import events
 from assetbuild.targets.isaaclab.measure import script

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from assetbuild.findings import Finding
-from assetbuild.recipe.randomize import Randomize, claimed, per_axis
 from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.ranges import Randomize, claimed, per_axis
 from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
 
 IMPORTS = (

@@ -16,9 +16,9 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.kinds import Target
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.randomize import Randomize
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Shapes, Tree
+from assetbuild.robot.ranges import Randomize
 from assetbuild.targets.mjcf.files import (
     copy_assets,
     one_per_look,

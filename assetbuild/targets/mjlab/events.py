@@ -15,16 +15,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from assetbuild.findings import Finding
-from assetbuild.recipe.randomize import (
+from assetbuild.robot.inertia import move_inertial, pseudo_inertia
+from assetbuild.robot.model import Actuator, Tree
+from assetbuild.robot.randomize import homogeneous_box
+from assetbuild.robot.ranges import (
     Randomize,
     RandomMatter,
     RandomPayload,
     claimed,
     per_axis,
 )
-from assetbuild.robot.inertia import move_inertial, pseudo_inertia
-from assetbuild.robot.model import Actuator, Tree
-from assetbuild.robot.randomize import homogeneous_box
 from assetbuild.targets.mjlab.text import exactly
 
 WITH_GAINS = frozenset({"pd", "ideal_pd", "dc_motor"})

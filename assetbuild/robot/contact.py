@@ -1,13 +1,12 @@
-"""Surfaces of a recipe: friction and softness of collision geometry."""
+"""Surfaces that touch, and pairs of bodies that never do."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
-from assetbuild.recipe.base import Model, NonNegative, Positive, Real
-from assetbuild.recipe.names import Pattern
+from assetbuild.quantities import Model, NonNegative, Pattern, Positive, Real
 
 _FRICTION = "sliding, torsional (m), rolling (m)"
 _CONDIM = "1: no friction, 3: sliding, 4: also torsional, 6: also rolling"
@@ -65,3 +64,26 @@ class Simulation(Model):
     timestep: Positive = Field(0.005, description="s")
     decimation: int = Field(4, ge=1, le=10_000, description="simulation steps per control step")
     gravity: tuple[Real, Real, Real] = Field((0.0, 0.0, -9.81), description="m/s2, world frame")
+
+
+def _two_names(pair: tuple[str, str]) -> tuple[str, str]:
+    if pair[0] == pair[1]:
+        raise ValueError("a pair needs two different links")
+    return pair
+
+
+LinkPair = Annotated[tuple[str, str], AfterValidator(_two_names)]
+
+
+class Exclude(Model):
+    """Pairs of bodies that never collide."""
+
+    adjacent: bool = Field(True, description="bodies that a joint connects")
+    sampled: int = Field(
+        0,
+        ge=0,
+        le=1_000_000,
+        description="random poses within the limits; pairs that touch in all or in none of them "
+        "are excluded; 0 = do not sample, 10000 is a good number",
+    )
+    pairs: tuple[LinkPair, ...] = Field((), description="pairs of source links")

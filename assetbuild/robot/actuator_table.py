@@ -6,8 +6,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from assetbuild.recipe.base import Model, NonNegative, Positive, Real
-from assetbuild.recipe.names import Pattern
+from assetbuild.quantities import Model, NonNegative, Pattern, Positive, Real
 
 Unlimited = Literal["unlimited"]
 

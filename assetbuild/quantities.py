@@ -1,4 +1,4 @@
-"""What all recipe models are built of: the base model, numbers, and quantities with units."""
+"""What the sections of a recipe are made of: base model, numbers with units, names, patterns."""
 
 from __future__ import annotations
 
@@ -66,3 +66,18 @@ Share = Annotated[
     float, Field(ge=0), AfterValidator(_finite), BeforeValidator(_share), _as_written("%")
 ]
 """A share: `2 %`, or 0.02."""
+
+
+def _pattern(text: str) -> str:
+    if len(text) > 500:
+        raise ValueError("a pattern may have at most 500 characters")
+    try:
+        re.compile(text)
+    except (re.error, OverflowError, RecursionError) as error:
+        raise ValueError(f"not a regular expression: {error}") from error
+    return text
+
+
+Pattern = Annotated[str, AfterValidator(_pattern)]
+"""A regular expression that must match a whole name of the source."""
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,63}$")]
