@@ -24,7 +24,7 @@ from assetbuild.control.senses import (
 from assetbuild.control.source_control import Stated, join
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import did_you_mean
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.recipe.models import (
     ActuatorRow,
@@ -49,6 +49,31 @@ from assetbuild.robot.tree import forward_kinematics
 
 LIMIT_TOLERANCE = 1e-9
 """rad or m; a value that was rounded from the limit itself is inside."""
+
+SAME_BODY = Rule(
+    "exclude.same_body", "info", "merging put both links of a pair into one body", "remove the pair"
+)
+KEYFRAME_LIMITS = Rule(
+    "keyframe.limits", "error", "a joint value is outside its limits", "choose a value inside"
+)
+KEYFRAME_TURNS = Rule(
+    "keyframe.turns",
+    "warning",
+    "a keyframe turns a joint without limits by more than one turn",
+    "check whether degrees were written for radians",
+)
+NO_GROUND = Rule(
+    "keyframe.no_ground",
+    "warning",
+    "`on_ground` needs collision geometry, and there is none",
+    "add some, or give `base: [x, y, z]`",
+)
+FIXED_BASE = Rule(
+    "keyframe.fixed_base",
+    "warning",
+    "a keyframe places the base of a fixed robot",
+    "remove it, or `base: floating`",
+)
 
 
 class ControlStep(Step):
@@ -241,11 +266,9 @@ def _limit_findings(
                 hint += f"; angles are in radians: {value:g} degrees are {math.radians(value):.4g}"
         else:
             hint = "no pattern of the keyframe matches it, so it is 0"
-        yield Finding(
-            rule="keyframe.limits",
-            severity="error",
-            subject=f"joint {joint.name}",
-            message=f"keyframe `{name}`: {value:g} {unit} is outside {lower:g}..{upper:g} {unit}",
+        yield KEYFRAME_LIMITS(
+            f"joint {joint.name}",
+            f"keyframe `{name}`: {value:g} {unit} is outside {lower:g}..{upper:g} {unit}",
             hint=hint,
             data={"keyframe": name, "value": value, "lower": lower, "upper": upper},
         )
@@ -253,11 +276,9 @@ def _limit_findings(
 
 def _turns_finding(joint: str, name: str, value: float) -> Finding:
     """No limit says that the number is degrees."""
-    return Finding(
-        rule="keyframe.turns",
-        severity="warning",
-        subject=f"joint {joint}",
-        message=f"keyframe `{name}`: {value:g} rad are {abs(value) / (2.0 * math.pi):.1f} turns",
+    return KEYFRAME_TURNS(
+        f"joint {joint}",
+        f"keyframe `{name}`: {value:g} rad are {abs(value) / (2.0 * math.pi):.1f} turns",
         hint=f"angles are in radians: {value:g} degrees would be {math.radians(value):.4g}",
         data={"keyframe": name, "value": value},
     )
@@ -271,11 +292,9 @@ def _base(
         if keyframe.base == "on_ground":
             return None, []
         return None, [
-            Finding(
-                rule="keyframe.fixed_base",
-                severity="warning",
-                subject="robot",
-                message=f"keyframe `{name}`: its `base` is not used, the robot's base is fixed",
+            FIXED_BASE(
+                "robot",
+                f"keyframe `{name}`: its `base` is not used, the robot's base is fixed",
                 hint="remove `base`, or make the robot `base: floating`",
                 data={"keyframe": name},
             )
@@ -286,11 +305,9 @@ def _base(
     if lowest is not None:
         return Pose((0.0, 0.0, 0.0 - lowest)), []
     return Pose(), [
-        Finding(
-            rule="keyframe.no_ground",
-            severity="warning",
-            subject="robot",
-            message=f"keyframe `{name}`: no collision geometry to put on the ground; z = 0",
+        NO_GROUND(
+            "robot",
+            f"keyframe `{name}`: no collision geometry to put on the ground; z = 0",
             hint="give the links collision geometry, or the keyframe `base: [x, y, z]`",
             data={"keyframe": name},
         )
@@ -393,11 +410,9 @@ def _same_body_findings(tree: model.Tree, exclude: Exclude) -> Iterator[Finding]
     for index, pair in enumerate(exclude.pairs):
         body, other = _bodies(tree, index, pair)
         if body == other:
-            yield Finding(
-                rule="exclude.same_body",
-                severity="info",
-                subject=f"link {pair[0]}",
-                message=f"excluding `{pair[0]}` and `{pair[1]}` changes nothing: "
+            yield SAME_BODY(
+                f"link {pair[0]}",
+                f"excluding `{pair[0]}` and `{pair[1]}` changes nothing: "
                 f"fixed joints merged both into `{body}`",
                 hint="remove the pair",
                 data={"other": pair[1], "body": body},
