@@ -10,13 +10,11 @@ import json
 import math
 import os
 import shutil
-import subprocess
 import sys
-import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -25,6 +23,7 @@ from assetbuild.findings import Rule
 from assetbuild.robot.pose import IDENTITY, Array, Pose, normalised_quat, vec3
 from assetbuild.simulators._physx_scene import Names, write_world
 from assetbuild.simulators._physx_scene import Setting as Setting  # checks take it from here
+from assetbuild.simulators.children import run_child
 from assetbuild.simulators.experiments import FreeFall, Motion, Sine, fall_of
 
 REQUIRES: Mapping[str, str] = {"ovphysx": "physx", "physx_usd_schemas": "physx"}
@@ -41,7 +40,6 @@ _PROGRAM = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from assetbuild.simulators import _physx_child; _physx_child.main()"
 )
-_KEPT = ("PATH", "LD_LIBRARY_PATH", "HOME", "TMPDIR")
 
 LOAD = Rule(
     "physx.load", "error", "PhysX refuses the asset, or crashes on it", "read the `usd.*` findings"
@@ -170,7 +168,8 @@ def perform(
     seconds: wall-clock limit of the whole. copied: with its whole folder, as the inputs of a step
     must be: they are links into the store, and a resolver that follows them gets lost.
     """
-    with _workplace() as folder:
+    with TemporaryDirectory(prefix="physx-") as temporary:
+        folder = Path(temporary).resolve()
         asset = main.resolve()
         if copied:
             shutil.copytree(main.parent, folder / "asset")
@@ -195,12 +194,6 @@ def perform(
             name: _outcome(folder, names, experiment, failures.get(name, ""))
             for name, (experiment, names, _) in jobs.items()
         }
-
-
-@contextmanager
-def _workplace() -> Iterator[Path]:
-    with tempfile.TemporaryDirectory(prefix="physx-") as folder:
-        yield Path(folder).resolve()
 
 
 def _job(experiment: Experiment, names: Names, stage: Path) -> dict[str, object]:
@@ -241,29 +234,9 @@ def _start(runs: list[dict[str, object]], folder: Path, seconds: float) -> str:
     job = folder / "job.json"
     job.write_text(json.dumps({"answers": str(folder), "runs": runs}), encoding="utf-8")
     path = json.dumps([os.path.abspath(p) for p in sys.path if p])  # noqa: PTH100
-    fixed = {"PYTHONHASHSEED": "0", "PYTHONUTF8": "1", "TZ": "UTC", "LC_ALL": "C"}
-    child = subprocess.Popen(
-        [sys.executable, "-P", "-s", "-c", _PROGRAM, path, str(job)],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        env={name: os.environ[name] for name in _KEPT if name in os.environ} | fixed,
-        cwd=folder,
-    )
-    try:
-        said, _ = child.communicate(timeout=seconds)
-    except subprocess.TimeoutExpired:
-        return f"PhysX took more than {seconds:g} s and was stopped"
-    finally:
-        if child.poll() is None:
-            child.kill()
-            child.communicate()
-    if child.returncode == 0:
-        return ""
-    if child.returncode < 0:
-        return f"PhysX crashed with signal {-child.returncode}"
-    last = said.decode("utf-8", "replace").strip().rpartition("\n")[2][:300]
-    return f"PhysX failed: {last}"
+    command = [sys.executable, "-P", "-s", "-c", _PROGRAM, path, str(job)]
+    ended = run_child(command, folder, seconds, {"TZ": "UTC", "LC_ALL": "C"})
+    return f"PhysX {ended}" if ended else ""
 
 
 def _outcome(folder: Path, names: Names, experiment: Experiment, failure: str) -> Outcome:
