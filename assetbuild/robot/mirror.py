@@ -24,13 +24,14 @@ from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.tree import forward_kinematics
 
 SIDES = (
-    r"(?i:left|right)",
-    r"(?<![A-Za-z0-9])[lLrR](?![A-Za-z0-9])",
-    r"(?<![A-Za-z])[FfRrBbHhMm][lLrR](?![a-z])",
-    r"(?<![A-Za-z])[lLrR][FfBbHhMm](?![a-z])",
-    r"(?<![A-Za-z0-9])[LR](?=[A-Z][A-Za-z])",
+    r"((?i:left|right))",
+    r"(?<![A-Za-z0-9])([lLrR])(?![A-Za-z0-9])",
+    r"(?<![A-Za-z])[FfRrBbHhMm]([lLrR])(?![a-z])",
+    r"(?<![A-Za-z])([lLrR])[FfBbHhMm](?![a-z])",
+    r"(?<![A-Za-z0-9])([LR])(?=[A-Z][A-Za-z])",
 )
-"""How names say left and right: `left`, `l_hip`, `FL`, `LF`, `LHip`."""
+"""How names say left and right: `left`, `l_hip`, `FL`, `LF`, `LHip`. The group is the side: `RL` is
+rear left."""
 OTHER = {"left": "right", "right": "left", "l": "r", "r": "l"}
 SLIP = 2.0
 """Times the twin's value: more than two builds of one part differ by."""
@@ -247,7 +248,7 @@ def other_side(name: str, known: Collection[str]) -> str:
     for pattern in SIDES:
         words = list(re.finditer(pattern, name))
         for chosen in ([words] if len(words) > 1 else []) + [[word] for word in words]:
-            if _is_left(chosen[0][0]):
+            if chosen[0][1].lower() in ("left", "l"):
                 other = _with_others(name, chosen)
                 if other in known:
                     return other
@@ -255,29 +256,12 @@ def other_side(name: str, known: Collection[str]) -> str:
 
 
 def _with_others(name: str, words: Sequence[re.Match[str]]) -> str:
-    for word in reversed(words):  # from the end, so that the places before stay
-        name = name[: word.start()] + _other_word(word[0]) + name[word.end() :]
-    return name
-
-
-def _other_word(word: str) -> str:
     """`Left` -> `Right`, `FL` -> `FR`, `lf` -> `rf`: in the letters of the word."""
-    if word.lower() in OTHER:
-        other = OTHER[word.lower()]
-        return other.upper() if word.isupper() else other.capitalize() if word.istitle() else other
-    at = _side_letter(word)
-    letter = OTHER[word[at].lower()]
-    return word[:at] + (letter.upper() if word[at].isupper() else letter) + word[at + 1 :]
-
-
-def _side_letter(word: str) -> int:
-    """Where a word of two letters says the side: `RL` is rear left, `LH` left hind."""
-    return 1 if word[1].lower() in "lr" else 0
-
-
-def _is_left(word: str) -> bool:
-    word = word.lower()
-    return word in ("left", "l") or (len(word) == 2 and word[_side_letter(word)] == "l")
+    for word in reversed(words):  # from the end, so that the places before stay
+        side, other = word[1], OTHER[word[1].lower()]
+        other = other.upper() if side.isupper() else other.title() if side.istitle() else other
+        name = name[: word.start(1)] + other + name[word.end(1) :]
+    return name
 
 
 # --- what differs ---------------------------------------------------------------------------
@@ -296,46 +280,29 @@ def mirror_findings(found: Twins, allowed: Tolerances) -> Iterator[Finding]:
 
 
 def _masses(left: Part, right: Part, flip: Array, allowed: Tolerances) -> Iterator[Finding]:
-    apart = abs(left.mass - right.mass) / max(left.mass, right.mass)
-    if apart > allowed.mass:
-        yield _finding(
-            MASS,
-            f"link {right.name}",
-            left.name,
-            f"{right.mass:.4g} kg, but `{left.name}` has {left.mass:.4g} kg",
-            "edit `set_mass`, of the side that is wrong",
-            max(left.mass, right.mass) >= SLIP * min(left.mass, right.mass),
-            {"mass_kg": right.mass, "mass_of_other_kg": left.mass},
-        )
+    low, high = sorted((left.mass, right.mass))
+    if (high - low) / high > allowed.mass:
+        message = f"{right.mass:.4g} kg, but `{left.name}` has {left.mass:.4g} kg"
+        hint = "edit `set_mass`, of the side that is wrong"
+        data = {"mass_kg": right.mass, "mass_of_other_kg": left.mass}
+        yield _finding(MASS, "link", left, right, message, hint, data, slip=high >= SLIP * low)
     away = float(np.linalg.norm(flip @ left.com - right.com))
     if away > allowed.center:
-        yield _finding(
-            CENTER,
-            f"link {right.name}",
-            left.name,
-            f"its centre of mass is {1e3 * away:.3g} mm from the mirror image of `{left.name}`'s",
-            "edit `set_inertia`; a sign that was not turned, or the same part on both sides?",
-            False,
-            {"distance_m": away},
-        )
-    yield from _inertias(left, right, flip, allowed)
-
-
-def _inertias(left: Part, right: Part, flip: Array, allowed: Tolerances) -> Iterator[Finding]:
+        apart = f"{1e3 * away:.3g} mm"
+        message = f"its centre of mass is {apart} from the mirror image of `{left.name}`'s"
+        hint = "edit `set_inertia`; a sign that was not turned, or the same part on both sides?"
+        yield _finding(CENTER, "link", left, right, message, hint, {"distance_m": away})
     wanted = flip @ left.inertia @ flip
-    own, other = (float(np.linalg.norm(part)) for part in (right.inertia, wanted))
-    difference = float(np.linalg.norm(wanted - right.inertia)) / (max(own, other) or 1.0)
+    low, high = sorted(float(np.linalg.norm(inertia)) for inertia in (right.inertia, wanted))
+    difference = float(np.linalg.norm(wanted - right.inertia)) / (high or 1.0)
     if difference > allowed.inertia:
-        yield _finding(
-            INERTIA,
-            f"link {right.name}",
-            left.name,
+        message = (
             f"its inertia (largest {_largest(right):.3g} kg m²) is {difference:.0%} off the mirror "
-            f"image of `{left.name}`'s (largest {_largest(left):.3g} kg m²)",
-            "edit `set_inertia`; a sign of a product of inertia lost?",
-            max(own, other) >= SLIP**2 * min(own, other),
-            {"relative": difference},
+            f"image of `{left.name}`'s (largest {_largest(left):.3g} kg m²)"
         )
+        hint = "edit `set_inertia`; a sign of a product of inertia lost?"
+        data, slip = {"relative": difference}, high >= SLIP**2 * low
+        yield _finding(INERTIA, "link", left, right, message, hint, data, slip=slip)
 
 
 def _largest(part: Part) -> float:
@@ -348,54 +315,43 @@ def _motions(left: Motion, right: Motion, flip: Array, allowed: Tolerances) -> I
     cosine = float(np.clip(image @ right.axis, -1.0, 1.0))
     angle = float(np.arccos(abs(cosine)))
     if angle > allowed.axis:
-        yield _finding(
-            AXES,
-            f"joint {right.name}",
-            left.name,
-            f"its axis is {np.degrees(angle):.3g} degrees off the mirror image of `{left.name}`'s",
-            "edit `flip_axis` turns an axis round; a tilt stands in the source",
-            False,
-            {"angle_rad": angle},
-        )
+        off = f"{np.degrees(angle):.3g} degrees"
+        message = f"its axis is {off} off the mirror image of `{left.name}`'s"
+        hint = "edit `flip_axis` turns an axis round; a tilt stands in the source"
+        yield _finding(AXES, "joint", left, right, message, hint, {"angle_rad": angle})
         return
     sign = 1.0 if cosine > 0.0 else -1.0
-    slipped = False
-    if left.limits != right.limits or sign < 0.0:
-        for finding in _limits(left, right, sign, allowed.limits):
-            slipped = slipped or finding.severity == "warning"
-            yield finding
-    if not slipped:  # a joint that counts the wrong way has the wrong pose too
+    found = _limits(left, right, sign, allowed.limits)
+    if found is not None:
+        yield found
+    if found is None or found.severity != "warning":
         yield from _home(left, right, sign, allowed.home)
+    # A joint that counts the wrong way has the wrong pose too, and one finding is enough.
 
 
-def _limits(left: Motion, right: Motion, sign: float, tolerance: float) -> Iterator[Finding]:
-    if left.limits is None and right.limits is None:
-        return
+def _limits(left: Motion, right: Motion, sign: float, tolerance: float) -> Finding | None:
+    hint, slip = "edit `set_limits`, of the side that is wrong", False
     if left.limits is None or right.limits is None:
+        if left.limits == right.limits:
+            return None
         one, other = (left, right) if left.limits is None else (right, left)
         message = f"`{one.name}` has no limits, but `{other.name}` has {_shown(other)}"
-        yield _limit_finding(left, right, message, slip=False, counts="")
-        return
-    wanted = _turned(left.limits, sign)
-    if _apart(wanted, right.limits) <= tolerance:
-        return
-    swapped = _apart(_turned(wanted, -1.0), right.limits) <= tolerance
-    message = f"its range is {_shown(right)}, but as the mirror image of `{left.name}` it would be "
-    message += f"{wanted[0]:g} to {wanted[1]:g} {right.unit}"
-    counts = f"flip_axis: {{joint: {right.name}, limits: keep}}"
-    yield _limit_finding(left, right, message, swapped, counts)
-
-
-def _limit_finding(left: Motion, right: Motion, message: str, slip: bool, counts: str) -> Finding:
-    hint = "edit `set_limits`, of the side that is wrong"
+    else:
+        wanted = _turned(left.limits, sign)
+        if _apart(wanted, right.limits) <= tolerance:
+            return None
+        message = f"its range is {_shown(right)}, but as the mirror image of `{left.name}` it "
+        message += f"would be {wanted[0]:g} to {wanted[1]:g} {right.unit}"
+        slip = _apart(_turned(wanted, -1.0), right.limits) <= tolerance
     if slip:
         message += ": the limits of left and right are swapped, or an axis points the wrong way"
-        hint = f"`set_limits` for swapped limits; `{counts}`, or of the other, for an axis"
+        turned = f"flip_axis: {{joint: {right.name}, limits: keep}}"
+        hint = f"`set_limits` for swapped limits; `{turned}`, or of the other, for an axis"
     data: dict[str, Scalar] = {}
     for joint, ending in ((left, "_of_other"), (right, "")):
         if joint.limits is not None:
             data |= {f"lower{ending}": joint.limits[0], f"upper{ending}": joint.limits[1]}
-    return _finding(LIMITS, f"joint {right.name}", left.name, message, hint, slip, data)
+    return _finding(LIMITS, "joint", left, right, message, hint, data, slip=slip)
 
 
 def _home(left: Motion, right: Motion, sign: float, tolerance: float) -> Iterator[Finding]:
@@ -404,17 +360,12 @@ def _home(left: Motion, right: Motion, sign: float, tolerance: float) -> Iterato
     wanted = sign * left.home
     if abs(wanted - right.home) <= tolerance:
         return
-    turned = abs(wanted + right.home) <= tolerance
-    yield _finding(
-        HOME,
-        f"joint {right.name}",
-        left.name,
-        f"the first keyframe has it at {right.home:g} {right.unit}; as the mirror image of "
-        f"`{left.name}` it would be at {wanted:g}",
-        "correct the keyframe, unless the pose leans on purpose",
-        turned,
-        {"position": right.home, "mirrored": wanted},
-    )
+    slip = abs(wanted + right.home) <= tolerance
+    message = f"the first keyframe has it at {right.home:g} {right.unit}; as the mirror image of "
+    message += f"`{left.name}` it would be at {wanted:g}"
+    hint = "correct the keyframe, unless the pose leans on purpose"
+    data = {"position": right.home, "mirrored": wanted}
+    yield _finding(HOME, "joint", left, right, message, hint, data, slip=slip)
 
 
 def _drives(left: Motion, right: Motion, allowed: Tolerances) -> Iterator[Finding]:
@@ -426,28 +377,26 @@ def _drives(left: Motion, right: Motion, allowed: Tolerances) -> Iterator[Findin
         small, large = min(values), max(values)
         if np.isfinite(large) and large - small <= allowed.gains * large:
             continue
-        yield _finding(
-            GAINS,
-            f"actuator {right.name}",
-            left.name,
-            f"its {name} is {_value(own)}, but that of `{left.name}` is {_value(other)}",
-            "one row of `actuators` for both",
-            large >= SLIP * small,
-            {"of": name, "value": own, "value_of_other": other},
-        )
+        message = f"its {name} is {_value(own)}, but that of `{left.name}` is {_value(other)}"
+        hint, slip = "one row of `actuators` for both", large >= SLIP * small
+        data = {"of": name, "value": own, "value_of_other": other}
+        yield _finding(GAINS, "actuator", left, right, message, hint, data, slip=slip)
 
 
 def _finding(
     rule: Rule,
-    subject: str,
-    other: str,
+    kind: str,
+    left: Part | Motion,
+    right: Part | Motion,
     message: str,
     hint: str,
-    slip: bool,
     data: Mapping[str, Scalar],
+    *,
+    slip: bool = False,
 ) -> Finding:
     severity: Severity = "warning" if slip else "info"
-    return rule(subject, message, hint, severity=severity, data={**data, "other": other})
+    whole = {**data, "other": left.name}
+    return rule(f"{kind} {right.name}", message, hint, severity=severity, data=whole)
 
 
 def _turned(limits: tuple[float, float], sign: float) -> tuple[float, float]:
