@@ -15,10 +15,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from assetbuild.body.inertia_rules import Bounds
 from assetbuild.body.lint_bodies import LintBodies
 from assetbuild.body.lint_links import LintLinks
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
+from assetbuild.body.plan import bounds_of
 from assetbuild.compose.plan import Ready, check_parts, compose
 from assetbuild.control.control import ControlStep
 from assetbuild.control.keep_ratings import KeepRatings
@@ -140,7 +140,7 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
     read = read_description(loaded.recipe, source, description, p)
     if read is None:
         return None
-    p.add("lint_links", LintLinks(bounds=Bounds.of(loaded.recipe)), dict(read.robot))
+    p.add("lint_links", LintLinks(bounds=bounds_of(loaded.recipe)), dict(read.robot))
     lint_export(loaded.recipe, source, description, read, p)
     outline.source_map = read.source_map
     outline.expanded = description.ref if loaded.recipe.source.xacro else None
@@ -201,7 +201,7 @@ def _merge(recipe: Recipe, ready: Ready, p: Planner) -> Node:
     step = MergeFixedJoints(merge=fixed.merge, keep_bodies=fixed.keep_bodies, keep_source=keeps)
     tree = p.add("merge_fixed_joints", step, inputs)
     linted = {"tree.json": tree["tree.json"], "shapes.json": edited["shapes.json"]}
-    p.add("lint_bodies", LintBodies(bounds=Bounds.of(recipe)), linted)
+    p.add("lint_bodies", LintBodies(bounds=bounds_of(recipe)), linted)
     return tree
 
 

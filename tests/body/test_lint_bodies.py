@@ -10,6 +10,7 @@ from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, wr
 
 from assetbuild.body.inertia_rules import Bounds
 from assetbuild.body.lint_bodies import LintBodies
+from assetbuild.body.plan import bounds_of
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.model import Body, Inertial, Joint, Limits, Shape, Shapes, Sphere, Tree
@@ -152,8 +153,8 @@ def test_the_recipe_draws_the_lines():
             "validate": said,
         }
     )
-    bounds = Bounds.of(recipe)
+    bounds = bounds_of(recipe)
     assert (bounds.radius_m, bounds.triangle_slack) == (1.0, 0.2)
     assert (bounds.density_kg_m3, bounds.small_mass_kg) == (8000.0, 0.1)
     default = Recipe.model_validate(recipe.model_dump(by_alias=True) | {"validate": {}})
-    assert Bounds.of(default) == Bounds()
+    assert bounds_of(default) == Bounds()
