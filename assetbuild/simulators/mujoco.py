@@ -300,6 +300,7 @@ def stand(
         finite = is_finite(data)
     turned = X_start[1].T @ np.array(data.xmat[1]).reshape(3, 3)
     moved = np.array(data.xpos[1]) - X_start[0]
+    places = {name_of(model, "joint", j): int(model.jnt_qposadr[j]) for j in turning(model)}
     return Stand(
         seconds=float(data.time),
         finite=finite,
@@ -312,7 +313,7 @@ def stand(
         touching=tuple(sorted(_on_floor(model, data, floor))),
         touched=tuple(sorted(touched)),
         overlapping=overlapping,
-        joint_sag=_joint_sag(model, data, target),
+        joint_sag={name: float(target[q] - data.qpos[q]) for name, q in places.items()},
         load=_load(model, data),
     )
 
@@ -377,11 +378,6 @@ def _drive_outside(model: Model, data: Data, target: Array, external: Mapping[st
         if gains.effort is not None:
             torque = max(-gains.effort, min(gains.effort, torque))
         data.ctrl[actuator] = torque
-
-
-def _joint_sag(model: Model, data: Data, target: Array) -> dict[str, float]:
-    places = {name_of(model, "joint", j): int(model.jnt_qposadr[j]) for j in turning(model)}
-    return {name: float(target[q] - data.qpos[q]) for name, q in places.items()}
 
 
 def _load(model: Model, data: Data) -> dict[str, float]:

@@ -21,8 +21,8 @@ import numpy as np
 
 from assetbuild.findings import Rule
 from assetbuild.robot.pose import IDENTITY, Array, Pose, normalised_quat, vec3
-from assetbuild.simulators._physx_scene import Names, write_world
 from assetbuild.simulators._physx_scene import Setting as Setting  # checks take it from here
+from assetbuild.simulators._physx_scene import StageNames, write_world
 from assetbuild.simulators.children import run_child
 from assetbuild.simulators.experiments import FreeFall, Motion, Sine, fall_of
 
@@ -196,7 +196,7 @@ def perform(
         }
 
 
-def _job(experiment: Experiment, names: Names, stage: Path) -> dict[str, object]:
+def _job(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, object]:
     sine, dt = experiment.sine, experiment.setting.timestep
     paths = {name: path for path, name in names.joints.items()}
     drives = {}
@@ -224,7 +224,7 @@ def _job(experiment: Experiment, names: Names, stage: Path) -> dict[str, object]
     }
 
 
-def _shown(joint: str, value: float, names: Names) -> float:
+def _shown(joint: str, value: float, names: StageNames) -> float:
     """A coordinate in the unit of the interface: degrees or metres."""
     return math.degrees(value) if joint in names.angular else value
 
@@ -239,7 +239,7 @@ def _start(runs: list[dict[str, object]], folder: Path, seconds: float) -> str:
     return f"PhysX {ended}" if ended else ""
 
 
-def _outcome(folder: Path, names: Names, experiment: Experiment, failure: str) -> Outcome:
+def _outcome(folder: Path, names: StageNames, experiment: Experiment, failure: str) -> Outcome:
     held, motion = None, None
     answer = folder / f"{experiment.name}.json"
     if answer.exists():
@@ -256,7 +256,7 @@ def _outcome(folder: Path, names: Names, experiment: Experiment, failure: str) -
 # --- from the interface's units to ours -----------------------------------------------------
 
 
-def _held(raw: dict[str, Any], names: Names) -> Held:  # Any: JSON of the child
+def _held(raw: dict[str, Any], names: StageNames) -> Held:  # Any: JSON of the child
     roots = list(raw["articulations"].values())
     first = roots[0] if roots else {}
     return Held(
@@ -317,7 +317,7 @@ def _limited(value: float, one: float) -> float | None:
     return None if abs(value) >= UNLIMITED else value * one
 
 
-def _motion(data: dict[str, Array], names: Names) -> Motion:
+def _motion(data: dict[str, Array], names: StageNames) -> Motion:
     joints = {}
     for column, path in enumerate(data["names"]):
         name = names.joints.get(str(path), str(path))

@@ -11,7 +11,6 @@ import sys
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -57,7 +56,8 @@ def measure_speed(scene: Path) -> Speed:
     with caught_warnings():
         model = without(load(scene).model, "ACTUATION")
         data = at_key(model)
-        own = [c.dist for c in data.contact[: data.ncon] if _is_own(model, c)]
+        touching_now = data.contact[: data.ncon]
+        own = [c.dist for c in touching_now if model.geom_bodyid[[c.geom1, c.geom2]].all()]
         rates, touching = [], 0
         for _ in range(REPEATS):
             data = _moved(model)
@@ -89,11 +89,6 @@ def _moved(model: Model) -> Data:
     else:
         data.qvel[:] = np.random.default_rng(0).uniform(-KICK_RAD_S, KICK_RAD_S, model.nv)
     return data
-
-
-def _is_own(model: Model, contact: Any) -> bool:  # Any: mujoco.MjContact
-    bodies = model.geom_bodyid[[contact.geom1, contact.geom2]]
-    return bool((bodies != 0).all())
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -54,8 +53,12 @@ def read_drives(links: Links) -> Drives:
             found.names.append((name, ""))
             continue
         driven[joint] = replace(_at_rest(taken, links.rest.get(joint, 0.0)), joint=joint, name=name)
-        found.mjcf_only += _unlimited(driven[joint], moving[joint])
         found.names.append((name, joint))
+        endless = moving[joint].kind == "continuous"
+        if taken.model == "pd" and taken.ctrl is None and not endless:
+            # It may be sent beyond the joint's range, where a target would clip it.
+            unclipped = element_text("position", {"inheritrange": "0"})
+            found.mjcf_only.append(MjcfOnly("drive", unclipped, joint))
     for name, moved in moving.items():
         own = driven.get(name, Actuator(name, "passive"))
         found.actuators.append(_of_joint(own, moved, model))
@@ -141,12 +144,6 @@ def _at_rest(actuator: Actuator, ref: float) -> Actuator:
 
 def _moved(prm: tuple[float, ...], ref: float) -> tuple[float, ...]:
     return (prm[0] + prm[1] * ref, *prm[1:]) if len(prm) > 1 else prm
-
-
-def _unlimited(actuator: Actuator, joint: Joint) -> Iterator[MjcfOnly]:
-    """A position drive that may be sent beyond the joint's range; a target would clip it."""
-    if actuator.model == "pd" and actuator.ctrl is None and joint.kind != "continuous":
-        yield MjcfOnly("drive", element_text("position", {"inheritrange": "0"}), joint.name)
 
 
 def _whole(element: _Element, links: Links, index: int) -> MjcfOnly:
