@@ -19,10 +19,10 @@ from assetbuild.robot.pose import Array, Pose, Quat, Vec3, rotation_of, vec3
 Tensor = tuple[float, float, float, float, float, float]
 
 
-def matrix_of(tensor: Tensor) -> Array:
-    """(3, 3) symmetric matrix of (xx, yy, zz, xy, xz, yz)."""
-    xx, yy, zz, xy, xz, yz = tensor
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+def matrix_of(tensor: Tensor | Array) -> Array:
+    """(..., 3, 3) symmetric matrices of (..., 6) tensors xx, yy, zz, xy, xz, yz."""
+    places = ((0, 3, 4), (3, 1, 5), (4, 5, 2))
+    return np.asarray(tensor, dtype=np.float64)[..., places]
 
 
 def tensor_of(matrix: ArrayLike) -> Tensor:

@@ -12,7 +12,7 @@ import os
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -85,6 +85,14 @@ class HeldLink:
     surfaces: tuple[tuple[float, float, float], ...]
 
 
+def _read(attribute: str, angle: int = 0, *, end: int = 0, limit: bool = False) -> Any:
+    """A field of `HeldJoint`: which number of PhysX it is. Any: as `dataclasses.field`.
+
+    angle: power of the coordinate's unit in it, degrees in PhysX; end: place in the attribute.
+    """
+    return field(metadata={"attribute": attribute, "angle": angle, "end": end, "limit": limit})
+
+
 @dataclass(frozen=True)
 class HeldJoint:
     """One joint as PhysX holds it. SI and radians; None = unlimited.
@@ -92,19 +100,18 @@ class HeldJoint:
     drive: 0 none, 1 force, 2 acceleration.
     """
 
-    position: float
-    target: float
-    lower: float | None
-    upper: float | None
-    kp: float
-    kd: float
-    effort: float | None
-    velocity: float | None
-    armature: float
-    static_friction: float
-    dynamic_friction: float
-    viscous_friction: float
-    drive: int
+    position: float = _read("jointPosition", 1)
+    lower: float | None = _read("jointLimit", 1, limit=True)
+    upper: float | None = _read("jointLimit", 1, end=1, limit=True)
+    kp: float = _read("jointStiffness", -1)
+    kd: float = _read("jointDamping", -1)
+    effort: float | None = _read("jointMaxForce", limit=True)
+    velocity: float | None = _read("jointMaxVelocity", 1, limit=True)
+    armature: float = _read("jointArmature")
+    static_friction: float = _read("jointStaticFriction")
+    dynamic_friction: float = _read("jointDynamicFriction")
+    viscous_friction: float = _read("jointViscousFriction", -1)
+    drive: float = _read("jointDriveType")
 
 
 @dataclass(frozen=True)
@@ -232,7 +239,9 @@ def _shown(joint: str, value: float, names: StageNames) -> float:
 def _start(runs: list[dict[str, object]], folder: Path, seconds: float) -> str:
     """Run the child on some jobs; how it died, or "" when it ended well."""
     job = folder / "job.json"
-    job.write_text(json.dumps({"answers": str(folder), "runs": runs}), encoding="utf-8")
+    numbers = sorted({each.metadata["attribute"] for each in fields(HeldJoint)})
+    asked = {"answers": str(folder), "runs": runs, "joint_numbers": numbers}
+    job.write_text(json.dumps(asked), encoding="utf-8")
     path = json.dumps([os.path.abspath(p) for p in sys.path if p])  # noqa: PTH100
     command = [sys.executable, "-P", "-s", "-c", _PROGRAM, path, str(job)]
     ended = run_child(command, folder, seconds, {"TZ": "UTC", "LC_ALL": "C"})
@@ -295,26 +304,14 @@ def _link(row: dict[str, list[float]]) -> HeldLink:
 
 def _joint(row: dict[str, list[float]], angular: bool) -> HeldJoint:
     one = math.radians(1.0) if angular else 1.0
-    lower, upper = row["jointLimit"]
-    return HeldJoint(
-        position=row["jointPosition"][0] * one,
-        target=row["jointPositionTarget"][0] * one,
-        lower=_limited(lower, one),
-        upper=_limited(upper, one),
-        kp=row["jointStiffness"][0] / one,
-        kd=row["jointDamping"][0] / one,
-        effort=_limited(row["jointMaxForce"][0], 1.0),
-        velocity=_limited(row["jointMaxVelocity"][0], one),
-        armature=row["jointArmature"][0],
-        static_friction=row["jointStaticFriction"][0],
-        dynamic_friction=row["jointDynamicFriction"][0],
-        viscous_friction=row["jointViscousFriction"][0] / one,
-        drive=int(row["jointDriveType"][0]),
-    )
-
-
-def _limited(value: float, one: float) -> float | None:
-    return None if abs(value) >= UNLIMITED else value * one
+    values: dict[str, Any] = {}  # Any: numbers, None where nothing limits
+    for each in fields(HeldJoint):
+        said = each.metadata
+        raw = row[said["attribute"]][said["end"]]
+        endless = said["limit"] and abs(raw) >= UNLIMITED
+        value = raw / one if said["angle"] < 0 else raw * one ** said["angle"]
+        values[each.name] = None if endless else value
+    return HeldJoint(**values)
 
 
 def _motion(data: dict[str, Array], names: StageNames) -> Motion:

@@ -127,7 +127,10 @@ def _root(tops: list[_Element], source: Compiled, base: Base | None) -> Links:
     if free:
         links.free_joint = str(source.model.joint(source.joints_of(name)[0]).name)
     if base not in (None, stated):
-        links.findings.append(_other_base(name, links.base))
+        now, before = ("floats", "is fixed") if base == "floating" else ("is fixed", "floats")
+        message = f"the recipe says `base: {base}`: the root {now}; in the source it {before}"
+        hint = "leave `base` out to keep what the source says"
+        links.findings.append(BASE(f"link {name}", message, hint, data={"base": links.base}))
     return links
 
 
@@ -178,7 +181,10 @@ def _joint(links: Links, name: str, parent: str, child: str, X: Pose) -> Joint:
     ref = float(model.qpos0[int(model.jnt_qposadr[index])])
     if ref:
         links.rest[name] = ref
-        links.findings.append(_counted_from(name, ref, "m" if slide else "rad"))
+        shown = f"{ref:g} {'m' if slide else 'rad'}"
+        message = f"its positions count from `ref` = {shown}: 0 here is {shown} in the source"
+        hint = "subtract it from positions and commands of the source's controllers"
+        links.findings.append(JOINT_REF(f"joint {name}", message, hint, data={"ref": ref}))
     limited = bool(model.jnt_limited[index])
     lower, upper = (float(v) - ref for v in model.jnt_range[index])
     kind: JointKind = "prismatic" if slide else "revolute" if limited else "continuous"
@@ -228,14 +234,10 @@ def _keep_origin(links: Links, name: str) -> None:
     links.bodies.append(Body(origin))
     back = Pose(_minus((0.0, 0.0, 0.0), shift))
     links.joints.append(Joint(f"{origin}_fixed", "fixed", name, origin, back))
-    links.findings.append(
-        JOINT_POS(
-            f"link {name}",
-            f"its joint stands at {_words(shift)} m in the body: the link's frame moved there",
-            f"the old frame lives on as `{origin}`",
-            data={"pos_m": shift},
-        )
-    )
+    at = ", ".join(f"{v:g}" for v in shift)
+    message = f"its joint stands at ({at}) m in the body: the link's frame moved there"
+    hint = f"the old frame lives on as `{origin}`"
+    links.findings.append(JOINT_POS(f"link {name}", message, hint, data={"pos_m": shift}))
 
 
 def _add_sites(links: Links) -> None:
@@ -252,7 +254,10 @@ def _add_sites(links: Links) -> None:
         taken.add(name)
         links.sites[site] = name
         if name != site:
-            links.findings.append(_renamed_site(site, name))
+            message = f"a body has the name of the site `{site}`: the frame is called `{name}`"
+            hint = "bodies and frames share their names in URDF and USD"
+            data = {"before": site, "after": name}
+            links.findings.append(RENAMED(f"link {site}", message, hint, data=data))
         pose = links.in_link(body, links.source.pose_of("site", site))
         links.bodies.append(Body(name))
         links.joints.append(Joint(f"{name}_fixed", "fixed", body, name, pose))
@@ -280,41 +285,9 @@ def _dropped_mocap(top: _Element) -> Finding:
     )
 
 
-def _other_base(name: str, base: Base) -> Finding:
-    now, before = ("floats", "is fixed") if base == "floating" else ("is fixed", "floats")
-    return BASE(
-        f"link {name}",
-        f"the recipe says `base: {base}`: the root {now}; in the source it {before}",
-        "leave `base` out to keep what the source says",
-        data={"base": base},
-    )
-
-
-def _counted_from(joint: str, ref: float, unit: str) -> Finding:
-    return JOINT_REF(
-        f"joint {joint}",
-        f"its positions count from `ref` = {ref:g} {unit}: 0 here is {ref:g} {unit} in the source",
-        "subtract it from positions and commands of the source's controllers",
-        data={"ref": ref},
-    )
-
-
-def _renamed_site(site: str, name: str) -> Finding:
-    return RENAMED(
-        f"link {site}",
-        f"a body has the name of the site `{site}`: the frame is called `{name}`",
-        "bodies and frames share their names in URDF and USD",
-        data={"before": site, "after": name},
-    )
-
-
 # --- small things ---------------------------------------------------------------------------
 
 
 def _minus(a: Vec3, b: Vec3) -> Vec3:
     """Negative zeros become zero; subtracting zeros changes no bit."""
     return vec3([x - y for x, y in zip(a, b, strict=True)])
-
-
-def _words(vector: Vec3) -> str:
-    return "(" + ", ".join(f"{v:g}" for v in vector) + ")"

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Data, Finding, Rule
 from assetbuild.robot.model import (
     Joint,
     Keyframe,
@@ -21,7 +21,13 @@ from assetbuild.source.mjcf.compiled import Model, pose_at
 from assetbuild.source.mjcf.drives import Drives
 from assetbuild.source.mjcf.links import FREE, Links
 from assetbuild.source.mjcf.opaque import element_text, keys, leftover, words
-from assetbuild.source.mjcf.text import DROPPED, WORLD, error_at, own_attributes, where_of
+from assetbuild.source.mjcf.text import (
+    DROPPED,
+    WORLD,
+    error_at,
+    own_attributes,
+    where_of,
+)
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -85,7 +91,11 @@ def read_sections(links: Links, drives: Drives) -> Sections:
             inside = [reader.translated(own_attributes(child)) for child in element]
             missing = next(filter(None, [missing, *(lost for _, lost in inside)]), "")
             if missing:
-                found.findings.append(_dropped(element, missing))
+                what = f"<{element.tag}> `{element.get('name') or ''}`"
+                message = f"{what} was left out ({where_of(element)}): "
+                message += f"`{missing}` is not part of the robot"
+                data: Data = {"element": str(element.tag), "count": 1}
+                found.findings.append(DROPPED("robot", message, severity="warning", data=data))
             else:
                 read(element, said)
     for element in source.root.iterfind("keyframe/key"):
@@ -195,7 +205,9 @@ class _Reader:
             return
         self.found.sensors.append(sensor)
         if self.found.mjcf_only and self.found.mjcf_only[-1].place == "sensor":
-            self.found.findings.append(_reordered(element))
+            message = f"sensors from `{element.get('name')}` on stand before those that only MJCF "
+            message += "has: their places in `sensordata` differ from the source's"
+            self.found.findings.append(ORDER("robot", message, "ask for sensors by name"))
 
     def _as_sensor(self, element: _Element, said: Mapping[str, str]) -> Sensor | None:
         """The sensor in the Robot's words; None when they do not say all of it."""
@@ -236,19 +248,13 @@ class _Reader:
             ctrl = enumerate(model.key_ctrl[index])
             commands = tuple((str(model.actuator(i).name), float(value)) for i, value in ctrl)
             self.found.ctrl.append((name, commands))
-        lost = sorted({"qvel", "act", "mpos", "mquat", "time"} & set(element.attrib))
+        lost = tuple(sorted({"qvel", "act", "mpos", "mquat", "time"} & set(element.attrib)))
         if lost:
-            self.found.findings.append(_dropped_of_key(element, lost))
-
-
-def _dropped(element: _Element, missing: str) -> Finding:
-    return DROPPED(
-        "robot",
-        f"<{element.tag}> `{element.get('name') or ''}` was left out ({where_of(element)}): "
-        f"`{missing}` is not part of the robot",
-        severity="warning",
-        data={"element": str(element.tag), "count": 1},
-    )
+            names = ", ".join(f"`{key}`" for key in lost)
+            message = f"{names} of keyframe `{name}` was left out: a keyframe of a robot is a pose "
+            message += "at rest"
+            data: Data = {"element": "key", "attributes": lost}
+            self.found.findings.append(DROPPED(f"keyframe {name}", message, data=data))
 
 
 def _follows(joints: Mapping[str, Joint], name: str, leader: str) -> bool:
@@ -273,24 +279,6 @@ def _place(kind: str, name: str) -> Place:
     if name == WORLD and kind in ("body", "xbody"):
         return Place("world")
     return Place(_PLACES[kind], name)
-
-
-def _reordered(element: _Element) -> Finding:
-    return ORDER(
-        "robot",
-        f"sensors from `{element.get('name')}` on stand before those that only MJCF has: "
-        "their places in `sensordata` differ from the source's",
-        "ask for sensors by name",
-    )
-
-
-def _dropped_of_key(element: _Element, lost: list[str]) -> Finding:
-    return DROPPED(
-        f"keyframe {element.get('name')}",
-        f"{', '.join(f'`{key}`' for key in lost)} of keyframe `{element.get('name')}` was left "
-        "out: a keyframe of a robot is a pose at rest",
-        data={"element": "key", "attributes": tuple(lost)},
-    )
 
 
 def _gravity(model: Model) -> Vec3:

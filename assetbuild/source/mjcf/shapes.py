@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Data, Finding, Rule
 from assetbuild.robot.model import (
     Box,
     Capsule,
@@ -158,20 +158,15 @@ class _Reader:
             hint = "write the turned mesh into a file of its own"
             raise error_at(element, f"mesh `{name}`: turned, then scaled unevenly", hint)
         offset = rotation_of(turn) @ [-v * s for v, s in zip(p, scale, strict=True)]
-        if set(said) & _LOST_OF_MESH:
-            self._lost(element, sorted(set(said) & _LOST_OF_MESH))
+        if lost := tuple(sorted(set(said) & _LOST_OF_MESH)):
+            message = f"{', '.join(f'`{a}`' for a in lost)} of mesh `{element.get('name')}` was "
+            message += f"left out ({where_of(element)})"
+            hint = "our meshes are converted: their normals and hulls are made anew"
+            data: Data = {"element": "mesh", "attributes": lost}
+            finding = DROPPED(f"mesh {element.get('file')}", message, hint, data=data)
+            if finding not in self.geoms.findings:
+                self.geoms.findings.append(finding)
         return Mesh(str(element.get("file")), vec3(scale)), Pose(vec3(offset), turn)
-
-    def _lost(self, element: _Element, attributes: list[str]) -> None:
-        finding = DROPPED(
-            f"mesh {element.get('file')}",
-            f"{', '.join(f'`{a}`' for a in attributes)} of mesh `{element.get('name')}` was "
-            f"left out ({where_of(element)})",
-            "our meshes are converted: their normals and hulls are made anew",
-            data={"element": "mesh", "attributes": tuple(attributes)},
-        )
-        if finding not in self.geoms.findings:
-            self.geoms.findings.append(finding)
 
     def _colour(self, index: int) -> tuple[float, float, float, float]:
         """As MuJoCo draws it: the geom's own colour unless that is the default."""
@@ -202,7 +197,11 @@ class _Reader:
         layers = look.find("layer")
         file = picture.get("file") if picture is not None else None
         if layers is not None or (picture is not None and file is None):
-            self.geoms.findings.append(_unpictured(look))
+            message = f"the made or layered picture of material `{name}` was left out; its colour "
+            message += "stays"
+            hint = "give the material a `texture` with a PNG file"
+            data: Data = {"element": "texture", "count": 1}
+            self.geoms.findings.append(DROPPED(f"material {name}", message, hint, data=data))
         material = Material(name, _rgba(self.full.material(name).rgba), file)
         self.geoms.materials[name] = material
         return material
@@ -272,14 +271,4 @@ def _drawn(names: list[str], *, alone: bool) -> Finding:
         'to see it there, repeat the geom in the MJCF with `contype="0" conaffinity="0" group="2"`',
         severity="warning" if alone else "info",
         data={"geoms": len(names)},
-    )
-
-
-def _unpictured(look: _Element) -> Finding:
-    return DROPPED(
-        f"material {look.get('name')}",
-        f"the made or layered picture of material `{look.get('name')}` was left out; its colour "
-        "stays",
-        "give the material a `texture` with a PNG file",
-        data={"element": "texture", "count": 1},
     )

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import cast, get_args
 
 from assetbuild.errors import did_you_mean
-from assetbuild.findings import Finding, Rule, Scalar
+from assetbuild.findings import Data, Finding, Rule
 from assetbuild.robot.model import Base, Body, Joint, JointKind, Limits, Mimic, Tree
 from assetbuild.robot.pose import Vec3, vec3
 from assetbuild.robot.tree import depth_first
@@ -148,7 +148,7 @@ def _read_axis(node: Node, kind: str) -> tuple[Vec3, list[Finding]]:
         return unit, []
     message = f"axis `{element.get('xyz')}` has length {norm:.6g} and was normalised"
     hint = "write a unit vector"
-    data: dict[str, Scalar | tuple[Scalar, ...]] = {"axis": axis, "norm": norm}
+    data: Data = {"axis": axis, "norm": norm}
     return unit, [AXIS_NORMALISED(node.subject, message, hint, data=data)]
 
 
