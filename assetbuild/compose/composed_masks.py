@@ -56,7 +56,7 @@ class _Side:
 
         def changed(contact: Contact) -> Contact:
             mask, partners = function((contact.mask, contact.partners))
-            return replace(contact, mask=mask, partners=partners)
+            return contact.model_copy(update={"mask": mask, "partners": partners})
 
         control = self.said.control
         self.said = replace(

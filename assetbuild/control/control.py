@@ -8,10 +8,9 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from assetbuild.control.actuator_findings import actuator_findings, row_findings
 from assetbuild.control.senses import (
@@ -19,32 +18,27 @@ from assetbuild.control.senses import (
     contacts,
     placed_cameras,
     placed_sensors,
-    surface,
 )
 from assetbuild.control.source_control import Stated, join
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import did_you_mean
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import read_triangles
-from assetbuild.recipe.models import (
-    ActuatorRow,
-    Contact,
-    Exclude,
-    Keyframe,
-    Motor,
-    Recipe,
-    Simulation,
-)
+from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.names import anchored
 from assetbuild.recipe.sides import Side, moving_by_source, side_of
 from assetbuild.robot import model
-from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, resolve
+from assetbuild.robot.actuator_table import ActuatorRow, Motor
+from assetbuild.robot.actuators import RowError, resolve
 from assetbuild.robot.chains import find_chains
 from assetbuild.robot.codec import encode
+from assetbuild.robot.contact import Contacts, Exclude
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.sensing import Camera, Feet, Imu, Sensor
+from assetbuild.robot.simulation import Simulation
 from assetbuild.robot.tree import forward_kinematics
 
 LIMIT_TOLERANCE = 1e-9
@@ -89,7 +83,7 @@ class ControlStep(Step):
     rows: tuple[ActuatorRow, ...] = ()
     motors: dict[str, Motor] = Field(default_factory=dict)
     keyframes: dict[str, Keyframe] = Field(default_factory=dict)
-    contact: Contact = Contact.model_validate({})
+    contact: Contacts = Contacts.model_validate({})
     simulation: Simulation = Simulation.model_validate({})
     exclude: Exclude = Exclude.model_validate({})
     feet: Feet | None = None
@@ -137,7 +131,7 @@ class ControlStep(Step):
         name = next((n for n in ("home", *self.keyframes) if n in self.keyframes), None)
         home = _joint_values(tree, name, self.keyframes[name]) if name is not None else {}
         driven = moving_by_source(self.sides, (joint.name for joint in tree.moving_joints))
-        return resolve(tree, *_specs(self.rows, self.motors), home, driven)
+        return resolve(tree, self.rows, self.motors, home, driven)
 
     def _of_parts(self, tree: model.Tree, pose: Mapping[str, float]) -> dict[str, float]:
         """The value of each joint of the parts, by pattern; 0 where none matches."""
@@ -172,19 +166,16 @@ class ControlStep(Step):
             actuators=actuators,
             keyframes=tuple(keyframes),
             excludes=_excludes(tree, shapes, self.exclude, self.sides),
-            contact=surface(self.contact),
+            contact=self.contact.common,
             contacts=contacts(shapes, self.contact, whole_parts),
             sensors=placed_sensors(tree, shapes, self.imu, self.feet, self.sensors),
             cameras=placed_cameras(tree, self.cameras),
-            simulation=model.Simulation(
-                self.simulation.timestep, self.simulation.decimation, self.simulation.gravity
-            ),
+            simulation=self.simulation,
         )
         source = robot.source_control
         if source is not None:
-            rows, _ = _specs(self.rows, self.motors)
             poses = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}
-            stated = Stated(self.sides, rows, self.contact.links, poses)
+            stated = Stated(self.sides, self.rows, self.contact.links, poses)
             joined = join(control, source, tree, shapes, stated)
             control = joined.control
             yield from joined.findings
@@ -194,26 +185,6 @@ class ControlStep(Step):
             tree, control.actuators, has_table=bool(self.rows), only_mjcf=only_mjcf
         )
         (files.outputs / "control.json").write_bytes(encode(control))
-
-
-# --- actuators ------------------------------------------------------------------------------
-
-
-def _specs(
-    rows: tuple[ActuatorRow, ...], motors: Mapping[str, Motor]
-) -> tuple[tuple[RowSpec, ...], dict[str, MotorSpec]]:
-    return (
-        tuple(RowSpec(**_fields(row) | {"general": _general(row)}) for row in rows),
-        {name: MotorSpec(**_fields(motor)) for name, motor in motors.items()},
-    )
-
-
-def _fields(row: BaseModel) -> dict[str, Any]:  # Any: the dataclasses have the same fields
-    return {name: getattr(row, name) for name in type(row).model_fields}
-
-
-def _general(row: ActuatorRow) -> model.General | None:
-    return model.General(**_fields(row.general)) if row.general is not None else None
 
 
 # --- keyframes ------------------------------------------------------------------------------

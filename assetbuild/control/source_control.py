@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 from xml.etree import ElementTree
 
 from assetbuild.control.senses import changed
 from assetbuild.findings import Finding, Rule
 from assetbuild.recipe.sides import Side, side_of
-from assetbuild.robot.actuators import RowSpec
+from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.contact import Surface
 from assetbuild.robot.model import (
     Actuator,
@@ -34,6 +34,7 @@ BODY_NAMES = ("body", "body1", "body2", "target")
 
 
 T = TypeVar("T", Sensor, Camera)
+M = TypeVar("M", Contact, Simulation)
 
 ONLY_IN_MJCF = Rule(
     "mjcf.only",
@@ -66,7 +67,7 @@ class Stated:
     """
 
     sides: Sequence[Side] = (Side(from_mjcf=True),)
-    rows: tuple[RowSpec, ...] = ()
+    rows: tuple[ActuatorRow, ...] = ()
     surfaces: Mapping[str, Surface] = field(default_factory=dict)
     poses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
@@ -185,11 +186,14 @@ def _simulation(own: Simulation, said: Simulation, base: Side) -> Simulation:
     """Of a composite as the base says; only an MJCF says anything itself."""
     if not base.from_mjcf:
         return own
-    return Simulation(
-        own.timestep if "simulation.timestep" in base.stated else said.timestep,
-        own.decimation,
-        own.gravity if "simulation.gravity" in base.stated else said.gravity,
-    )
+    said = said.model_copy(update={"decimation": own.decimation})  # no MJCF states one
+    return _recipe_wins("simulation", own, said, base)
+
+
+def _recipe_wins(section: str, own: M, said: M, base: Side) -> M:
+    """What the source says, but for the keys of the section that the recipe states."""
+    keys = [key for key in type(said).model_fields if f"{section}.{key}" in base.stated]
+    return said.model_copy(update={key: getattr(own, key) for key in keys})
 
 
 # --- surfaces -------------------------------------------------------------------------------
@@ -200,12 +204,9 @@ def _contacts(
 ) -> tuple[Contact, tuple[tuple[str, Contact], ...]]:
     """The common surface and those that differ; what the recipe says holds for all of them."""
     said, by_prefix = source.control, dict(source.surfaces)
-    names = {f.name for f in fields(Contact)} & {
-        key.removeprefix("contact.") for key in stated.base.stated
-    }
 
     def with_recipe(contact: Contact) -> Contact:
-        return replace(contact, **{name: getattr(own, name) for name in names})
+        return _recipe_wins("contact", own, contact, stated.base)
 
     common, by_shape = own, dict(said.contacts)
     if stated.base.from_mjcf:

@@ -137,7 +137,7 @@ class Mjx(Target):
     def _cheap(self, contact: Contact) -> Contact:
         least = min(contact.condim, self.options.condim or contact.condim)
         mask = contact.mask if self.options.self_collision else 0
-        return replace(contact, condim=least, mask=mask)
+        return contact.model_copy(update={"condim": least, "mask": mask})
 
     def _capped(self, shapes: Shapes) -> tuple[str, ...]:
         """Meshes that collide with more corners than the recipe allows."""

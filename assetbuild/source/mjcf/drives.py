@@ -117,8 +117,10 @@ def _taken(model: Model, index: int) -> Actuator | None:
                 return Actuator("", "pd", kp=kp, kd=kd, effort=effort, ctrl=ctrl)
             if bias[:3] == [0.0, 0.0, -kp]:
                 return Actuator("", "velocity", kd=kp, effort=effort, ctrl=ctrl)
-    numbers = (_trimmed(dyn), _trimmed(gain), _trimmed(bias))
-    general = General(dyntype, gaintype, biastype, *numbers)
+    said: dict[str, Any] = {}  # Any: the tables' words are those of the model
+    for part, prm in (("dyn", dyn), ("gain", gain), ("bias", bias)):
+        said |= {f"{part}type": KINDS[part][kinds[part]], f"{part}prm": _trimmed(prm)}
+    general = General.model_construct(**said)
     return Actuator("", "general", effort=effort, ctrl=ctrl, general=general)
 
 
@@ -136,9 +138,9 @@ def _at_rest(actuator: Actuator, ref: float) -> Actuator:
     assert actuator.general is not None  # noqa: S101 # `_taken` made it
     general = actuator.general
     if general.gaintype == "affine":
-        general = replace(general, gainprm=_moved(general.gainprm, ref))
+        general = general.model_copy(update={"gainprm": _moved(general.gainprm, ref)})
     if general.biastype == "affine":
-        general = replace(general, biasprm=_moved(general.biasprm, ref))
+        general = general.model_copy(update={"biasprm": _moved(general.biasprm, ref)})
     return replace(actuator, general=general)
 
 

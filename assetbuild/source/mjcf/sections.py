@@ -76,7 +76,7 @@ def read_sections(links: Links, drives: Drives) -> Sections:
     source = links.source
     reader = _Reader(links, {name: joint for name, joint in drives.names if joint})
     found = reader.found
-    found.simulation = Simulation(
+    found.simulation = Simulation.model_construct(
         timestep=float(source.model.opt.timestep), gravity=_gravity(source.model)
     )
     found.mjcf_only.append(_options(source.root, source.model))

@@ -218,9 +218,9 @@ def contact_of(model: Model, index: int) -> Contact:
     slide, torsion, roll = (float(v) for v in model.geom_friction[index])
     stiff, damp = (float(v) for v in model.geom_solref[index])
     a, b, c, d, e = (float(v) for v in model.geom_solimp[index])
-    return Contact(
+    return Contact.model_construct(  # what a file says may lie outside of a recipe's bounds
         friction=(slide, torsion, roll),
-        condim=int(model.geom_condim[index]),
+        condim=model.geom_condim[index].item(),
         priority=int(model.geom_priority[index]),
         solref=(stiff, damp) if (stiff, damp) != (0.02, 1.0) else None,
         solimp=(a, b, c, d, e) if (a, b, c, d, e) != (0.9, 0.95, 0.001, 0.5, 2.0) else None,
