@@ -10,7 +10,8 @@ from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.mirror import Tolerances, mirror_findings, parts_of, twins
+from assetbuild.robot.mirror import Tolerances, mirror_findings
+from assetbuild.robot.twins import parts_of, twins
 
 
 class Mirror(Check):

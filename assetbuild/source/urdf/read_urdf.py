@@ -71,7 +71,7 @@ class ReadUrdf(Step):
         root = parse(data, self.file)
         problems = Problems()
         links = list(named(root.all("link"), problems))
-        bodies = problems.collect(links, lambda link: read_body(*link))
+        bodies = problems.collect(links, read_body)
         geometries = read_shapes(root, links, Paths(self.file, self.packages), problems)
         joints, findings = _read_joints(root, dict(links), problems)
         name, unnamed = _robot_name(root)
@@ -105,7 +105,9 @@ def _read_joints(
 ) -> tuple[list[Joint], list[Finding]]:
     nodes = root.all("joint")
     names = {str(node.get("name")) for node in nodes}
-    read = problems.collect(named(nodes, problems), lambda n: read_joint(*n, names, links))
+    read = problems.collect(
+        named(nodes, problems), lambda name, node: read_joint(name, node, names, links)
+    )
     return [joint for joint, _ in read], [finding for _, told in read for finding in told]
 
 

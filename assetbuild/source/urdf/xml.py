@@ -15,7 +15,6 @@ from assetbuild.errors import SourceError, Where, did_you_mean
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-I = TypeVar("I")  # noqa: E741 # an item
 T = TypeVar("T")
 
 MAX_BYTES = 64 * 1024 * 1024
@@ -158,12 +157,12 @@ class Problems:
         except SourceError as error:
             self.found.append(error)
 
-    def collect(self, items: Iterable[I], read: Callable[[I], T]) -> list[T]:
-        """What each item gives; the error of one leaves the others alone."""
+    def collect(self, nodes: Iterable[tuple[str, Node]], read: Callable[[str, Node], T]) -> list[T]:
+        """What each named element gives; the error of one leaves the others alone."""
         found = []
-        for item in items:
+        for name, node in nodes:
             with self.kept():
-                found.append(read(item))
+                found.append(read(name, node))
         return found
 
     def raise_first(self) -> None:
