@@ -10,11 +10,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from pydantic import BaseModel, ConfigDict
-
 from assetbuild.findings import Finding, Rule, Scalar, Severity
 from assetbuild.robot.chains import Chain, find_chains, is_massless, weighs
 from assetbuild.robot.inertia import (
+    LEAST_MOMENT_KG_M2,
+    InertiaBounds,
     equivalent_radius,
     least_second_moment,
     principal_moments,
@@ -88,29 +88,8 @@ MASS_SMALL = Rule(
 )
 
 
-class Bounds(BaseModel):
-    """Where the rules draw the line."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    triangle_slack: float = 0.01
-    """A violation of A + B >= C up to this share of C is a warning: numbers rounded by hand."""
-    radius_m: float = 0.5
-    """Radius of the solid ball with the same mass and largest moment: above it, a warning.
-
-    Never an error: such a tensor is valid, simulators take it, and a long thin tube has it.
-    """
-    density_kg_m3: float = 25_000.0
-    """Osmium has 22,590. Of all bodies with a mass and at most this density, a ball of just this
-    density has the least largest moment, so a smaller one belongs to no matter at all."""
-    least_moment_kg_m2: float = 1e-15
-    """MuJoCo refuses a moving body with a smaller principal moment (its mjMINVAL)."""
-    small_mass_kg: float = 1e-3
-    """A moving body below this makes simulators stiff."""
-
-
 def inertia_findings(
-    tree: Tree, shapes: Shapes, bounds: Bounds, worst: Severity
+    tree: Tree, shapes: Shapes, bounds: InertiaBounds, worst: Severity
 ) -> Iterator[Finding]:
     """Findings on all bodies of a tree, none graver than `worst`.
 
@@ -186,7 +165,7 @@ class _Judged:
 
     subject: str
     inertial: Inertial
-    bounds: Bounds
+    bounds: InertiaBounds
     worst: Severity
 
     @property
@@ -205,10 +184,10 @@ class _Judged:
             hint += "density"
             yield MASS(self.subject, message, hint, severity=worst, data=self.data)
             return
-        if mass < self.bounds.small_mass_kg:
+        if mass < self.bounds.small_mass:
             message = f"mass is only {mass:g} kg"
             hint = "merge it into a neighbour, or give it its real mass"
-            data = {"mass_kg": mass, "bound_kg": self.bounds.small_mass_kg}
+            data = {"mass_kg": mass, "bound_kg": self.bounds.small_mass}
             yield MASS_SMALL(self.subject, message, hint, severity=_below(worst), data=data)
         broken = self._broken()
         if broken:
@@ -242,15 +221,15 @@ class _Judged:
     def _size(self, radius: float) -> Iterator[Finding]:
         mass, bounds = self.inertial.mass_kg, self.bounds
         data = {"radius_m": radius, **self.data}
-        refused = self.moments[0] < bounds.least_moment_kg_m2
-        if refused or mass > bounds.density_kg_m3 * 4.0 / 3.0 * math.pi * radius**3:
-            also = f"; MuJoCo refuses moments below {bounds.least_moment_kg_m2:g} kg m²"
+        refused = self.moments[0] < LEAST_MOMENT_KG_M2
+        if refused or mass > bounds.density * 4.0 / 3.0 * math.pi * radius**3:
+            also = f"; MuJoCo refuses moments below {LEAST_MOMENT_KG_M2:g} kg m²"
             message = f"{mass:g} kg with the inertia of a ball of {radius:.3g} m radius: denser "
             message += "than any matter" + also * refused
             hint = "is it a dummy value? `inertia_from_geometry` computes it from the shapes"
             severity = self.worst if refused else _below(self.worst)
             yield DENSE(self.subject, message, hint, severity=severity, data=data)
-        if radius > bounds.radius_m * (1.0 + ROUNDING):
+        if radius > bounds.radius * (1.0 + ROUNDING):
             message = f"its inertia is that of a ball of {radius:.3g} m radius with {mass:g} kg"
             hint = "are the units kg m² (not kg mm² or g cm²), and the tensor about the centre of "
             hint += "mass?"
