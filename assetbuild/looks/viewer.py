@@ -20,8 +20,8 @@ from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.solids import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Box, Geometry, Mesh, Shape, Shapes, Sphere, Tree
-from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.model import Box, Geometry, Mesh, Shapes, Sphere, Tree
+from assetbuild.robot.pose import Array
 
 SPAN_M = 0.03
 """Distances between visual and collision geometry are told up to this; beyond it, all is one."""
@@ -118,13 +118,13 @@ def _shapes(
     colours = {material.name: material.rgba for material in shapes.materials}
     solids: dict[str, list[Distance]] = {}
     for shape in shapes.of("collision"):
-        body, X_body_shape = _placed(tree, shape)
+        body, X_body_shape = tree.shape_placement(shape)
         geometry = shape.geometry
         solid = meshes[geometry.mesh].vertices if isinstance(geometry, Mesh) else geometry
         solids.setdefault(body, []).append(distance_to(solid, X_body_shape))
     rows = []
     for shape in shapes.shapes:
-        body, X_body_shape = _placed(tree, shape)
+        body, X_body_shape = tree.shape_placement(shape)
         row: dict[str, object] = {
             "name": shape.name,
             "link": shape.link,
@@ -147,11 +147,6 @@ def in_bytes(distance_m: Array) -> NDArray[np.uint8]:
     """-SPAN_M..SPAN_M as 1..255; 128 = 0."""
     steps = np.round(np.clip(distance_m / SPAN_M, -1.0, 1.0) * 127.0)
     return np.asarray(steps + 128.0, dtype=np.uint8)
-
-
-def _placed(tree: Tree, shape: Shape) -> tuple[str, Pose]:
-    body, X_body_link = tree.placement(shape.link)
-    return body, X_body_link @ shape.X_link_shape
 
 
 def _described(geometry: Geometry) -> dict[str, object]:

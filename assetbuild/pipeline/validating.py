@@ -15,8 +15,9 @@ from assetbuild.findings import Finding, Rule, worst_first
 from assetbuild.pipeline import OnEvent
 from assetbuild.pipeline.trying import UNTRIED
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.mirror import Tolerances, mirror_findings, parts_of, twins
+from assetbuild.robot.mirror import Tolerances, mirror_findings
 from assetbuild.robot.model import Control
+from assetbuild.robot.twins import parts_of, twins
 
 KINDS = {
     ".xml": "mjcf",

@@ -18,7 +18,7 @@ def view_data(subject: Subject) -> str:
     keyframes = subject.control.keyframes
     poses = [_pose(tree, k) for k in keyframes]
     first = tree.root_pose(keyframes[0] if keyframes else None)
-    poses.append({"name": "all joints 0", "joints": {}, **_placed(first)})
+    poses.append({"name": "all joints 0", "joints": {}, **_plain_pose(first)})
     content = {
         "robot": subject.recipe.robot,
         "floating": tree.base == "floating",
@@ -32,11 +32,11 @@ def view_data(subject: Subject) -> str:
 
 
 def _pose(tree: Tree, keyframe: Keyframe) -> dict[str, object]:
-    placed = _placed(tree.root_pose(keyframe))
+    placed = _plain_pose(tree.root_pose(keyframe))
     return {"name": keyframe.name, "joints": dict(keyframe.joints), **placed}
 
 
-def _placed(pose: Pose) -> dict[str, object]:
+def _plain_pose(pose: Pose) -> dict[str, object]:
     return {"xyz": list(pose.xyz), "quat": list(pose.quat)}
 
 
@@ -65,7 +65,7 @@ def _joint(joint: Joint) -> dict[str, object]:
         "mimic": None
         if mimic is None
         else {"joint": mimic.joint, "multiplier": mimic.multiplier, "offset": mimic.offset},
-        **_placed(joint.X_parent_joint),
+        **_plain_pose(joint.X_parent_joint),
     }
 
 

@@ -43,10 +43,10 @@ LEAST_MOMENT_KG_M2 = 1e-15
 """MuJoCo refuses a moving body with a smaller principal moment (its mjMINVAL)."""
 
 
-def matrix_of(tensor: Tensor) -> Array:
-    """(3, 3) symmetric matrix of (xx, yy, zz, xy, xz, yz)."""
-    xx, yy, zz, xy, xz, yz = tensor
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+def matrix_of(tensor: Tensor | Array) -> Array:
+    """(..., 3, 3) symmetric matrices of (..., 6) tensors xx, yy, zz, xy, xz, yz."""
+    places = ((0, 3, 4), (3, 1, 5), (4, 5, 2))
+    return np.asarray(tensor, dtype=np.float64)[..., places]
 
 
 def tensor_of(matrix: ArrayLike) -> Tensor:

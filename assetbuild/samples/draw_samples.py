@@ -12,7 +12,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.inertia import combine, move_inertial, principal_moments
+from assetbuild.robot.inertia import combine, matrix_of, move_inertial, principal_moments
 from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.randomize import (
@@ -28,7 +28,6 @@ from assetbuild.robot.randomize import (
     draw,
     homogeneous_box,
     inconsistent,
-    matrices_of,
     unit_draws,
 )
 from assetbuild.robot.ranges import (
@@ -191,7 +190,7 @@ def _spread(values: Array) -> dict[str, object]:
 
 
 def _moments(rows: Array) -> Array:
-    return np.asarray(np.linalg.eigvalsh(matrices_of(rows[:, 4:])))
+    return np.asarray(np.linalg.eigvalsh(matrix_of(rows[:, 4:])))
 
 
 def _noise_share(moments: Array, noise: float, count: int) -> float:
