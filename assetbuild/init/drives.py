@@ -17,6 +17,7 @@ import numpy as np
 
 from assetbuild.init.anatomy import Leg
 from assetbuild.robot.dynamics import dynamics, holding_torques
+from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.tree import forward_kinematics
 
@@ -50,7 +51,7 @@ BRAKE_S = 0.05
 
 
 @dataclass(frozen=True)
-class Row:
+class DriveRow:
     """Joints with the same limits. Gains None: a passive row. inertia: largest, kg m2 or kg.
 
     Either kp and kd are set, or frequency (Hz) with damping_ratio. drops_damping, drops_friction:
@@ -89,7 +90,9 @@ class _Felt:
     load: float
 
 
-def drive_rows(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> tuple[Row, ...]:
+def drive_rows(
+    tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]
+) -> tuple[DriveRow, ...]:
     """Joints grouped by kind, effort and velocity, with gains; mimic joints need no row."""
     felt = _felt(tree, pose, legs)
     groups: dict[tuple[str, float | None, float | None, bool], list[Joint]] = defaultdict(list)
@@ -105,12 +108,12 @@ def drive_rows(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> 
         names = tuple(joint.name for joint in joints)
         found = [felt[name] for name in names]
         inertia = max(one.inertia for one in found)
-        row = Row(names, effort, velocity, unit, inertia, locked=locked)
+        row = DriveRow(names, effort, velocity, unit, inertia, locked=locked)
         rows.append(_driven(row, effort, found) if effort is not None else row)
     return tuple(rows)
 
 
-def _driven(row: Row, effort: float, felt: Sequence[_Felt]) -> Row:
+def _driven(row: DriveRow, effort: float, felt: Sequence[_Felt]) -> DriveRow:
     row = _with_gains(row, effort, felt)
     return replace(
         row,
@@ -119,7 +122,7 @@ def _driven(row: Row, effort: float, felt: Sequence[_Felt]) -> Row:
     )
 
 
-def _own_ratio(row: Row, one: _Felt) -> float:
+def _own_ratio(row: DriveRow, one: _Felt) -> float:
     """Damping ratio that the joint's own damping makes with the row's stiffness."""
     if not one.joint.damping or one.inertia <= 0.0:
         return 0.0
@@ -127,7 +130,7 @@ def _own_ratio(row: Row, one: _Felt) -> float:
     return one.joint.damping / (2 * math.sqrt(kp * max(one.inertia, one.load)))
 
 
-def _with_gains(row: Row, effort: float, felt: Sequence[_Felt]) -> Row:
+def _with_gains(row: DriveRow, effort: float, felt: Sequence[_Felt]) -> DriveRow:
     """kp and kd that suit every joint of the group, else a frequency and a damping ratio."""
     unit, moved = row.unit, [one.inertia for one in felt if one.inertia > 0.0]
     if len(moved) < len(felt):  # edits give the links their masses; the build knows them
@@ -152,7 +155,7 @@ def _with_gains(row: Row, effort: float, felt: Sequence[_Felt]) -> Row:
     return replace(row, kp=_rounded(kp), kd=_rounded(kd), standing=lightest)
 
 
-def _by_frequency(row: Row, felt: Sequence[_Felt]) -> Row:
+def _by_frequency(row: DriveRow, felt: Sequence[_Felt]) -> DriveRow:
     """Fast enough that no joint sags, and damped no less than the joints themselves are.
 
     Unless these are damped beyond use; the row then drops it.
@@ -207,13 +210,12 @@ def _carried(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> di
     """What a standing leg's joints move: each leg's share of the robot, on a leg's length."""
     if not legs:
         return {}
-    mass = sum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
-    X_root = forward_kinematics(tree, pose)
+    share, X_root = total_mass(tree) / len(legs), forward_kinematics(tree, pose)
     found: dict[str, float] = {}
     for leg in legs:
         body, X_body_foot = tree.placement(leg.foot)
         foot = X_root[body].apply(X_body_foot.xyz)
         hip = np.asarray(X_root[leg.joints[0].child].xyz)
         length = float(np.linalg.norm(hip - foot))
-        found |= {joint.name: mass / len(legs) * length**2 for joint in leg.joints}
+        found |= {joint.name: share * length**2 for joint in leg.joints}
     return found

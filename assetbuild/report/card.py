@@ -6,9 +6,10 @@ import math
 from collections.abc import Iterator
 
 from assetbuild.report.document import Report
-from assetbuild.report.facts import Subject, center_of_mass, principal, total_mass
+from assetbuild.report.facts import Subject, center_of_mass, principal
 from assetbuild.report.grade import grade
 from assetbuild.report.tables import Table, markdown_table, table
+from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Joint, Mesh, Shape
 
 CHANGES = ("edit.", "merge.", "urdf.dropped", "visual.decimated", "mesh.")

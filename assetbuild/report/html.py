@@ -14,10 +14,11 @@ from assetbuild import __version__
 from assetbuild.findings import SEVERITIES, Finding, is_consequence
 from assetbuild.report.card import card_tables
 from assetbuild.report.document import CheckResult, Report
-from assetbuild.report.facts import Subject, total_mass
+from assetbuild.report.facts import Subject
 from assetbuild.report.figures import check_section
 from assetbuild.report.tables import html_table, text_of
 from assetbuild.report.view import view_data
+from assetbuild.robot.inertia import total_mass
 
 SHOWN_OF_A_RULE = 2
 ASSETS = Path(__file__).parent / "assets"

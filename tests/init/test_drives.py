@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from assetbuild.init.anatomy import study
-from assetbuild.init.drives import MOST_DAMPED, SAG, Row, drive_rows
+from assetbuild.init.drives import MOST_DAMPED, SAG, DriveRow, drive_rows
 from assetbuild.init.home import home_pose
-from assetbuild.init.look import Looked, judge, look
+from assetbuild.init.look import InspectedRobot, judge, look
 from assetbuild.init.relief import HEAVY
 from assetbuild.init.source import find_source
 from assetbuild.init.text import recipe_text
@@ -27,7 +27,7 @@ velocity="5"/><dynamics damping="{damping}" friction="{friction}"/></joint>
 """
 
 
-def arm(folder: Path, links: list[tuple[float, float]], **limits: float) -> Looked:
+def arm(folder: Path, links: list[tuple[float, float]], **limits: float) -> InspectedRobot:
     """A chain that reaches along x from a bolted base. links: (mass, distance of its centre)."""
     said = {"effort": 15.0, "damping": 0.0, "friction": 0.0} | limits
     text = ['<robot name="arm"><link name="world"/>']
@@ -40,10 +40,11 @@ def arm(folder: Path, links: list[tuple[float, float]], **limits: float) -> Look
         above, reach = name, 2 * distance
     path = folder / "arm.urdf"
     path.write_text("\n".join([*text, "</robot>"]))
-    return judge(look(find_source(path, {})), "fixed")
+    read = look(find_source(path, {}))
+    return judge(read.links, read.shapes, "fixed")
 
 
-def rows_of(robot: Looked) -> tuple[dict[str, float], tuple[Row, ...]]:
+def rows_of(robot: InspectedRobot) -> tuple[dict[str, float], tuple[DriveRow, ...]]:
     legs = study(robot).legs
     pose = home_pose(robot.tree, legs)
     return pose, drive_rows(robot.tree, pose, legs)
@@ -87,7 +88,7 @@ def test_an_arm_that_cannot_be_held_stretched_out_hangs(effort: float, hangs: bo
 
 def test_a_leg_whose_drive_outruns_the_step_is_told():
     """kd dt / I of 4 N m s/rad, 5 ms and a link of 10 g m2 is 2: more than it bears."""
-    row = Row(("knee",), 20.0, 20.0, "rad", 0.1, kp=80.0, kd=4.0, standing=0.01)
+    row = DriveRow(("knee",), 20.0, 20.0, "rad", 0.1, kp=80.0, kd=4.0, standing=0.01)
     assert row.outruns(0.005)
     assert not row.outruns(0.002)
     assert not replace(row, standing=0.1).outruns(0.005)
