@@ -19,7 +19,7 @@ from assetbuild.init.anatomy import Leg
 from assetbuild.robot.dynamics import dynamics, holding_torques
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Joint, Tree
-from assetbuild.robot.tree import forward_kinematics
+from assetbuild.robot.pose import Array
 
 FULL_ERROR = {"rad": 0.3, "m": 0.02}
 """Tracking error at which a drive gives all its effort."""
@@ -160,14 +160,11 @@ def _by_frequency(row: DriveRow, felt: Sequence[_Felt]) -> DriveRow:
 
     Unless these are damped beyond use; the row then drops it.
     """
-    wanted = [one.holding / SAG[row.unit] / one.inertia for one in felt if one.inertia > 0.0]
-    frequency = math.sqrt(max(wanted, default=0.0)) / (2 * math.pi)
+    moved = [one for one in felt if one.inertia > 0.0]
+    wanted = max((one.holding / SAG[row.unit] / one.inertia for one in moved), default=0.0)
+    frequency = math.sqrt(wanted) / (2 * math.pi)
     frequency = _rounded(min(max(frequency, USUAL_HZ), FASTEST_HZ))
-    own = [
-        (one.joint.damping or 0.0) / (2 * one.inertia * 2 * math.pi * frequency)
-        for one in felt
-        if one.inertia > 0.0
-    ]
+    own = [(one.joint.damping or 0.0) / (4 * math.pi * one.inertia * frequency) for one in moved]
     most = max(own, default=0.0)
     ratio = 1.1 * most if most <= MOST_DAMPED else 1.0
     return replace(row, frequency=frequency, damping_ratio=_rounded(max(1.0, ratio)))
@@ -183,39 +180,26 @@ def _rounded(value: float) -> float:
 
 
 def _felt(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> dict[str, _Felt]:
-    """By joint, from the mass matrix at home; the feet carry the robot, where it has any."""
+    """By joint, from the mass matrix at home; the feet carry the robot, where it has any.
+
+    A leg's joint moves the leg's share of the robot at the leg's length.
+    """
     robot = dynamics(tree, pose, {})
-    feet = []
+    feet: list[tuple[str, Array]] = []
+    loads: dict[str, float] = {}
     for leg in legs:
         body, X_body_foot = tree.placement(leg.foot)
-        X_root_foot = robot.motions[body].pose @ X_body_foot
-        feet.append((body, np.asarray(X_root_foot.xyz)))
+        foot = np.asarray((robot.motions[body].pose @ X_body_foot).xyz)
+        hip = np.asarray(robot.motions[leg.joints[0].child].pose.xyz)
+        load = total_mass(tree) / len(legs) * float(np.linalg.norm(hip - foot)) ** 2
+        loads |= {joint.name: load for joint in leg.joints}
+        feet.append((body, foot))
     torque, left_over = holding_torques(robot, feet)
     if tree.base == "floating" and left_over > 0.05:
         torque = {}  # it would tip over: nothing is held
-    inertia, carried = robot.effective_inertia, _carried(tree, pose, legs)
-    found = {}
+    found, inertias = {}, robot.effective_inertia
     for joint in tree.moving_joints:
-        moved = inertia.get(joint.name, 0.0)
-        found[joint.name] = _Felt(
-            joint,
-            moved if math.isfinite(moved) else 0.0,
-            abs(torque.get(joint.name, 0.0)),
-            carried.get(joint.name, 0.0),
-        )
-    return found
-
-
-def _carried(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> dict[str, float]:
-    """What a standing leg's joints move: each leg's share of the robot, on a leg's length."""
-    if not legs:
-        return {}
-    share, X_root = total_mass(tree) / len(legs), forward_kinematics(tree, pose)
-    found: dict[str, float] = {}
-    for leg in legs:
-        body, X_body_foot = tree.placement(leg.foot)
-        foot = X_root[body].apply(X_body_foot.xyz)
-        hip = np.asarray(X_root[leg.joints[0].child].xyz)
-        length = float(np.linalg.norm(hip - foot))
-        found |= {joint.name: share * length**2 for joint in leg.joints}
+        name, moved = joint.name, inertias.get(joint.name, 0.0)
+        inertia = moved if math.isfinite(moved) else 0.0
+        found[name] = _Felt(joint, inertia, abs(torque.get(name, 0.0)), loads.get(name, 0.0))
     return found
