@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
                 figures = ", ".join(f"{k} {v}" for k, v in sorted(result.figures.items()))
                 told = f"{result.status}; {shown_figures(name, figures)}"
                 print(f"{outcome.report.robot} in {name}: {told}")
-    missing = lacks(outcomes, consumers)
+    missing = list(lacks(outcomes, consumers))
     for line in missing:
         print(f"error: {line}", file=sys.stderr)
     return max([outcome.exit_code for outcome in outcomes] + ([1] if missing else []))

@@ -53,18 +53,13 @@ def findings_of(
 
 def _licences(loaded: LoadedRecipe, outline: Outline) -> list[Finding]:
     """What the licences of the robot and of its parts ask; texts lie below each part's prefix."""
-    texts = {row.as_: 0 for row in loaded.recipe.compose}
-    own = 0
-    for path in outline.licenses:
-        prefix = path.partition("/")[0]
-        if prefix in texts:
-            texts[prefix] += 1
-        else:
-            own += 1
+    parts = {row.as_: part for row, part in zip(loaded.recipe.compose, loaded.parts, strict=True)}
+    prefixes = [path.partition("/")[0] for path in outline.licenses]
+    own = sum(prefix not in parts for prefix in prefixes)
     found = licence_findings(loaded.recipe.source.license, own)
-    for row, part in zip(loaded.recipe.compose, loaded.parts, strict=True):
-        for finding in licence_findings(part.recipe.source.license, texts[row.as_]):
-            message = f"part `{row.as_}`: {finding.message}"
+    for name, part in parts.items():
+        for finding in licence_findings(part.recipe.source.license, prefixes.count(name)):
+            message = f"part `{name}`: {finding.message}"
             found.append(replace(finding, subject="recipe compose", message=message))
     return found
 

@@ -44,12 +44,8 @@ def asking(loaded: LoadedRecipe, consumers: Sequence[str]) -> LoadedRecipe:
     )
 
 
-def lacks(outcomes: Sequence[Outcome], consumers: Sequence[str]) -> list[str]:
+def lacks(outcomes: Sequence[Outcome], consumers: Sequence[str]) -> Iterator[str]:
     """Consumers that were asked for and did not run, with the reason."""
-    return list(_lacks(outcomes, consumers))
-
-
-def _lacks(outcomes: Sequence[Outcome], consumers: Sequence[str]) -> Iterator[str]:
     for outcome in outcomes:
         for consumer in consumers if outcome.report else ():
             result = outcome.report.checks.get(f"smoke_{consumer}") if outcome.report else None
