@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -52,11 +52,11 @@ BRAKE_S = 0.05
 
 @dataclass(frozen=True)
 class DriveRow:
-    """Joints with the same limits. Gains None: a passive row. inertia: largest, kg m2 or kg.
+    """Joints with the same limits. inertia: largest, kg m2 or kg.
 
-    Either kp and kd are set, or frequency (Hz) with damping_ratio. drops_damping, drops_friction:
-    the source's number cannot be meant: joints would creep for minutes, or never move.
-
+    gains: keys of the recipe's row, kp and kd or frequency (Hz) and damping_ratio; none = passive.
+    drops: numbers of the source that cannot be meant: joints would creep for minutes (damping), or
+    never move (friction).
     locked: equal limits hold them, so that a drive could move nothing.
     standing: least inertia of those that belong to a standing leg; 0 without one.
     """
@@ -66,18 +66,14 @@ class DriveRow:
     velocity: float | None
     unit: str
     inertia: float
-    kp: float | None = None
-    kd: float | None = None
-    frequency: float | None = None
-    damping_ratio: float | None = None
-    drops_damping: bool = False
-    drops_friction: bool = False
+    gains: Mapping[str, float] = field(default_factory=dict)
+    drops: tuple[str, ...] = ()
     locked: bool = False
     standing: float = 0.0
 
     def outruns(self, step_s: float) -> bool:
         """Whether a leg's drive acts faster than steps of this length can follow."""
-        return self.kd is not None and self.kd * step_s > OUTRUN * self.standing > 0.0
+        return self.gains.get("kd", 0.0) * step_s > OUTRUN * self.standing > 0.0
 
 
 @dataclass(frozen=True)
@@ -115,18 +111,18 @@ def drive_rows(
 
 def _driven(row: DriveRow, effort: float, felt: Sequence[_Felt]) -> DriveRow:
     row = _with_gains(row, effort, felt)
-    return replace(
-        row,
-        drops_damping=max(_own_ratio(row, one) for one in felt) > MOST_DAMPED,
-        drops_friction=any((one.joint.friction or 0.0) > STUCK * effort for one in felt),
-    )
+    cannot_be_meant = {
+        "damping": max(_own_ratio(row, one) for one in felt) > MOST_DAMPED,
+        "friction": any((one.joint.friction or 0.0) > STUCK * effort for one in felt),
+    }
+    return replace(row, drops=tuple(word for word, bad in cannot_be_meant.items() if bad))
 
 
 def _own_ratio(row: DriveRow, one: _Felt) -> float:
     """Damping ratio that the joint's own damping makes with the row's stiffness."""
     if not one.joint.damping or one.inertia <= 0.0:
         return 0.0
-    kp = row.kp if row.kp is not None else one.inertia * _square(row.frequency or 0.0)
+    kp = row.gains.get("kp") or one.inertia * _square(row.gains["frequency"])
     return one.joint.damping / (2 * math.sqrt(kp * max(one.inertia, one.load)))
 
 
@@ -152,7 +148,7 @@ def _with_gains(row: DriveRow, effort: float, felt: Sequence[_Felt]) -> DriveRow
         brake = min(brake, 2 * DAMPING_RATIO * math.sqrt(kp * max(one.load for one in felt)))
     lightest = min((one.inertia for one in felt if one.load and one.inertia > 0.0), default=0.0)
     kd = min(max(kd, brake), most)
-    return replace(row, kp=_rounded(kp), kd=_rounded(kd), standing=lightest)
+    return replace(row, gains={"kp": _rounded(kp), "kd": _rounded(kd)}, standing=lightest)
 
 
 def _by_frequency(row: DriveRow, felt: Sequence[_Felt]) -> DriveRow:
@@ -167,7 +163,8 @@ def _by_frequency(row: DriveRow, felt: Sequence[_Felt]) -> DriveRow:
     own = [(one.joint.damping or 0.0) / (4 * math.pi * one.inertia * frequency) for one in moved]
     most = max(own, default=0.0)
     ratio = 1.1 * most if most <= MOST_DAMPED else 1.0
-    return replace(row, frequency=frequency, damping_ratio=_rounded(max(1.0, ratio)))
+    gains = {"frequency": frequency, "damping_ratio": _rounded(max(1.0, ratio))}
+    return replace(row, gains=gains)
 
 
 def _square(frequency: float) -> float:

@@ -37,6 +37,7 @@ from assetbuild.robot.tree import forward_kinematics
 COMPOUND = 0.15
 """Joints closer than this share of the robot's size make one compound joint (a hip, a wrist)."""
 LIGHT_KG = 5.0
+DROPPED = {"damping": "it would creep for minutes", "friction": "it takes most of the effort"}
 
 
 def recipe_name(name: str) -> str:
@@ -206,17 +207,9 @@ def _row(pattern: str, row: DriveRow) -> Iterator[str]:
     speed = f"{row.velocity:g} {row.unit}/s" if row.velocity else "no stated speed"
     moved = f"{row.inertia:.3g} {unit}" if row.inertia else "what the edits above give a mass"
     yield f"  # {count}: {row.effort:g} {torque}, {speed}, moves {moved}"
-    keys: dict[str, object] = {"joints": pattern, "model": "pd", "kp": row.kp, "kd": row.kd}
-    if row.frequency is not None:
-        keys = {"joints": pattern, "model": "pd", "frequency": row.frequency}
-        keys["damping_ratio"] = row.damping_ratio
-    for drops, word, why in (
-        (row.drops_damping, "damping", "it would creep for minutes"),
-        (row.drops_friction, "friction", "it takes most of the effort"),
-    ):
-        if drops:
-            yield f"  # the source's {word} of these joints cannot be meant: {why}"
-            keys[word] = 0
+    for word in row.drops:
+        yield f"  # the source's {word} of these joints cannot be meant: {DROPPED[word]}"
+    keys = {"joints": pattern, "model": "pd", **row.gains, **dict.fromkeys(row.drops, 0)}
     yield f"  - {inline(keys)}"
 
 
