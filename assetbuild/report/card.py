@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from assetbuild.report.document import Report
 from assetbuild.report.facts import Subject, center_of_mass, principal
 from assetbuild.report.grade import grade
-from assetbuild.report.tables import Row, Table, markdown_table, records, table
+from assetbuild.report.tables import Record, Table, markdown_table, records, table
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Actuator, Body, Geometry, Joint, Mesh
 
@@ -93,7 +93,7 @@ def _quality(subject: Subject, report: Report) -> Table:
 
 
 def _bodies(subject: Subject) -> Table:
-    def columns(body: Body) -> Row:
+    def columns(body: Body) -> Record:
         inertial = body.inertial
         moments, axes = principal(inertial) if inertial else (None, None)
         return {
@@ -110,7 +110,7 @@ def _bodies(subject: Subject) -> Table:
 
 
 def _joints(subject: Subject) -> Table:
-    def columns(joint: Joint) -> Row:
+    def columns(joint: Joint) -> Record:
         lower, upper, mimic = joint.limits.lower, joint.limits.upper, joint.mimic
         slides = joint.kind == "prismatic" or lower is None or upper is None
         return {
@@ -130,7 +130,7 @@ def _joints(subject: Subject) -> Table:
 
 
 def _drives(subject: Subject) -> Table:
-    def columns(drive: Actuator) -> Row:
+    def columns(drive: Actuator) -> Record:
         return {
             "joint": drive.joint,
             "model": drive.model,

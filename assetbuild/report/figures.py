@@ -8,7 +8,7 @@ from typing import TypeGuard
 
 from assetbuild.report.document import CheckResult
 from assetbuild.report.markup import code, folded
-from assetbuild.report.tables import Row, Table, html_table, table, text_of
+from assetbuild.report.tables import Record, Table, html_table, table, text_of
 
 FIRST = (
     *("", "rank", "row", "of", "name", "robot", "link", "body", "joint", "pair", "a", "b"),
@@ -75,11 +75,11 @@ def _is_list(value: object) -> TypeGuard[Sequence[object]]:
     return isinstance(value, Sequence) and not isinstance(value, str)
 
 
-def _is_rows(value: object) -> TypeGuard[Sequence[Row]]:
+def _is_rows(value: object) -> TypeGuard[Sequence[Record]]:
     return _is_list(value) and bool(value) and all(isinstance(row, Mapping) for row in value)
 
 
-def _of_rows(title: str, rows: Sequence[Row]) -> Table:
+def _of_rows(title: str, rows: Sequence[Record]) -> Table:
     """What names a row stands first, whatever the sorting of the JSON."""
     keys = dict.fromkeys(key for row in rows for key in row)
     head = sorted(keys, key=lambda key: FIRST.index(key) if key in FIRST else len(FIRST))

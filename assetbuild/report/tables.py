@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
-Row = Mapping[str, object]
+Record = Mapping[str, object]
 """Column -> value."""
 
 
@@ -29,7 +29,7 @@ def table(
     return Table(title, tuple(head), tuple(tuple(row) for row in rows), note, **more)
 
 
-def records(title: str, rows: Iterable[Row], note: str = "") -> Table:
+def records(title: str, rows: Iterable[Record], note: str = "") -> Table:
     """A table of rows that name their own columns."""
     every = list(rows)
     head = dict.fromkeys(key for row in every for key in row)
