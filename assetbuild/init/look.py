@@ -15,7 +15,8 @@ from assetbuild.findings import Finding
 from assetbuild.init.packages import is_file
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.words import some
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import encode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Base, Shapes, Tree
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.urdf.read_urdf import ReadUrdf
@@ -49,9 +50,9 @@ def look(source: UrdfSource) -> InspectedRobot:
         packages = dict(source.packages)
         ports.run(ReadUrdf(file=source.shown, base="floating", packages=packages))
         _refuse_absent(source, json.loads(ports.read("meshes.json")))
-        links = decode(Tree, ports.read("links.json"))
-        shapes = decode(Shapes, ports.read("shapes.json"))
-    return InspectedRobot(links, merge_fixed_joints(links, True, ())[0], shapes)
+        read = RobotFiles(ports.folder)
+        tree, _ = merge_fixed_joints(read.links, True, ())
+        return InspectedRobot(read.links, tree, read.shapes)
 
 
 def _refuse_absent(source: UrdfSource, meshes: list[dict[str, str]]) -> None:

@@ -18,8 +18,8 @@ from assetbuild.init.repairs import repairs
 from assetbuild.init.targets import targets
 from assetbuild.init.text import head, home, standing
 from assetbuild.init.words import some, source_section, written
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Control
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
@@ -79,10 +79,10 @@ def _read(root: Path, name: str) -> MjcfSource:
                 raise SourceError(f"no file `{mesh['path']}`", where=where)
             ports.link(f"files/{mesh['path']}", path)
         ports.run(ReadMjcf())
-        links = decode(Tree, ports.read("links.json"))
-        shapes = decode(Shapes, ports.read("shapes.json"))
-        said = decode(SourceControl, ports.read("source_control.json"))
-    return MjcfSource(root, name, judge(links, shapes, links.base), said.control)
+        read = RobotFiles(ports.folder)
+        said = read.source_control or SourceControl()
+        robot = judge(read.links, read.shapes, read.links.base)
+    return MjcfSource(root, name, robot, said.control)
 
 
 def mjcf_text(found: MjcfSource, path: Path) -> str:

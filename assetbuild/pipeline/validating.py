@@ -13,9 +13,9 @@ from assetbuild.errors import AssetBuildError, SourceError, UsageError
 from assetbuild.findings import Finding, Rule, worst_first
 from assetbuild.pipeline import OnEvent
 from assetbuild.pipeline.trying import UNTRIED
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mirror import Tolerances, mirror_findings, parts_of, twins
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.model import Control
 
 KINDS = {
     ".xml": "mjcf",
@@ -148,7 +148,7 @@ def _urdf(file: Path) -> Iterator[Finding]:
         merge = MergeFixedJoints(merge=True, keep_bodies=())
         for step in (LintLinks(), merge, LintBodies()):
             yield from placed(ports.run(step))
-        tree = decode(Tree, ports.read("tree.json"))
+        tree = RobotFiles(ports.folder).tree
     yield from placed(mirror_findings(twins(parts_of(tree, Control())), Tolerances()))
 
 

@@ -13,8 +13,7 @@ from assetbuild.engine.scratch import scratch
 from assetbuild.errors import UsageError
 from assetbuild.report.isaaclab_config import isaaclab_facts
 from assetbuild.report.snapshot import Facts, Snapshot, Value, kinds_text, robot_facts
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Shapes, Tree
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.pose import vec3
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.simulators import mujoco
@@ -81,9 +80,8 @@ def _urdf_facts(path: Path) -> Facts:
         ports.put("robot.urdf", path.read_bytes())
         packages = named_packages(path.read_bytes())
         ports.run(ReadUrdf(file=path.name, base="floating", packages=packages))
-        links = decode(Tree, ports.read("links.json"))
-        shapes = decode(Shapes, ports.read("shapes.json"))
-    facts = robot_facts(merge_fixed_joints(links, True, ())[0], shapes, None)
+        robot = RobotFiles(ports.folder)
+        facts = robot_facts(merge_fixed_joints(robot.links, True, ())[0], robot.shapes, None)
     del facts["robot", "robot", "base"]  # a URDF does not say
     return facts
 
