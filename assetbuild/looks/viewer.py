@@ -20,7 +20,7 @@ from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.solids import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Box, Geometry, Mesh, Shapes, Sphere, Tree
+from assetbuild.robot.model import Geometry, Mesh, Shapes, Tree
 from assetbuild.robot.pose import Array
 
 SPAN_M = 0.03
@@ -150,10 +150,7 @@ def in_bytes(distance_m: Array) -> NDArray[np.uint8]:
 
 
 def _described(geometry: Geometry) -> dict[str, object]:
+    kind = type(geometry).__name__.lower()
     if isinstance(geometry, Mesh):
-        return {"kind": "mesh", "mesh": geometry.mesh}
-    if isinstance(geometry, Box):
-        return {"kind": "box", "dims": list(geometry.size)}
-    if isinstance(geometry, Sphere):
-        return {"kind": "sphere", "dims": [geometry.radius]}
-    return {"kind": type(geometry).__name__.lower(), "dims": [geometry.radius, geometry.length]}
+        return {"kind": kind, "mesh": geometry.mesh}
+    return {"kind": kind, "dims": np.ravel([*vars(geometry).values()]).tolist()}

@@ -33,7 +33,6 @@ from assetbuild.robot.randomize import (
 from assetbuild.robot.ranges import (
     JOINT_FACTORS,
     Randomize,
-    RandomMatter,
     RandomPayload,
     first_match,
     per_axis,
@@ -83,16 +82,15 @@ class DrawSamples(Step):
         return max(self.keep, self.judge)
 
     def _draws(self, tree: Tree, rooms: Mapping[str, Ellipsoid]) -> Iterator[tuple[str, Draws]]:
-        for body in tree.bodies:
-            matter = first_match(self.randomize.links, body.name)
-            if matter is None or body.inertial is None or body.name not in rooms:
+        count, seed = self._count, self.randomize.seed
+        for name, body in tree.by_body.items():
+            matter = first_match(self.randomize.links, name)
+            if matter is None or body.inertial is None or name not in rooms:
                 continue
-            ranges, room = _ranges(matter), rooms[body.name]
+            com, stretch, shear = per_axis(matter.com), matter.stretch, matter.shear
+            ranges = InertialRanges(matter.density, com, stretch, shear)
             try:
-                yield (
-                    body.name,
-                    draw(body.inertial, ranges, self._count, self.randomize.seed, body.name, room),
-                )
+                yield name, draw(body.inertial, ranges, count, seed, name, rooms[name])
             except DoesNotFitError as error:
                 raise StepError(
                     str(error), hint="narrow `com`, `stretch` or `shear` in `randomize.links`"
@@ -140,10 +138,6 @@ class DrawSamples(Step):
     def _unit(self, name: str, index: int, width: int) -> list[float]:
         row = unit_draws(self.randomize.seed, name, 0, index + 1, width)[index]
         return [float(value) for value in row]
-
-
-def _ranges(matter: RandomMatter) -> InertialRanges:
-    return InertialRanges(matter.density, per_axis(matter.com), matter.stretch, matter.shear)
 
 
 def _scaled(pair: tuple[float, float], unit: float) -> float:
