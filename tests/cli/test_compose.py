@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from pathlib import Path
 
+import commands
 import mujoco
 import pytest
 
@@ -72,11 +72,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"ASSETBUILD_CACHE": str(folder / "store")}
-    command = [sys.executable, "-m", "assetbuild", *words]
-    return subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300
-    )
+    return commands.run(words, folder, os.environ | {"ASSETBUILD_CACHE": str(folder / "store")})
 
 
 def test_a_part_whose_mesh_names_other_files_keeps_them(folder: Path):

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
+import commands
 import mujoco
 import pytest
 
@@ -36,14 +35,8 @@ def test_an_mjcf_in_a_zip_builds_and_equals_its_source(tmp_path: Path):
         archive.writestr("robots/arm.xml", ARM)
         archive.writestr("robots/assets/a.obj", TET)
     (tmp_path / "arm.yaml").write_text(RECIPE)
-    done = subprocess.run(
-        [sys.executable, "-m", "assetbuild", "build", "arm.yaml", "-o", "out"],
-        cwd=tmp_path,
-        env=os.environ | {"ASSETBUILD_CACHE": str(tmp_path / "cache")},
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
+    environment = os.environ | {"ASSETBUILD_CACHE": str(tmp_path / "cache")}
+    done = commands.run(["build", "arm.yaml", "-o", "out"], tmp_path, environment)
     assert done.returncode == 0, done.stdout + done.stderr
     report = json.loads((tmp_path / "out/report/report.json").read_text())
     assert report["checks"]["mjcf_source"]["status"] == "pass"

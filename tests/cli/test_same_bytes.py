@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -28,8 +29,9 @@ def built(legs: Legs, **options: object) -> bytes:
 
 
 @pytest.fixture(scope="module")
-def gold(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    return built(new_legs(tmp_path_factory.mktemp("gold") / "legs"))
+def gold(tmp_path_factory: pytest.TempPathFactory, legs_store: Path) -> bytes:
+    folder = tmp_path_factory.mktemp("gold")
+    return built(new_legs(folder / "legs", shutil.copytree(legs_store, folder / "store")))
 
 
 def test_a_private_umask(legs: Legs, gold: bytes):

@@ -6,9 +6,9 @@ import math
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
+import commands
 import mujoco
 import pytest
 
@@ -36,9 +36,7 @@ def looked(urdf: Path) -> Looked:
 
 
 def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"ASSETBUILD_CACHE": str(folder / "cache")}
-    command = [sys.executable, "-m", "assetbuild", *words]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+    return commands.run(words, folder, os.environ | {"ASSETBUILD_CACHE": str(folder / "cache")})
 
 
 # --- choices --------------------------------------------------------------------------------

@@ -8,9 +8,9 @@ import json
 import os
 import struct
 import subprocess
-import sys
 from pathlib import Path
 
+import commands
 import mujoco
 import numpy as np
 import pytest
@@ -40,9 +40,7 @@ def initialised(urdf: str | bytes, folder: Path) -> Recipe:
 
 
 def assetbuild(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"ASSETBUILD_CACHE": str(folder / "cache")}
-    command = [sys.executable, "-m", "assetbuild", *words]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+    return commands.run(words, folder, os.environ | {"ASSETBUILD_CACHE": str(folder / "cache")})
 
 
 def robot(*parts: str, name: str = "r") -> str:
