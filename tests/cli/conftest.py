@@ -107,7 +107,7 @@ def built_store(tmp_path_factory: pytest.TempPathFactory, go1_root: Path) -> Pat
 @pytest.fixture
 def place(tmp_path: Path, go1_root: Path, built_store: Path) -> Workplace:
     """A workplace whose store is warm."""
-    return new_workplace(tmp_path, go1_root, shutil.copytree(built_store, tmp_path / "store"))
+    return new_workplace(tmp_path, go1_root, shutil.copytree(built_store, tmp_path / "warm-store"))
 
 
 @pytest.fixture

@@ -22,7 +22,15 @@ from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.volume import signed_volume
 from assetbuild.robot.codec import decode
 
-GO1_MESHES = ("calf", "depthCamera", "hip", "thigh", "thigh_mirror", "trunk", "ultraSound")
+GO1_MESHES = (
+    "calf",
+    "depthCamera",
+    "hip",
+    "thigh",
+    "thigh_mirror",
+    pytest.param("trunk", marks=pytest.mark.slow),  # 260,000 faces
+    "ultraSound",
+)
 
 
 def convert(tmp_path: Path, data: bytes, **fields):

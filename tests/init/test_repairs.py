@@ -137,6 +137,7 @@ def test_crossed_limits_change_places(tmp_path: Path):
     assert edits == [{"set_limits": {"joint": "joint0", "lower": -0.5, "upper": 1.0}}]
 
 
+@pytest.mark.slow  # a whole build, pictures and all
 def test_a_robot_with_all_of_it_builds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "cache"))
     links = [

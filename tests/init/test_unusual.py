@@ -179,6 +179,7 @@ def test_what_cannot_be_is_one_clear_error(name: str, tmp_path: Path):
         propose(tmp_path / "r.urdf", None, {})
 
 
+@pytest.mark.slow  # a whole build, pictures and all
 def test_planar_a_held_follower_and_a_mesh_of_one_triangle_build(tmp_path: Path):
     text = robot(
         link("a"), link("b"), link("c"), link("d", mesh("t.stl") + HIT),
