@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from hypothesis import settings
 from hypothesis import strategies as st
 
 from assetbuild.engine.step import Files, Step
@@ -299,6 +300,11 @@ def pendulum() -> TinyRobot:
 # --- random trees -------------------------------------------------------------------------------
 
 _unit = st.floats(-1.0, 1.0, allow_nan=False)
+
+
+def examples(most: int) -> int:
+    """As many random examples as a dear test has with `-m slow`; a quarter of them without."""
+    return most * settings().max_examples // 100
 
 
 @st.composite
