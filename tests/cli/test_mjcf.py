@@ -10,6 +10,7 @@ from pathlib import Path
 import commands
 import mujoco
 import pytest
+from mjcfs import TET
 
 ARM = """<mujoco model="arm"><compiler meshdir="assets"/>
 <asset><mesh file="a.obj" scale=".1 .1 .1"/></asset>
@@ -20,7 +21,6 @@ ARM = """<mujoco model="arm"><compiler meshdir="assets"/>
 <actuator><position name="m" joint="j" kp="20" kv="1" ctrlrange="-.5 .5"
   forcerange="-5 5"/></actuator>
 <sensor><framepos name="p" objtype="site" objname="tool"/></sensor></mujoco>"""
-TET = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 RECIPE = """schema: assetbuild/v1
 robot: arm
 source: {path: arm.zip, root: robots, mjcf: arm.xml, license: MIT}
