@@ -76,6 +76,7 @@ def gold(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return data
 
 
+@pytest.mark.slow  # three cold builds with CoACD
 @pytest.mark.parametrize(("folder", "jobs"), [("first", 2), ("a longer path/second", 1)])
 def test_a_cold_build_makes_the_same_bytes(tmp_path: Path, gold: bytes, folder: str, jobs: int):
     assert manifest(checkout(tmp_path / folder), tmp_path / "store", jobs) == gold
