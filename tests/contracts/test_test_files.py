@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 TESTS = Path(__file__).parents[1]
+PACKAGE = TESTS.parent / "assetbuild"
 FILES = sorted(str(path.relative_to(TESTS)) for path in TESTS.rglob("test_*.py"))
 
 
@@ -26,3 +27,13 @@ def test_each_test_file_opens_with_a_sentence(file: str):
 
 def test_a_file_without_one_is_found():
     assert opening("import numpy\n") is None
+
+
+BESIDE_THE_ROOMS = {"contracts", "corpus", "docs"}
+"""Folders of tests that are about more than one room."""
+
+
+def test_the_folders_of_tests_are_the_rooms_of_the_package():
+    rooms = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
+    tested = {path.parent.name for path in TESTS.glob("*/test_*.py")}
+    assert tested <= rooms | BESIDE_THE_ROOMS
