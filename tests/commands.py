@@ -69,12 +69,13 @@ class Forker:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             bufsize=0,
+            start_new_session=True,  # Ctrl-C is for the tests; it ends with them
         )
         atexit.register(self.close)
 
     def run(self, job: dict[str, object], timeout: float) -> int:
         """The exit code of one job; a signal that ended it as a negative number."""
-        self.process.stdin.write(json.dumps(job).encode() + b"\n")  # type: ignore[union-attr]  # a pipe
+        self.process.stdin.write(json.dumps(job).encode() + b"\n")
         pid = self._answer(10.0 + timeout)
         try:
             return self._answer(timeout)
@@ -87,11 +88,13 @@ class Forker:
         pipe = self.process.stdout
         if not select.select([pipe], [], [], timeout)[0]:
             raise TimeoutError(f"the command is not done after {timeout:g} s")
-        return int(pipe.readline())  # type: ignore[union-attr]  # a pipe
+        line = pipe.readline()
+        assert line, "the process that starts commands has ended"
+        return int(line)
 
     def close(self) -> None:
         """End its input; it leaves by itself."""
-        self.process.stdin.close()  # type: ignore[union-attr]  # a pipe
+        self.process.stdin.close()
         self.process.wait(10)
 
 
