@@ -64,6 +64,7 @@ def watching_what_is_built(warm_legs: Legs) -> Iterator[Watching]:
     yield from watched(warm_legs)
 
 
+@pytest.mark.slow
 def test_it_follows_recipe_and_source_and_survives_mistakes(legs: Legs, watching: Watching):
     assert " ran, 0 cached" in watching.waits()
     legs.edit("kp: 20", "kp: 30")

@@ -71,6 +71,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
         "PATH": f"{program.parent}:{kept['PATH']}",
         "ASSETBUILD_CACHE": str(folder / "store"),
         "BROWSER": "true",
+        "MUJOCO_GL": "disable",
         "HOME": str(folder),
     }
     with serving() as server:

@@ -76,6 +76,7 @@ def own_store(tmp_path: Path, first: Path, monkeypatch: pytest.MonkeyPatch) -> N
     """A store in which the steps of the robot of `FILES` are done."""
     shutil.copytree(first / "store", tmp_path / "store")
     monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "store"))
+    monkeypatch.setenv("MUJOCO_GL", "disable")
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +85,7 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("first")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ASSETBUILD_CACHE", str(folder / "store"))
+        patch.setenv("MUJOCO_GL", "disable")
         _, _, told = built(laid_out(folder, FILES))
     assert "mesh.texture" not in told
     assert len(told["texture.no_coordinates"]) == 1  # the box

@@ -35,7 +35,7 @@ def ports(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def drawn(ports: Path, randomize: dict, keep: int = 4, judge: int = 200) -> Samples:
+def drawn(ports: Path, randomize: dict, keep: int = 4, judge: int = 100) -> Samples:
     run_step(Enclose(), ports, ports)
     step = DrawSamples(randomize=Randomize.model_validate(randomize), keep=keep, judge=judge)
     run_step(step, ports, ports)
@@ -61,10 +61,10 @@ def test_every_drawn_body_has_room_in_its_geometry(widely):
 
 def test_the_statistics_count_no_inconsistent_draw_and_show_what_noise_does(widely):
     statistics = json.loads((widely[0] / "statistics.json").read_text())
-    assert statistics["draws"] == 200
+    assert statistics["draws"] == 100
     for body in statistics["bodies"]:
         assert body["inconsistent"] == 0
-        assert sum(body["mass_kg"]["histogram"]) == 200
+        assert sum(body["mass_kg"]["histogram"]) == 100
 
 
 def test_the_same_seed_draws_the_same_robots_and_another_seed_others(ports, widely):
