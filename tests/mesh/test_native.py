@@ -64,7 +64,7 @@ def refuse() -> list[TriangleMesh]:
     [
         (crash, "crash", "SIGSEGV"),
         (abort, "crash", "length_error"),
-        (hang, "time", "2 CPU s"),
+        (hang, "time", "1 CPU s"),
         (gorge, "memory", "256 MB"),
         (killed, "memory", "killed by the system"),
         (refuse, "error", "no such mesh"),
@@ -72,7 +72,7 @@ def refuse() -> list[TriangleMesh]:
 )
 def test_the_cause_of_a_lost_result_is_told(work, cause, words):
     with pytest.raises(NativeError, match=words) as caught:
-        run_apart(work, NativeLimits(2.0, 256) if work is hang else LIMITS)
+        run_apart(work, NativeLimits(1.0, 256) if work is hang else LIMITS)
     assert caught.value.cause == cause
 
 
