@@ -147,6 +147,7 @@ def test_two_arms_on_a_cart_are_one_robot(built):
     assert "cart" in (built / "build/cart/NOTICE").read_text()
 
 
+@pytest.mark.slow
 def test_a_part_that_hits_nothing_may_have_a_surface_of_its_own(warm):
     folder = warm
     arm = "".join(line for line in ARM.splitlines(True) if "<collision>" not in line)

@@ -87,6 +87,7 @@ def test_a_robot_in_a_folder_whose_name_is_no_text(tmp_path: Path):
     assert done.returncode == 0, done.stderr.decode(errors="replace")
 
 
+@pytest.mark.slow
 def test_a_clock_a_year_on_changes_no_byte(tmp_path: Path, warm_legs: Legs):
     """Every Python of the build believes that it is another year."""
     shift = tmp_path / "shift"

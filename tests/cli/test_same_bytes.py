@@ -34,10 +34,12 @@ def gold(tmp_path_factory: pytest.TempPathFactory, legs_store: Path) -> bytes:
     return built(new_legs(folder / "legs", shutil.copytree(legs_store, folder / "store")))
 
 
+@pytest.mark.slow
 def test_a_private_umask(legs: Legs, gold: bytes):
     assert built(legs, umask=0o077) == gold
 
 
+@pytest.mark.slow
 def test_files_in_another_order_with_other_dates(legs: Legs, gold: bytes):
     for path in (legs.urdf, legs.recipe):  # the other way round, and long ago
         text = path.read_bytes()
@@ -47,6 +49,7 @@ def test_files_in_another_order_with_other_dates(legs: Legs, gold: bytes):
     assert built(legs) == gold
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can build as another user")
 def test_another_user(tmp_path: Path, gold: bytes):
     legs = new_legs(tmp_path / "legs")
