@@ -10,7 +10,7 @@ from urdfs import LIMIT, box, inertial, joint, link, robot, shape, tensor
 
 from assetbuild.cli import main
 from assetbuild.init import propose, write
-from assetbuild.recipe.loader import load_recipe
+from assetbuild.pipeline.recipes import load_recipe
 
 
 def chain(*links: str, limits: str = LIMIT) -> str:

@@ -18,7 +18,7 @@ import urdfs
 
 from assetbuild.errors import SourceError
 from assetbuild.init import propose, write
-from assetbuild.recipe.loader import load_recipe
+from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.recipe.models import Recipe
 
 INERTIAL = urdfs.inertial(xyz="0 0 0.01")
