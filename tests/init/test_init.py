@@ -6,9 +6,9 @@ import math
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
+import commands
 import mujoco
 import pytest
 
@@ -37,9 +37,7 @@ def looked(urdf: Path) -> InspectedRobot:
 
 
 def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"ASSETBUILD_CACHE": str(folder / "cache")}
-    command = [sys.executable, "-m", "assetbuild", *words]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+    return commands.run(words, folder, os.environ | {"ASSETBUILD_CACHE": str(folder / "cache")})
 
 
 # --- choices --------------------------------------------------------------------------------
@@ -206,6 +204,7 @@ def test_bad_input_is_one_clear_error(tmp_path: Path, text: str):
 # --- the whole way --------------------------------------------------------------------------
 
 
+@pytest.mark.slow  # a whole build, pictures and all
 def test_the_dog_checks_builds_and_stands(robots: Path, tmp_path: Path):
     shutil.copy(robots / "four_legs.urdf", tmp_path)
     assert run(tmp_path, "init", "four_legs.urdf").returncode == 0
@@ -222,6 +221,7 @@ def test_the_dog_checks_builds_and_stands(robots: Path, tmp_path: Path):
     assert settle(scene, 0.05).drift_m > 0.05, "the reason for the shorter step is gone"
 
 
+@pytest.mark.slow  # a whole build, pictures and all
 def test_a_broken_robot_is_judged_and_still_written(robots: Path, tmp_path: Path):
     shutil.copy(robots / "odd_arm.urdf", tmp_path)
     assert run(tmp_path, "init", "odd_arm.urdf").returncode == 0
