@@ -156,6 +156,11 @@ class Tree:
         frame = self._by_frame[link]
         return frame.body, frame.X_body_frame
 
+    def placed(self, shape: Shape) -> tuple[str, Pose]:
+        """(body, X_body_shape): the body that carries the shape's link, and where on it."""
+        body, X_body_link = self.placement(shape.link)
+        return body, X_body_link @ shape.X_link_shape
+
     @cached_property
     def _by_frame(self) -> dict[str, Frame]:
         return {frame.name: frame for frame in self.frames}
@@ -416,3 +421,8 @@ class Control:
     def by_joint(self) -> dict[str, Actuator]:
         """Actuators by the name of their joint."""
         return {actuator.joint: actuator for actuator in self.actuators}
+
+    @property
+    def home(self) -> Keyframe | None:
+        """The keyframe `home`, if there is one."""
+        return next((key for key in self.keyframes if key.name == "home"), None)

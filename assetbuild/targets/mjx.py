@@ -22,15 +22,7 @@ from assetbuild.recipe.mjcf import Mjx as Options
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Contact, Control, Mesh, Shapes, Tree
-from assetbuild.targets.mjcf.files import (
-    copy_assets,
-    one_per_look,
-    refuse_name,
-    unreadable_textures,
-    without_textures,
-    write_xml,
-)
-from assetbuild.targets.mjcf.opaque import with_opaque
+from assetbuild.targets.mjcf.files import readable, refuse_name, write_robot, write_xml
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
 
@@ -56,10 +48,8 @@ class Mjx(Target):
         tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
         control = decode(Control, (files.inputs / "control.json").read_bytes())
-        without = unreadable_textures(shapes, files.inputs / "meshes")
-        shapes = one_per_look(without_textures(shapes, without))
-
-        left_out, shapes = self._touching(shapes)
+        meshes = files.inputs / "meshes"
+        left_out, shapes = self._touching(readable(shapes, meshes))
         yield from self._explain_condim(control)
         control = self._masked(control, shapes)
         capped = self._capped(shapes)
@@ -73,17 +63,19 @@ class Mjx(Target):
             for o in control.mjcf_only
             if o.place != "option" and (o.place != "shape" or o.owner in there)
         )
-        root = with_opaque(model.element(), opaque, model.body_names)
-        write_xml(folder / f"{stem}.xml", root)
-        write_xml(folder / "scene_mjx.xml", scene(self.robot, stem, tree, control, model.free_name))
-        copy_assets(files.inputs / "meshes", folder / "assets", shapes)
+        write_robot(folder / f"{stem}.xml", model, opaque, meshes)
+        write_xml(folder / "scene_mjx.xml", scene(model, stem))
         yield from self._explain(left_out, capped)
 
     def _solver(self) -> Solver:
         said = self.options
-        impratio = said.impratio or (100.0 if said.cone == "elliptic" else 1.0)
         return Solver(
-            said.integrator, said.cone, impratio, said.solver, said.iterations, said.ls_iterations
+            said.integrator,
+            said.cone,
+            said.impratio,
+            said.solver,
+            said.iterations,
+            said.ls_iterations,
         )
 
     def _touching(self, shapes: Shapes) -> tuple[tuple[str, ...], Shapes]:

@@ -4,42 +4,53 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from xml.etree.ElementTree import Element, fromstring
 
 import numpy as np
 
 from assetbuild.robot.model import Control, Keyframe, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.tree import forward_kinematics
-from assetbuild.targets.mjcf.xml import Element, element, numbers
+from assetbuild.targets.mjcf.robot_xml import RobotXml
+from assetbuild.targets.mjcf.xml import element, numbers
 
 SMALLEST_EXTENT_M = 0.5
 BELOW_M = 0.01
 """A bolted robot that reaches further below its base (a hand) hangs over the floor, not in it."""
+_LOOKS = """
+<visual>
+  <headlight diffuse="0.5 0.5 0.5" ambient="0.35 0.35 0.35" specular="0 0 0"/>
+  <quality shadowsize="4096"/>
+  <rgba haze="0.25 0.35 0.45 1"/>
+  <global azimuth="140" elevation="-20" offwidth="1280" offheight="960"/>
+</visual>
+"""
+_FLOOR_ASSETS = """
+<asset>
+  <texture type="skybox" builtin="gradient" rgb1="0.55 0.7 0.85" rgb2="0.1 0.15 0.2" width="256"
+    height="1536"/>
+  <texture name="{name}" type="2d" builtin="checker" mark="edge" rgb1="0.22 0.28 0.34"
+    rgb2="0.16 0.2 0.25" markrgb="0.6 0.6 0.6" width="300" height="300"/>
+  <material name="{name}" texture="{name}" texuniform="true" texrepeat="4 4" reflectance="0.1"/>
+</asset>
+"""
 _PLANE = re.compile(r"""<geom\b[^>]*\btype="plane\"""")
 
 
-def scene(
-    robot: str, file: str, tree: Tree, control: Control, free: Callable[[str], str]
-) -> Element:
-    """The root element of `scene.xml`.
-
-    file: stem of the robot's own file.
-    free: a name of a new geom or material that the robot does not use, from the wanted one.
-    """
+def scene(model: RobotXml, file: str) -> Element:
+    """The root element of `scene.xml`. file: stem of the robot's own file."""
+    tree, control = model.tree, model.control
     center, extent = view(tree, control)
-    floor_material = free("ground")
+    material = model.free_name("ground")
     return element(
         "mujoco",
-        {"model": f"{robot} scene"},
+        {"model": f"{model.robot} scene"},
         [
             element("include", {"file": f"{file}.xml"}),
-            element(
-                "statistic", {"center": numbers(center), "extent": numbers([extent])}, gap=True
-            ),
-            _looks(),
-            _floor_assets(floor_material),
-            _world(floor_material, free("floor"), tree, control),
+            element("statistic", {"center": numbers(center), "extent": numbers([extent])}),
+            fromstring(_LOOKS),  # noqa: S314 # our own text
+            fromstring(_FLOOR_ASSETS.format(name=material)),  # noqa: S314 # as above
+            _world(material, model.free_name("floor"), tree, control),
         ],
     )
 
@@ -72,71 +83,6 @@ def _origins(tree: Tree, keyframe: Keyframe | None) -> Array:
     return tree.root_pose(keyframe).apply(np.array(points))
 
 
-def _looks() -> Element:
-    return element(
-        "visual",
-        None,
-        [
-            element(
-                "headlight",
-                {"diffuse": "0.5 0.5 0.5", "ambient": "0.35 0.35 0.35", "specular": "0 0 0"},
-            ),
-            element("quality", {"shadowsize": "4096"}),
-            element("rgba", {"haze": "0.25 0.35 0.45 1"}),
-            element(
-                "global",
-                {"azimuth": "140", "elevation": "-20", "offwidth": "1280", "offheight": "960"},
-            ),
-        ],
-        gap=True,
-    )
-
-
-def _floor_assets(material: str) -> Element:
-    return element(
-        "asset",
-        None,
-        [
-            element(
-                "texture",
-                {
-                    "type": "skybox",
-                    "builtin": "gradient",
-                    "rgb1": "0.55 0.7 0.85",
-                    "rgb2": "0.1 0.15 0.2",
-                    "width": "256",
-                    "height": "1536",
-                },
-            ),
-            element(
-                "texture",
-                {
-                    "name": material,
-                    "type": "2d",
-                    "builtin": "checker",
-                    "mark": "edge",
-                    "rgb1": "0.22 0.28 0.34",
-                    "rgb2": "0.16 0.2 0.25",
-                    "markrgb": "0.6 0.6 0.6",
-                    "width": "300",
-                    "height": "300",
-                },
-            ),
-            element(
-                "material",
-                {
-                    "name": material,
-                    "texture": material,
-                    "texuniform": "true",
-                    "texrepeat": "4 4",
-                    "reflectance": "0.1",
-                },
-            ),
-        ],
-        gap=True,
-    )
-
-
 def _has_floor(tree: Tree, control: Control) -> bool:
     """Whether the robot, joined to the world of its source, brings a plane from there."""
     root = tree.bodies[0].name
@@ -151,7 +97,7 @@ def _world(material: str, name: str, tree: Tree, control: Control) -> Element:
     parts = [element("light", light)]
     if not _has_floor(tree, control):
         parts.append(_floor(material, name, control, floor_height(tree, control)))
-    return element("worldbody", None, parts, gap=True)
+    return element("worldbody", None, parts)
 
 
 def _floor(material: str, name: str, control: Control, height: float) -> Element:

@@ -19,15 +19,7 @@ from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Shapes, Tree
 from assetbuild.robot.ranges import Randomize
-from assetbuild.targets.mjcf.files import (
-    copy_assets,
-    one_per_look,
-    refuse_name,
-    unreadable_textures,
-    without_textures,
-    write_xml,
-)
-from assetbuild.targets.mjcf.opaque import with_opaque
+from assetbuild.targets.mjcf.files import readable, refuse_name, write_robot
 from assetbuild.targets.mjcf.robot_xml import RobotXml
 from assetbuild.targets.mjlab.events import lost
 from assetbuild.targets.mjlab.module import ModuleFacts, driven, module_text
@@ -73,8 +65,8 @@ class Mjlab(Target):
         tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
         control = decode(Control, (files.inputs / "control.json").read_bytes())
-        without = unreadable_textures(shapes, files.inputs / "meshes")
-        shapes = one_per_look(without_textures(shapes, without))
+        meshes = files.inputs / "meshes"
+        shapes = readable(shapes, meshes)
 
         facts = self._facts(tree, shapes, control)
         sites = [s for s in (*facts.foot_sites, facts.imu_site) if s in tree.by_body]
@@ -83,9 +75,8 @@ class Mjlab(Target):
         )
         folder = files.outputs / "mjlab"
         opaque = tuple(o for o in control.mjcf_only if o.place not in NOT_BARE)
-        root = with_opaque(model.element(bare=True), opaque, model.body_names)
-        write_xml(folder / "mjcf" / f"{self.robot}_bare.xml", root)
-        copy_assets(files.inputs / "meshes", folder / "mjcf" / "assets", shapes)
+        path = folder / "mjcf" / f"{self.robot}_bare.xml"
+        write_robot(path, model, opaque, meshes, bare=True)
         module = folder / "python" / f"{self.robot.replace('-', '_').replace('.', '_')}_mjlab.py"
         module.parent.mkdir(parents=True)
         module.write_text(module_text(facts), encoding="utf-8")
