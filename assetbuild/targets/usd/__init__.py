@@ -29,7 +29,7 @@ from assetbuild.targets.usd.layers import (
     save,
     write_interface,
 )
-from assetbuild.targets.usd.names import Names
+from assetbuild.targets.usd.names import PrimPaths
 from assetbuild.targets.usd.scene import SCENE, write_scene
 from assetbuild.targets.usd.unsupported import unsupported
 
@@ -63,7 +63,7 @@ class Usd(Target):
         shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
         control = decode(Control, (files.inputs / "control.json").read_bytes())
         meshes = files.inputs / "meshes"
-        names = Names.of(self.robot, tree, shapes)
+        names = PrimPaths.of(self.robot, tree, shapes)
         folder = files.outputs / "usd"
         payloads = folder / PAYLOADS
         with plain_environment():
@@ -80,7 +80,7 @@ class Usd(Target):
         yield from unsupported(tree, control, self.options)
 
     def _write_physics(
-        self, folder: Path, names: Names, tree: Tree, shapes: Shapes, control: Control
+        self, folder: Path, names: PrimPaths, tree: Tree, shapes: Shapes, control: Control
     ) -> Iterator[Finding]:
         """`physics.usda`: what the variant `physics` adds to the robot."""
         stage = new_layer(folder / "physics.usda", names)

@@ -15,7 +15,7 @@ from assetbuild.robot.inertia import Tensor, matrix_of
 from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose, Quat, Vec3, quat_of, vec3
 from assetbuild.targets.usd.layers import apply_foreign, label, new_layer, place, save
-from assetbuild.targets.usd.names import Names
+from assetbuild.targets.usd.names import PrimPaths
 from assetbuild.targets.usd.units import to_usd_degrees
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def write_base(
-    folder: Path, names: Names, robot: str, tree: Tree, poses: Mapping[str, Pose]
+    folder: Path, names: PrimPaths, robot: str, tree: Tree, poses: Mapping[str, Pose]
 ) -> None:
     """`base.usda`: an Xform per body at `poses` (X_root_body at q = 0), frames below it.
 
@@ -53,7 +53,7 @@ def write_base(
 
 
 def apply_rigid_bodies(
-    stage: Usd.Stage, names: Names, tree: Tree, options: UsdRigidBody
+    stage: Usd.Stage, names: PrimPaths, tree: Tree, options: UsdRigidBody
 ) -> Iterator[Finding]:
     """RigidBodyAPI and MassAPI on every body; a body without mass gets none, and a finding."""
     from pxr import UsdPhysics
@@ -65,18 +65,13 @@ def apply_rigid_bodies(
         apply_foreign(
             prim,
             "PhysxRigidBodyAPI",
+            "physxRigidBody",
             {
-                "physxRigidBody:linearDamping": ("Float", options.linear_damping),
-                "physxRigidBody:angularDamping": ("Float", options.angular_damping),
-                "physxRigidBody:maxLinearVelocity": ("Float", options.max_linear_velocity),
-                "physxRigidBody:maxAngularVelocity": (
-                    "Float",
-                    to_usd_degrees(options.max_angular_velocity),
-                ),
-                "physxRigidBody:maxDepenetrationVelocity": (
-                    "Float",
-                    options.max_depenetration_velocity,
-                ),
+                "linearDamping": options.linear_damping,
+                "angularDamping": options.angular_damping,
+                "maxLinearVelocity": options.max_linear_velocity,
+                "maxAngularVelocity": to_usd_degrees(options.max_angular_velocity),
+                "maxDepenetrationVelocity": options.max_depenetration_velocity,
             },
         )
         if body.inertial is not None and not body.is_massless:
@@ -88,12 +83,12 @@ def apply_rigid_bodies(
 def _apply_mass(prim: Usd.Prim, inertial: Inertial) -> None:
     from pxr import Gf, UsdPhysics
 
-    moments, (w, x, y, z) = principal_axes(inertial.inertia_com_kg_m2)
+    moments, axes = principal_axes(inertial.inertia_com_kg_m2)
     mass = UsdPhysics.MassAPI.Apply(prim)
     mass.CreateMassAttr(inertial.mass_kg)
     mass.CreateCenterOfMassAttr(Gf.Vec3f(*inertial.com_m))
     mass.CreateDiagonalInertiaAttr(Gf.Vec3f(*moments))
-    mass.CreatePrincipalAxesAttr(Gf.Quatf(w, x, y, z))
+    mass.CreatePrincipalAxesAttr(Gf.Quatf(*axes))
 
 
 def _no_mass(body: Body, *, is_held: bool) -> Finding:

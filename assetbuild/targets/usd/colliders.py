@@ -11,7 +11,7 @@ from assetbuild.robot.pose import Vec3
 from assetbuild.simulators.usd_names import PHYSICS_MATERIALS
 from assetbuild.targets.usd.geometry import asset_path, define_primitive
 from assetbuild.targets.usd.layers import GEOMETRIES, apply_foreign, label, place
-from assetbuild.targets.usd.names import COLLISIONS, Names
+from assetbuild.targets.usd.names import COLLISIONS, PrimPaths
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -21,7 +21,7 @@ HULL_VERTICES = 64
 
 
 def define_colliders(
-    stage: Usd.Stage, names: Names, shapes: Shapes, control: Control
+    stage: Usd.Stage, names: PrimPaths, shapes: Shapes, control: Control
 ) -> Iterator[Finding]:
     """Collision shapes below their bodies, invisible (purpose guide), each with its surface."""
     from pxr import UsdGeom, UsdPhysics, UsdShade
@@ -37,9 +37,8 @@ def define_colliders(
             surfaces[friction] = _define_surface(
                 stage, names.surface(friction, control.contact.friction), friction
             )
-        body, X_body_link = names.tree.placement(shape.link)
+        (body, pose), geometry = names.tree.placed(shape), shape.geometry
         UsdGeom.Xform.Define(stage, f"{names.body(body)}/{COLLISIONS}")
-        pose, geometry = X_body_link @ shape.X_link_shape, shape.geometry
         if isinstance(geometry, Mesh):
             prim = UsdGeom.Mesh.Define(stage, names.shape(shape)).GetPrim()
             path = f"{asset_path(names, geometry)}/mesh"
@@ -63,11 +62,8 @@ def _apply_hull(prim: Usd.Prim) -> None:
     # PhysX makes hulls of moving meshes whatever one asks; ours are hulls already.
     mesh = UsdPhysics.MeshCollisionAPI.Apply(prim)
     mesh.CreateApproximationAttr(UsdPhysics.Tokens.convexHull)
-    apply_foreign(
-        prim,
-        "PhysxConvexHullCollisionAPI",
-        {"physxConvexHullCollision:hullVertexLimit": ("Int", HULL_VERTICES)},
-    )
+    name = "physxConvexHullCollision"
+    apply_foreign(prim, "PhysxConvexHullCollisionAPI", name, {"hullVertexLimit": HULL_VERTICES})
 
 
 def _hull_findings(shape: Shape, geometry: Mesh, shapes: Shapes) -> Iterator[Finding]:
@@ -103,27 +99,19 @@ def _define_surface(stage: Usd.Stage, path: str, friction: Vec3) -> object:
     surface.CreateStaticFrictionAttr(sliding)
     surface.CreateDynamicFrictionAttr(sliding)
     surface.CreateRestitutionAttr(0.0)
-    apply_foreign(
-        material.GetPrim(),
-        "NewtonMaterialAPI",
-        {
-            "newton:torsionalFriction": ("Float", torsional),
-            "newton:rollingFriction": ("Float", rolling),
-        },
-    )
+    beyond = {"torsionalFriction": torsional, "rollingFriction": rolling}
+    apply_foreign(material.GetPrim(), "NewtonMaterialAPI", "newton", beyond)
     return material
 
 
 def apply_filtered_pairs(
-    stage: Usd.Stage, names: Names, tree: Tree, shapes: Shapes, control: Control
+    stage: Usd.Stage, names: PrimPaths, tree: Tree, shapes: Shapes, control: Control
 ) -> None:
     """FilteredPairsAPI for the excluded pairs that no joint filters already.
 
     Never between a body and the root link itself: on a floating base it carries the articulation,
     and a pair there would speak for the whole robot. Its colliders stand in for it.
     """
-    from pxr import UsdPhysics
-
     jointed = {frozenset((joint.parent, joint.child)) for joint in tree.joints}
     targets: dict[str, list[str]] = {}
     for pair in control.excludes:
@@ -131,13 +119,19 @@ def apply_filtered_pairs(
         if frozenset(pair) not in jointed:
             targets.setdefault(first, []).extend(_standing_for(second, names, tree, shapes))
     for body, paths in targets.items():
-        if paths:
-            api = UsdPhysics.FilteredPairsAPI.Apply(stage.OverridePrim(names.body(body)))
-            api.CreateFilteredPairsRel().SetTargets(paths)
+        _filter(stage, names.body(body), paths)
+
+
+def _filter(stage: Usd.Stage, path: str, others: list[str]) -> None:
+    from pxr import UsdPhysics
+
+    if others:
+        api = UsdPhysics.FilteredPairsAPI.Apply(stage.OverridePrim(path))
+        api.CreateFilteredPairsRel().SetTargets(others)
 
 
 def apply_masks(
-    stage: Usd.Stage, names: Names, tree: Tree, shapes: Shapes, control: Control
+    stage: Usd.Stage, names: PrimPaths, tree: Tree, shapes: Shapes, control: Control
 ) -> None:
     """Filtered pairs of shapes whose MuJoCo bits never meet; USD has no such bits.
 
@@ -150,8 +144,8 @@ def apply_masks(
     if all(s.mask == s.partners == 1 for _, s in surfaces):
         return
     for index, (shape, surface) in enumerate(surfaces):
-        prim = stage.OverridePrim(names.shape(shape))
         if not surface.mask and not surface.partners:
+            prim = stage.OverridePrim(names.shape(shape))
             UsdPhysics.CollisionAPI(prim).CreateCollisionEnabledAttr(False)
             continue
         apart = [
@@ -161,12 +155,10 @@ def apply_masks(
             and not (surface.mask & theirs.partners or theirs.mask & surface.partners)
             and tree.placement(shape.link)[0] != tree.placement(other.link)[0]
         ]
-        if apart:
-            api = UsdPhysics.FilteredPairsAPI.Apply(prim)
-            api.CreateFilteredPairsRel().SetTargets(apart)
+        _filter(stage, names.shape(shape), apart)
 
 
-def _standing_for(body: str, names: Names, tree: Tree, shapes: Shapes) -> list[str]:
+def _standing_for(body: str, names: PrimPaths, tree: Tree, shapes: Shapes) -> list[str]:
     if body != tree.root:
         return [names.body(body)]
     colliders = shapes.of("collision")

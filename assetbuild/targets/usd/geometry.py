@@ -15,7 +15,6 @@ from assetbuild.robot.model import (
     Box,
     Capsule,
     Cylinder,
-    Geometry,
     Material,
     Mesh,
     Shape,
@@ -25,7 +24,7 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import Array, Pose, Vec3
 from assetbuild.simulators.usd_names import LOOKS
 from assetbuild.targets.usd.layers import GEOMETRIES, label, new_layer, new_stage, place, save
-from assetbuild.targets.usd.names import VISUALS, Names
+from assetbuild.targets.usd.names import VISUALS, PrimPaths
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -34,7 +33,7 @@ ONE: Vec3 = (1.0, 1.0, 1.0)
 LIBRARY = "/Geometries"
 
 
-def write_library(folder: Path, names: Names, shapes: Shapes, mesh_dir: Path) -> None:
+def write_library(folder: Path, names: PrimPaths, shapes: Shapes, mesh_dir: Path) -> None:
     """`geometries.usdc`: `/Geometries/<asset>/mesh` for each asset, no more than once.
 
     An instance needs a parent to share, a collider the mesh itself: hence the two levels.
@@ -90,15 +89,15 @@ def face_normals(triangles: TriangleMesh) -> Array:
     return out
 
 
-def write_instances(folder: Path, names: Names, shapes: Shapes, *, instanceable: bool) -> None:
+def write_instances(folder: Path, names: PrimPaths, shapes: Shapes, *, instanceable: bool) -> None:
     """`instances.usda`: visual shapes below their bodies, materials bound."""
     from pxr import UsdGeom, UsdShade
 
     stage = new_layer(folder / "instances.usda", names)
     for shape in shapes.of("visual"):
-        body, X_body_link = names.tree.placement(shape.link)
+        body, X_body_shape = names.tree.placed(shape)
         UsdGeom.Xform.Define(stage, f"{stage.OverridePrim(names.body(body)).GetPath()}/{VISUALS}")
-        prim = _define_visual(stage, names, shape, X_body_link @ shape.X_link_shape)
+        prim = _define_visual(stage, names, shape, X_body_shape)
         if instanceable and isinstance(shape.geometry, Mesh):
             prim.SetInstanceable(True)
         label(prim, shape.name)
@@ -109,21 +108,21 @@ def write_instances(folder: Path, names: Names, shapes: Shapes, *, instanceable:
     save(stage)
 
 
-def _define_visual(stage: Usd.Stage, names: Names, shape: Shape, X_body_shape: Pose) -> Usd.Prim:
+def _define_visual(stage: Usd.Stage, names: PrimPaths, shape: Shape, pose: Pose) -> Usd.Prim:
     from pxr import UsdGeom
 
     path, geometry = names.shape(shape), shape.geometry
     if not isinstance(geometry, Mesh):
-        return define_primitive(stage, path, geometry, X_body_shape)
+        return define_primitive(stage, path, geometry, pose)
     prim = UsdGeom.Xform.Define(stage, path).GetPrim()
     # The material is bound on the instance, above the shared mesh: a binding inside of it could
     # not reach the robot's materials, and meshes of two colours would not be shared.
     prim.GetReferences().AddReference(f"./{GEOMETRIES}", asset_path(names, geometry))
-    place(prim, X_body_shape, geometry.scale)
+    place(prim, pose, geometry.scale)
     return prim
 
 
-def asset_path(names: Names, geometry: Mesh) -> str:
+def asset_path(names: PrimPaths, geometry: Mesh) -> str:
     """Prim path of a mesh asset in the library; its Mesh is the child `mesh`."""
     return f"{LIBRARY}/{names.assets[geometry.mesh]}"
 
@@ -139,38 +138,25 @@ def define_primitive(
         prim = UsdGeom.Cube.Define(stage, path)
         prim.CreateSizeAttr(1.0)
         scale = geometry.size  # a Cube has one edge length: the scale makes it a box
+        x = y = z = 0.5
     elif isinstance(geometry, Sphere):
         prim = UsdGeom.Sphere.Define(stage, path)
         prim.CreateRadiusAttr(geometry.radius)
+        x = y = z = geometry.radius
     else:
-        kind = UsdGeom.Cylinder if isinstance(geometry, Cylinder) else UsdGeom.Capsule
-        prim = kind.Define(stage, path)
+        round_ends = isinstance(geometry, Capsule)
+        prim = (UsdGeom.Capsule if round_ends else UsdGeom.Cylinder).Define(stage, path)
         prim.CreateAxisAttr(UsdGeom.Tokens.z)
         prim.CreateRadiusAttr(geometry.radius)
         prim.CreateHeightAttr(geometry.length)
-    prim.CreateExtentAttr(_extent(geometry))
+        x = y = geometry.radius
+        z = geometry.length / 2 + (geometry.radius if round_ends else 0.0)
+    prim.CreateExtentAttr([(-x, -y, -z), (x, y, z)])  # in its own frame, m: before the scale
     place(prim.GetPrim(), pose, scale)
     return prim.GetPrim()
 
 
-def _extent(geometry: Geometry) -> list[tuple[float, float, float]]:
-    """Lower and upper corner in the prim's own frame, m (for a box: before its scale)."""
-    if isinstance(geometry, Box):
-        x = y = z = 0.5
-    elif isinstance(geometry, Sphere):
-        x = y = z = geometry.radius
-    elif isinstance(geometry, Cylinder):
-        x = y = geometry.radius
-        z = geometry.length / 2
-    elif isinstance(geometry, Capsule):
-        x = y = geometry.radius
-        z = geometry.length / 2 + geometry.radius
-    else:
-        raise TypeError("a mesh has its extent in the library")
-    return [(-x, -y, -z), (x, y, z)]
-
-
-def write_materials(folder: Path, names: Names, shapes: Shapes, mesh_dir: Path) -> None:
+def write_materials(folder: Path, names: PrimPaths, shapes: Shapes, mesh_dir: Path) -> None:
     """`materials.usda`: one UsdPreviewSurface per material; textures are copied beside it."""
     from pxr import UsdGeom
 

@@ -11,14 +11,14 @@ payloads/physics.usda        variant `physics`: masses, joints, drives, collider
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from assetbuild.errors import StepError
 from assetbuild.robot.pose import Pose, Vec3
-from assetbuild.targets.usd.names import Names
+from assetbuild.targets.usd.names import PrimPaths
 
 if TYPE_CHECKING:
     from pxr import Sdf, Usd
@@ -27,6 +27,8 @@ PAYLOADS = "payloads"
 GEOMETRIES = "geometries.usdc"
 CRATE_VERSIONS = ((0, 8, 0), (0, 10, 0))
 """First and last version of the binary format that usd-core 24.5 reads and writes."""
+_UNSIGNED = frozenset({"timeStepsPerSecond"})
+"""Whole numbers that their schema declares without a sign."""
 
 # Both decide the bytes of a binary layer from outside of the recipe.
 _ENVIRONMENT = ("USD_WRITE_NEW_USDC_FILES_AS_VERSION", "PIXAR_TF_ENV_SETTINGS_FILE")
@@ -54,7 +56,7 @@ def new_stage(path: Path) -> Usd.Stage:
     return stage
 
 
-def new_layer(path: Path, names: Names) -> Usd.Stage:
+def new_layer(path: Path, names: PrimPaths) -> Usd.Stage:
     """A new stage for one layer of the robot; its default prim is an over of the robot.
 
     An over, because only `<robot>.usda` and `base.usda` define it: the others add to it.
@@ -92,7 +94,7 @@ def _reopen(parent: Sdf.PrimSpec) -> None:
         _reopen(spec)
 
 
-def write_interface(path: Path, names: Names) -> None:
+def write_interface(path: Path, names: PrimPaths) -> None:
     """`<robot>.usda`: composes the payloads and selects the variant `physics`.
 
     Without an authored selection a runtime composes no bodies and no joints, silently.
@@ -132,12 +134,11 @@ def set_place(prim: Usd.Prim, pose: Pose) -> None:
     """Values for the ops that `place` made, here or in a layer below."""
     from pxr import Gf, Sdf
 
-    w, x, y, z = pose.quat
-    kinds = Sdf.ValueTypeNames
-    translate = prim.CreateAttribute("xformOp:translate", kinds.Double3, custom=False)
-    translate.Set(Gf.Vec3d(*pose.xyz))
-    orient = prim.CreateAttribute("xformOp:orient", kinds.Quatd, custom=False)
-    orient.Set(Gf.Quatd(w, x, y, z))
+    for op, kind, value in (
+        ("translate", Sdf.ValueTypeNames.Double3, Gf.Vec3d(*pose.xyz)),
+        ("orient", Sdf.ValueTypeNames.Quatd, Gf.Quatd(*pose.quat)),
+    ):
+        prim.CreateAttribute(f"xformOp:{op}", kind, custom=False).Set(value)
 
 
 def label(prim: Usd.Prim, name: str) -> None:
@@ -146,14 +147,20 @@ def label(prim: Usd.Prim, name: str) -> None:
         prim.SetMetadata("displayName", name)
 
 
-def apply_foreign(prim: Usd.Prim, schema: str, values: dict[str, tuple[str, object]]) -> None:
-    """Apply a schema that usd-core does not ship, with attributes name -> (type name, value).
+def apply_foreign(
+    prim: Usd.Prim, schema: str, prefix: str, values: Mapping[str, bool | int | float | str | None]
+) -> None:
+    """Apply a schema that usd-core does not ship; its attributes are called `<prefix>:<name>`.
 
+    One whose value is None is left out.
     NVIDIA's schema packages may not be vendored; runtimes that have them read these as theirs.
     """
     from pxr import Sdf
 
+    kinds = Sdf.ValueTypeNames
+    types = {bool: kinds.Bool, int: kinds.Int, float: kinds.Float, str: kinds.Token}
     prim.AddAppliedSchema(schema)
-    for name, (kind, value) in values.items():
-        value_type = getattr(Sdf.ValueTypeNames, kind)
-        prim.CreateAttribute(name, value_type, custom=False).Set(value)
+    for name, value in values.items():
+        if value is not None:
+            kind = kinds.UInt if name in _UNSIGNED else types[type(value)]
+            prim.CreateAttribute(f"{prefix}:{name}", kind, custom=False).Set(value)

@@ -15,7 +15,7 @@ from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.usd.joints import starting_positions
 from assetbuild.targets.usd.layers import apply_foreign, new_stage, save, set_place
-from assetbuild.targets.usd.names import Names
+from assetbuild.targets.usd.names import PrimPaths
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -27,7 +27,7 @@ CLEARANCE_M = 1e-3
 rounding alone, with all of `maxDepenetrationVelocity`."""
 
 
-def write_scene(folder: Path, main: str, names: Names, tree: Tree, control: Control) -> None:
+def write_scene(folder: Path, main: str, names: PrimPaths, tree: Tree, control: Control) -> None:
     """A world that references `main`, the robot at the keyframe `home`.
 
     Without that keyframe near q = 0. A fixed root is where the asset's own prim has it, any other
@@ -47,11 +47,10 @@ def write_scene(folder: Path, main: str, names: Names, tree: Tree, control: Cont
     UsdLux.DomeLight.Define(stage, "/World/light").CreateIntensityAttr(1000.0)
     robot = UsdGeom.Xform.Define(stage, f"/World/{names.root}").GetPrim()
     robot.GetReferences().AddReference(f"./{main}")
-    home = next((key for key in control.keyframes if key.name == "home"), None)
     joints = starting_positions(tree, control)  # where the asset's own joints start
-    X_world_base = home.base if home and home.base is not None else IDENTITY
-    if home and home.base is not None:
-        X_world_base = Pose((0.0, 0.0, CLEARANCE_M)) @ X_world_base
+    X_world_base = IDENTITY
+    if control.home and control.home.base is not None:
+        X_world_base = Pose((0.0, 0.0, CLEARANCE_M)) @ control.home.base
     for body, X_root_body in forward_kinematics(tree, joints).items():
         prim = stage.OverridePrim(f"/World{names.body(body)}")
         set_place(prim, X_world_base @ X_root_body)
@@ -68,6 +67,4 @@ def _define_physics(stage: Usd.Stage, control: Control) -> None:
     scene.CreateGravityDirectionAttr(Gf.Vec3f(*direction.tolist()))
     scene.CreateGravityMagnitudeAttr(strength)
     rate = round(1.0 / control.simulation.timestep)
-    apply_foreign(
-        scene.GetPrim(), "PhysxSceneAPI", {"physxScene:timeStepsPerSecond": ("UInt", rate)}
-    )
+    apply_foreign(scene.GetPrim(), "PhysxSceneAPI", "physxScene", {"timeStepsPerSecond": rate})
