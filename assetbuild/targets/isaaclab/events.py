@@ -55,34 +55,31 @@ def lost(randomize: Randomize, control: Control, tree: Tree) -> Iterator[Finding
         )
 
 
-def events_text(randomize: Randomize, tree: Tree, control: Control) -> list[str]:
-    """Lines of the class `EventCfg`."""
+def events_text(randomize: Randomize, tree: Tree, control: Control) -> str:
+    """The class `EventCfg`."""
     terms = [*_matter(randomize, tree), *_joints(randomize, tree), *_friction(randomize, control)]
-    return [
-        "@configclass",
-        "class EventCfg:",
-        '    """What the recipe randomizes, for an entity named "robot"; sources stand in dr.yaml.',
-        "",
-        "    Drawn once, at startup: `randomize_rigid_body_com` of 2.x adds to the current value.",
-        "    Densities and shifts leave an inertia that matter could have; whether that fits into",
-        "    the link is asked by `assetbuild sample` alone. A range of joint friction varies",
-        "    viscous friction too.",
-        '    """',
-        "",
-        *[line for name, func, params in terms for line in _term(name, func, params)],
-    ]
+    body = "".join(_term(name, func, params) for name, func, params in terms)
+    return f'''@configclass
+class EventCfg:
+    """What the recipe randomizes, for an entity named "robot"; sources stand in dr.yaml.
+
+    Drawn once, at startup: `randomize_rigid_body_com` of 2.x adds to the current value.
+    Densities and shifts leave an inertia that matter could have; whether that fits into
+    the link is asked by `assetbuild sample` alone. A range of joint friction varies
+    viscous friction too.
+    """
+{body}'''
 
 
-def _term(name: str, func: str, params: Mapping[str, str]) -> list[str]:
-    return [
-        f"    {name} = EventTermCfg(",
-        f"        func=mdp.{func},",
-        '        mode="startup",',
-        "        params={",
-        *(f'            "{key}": {value},' for key, value in params.items()),
-        "        },",
-        "    )",
-    ]
+def _term(name: str, func: str, params: Mapping[str, str]) -> str:
+    listed = "".join(f'\n            "{key}": {value},' for key, value in params.items())
+    return f"""
+    {name} = EventTermCfg(
+        func=mdp.{func},
+        mode="startup",
+        params={{{listed}
+        }},
+    )"""
 
 
 Found = Iterator[tuple[str, str, dict[str, str]]]

@@ -22,7 +22,7 @@ from assetbuild.robot.ranges import Randomize
 from assetbuild.targets.mjcf.files import readable, refuse_name, write_robot
 from assetbuild.targets.mjcf.robot_xml import RobotXml
 from assetbuild.targets.mjlab.events import lost
-from assetbuild.targets.mjlab.module import ModuleFacts, driven, module_text
+from assetbuild.targets.mjlab.module import ModuleFacts, module_text
 
 TASK_SENSORS = {"gyro": "imu_ang_vel", "velocimeter": "imu_lin_vel", "accelerometer": "imu_lin_acc"}
 """Sensors that mjlab's tasks look for, at the IMU."""
@@ -142,7 +142,7 @@ class Mjlab(Target):
                 data={"joints": tuple(undriven)},
             )
         if self.randomize is not None:
-            yield from lost(self.randomize, tree, driven(facts))
+            yield from lost(self.randomize, tree, facts.driven)
         gone = [s.name for s in control.sensors if _of_mjlab(s)]
         if gone:
             yield Finding(
