@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+
+from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Control, Mesh, Shape, Shapes, Tree
@@ -13,9 +14,6 @@ from assetbuild.targets.usd.geometry import asset_path, define_primitive
 from assetbuild.targets.usd.layers import GEOMETRIES, apply_foreign, label, place
 from assetbuild.targets.usd.names import COLLISIONS, PrimPaths
 
-if TYPE_CHECKING:
-    from pxr import Usd
-
 HULL_VERTICES = 64
 """Most vertices of a convex hull that PhysX collides on a GPU."""
 
@@ -24,8 +22,6 @@ def define_colliders(
     stage: Usd.Stage, names: PrimPaths, shapes: Shapes, control: Control
 ) -> Iterator[Finding]:
     """Collision shapes below their bodies, invisible (purpose guide), each with its surface."""
-    from pxr import UsdGeom, UsdPhysics, UsdShade
-
     if not shapes.of("collision"):
         return
     UsdGeom.Scope.Define(stage, f"/{names.root}/{PHYSICS_MATERIALS}")
@@ -57,8 +53,6 @@ def define_colliders(
 
 
 def _apply_hull(prim: Usd.Prim) -> None:
-    from pxr import UsdPhysics
-
     # PhysX makes hulls of moving meshes whatever one asks; ours are hulls already.
     mesh = UsdPhysics.MeshCollisionAPI.Apply(prim)
     mesh.CreateApproximationAttr(UsdPhysics.Tokens.convexHull)
@@ -91,8 +85,6 @@ def _hull_findings(shape: Shape, geometry: Mesh, shapes: Shapes) -> Iterator[Fin
 
 def _define_surface(stage: Usd.Stage, path: str, friction: Vec3) -> object:
     """The physics material: MuJoCo has one sliding friction, so static equals dynamic."""
-    from pxr import UsdPhysics, UsdShade
-
     material = UsdShade.Material.Define(stage, path)
     sliding, torsional, rolling = friction
     surface = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
@@ -123,8 +115,6 @@ def apply_filtered_pairs(
 
 
 def _filter(stage: Usd.Stage, path: str, others: list[str]) -> None:
-    from pxr import UsdPhysics
-
     if others:
         api = UsdPhysics.FilteredPairsAPI.Apply(stage.OverridePrim(path))
         api.CreateFilteredPairsRel().SetTargets(others)
@@ -137,8 +127,6 @@ def apply_masks(
 
     A shape that meets nothing at all, not even a plain floor, does not collide.
     """
-    from pxr import UsdPhysics
-
     own = dict(control.contacts)
     surfaces = [(shape, own.get(shape.name, control.contact)) for shape in shapes.of("collision")]
     if all(s.mask == s.partners == 1 for _, s in surfaces):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from assetbuild.errors import StepError
 from assetbuild.mesh.obj import read_triangles
-from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.triangles import TriangleMesh, face_normals
 from assetbuild.robot.model import (
     Box,
     Capsule,
@@ -21,13 +21,10 @@ from assetbuild.robot.model import (
     Shapes,
     Sphere,
 )
-from assetbuild.robot.pose import Array, Pose, Vec3
+from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.simulators.usd_names import LOOKS
 from assetbuild.targets.usd.layers import GEOMETRIES, label, new_layer, new_stage, place, save
 from assetbuild.targets.usd.names import VISUALS, PrimPaths
-
-if TYPE_CHECKING:
-    from pxr import Usd
 
 ONE: Vec3 = (1.0, 1.0, 1.0)
 LIBRARY = "/Geometries"
@@ -38,8 +35,6 @@ def write_library(folder: Path, names: PrimPaths, shapes: Shapes, mesh_dir: Path
 
     An instance needs a parent to share, a collider the mesh itself: hence the two levels.
     """
-    from pxr import UsdGeom
-
     stage = new_stage(folder / GEOMETRIES)
     library = UsdGeom.Scope.Define(stage, LIBRARY)
     stage.SetDefaultPrim(library.GetPrim())
@@ -53,8 +48,6 @@ def write_library(folder: Path, names: PrimPaths, shapes: Shapes, mesh_dir: Path
 
 
 def _define_mesh(stage: Usd.Stage, path: str, triangles: TriangleMesh) -> None:
-    from pxr import Sdf, UsdGeom, Vt
-
     mesh = UsdGeom.Mesh.Define(stage, path)
     points = Vt.Vec3fArray.FromNumpy(triangles.vertices.astype(np.float32))
     mesh.CreatePointsAttr(points)
@@ -72,27 +65,15 @@ def _define_mesh(stage: Usd.Stage, path: str, triangles: TriangleMesh) -> None:
         primvar.Set(Vt.Vec2fArray.FromNumpy(triangles.uv.astype(np.float32).reshape(-1, 2)))
     # Polygons without normals are shown flat: one normal per face says the same aloud.
     normals, kind = face_normals(triangles), UsdGeom.Tokens.uniform
+    normals[~normals.any(axis=1)] = (0.0, 0.0, 1.0)  # a face without area has none
     if triangles.normals is not None:
         normals, kind = triangles.normals, UsdGeom.Tokens.faceVarying
     mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(normals.astype(np.float32).reshape(-1, 3)))
     mesh.SetNormalsInterpolation(kind)
 
 
-def face_normals(triangles: TriangleMesh) -> Array:
-    """(n, 3) unit normals by the winding of the faces; +z for a face without area."""
-    a, b, c = (triangles.vertices[triangles.faces[:, corner]] for corner in range(3))
-    normals = np.cross(b - a, c - a)
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    flat = lengths[:, 0] <= 0.0
-    normals[flat], lengths[flat] = (0.0, 0.0, 1.0), 1.0
-    out: Array = normals / lengths
-    return out
-
-
 def write_instances(folder: Path, names: PrimPaths, shapes: Shapes, *, instanceable: bool) -> None:
     """`instances.usda`: visual shapes below their bodies, materials bound."""
-    from pxr import UsdGeom, UsdShade
-
     stage = new_layer(folder / "instances.usda", names)
     for shape in shapes.of("visual"):
         body, X_body_shape = names.tree.placed(shape)
@@ -109,8 +90,6 @@ def write_instances(folder: Path, names: PrimPaths, shapes: Shapes, *, instancea
 
 
 def _define_visual(stage: Usd.Stage, names: PrimPaths, shape: Shape, pose: Pose) -> Usd.Prim:
-    from pxr import UsdGeom
-
     path, geometry = names.shape(shape), shape.geometry
     if not isinstance(geometry, Mesh):
         return define_primitive(stage, path, geometry, pose)
@@ -131,8 +110,6 @@ def define_primitive(
     stage: Usd.Stage, path: str, geometry: Box | Sphere | Cylinder | Capsule, pose: Pose
 ) -> Usd.Prim:
     """A Cube, Sphere, Cylinder or Capsule with its extent, placed at `pose`."""
-    from pxr import UsdGeom
-
     scale = ONE
     if isinstance(geometry, Box):
         prim = UsdGeom.Cube.Define(stage, path)
@@ -158,8 +135,6 @@ def define_primitive(
 
 def write_materials(folder: Path, names: PrimPaths, shapes: Shapes, mesh_dir: Path) -> None:
     """`materials.usda`: one UsdPreviewSurface per material; textures are copied beside it."""
-    from pxr import UsdGeom
-
     stage = new_layer(folder / "materials.usda", names)
     if shapes.materials:
         UsdGeom.Scope.Define(stage, f"/{names.root}/{LOOKS}")
@@ -175,8 +150,6 @@ def write_materials(folder: Path, names: PrimPaths, shapes: Shapes, mesh_dir: Pa
 
 
 def _define_material(stage: Usd.Stage, path: str, material: Material) -> None:
-    from pxr import Gf, Sdf, UsdShade
-
     look = UsdShade.Material.Define(stage, path)
     label(look.GetPrim(), material.name)
     surface = UsdShade.Shader.Define(stage, f"{path}/surface")

@@ -7,7 +7,7 @@ Armature, velocity limit and friction are written three times from one number: `
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.errors import StepError
 from assetbuild.recipe.usd import Usd as Options
@@ -19,9 +19,6 @@ from assetbuild.simulators.usd_names import JOINTS
 from assetbuild.targets.usd.layers import apply_foreign, label
 from assetbuild.targets.usd.names import PrimPaths
 from assetbuild.targets.usd.units import coordinate, gain, instance, is_angular, limits
-
-if TYPE_CHECKING:
-    from pxr import Usd
 
 NEAR = 1e-9
 _AXES: dict[Vec3, tuple[str, Quat]] = {
@@ -54,8 +51,6 @@ def define_joints(
     stage: Usd.Stage, names: PrimPaths, tree: Tree, control: Control, options: Options
 ) -> None:
     """Every joint of the tree, with limits, drive and passive properties."""
-    from pxr import UsdGeom
-
     if tree.joints or tree.base == "fixed":
         UsdGeom.Scope.Define(stage, f"/{names.root}/{JOINTS}")
     starts = starting_positions(tree, control)
@@ -108,8 +103,6 @@ def _apply_start(prim: Usd.Prim, joint: Joint, position: float) -> None:
 
 
 def _define_joint(stage: Usd.Stage, names: PrimPaths, joint: Joint) -> Usd.Prim:
-    from pxr import UsdPhysics
-
     path = names.joint(joint.name)
     if joint.kind == "fixed":
         made = UsdPhysics.FixedJoint.Define(stage, path)
@@ -136,8 +129,6 @@ def _define_joint(stage: Usd.Stage, names: PrimPaths, joint: Joint) -> Usd.Prim:
 
 
 def _set_frames(joint: object, frame0: Pose, frame1: Pose) -> None:
-    from pxr import Gf, UsdPhysics
-
     made = UsdPhysics.Joint(joint)
     for pose, position, rotation in (
         (frame0, made.CreateLocalPos0Attr(), made.CreateLocalRot0Attr()),
@@ -183,8 +174,6 @@ def drive_gains(actuator: Actuator) -> tuple[float, float]:
 def _apply_drive(
     prim: Usd.Prim, joint: Joint, actuator: Actuator, target: float, kind: str
 ) -> None:
-    from pxr import UsdPhysics
-
     if actuator.model == "passive":
         return  # the presence of the API is what makes a drive
     stiffness, damping = drive_gains(actuator)
@@ -227,8 +216,6 @@ def apply_articulation(
     """ArticulationRootAPI where it decides the base: on the root link, it floats; on the fixed
     joint between world and root link, it stands.
     """
-    from pxr import UsdPhysics
-
     prim = stage.OverridePrim(names.body(tree.root))
     if tree.base == "fixed":
         joint = UsdPhysics.FixedJoint.Define(stage, names.root_joint)

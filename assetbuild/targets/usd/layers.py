@@ -10,18 +10,14 @@ payloads/physics.usda        variant `physics`: masses, joints, drives, collider
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.errors import StepError
 from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.targets.usd.names import PrimPaths
-
-if TYPE_CHECKING:
-    from pxr import Sdf, Usd
 
 PAYLOADS = "payloads"
 GEOMETRIES = "geometries.usdc"
@@ -30,24 +26,9 @@ CRATE_VERSIONS = ((0, 8, 0), (0, 10, 0))
 _UNSIGNED = frozenset({"timeStepsPerSecond"})
 """Whole numbers that their schema declares without a sign."""
 
-# Both decide the bytes of a binary layer from outside of the recipe.
-_ENVIRONMENT = ("USD_WRITE_NEW_USDC_FILES_AS_VERSION", "PIXAR_TF_ENV_SETTINGS_FILE")
-
-
-@contextmanager
-def plain_environment() -> Iterator[None]:
-    """Without the variables that change the bytes of a layer; they come back afterwards."""
-    kept = {name: os.environ.pop(name) for name in _ENVIRONMENT if name in os.environ}
-    try:
-        yield
-    finally:
-        os.environ.update(kept)
-
 
 def new_stage(path: Path) -> Usd.Stage:
     """An empty stage in a new file: metres, kilograms, z up."""
-    from pxr import Usd, UsdGeom, UsdPhysics
-
     path.parent.mkdir(parents=True, exist_ok=True)
     stage = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
@@ -86,8 +67,6 @@ def save(stage: Usd.Stage) -> None:
 
 def _reopen(parent: Sdf.PrimSpec) -> None:
     """Untyped definitions become overs again: defining a child has turned them over."""
-    from pxr import Sdf
-
     for spec in parent.nameChildren:
         if not spec.typeName and spec.specifier == Sdf.SpecifierDef:
             spec.specifier = Sdf.SpecifierOver
@@ -99,8 +78,6 @@ def write_interface(path: Path, names: PrimPaths) -> None:
 
     Without an authored selection a runtime composes no bodies and no joints, silently.
     """
-    from pxr import Kind, Usd, UsdGeom
-
     stage = new_layer(path, names)
     prim = UsdGeom.Xform.Define(stage, f"/{names.root}").GetPrim()
     Usd.ModelAPI(prim).SetKind(Kind.Tokens.component)
@@ -119,8 +96,6 @@ def place(prim: Usd.Prim, pose: Pose, scale: Vec3 = (1.0, 1.0, 1.0)) -> None:
 
     Translate and orient are written even when they are identities: Isaac Lab moves prims by them.
     """
-    from pxr import Gf, UsdGeom
-
     xform = UsdGeom.Xformable(prim)
     double = UsdGeom.XformOp.PrecisionDouble
     xform.AddTranslateOp(double)
@@ -132,8 +107,6 @@ def place(prim: Usd.Prim, pose: Pose, scale: Vec3 = (1.0, 1.0, 1.0)) -> None:
 
 def set_place(prim: Usd.Prim, pose: Pose) -> None:
     """Values for the ops that `place` made, here or in a layer below."""
-    from pxr import Gf, Sdf
-
     for op, kind, value in (
         ("translate", Sdf.ValueTypeNames.Double3, Gf.Vec3d(*pose.xyz)),
         ("orient", Sdf.ValueTypeNames.Quatd, Gf.Quatd(*pose.quat)),
@@ -155,8 +128,6 @@ def apply_foreign(
     One whose value is None is left out.
     NVIDIA's schema packages may not be vendored; runtimes that have them read these as theirs.
     """
-    from pxr import Sdf
-
     kinds = Sdf.ValueTypeNames
     types = {bool: kinds.Bool, int: kinds.Int, float: kinds.Float, str: kinds.Token}
     prim.AddAppliedSchema(schema)

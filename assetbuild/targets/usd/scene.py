@@ -6,9 +6,9 @@ The robot's own file holds none of these: a training framework brings its own.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from pxr import Gf, Usd, UsdGeom, UsdLux, UsdPhysics
 
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import IDENTITY, Pose
@@ -16,9 +16,6 @@ from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.usd.joints import starting_positions
 from assetbuild.targets.usd.layers import apply_foreign, new_stage, save, set_place
 from assetbuild.targets.usd.names import PrimPaths
-
-if TYPE_CHECKING:
-    from pxr import Usd
 
 SCENE = "scene.usda"
 FLOOR_M = 20.0
@@ -33,8 +30,6 @@ def write_scene(folder: Path, main: str, names: PrimPaths, tree: Tree, control: 
     Without that keyframe near q = 0. A fixed root is where the asset's own prim has it, any other
     in the origin.
     """
-    from pxr import UsdGeom, UsdLux, UsdPhysics
-
     stage = new_stage(folder / SCENE)
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
     _define_physics(stage, control)
@@ -58,8 +53,6 @@ def write_scene(folder: Path, main: str, names: PrimPaths, tree: Tree, control: 
 
 
 def _define_physics(stage: Usd.Stage, control: Control) -> None:
-    from pxr import Gf, UsdPhysics
-
     scene = UsdPhysics.Scene.Define(stage, "/World/physics")
     gravity = np.asarray(control.simulation.gravity)
     strength = float(np.linalg.norm(gravity))
