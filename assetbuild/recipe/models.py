@@ -37,12 +37,12 @@ from assetbuild.robot.actuator_table import (
     ActuatorRow as ActuatorRow,  # the recipe is read from here
 )
 from assetbuild.robot.actuator_table import Motor as Motor
-from assetbuild.robot.contact import Contact as Contact
+from assetbuild.robot.contact import Contacts as Contacts
 from assetbuild.robot.contact import Exclude as Exclude
-from assetbuild.robot.contact import Simulation as Simulation
 from assetbuild.robot.poses import Keyframe as Keyframe
 from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.sensing import Cameras, Feet, Imu, Sensors
+from assetbuild.robot.simulation import Simulation as Simulation
 
 
 def _no_repeats(values: tuple[str, ...]) -> tuple[str, ...]:
@@ -238,7 +238,7 @@ class Recipe(Model):
     keyframes: dict[Name, Keyframe] = Field(
         default_factory=dict, description="poses by name; the first is the robot's initial state"
     )
-    contact: Contact = Field(default_factory=lambda: Contact.model_validate({}))
+    contact: Contacts = Field(default_factory=lambda: Contacts.model_validate({}))
     feet: Feet | None = Field(None, description="what the robot stands on")
     imu: Imu | None = Field(None, description="sensors `imu_ang_vel`, `imu_lin_acc`, ...")
     sensors: Sensors = Field(default_factory=dict, description="more sensors, by name")

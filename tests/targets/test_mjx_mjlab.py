@@ -56,7 +56,7 @@ def test_mjlabs_module_puts_a_fixed_root_where_its_mjcf_has_it(tmp_path: Path) -
 
 def test_contacts_with_fewer_dimensions_are_told(tmp_path: Path) -> None:
     robot = tiny_quadruped()
-    sole = replace(robot.control.contact, condim=6, priority=1)
+    sole = robot.control.contact.model_copy(update={"condim": 6, "priority": 1})
     control = replace(robot.control, contacts=(("FR_foot_collision", sole),))
     inputs = write_robot_ports(tmp_path / "in", replace(robot, control=control))
     asked = Options.model_validate({"condim": 3})

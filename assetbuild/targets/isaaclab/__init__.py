@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import ClassVar, Self
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
 from assetbuild.recipe.isaaclab import IsaacLab as Options
 from assetbuild.recipe.models import Recipe
@@ -22,6 +22,25 @@ from assetbuild.robot.ranges import Randomize
 from assetbuild.targets.isaaclab import events
 from assetbuild.targets.isaaclab.measure import script
 from assetbuild.targets.isaaclab.module import Generation, Module, module_name
+
+NO_USD = Rule(
+    "isaaclab.no_usd",
+    "error",
+    "the modules spawn a USD that the bundle does not hold",
+    "add `usd` to the targets",
+)
+GENERAL = Rule(
+    "isaaclab.general",
+    "warning",
+    "Isaac Lab has no form of the model `general`",
+    "another model, or an actuator class of your own",
+)
+SATURATION = Rule(
+    "isaaclab.saturation",
+    "info",
+    "a `dc_motor` has no stall torque; its effort limit is used instead",
+    "set it in a copy of the module",
+)
 
 
 class IsaacLab(Target):
@@ -77,18 +96,14 @@ class IsaacLab(Target):
 
     def _findings(self, control: Control) -> Iterator[Finding]:
         if not self.has_usd:
-            yield Finding(
-                "isaaclab.no_usd",
-                "error",
+            yield NO_USD(
                 "recipe targets",
                 "the modules spawn `usd/`, which the bundle does not hold",
                 hint="add `usd` to the targets",
             )
         lost = [a.joint for a in control.actuators if a.model == "general"]
         if lost:
-            yield Finding(
-                "isaaclab.general",
-                "warning",
+            yield GENERAL(
                 f"actuator {lost[0]}",
                 f"Isaac Lab has no form of the model `general`: {len(lost)} joints get no torque",
                 hint="give these joints another model, or an actuator class of your own",
@@ -96,9 +111,7 @@ class IsaacLab(Target):
             )
         stall = [a.joint for a in control.actuators if a.model == "dc_motor"]
         if stall:
-            yield Finding(
-                "isaaclab.saturation",
-                "info",
+            yield SATURATION(
                 f"actuator {stall[0]}",
                 f"the table has no stall torque: `saturation_effort` of {len(stall)} joints is "
                 "their effort limit",

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.recipe.usd import UsdRigidBody
 from assetbuild.robot.inertia import Tensor, matrix_of
 from assetbuild.robot.model import Body, Inertial, Tree
@@ -18,6 +18,14 @@ from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.usd.layers import apply_foreign, label, new_layer, place, save
 from assetbuild.targets.usd.names import PrimPaths
 from assetbuild.targets.usd.units import to_usd_degrees
+
+MASS_MISSING = Rule(
+    "usd.mass_missing",
+    ("error", "info"),
+    "a body has no mass; PhysX would take 1000 kg/m³ times the volume of its colliders (info on "
+    "a fixed base)",
+    "give it an inertial",
+)
 
 
 def write_base(folder: Path, names: PrimPaths, robot: str, tree: Tree) -> None:
@@ -83,11 +91,10 @@ def _apply_mass(prim: Usd.Prim, inertial: Inertial) -> None:
 
 
 def _no_mass(body: Body, *, is_held: bool) -> Finding:
-    return Finding(
-        rule="usd.mass_missing",
+    return MASS_MISSING(
+        f"link {body.name}",
+        "has no mass in USD; PhysX will take 1000 kg/m³ times its collision volume",
         severity="info" if is_held else "error",
-        subject=f"link {body.name}",
-        message="has no mass in USD; PhysX will take 1000 kg/m³ times its collision volume",
         hint="harmless, the fixed base never moves"
         if is_held
         else "give the link an <inertial>; between the hinges of a ball joint: edit `share_mass`",
