@@ -36,6 +36,11 @@ class DefaultClass:
     members: tuple[str, ...]
     children: tuple[DefaultClass, ...] = ()
 
+    @property
+    def all_members(self) -> tuple[str, ...]:
+        """Those of the classes below too."""
+        return (*self.members, *(name for child in self.children for name in child.all_members))
+
     def element(self, first: Sequence[Element] = ()) -> Element:
         """`<default class>`; `first` stands before the classes below it."""
         own = [element(tag, said) for tag, said in self.adds.items() if said]

@@ -6,12 +6,10 @@ and limits share), and families (joints of one motor with one axis and range: al
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Hashable, Sequence
 
 from assetbuild.targets.mjcf.classes import (
     FAMILY_MEMBERS,
-    FEWEST,
     ClassNames,
     DefaultClass,
     Said,
@@ -30,8 +28,42 @@ def joint_classes(robot: str, rows: Sequence[JointRow], names: ClassNames) -> De
     robot: name of the class, already taken from `names`.
     """
     axis = {"joint": usual([row.said["joint"] for row in rows], "axis")}
-    found = _class(robot, rows, axis, _LEVELS, names)
-    return replace(found, adds=joined(axis, found.adds))
+    adds = joined(axis, _shared(rows, axis))
+    motors = [_motor_class(group, adds, names) for group in grouped(rows, _motor_key)]
+    return _class(robot, adds, rows, [motor for motor in motors if motor is not None])
+
+
+def _motor_class(rows: Sequence[JointRow], above: Said, names: ClassNames) -> DefaultClass | None:
+    """The class of the joints with one motor, with its families; None: they share nothing."""
+    adds = _shared(rows, above)
+    inside = joined(above, adds)
+    families = [
+        (group, own)
+        for group in grouped(rows, _family_key)
+        if len(group) >= FAMILY_MEMBERS and (own := _shared(group, inside))
+    ]
+    if not adds and not families:
+        return None
+    first = rows[0]
+    wanted = first.motor or _shared_words(rows) or first.drive or "free"
+    name = names.take(wanted, first.joint.name)
+    children = []
+    for group, own in families:
+        family = names.take(_shared_words(group) or "joints", group[0].joint.name)
+        children.append(_class(family, own, group, ()))
+    return _class(name, adds, rows, children)
+
+
+def _class(
+    name: str, adds: Said, rows: Sequence[JointRow], children: Sequence[DefaultClass]
+) -> DefaultClass:
+    below = {member for child in children for member in child.all_members}
+    direct = tuple(row.joint.name for row in rows if row.joint.name not in below)
+    return DefaultClass(name, adds, direct, tuple(children))
+
+
+def _shared(rows: Sequence[JointRow], above: Said) -> Said:
+    return shared([row.said for row in rows], above)
 
 
 def _motor_key(row: JointRow) -> Hashable:
@@ -52,53 +84,5 @@ def _said(row: JointRow, *, placing: bool) -> frozenset[tuple[str, str, str]]:
     )
 
 
-def _motor_name(rows: Sequence[JointRow]) -> str:
-    return rows[0].motor or _shared_words(rows) or rows[0].drive or "free"
-
-
-def _family_name(rows: Sequence[JointRow]) -> str:
-    return _shared_words(rows) or "joints"
-
-
 def _shared_words(rows: Sequence[JointRow]) -> str:
     return shared_words([row.joint.name.removesuffix("_joint") for row in rows])
-
-
-@dataclass(frozen=True)
-class _Level:
-    """members: fewest that make a class of this level."""
-
-    key: Callable[[JointRow], Hashable]
-    members: int
-    name: Callable[[Sequence[JointRow]], str]
-
-    def groups(self, rows: Sequence[JointRow]) -> list[list[JointRow]]:
-        return [group for group in grouped(rows, self.key) if len(group) >= self.members]
-
-
-_LEVELS = (
-    _Level(_motor_key, FEWEST, _motor_name),
-    _Level(_family_key, FAMILY_MEMBERS, _family_name),
-)
-
-
-def _class(
-    name: str, rows: Sequence[JointRow], above: Said, levels: Sequence[_Level], names: ClassNames
-) -> DefaultClass:
-    adds = shared([row.said for row in rows], above)
-    inside = joined(above, adds)
-    children: list[DefaultClass] = []
-    direct = list(rows)
-    for level in levels[:1]:
-        for group in level.groups(rows):
-            if _is_worth_a_class(group, inside, levels[1:]):
-                child_name = names.take(level.name(group), group[0].joint.name)
-                children.append(_class(child_name, group, inside, levels[1:], names))
-                direct = [row for row in direct if row not in group]
-    return DefaultClass(name, adds, tuple(row.joint.name for row in direct), tuple(children))
-
-
-def _is_worth_a_class(rows: Sequence[JointRow], above: Said, levels: Sequence[_Level]) -> bool:
-    return bool(shared([row.said for row in rows], above)) or any(
-        _is_worth_a_class(group, above, ()) for level in levels for group in level.groups(rows)
-    )

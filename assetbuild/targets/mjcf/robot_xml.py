@@ -254,7 +254,8 @@ class RobotXml:
             )
         use = self.uses[joint.name]
         class_name = use.class_name if use.class_name != self.robot_class else None
-        head = {"name": joint.name, "class": class_name, "pos": _position(X_body_joint)}
+        pos = pose_attributes(X_body_joint)["pos"]
+        head = {"name": joint.name, "class": class_name, "pos": pos}
         return [element("joint", {**head, **use.left["joint"]})]
 
     # --- tail -------------------------------------------------------------------------------
@@ -309,10 +310,6 @@ def _inertial(inertial: Inertial) -> Element:
     )
 
 
-def _position(pose: Pose) -> str | None:
-    return pose_attributes(pose)["pos"]
-
-
 def _planar_elements(joint: Joint, X_body_joint: Pose) -> list[Element]:
     """Two slides across the normal and a hinge about it; class `main`: no motor's armature."""
     turn = X_body_joint.rotation @ rotation_of(quat_between((0.0, 0.0, 1.0), joint.axis))
@@ -323,7 +320,7 @@ def _planar_elements(joint: Joint, X_body_joint: Pose) -> list[Element]:
                 "name": f"{joint.name}_{suffix}",
                 "class": "main",
                 "type": "slide" if suffix != "yaw" else None,
-                "pos": _position(X_body_joint),
+                "pos": pose_attributes(X_body_joint)["pos"],
                 "axis": direction(vec3(turn[:, column])),
             },
         )
