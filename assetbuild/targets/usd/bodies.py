@@ -12,7 +12,7 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from assetbuild.findings import Finding, Rule
 from assetbuild.recipe.usd import UsdRigidBody
 from assetbuild.robot.inertia import Tensor, matrix_of
-from assetbuild.robot.model import Body, Inertial, Tree
+from assetbuild.robot.model import Body, Inertial
 from assetbuild.robot.pose import IDENTITY, Array, Quat, Vec3, quat_of, vec3
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.usd.layers import apply_foreign, label, new_layer, place, save
@@ -28,7 +28,7 @@ MASS_MISSING = Rule(
 )
 
 
-def write_base(folder: Path, names: PrimPaths, robot: str, tree: Tree) -> None:
+def write_base(folder: Path, names: PrimPaths, robot: str) -> None:
     """`base.usda`: an Xform per body where it stands at q = 0, frames below it.
 
     Where a fixed root is held stands on the robot's own prim, and the root link in its origin: a
@@ -41,6 +41,7 @@ def write_base(folder: Path, names: PrimPaths, robot: str, tree: Tree) -> None:
     stage.GetRootLayer().subLayerPaths[:] = ["./instances.usda", "./materials.usda"]
     prim = UsdGeom.Xform.Define(stage, f"/{names.root}").GetPrim()
     label(prim, robot)
+    tree = names.tree
     if tree.X_world_root != IDENTITY:
         place(prim, tree.X_world_root)
     poses = forward_kinematics(tree, {})
@@ -56,9 +57,10 @@ def write_base(folder: Path, names: PrimPaths, robot: str, tree: Tree) -> None:
 
 
 def apply_rigid_bodies(
-    stage: Usd.Stage, names: PrimPaths, tree: Tree, options: UsdRigidBody
+    stage: Usd.Stage, names: PrimPaths, options: UsdRigidBody
 ) -> Iterator[Finding]:
     """RigidBodyAPI and MassAPI on every body; a body without mass gets none, and a finding."""
+    tree = names.tree
     for body in tree.bodies:
         prim = stage.OverridePrim(names.body(body.name))
         UsdPhysics.RigidBodyAPI.Apply(prim)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.model import Control, Mesh, Shape, Shapes, Tree
+from assetbuild.robot.model import Control, Mesh, Shape, Shapes
 from assetbuild.robot.pose import Vec3
 from assetbuild.simulators.usd_names import PHYSICS_MATERIALS
 from assetbuild.targets.usd.geometry import asset_path, define_primitive
@@ -106,19 +106,20 @@ def _define_surface(stage: Usd.Stage, path: str, friction: Vec3) -> object:
 
 
 def apply_filtered_pairs(
-    stage: Usd.Stage, names: PrimPaths, tree: Tree, shapes: Shapes, control: Control
+    stage: Usd.Stage, names: PrimPaths, shapes: Shapes, control: Control
 ) -> None:
     """FilteredPairsAPI for the excluded pairs that no joint filters already.
 
     Never between a body and the root link itself: on a floating base it carries the articulation,
     and a pair there would speak for the whole robot. Its colliders stand in for it.
     """
+    tree = names.tree
     jointed = {frozenset((joint.parent, joint.child)) for joint in tree.joints}
     targets: dict[str, list[str]] = {}
     for pair in control.excludes:
         first, second = sorted(pair, key=lambda body: body == tree.root)
         if frozenset(pair) not in jointed:
-            targets.setdefault(first, []).extend(_standing_for(second, names, tree, shapes))
+            targets.setdefault(first, []).extend(_standing_for(second, names, shapes))
     for body, paths in targets.items():
         _filter(stage, names.body(body), paths)
 
@@ -129,9 +130,7 @@ def _filter(stage: Usd.Stage, path: str, others: list[str]) -> None:
         api.CreateFilteredPairsRel().SetTargets(others)
 
 
-def apply_masks(
-    stage: Usd.Stage, names: PrimPaths, tree: Tree, shapes: Shapes, control: Control
-) -> None:
+def apply_masks(stage: Usd.Stage, names: PrimPaths, shapes: Shapes, control: Control) -> None:
     """Filtered pairs of shapes whose MuJoCo bits never meet; USD has no such bits.
 
     A shape that meets nothing at all, not even a plain floor, does not collide.
@@ -150,13 +149,13 @@ def apply_masks(
             for other, theirs in surfaces[index + 1 :]
             if (theirs.mask or theirs.partners)
             and not (surface.mask & theirs.partners or theirs.mask & surface.partners)
-            and tree.placement(shape.link)[0] != tree.placement(other.link)[0]
+            and names.tree.placement(shape.link)[0] != names.tree.placement(other.link)[0]
         ]
         _filter(stage, names.shape(shape), apart)
 
 
-def _standing_for(body: str, names: PrimPaths, tree: Tree, shapes: Shapes) -> list[str]:
-    if body != tree.root:
+def _standing_for(body: str, names: PrimPaths, shapes: Shapes) -> list[str]:
+    if body != names.tree.root:
         return [names.body(body)]
     colliders = shapes.of("collision")
-    return [names.shape(s) for s in colliders if tree.placement(s.link)[0] == body]
+    return [names.shape(s) for s in colliders if names.tree.placement(s.link)[0] == body]

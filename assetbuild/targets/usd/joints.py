@@ -47,10 +47,9 @@ def joint_axis(axis: Vec3) -> tuple[str, Quat]:
     return "X", quat_multiply(quat_between((-1.0, 0.0, 0.0), axis), half_turn)
 
 
-def define_joints(
-    stage: Usd.Stage, names: PrimPaths, tree: Tree, control: Control, options: Options
-) -> None:
+def define_joints(stage: Usd.Stage, names: PrimPaths, control: Control, options: Options) -> None:
     """Every joint of the tree, with limits, drive and passive properties."""
+    tree = names.tree
     if tree.joints or tree.base == "fixed":
         UsdGeom.Scope.Define(stage, f"/{names.root}/{JOINTS}")
     starts = starting_positions(tree, control)
@@ -63,7 +62,7 @@ def define_joints(
             _apply_drive(prim, joint, actuator, starts[joint.name], options.drive_type)
             _apply_start(prim, joint, starts[joint.name])
             if options.mimics:
-                _apply_mimic(prim, names, tree, joint)
+                _apply_mimic(prim, names, joint)
 
 
 def _undriven(joint: Joint) -> Actuator:
@@ -188,11 +187,11 @@ def _apply_drive(
         drive.CreateMaxForceAttr(actuator.effort)
 
 
-def _apply_mimic(prim: Usd.Prim, names: PrimPaths, tree: Tree, joint: Joint) -> None:
+def _apply_mimic(prim: Usd.Prim, names: PrimPaths, joint: Joint) -> None:
     """q = offset + multiplier q(leader), for Newton as it is, for PhysX as q + G q' + c = 0."""
     if joint.mimic is None:
         return
-    leader = tree.by_joint[joint.mimic.joint]
+    leader = names.tree.by_joint[joint.mimic.joint]
     if is_angular(leader) != is_angular(joint):
         return  # an angle that follows a length has no unit here; `usd.mimic` says so
     offset, multiplier = coordinate(joint, joint.mimic.offset), joint.mimic.multiplier
@@ -210,12 +209,11 @@ def _apply_mimic(prim: Usd.Prim, names: PrimPaths, tree: Tree, joint: Joint) -> 
         prim.CreateRelationship(relation, custom=False).SetTargets([names.joint(leader.name)])
 
 
-def apply_articulation(
-    stage: Usd.Stage, names: PrimPaths, tree: Tree, options: UsdArticulation
-) -> None:
+def apply_articulation(stage: Usd.Stage, names: PrimPaths, options: UsdArticulation) -> None:
     """ArticulationRootAPI where it decides the base: on the root link, it floats; on the fixed
     joint between world and root link, it stands.
     """
+    tree = names.tree
     prim = stage.OverridePrim(names.body(tree.root))
     if tree.base == "fixed":
         joint = UsdPhysics.FixedJoint.Define(stage, names.root_joint)

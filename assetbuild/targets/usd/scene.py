@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdLux, UsdPhysics
 
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.model import Control
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.usd.joints import starting_positions
@@ -24,7 +24,7 @@ CLEARANCE_M = 1e-3
 rounding alone, with all of `maxDepenetrationVelocity`."""
 
 
-def write_scene(folder: Path, main: str, names: PrimPaths, tree: Tree, control: Control) -> None:
+def write_scene(folder: Path, main: str, names: PrimPaths, control: Control) -> None:
     """A world that references `main`, the robot at the keyframe `home`.
 
     Without that keyframe near q = 0. A fixed root is where the asset's own prim has it, any other
@@ -42,11 +42,11 @@ def write_scene(folder: Path, main: str, names: PrimPaths, tree: Tree, control: 
     UsdLux.DomeLight.Define(stage, "/World/light").CreateIntensityAttr(1000.0)
     robot = UsdGeom.Xform.Define(stage, f"/World/{names.root}").GetPrim()
     robot.GetReferences().AddReference(f"./{main}")
-    joints = starting_positions(tree, control)  # where the asset's own joints start
+    joints = starting_positions(names.tree, control)  # where the asset's own joints start
     X_world_base = IDENTITY
     if control.home and control.home.base is not None:
         X_world_base = Pose((0.0, 0.0, CLEARANCE_M)) @ control.home.base
-    for body, X_root_body in forward_kinematics(tree, joints).items():
+    for body, X_root_body in forward_kinematics(names.tree, joints).items():
         prim = stage.OverridePrim(f"/World{names.body(body)}")
         set_place(prim, X_world_base @ X_root_body)
     save(stage)
