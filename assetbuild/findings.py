@@ -52,7 +52,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """What the code can find, for the reference; called, it makes the finding.
+    """What the code can find, declared beside it as a constant; calling it makes the finding.
 
     id: `family.name`; a last part `*` stands for what the call names: see `named`.
     severity: the usual one, or several of which the first is the usual one.
@@ -72,7 +72,7 @@ class Rule:
     def named(self, part: str) -> Rule:
         """The rule with `part` in place of its `*`: `equal.mjcf.*` -> `equal.mjcf.mass`."""
         if not self.id.endswith("*"):
-            raise ValueError(f"rule `{self.id}` has no part to name")
+            raise ValueError(f"rule `{self.id}` has no `*` that a name could replace")
         return replace(self, id=self.id.removesuffix("*") + part)
 
     def __call__(
@@ -86,10 +86,12 @@ class Rule:
         data: Mapping[str, Scalar | tuple[Scalar, ...]] | None = None,
     ) -> Finding:
         """A finding of this rule, of its usual severity unless another declared one is given."""
-        grave = severity or self.severities[0]
-        if grave not in self.severities or self.id.endswith("*"):
-            raise ValueError(f"rule `{self.id}` declares no finding of severity `{grave}`")
-        return Finding(self.id, grave, subject, message, hint, where, data or {})
+        severity = severity or self.severities[0]
+        if severity not in self.severities:
+            raise ValueError(f"rule `{self.id}` does not declare the severity `{severity}`")
+        if self.id.endswith("*"):
+            raise ValueError(f"rule `{self.id}` has a part without a name: `named` gives it one")
+        return Finding(self.id, severity, subject, message, hint, where, data or {})
 
 
 def finding_from_json(raw: Mapping[str, object]) -> Finding:
