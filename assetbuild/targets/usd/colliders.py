@@ -10,9 +10,9 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Control, Mesh, Shape, Shapes
 from assetbuild.robot.pose import Vec3
 from assetbuild.simulators.usd_names import PHYSICS_MATERIALS
-from assetbuild.targets.usd.geometry import asset_path, define_primitive
-from assetbuild.targets.usd.layers import GEOMETRIES, apply_foreign, label, place
-from assetbuild.targets.usd.names import COLLISIONS, PrimPaths
+from assetbuild.targets.usd.geometry import define_shape
+from assetbuild.targets.usd.layers import apply_foreign
+from assetbuild.targets.usd.names import PrimPaths
 
 HULL_VERTICES = 64
 """Most vertices of a convex hull that PhysX collides on a GPU."""
@@ -46,18 +46,10 @@ def define_colliders(
             surfaces[friction] = _define_surface(
                 stage, names.surface(friction, control.contact.friction), friction
             )
-        (body, pose), geometry = names.tree.placed(shape), shape.geometry
-        UsdGeom.Xform.Define(stage, f"{names.body(body)}/{COLLISIONS}")
-        if isinstance(geometry, Mesh):
-            prim = UsdGeom.Mesh.Define(stage, names.shape(shape)).GetPrim()
-            path = f"{asset_path(names, geometry)}/mesh"
-            prim.GetReferences().AddReference(f"./{GEOMETRIES}", path)
-            place(prim, pose, geometry.scale)
+        prim = define_shape(stage, names, shape)
+        if isinstance(shape.geometry, Mesh):
             _apply_hull(prim)
-            yield from _hull_findings(shape, geometry, shapes)
-        else:
-            prim = define_primitive(stage, names.shape(shape), geometry, pose)
-        label(prim, shape.name)
+            yield from _hull_findings(shape, shape.geometry, shapes)
         UsdPhysics.CollisionAPI.Apply(prim)
         UsdGeom.Imageable(prim).CreatePurposeAttr(UsdGeom.Tokens.guide)
         UsdShade.MaterialBindingAPI.Apply(prim).Bind(

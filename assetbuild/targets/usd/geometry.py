@@ -24,7 +24,7 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.simulators.usd_names import LOOKS
 from assetbuild.targets.usd.layers import GEOMETRIES, label, new_layer, new_stage, place, save
-from assetbuild.targets.usd.names import VISUALS, PrimPaths
+from assetbuild.targets.usd.names import PrimPaths
 
 ONE: Vec3 = (1.0, 1.0, 1.0)
 LIBRARY = "/Geometries"
@@ -76,12 +76,11 @@ def write_instances(folder: Path, names: PrimPaths, shapes: Shapes, *, instancea
     """`instances.usda`: visual shapes below their bodies, materials bound."""
     stage = new_layer(folder / "instances.usda", names)
     for shape in shapes.of("visual"):
-        body, X_body_shape = names.tree.placed(shape)
-        UsdGeom.Xform.Define(stage, f"{stage.OverridePrim(names.body(body)).GetPath()}/{VISUALS}")
-        prim = _define_visual(stage, names, shape, X_body_shape)
+        prim = define_shape(stage, names, shape)
         if instanceable and isinstance(shape.geometry, Mesh):
             prim.SetInstanceable(True)
-        label(prim, shape.name)
+        # The material is bound on the instance, above the shared mesh: a binding inside of it could
+        # not reach the robot's materials, and meshes of two colours would not be shared.
         if shape.material is not None:
             binding = UsdShade.MaterialBindingAPI.Apply(prim)
             material = stage.OverridePrim(names.material(shape.material))
@@ -89,21 +88,24 @@ def write_instances(folder: Path, names: PrimPaths, shapes: Shapes, *, instancea
     save(stage)
 
 
-def _define_visual(stage: Usd.Stage, names: PrimPaths, shape: Shape, pose: Pose) -> Usd.Prim:
+def define_shape(stage: Usd.Stage, names: PrimPaths, shape: Shape) -> Usd.Prim:
+    """The shape below its body, with its name.
+
+    A mesh refers to the library: a collider to the mesh itself, a visual to the asset around it.
+    """
     path, geometry = names.shape(shape), shape.geometry
-    if not isinstance(geometry, Mesh):
-        return define_primitive(stage, path, geometry, pose)
-    prim = UsdGeom.Xform.Define(stage, path).GetPrim()
-    # The material is bound on the instance, above the shared mesh: a binding inside of it could
-    # not reach the robot's materials, and meshes of two colours would not be shared.
-    prim.GetReferences().AddReference(f"./{GEOMETRIES}", asset_path(names, geometry))
-    place(prim, pose, geometry.scale)
+    _, pose = names.tree.placed(shape)
+    UsdGeom.Xform.Define(stage, path.rpartition("/")[0])
+    if isinstance(geometry, Mesh):
+        collides = shape.role == "collision"
+        prim = (UsdGeom.Mesh if collides else UsdGeom.Xform).Define(stage, path).GetPrim()
+        asset = f"{LIBRARY}/{names.assets[geometry.mesh]}" + ("/mesh" if collides else "")
+        prim.GetReferences().AddReference(f"./{GEOMETRIES}", asset)
+        place(prim, pose, geometry.scale)
+    else:
+        prim = define_primitive(stage, path, geometry, pose)
+    label(prim, shape.name)
     return prim
-
-
-def asset_path(names: PrimPaths, geometry: Mesh) -> str:
-    """Prim path of a mesh asset in the library; its Mesh is the child `mesh`."""
-    return f"{LIBRARY}/{names.assets[geometry.mesh]}"
 
 
 def define_primitive(
