@@ -71,10 +71,9 @@ class Mjx(Target):
         left_out, shapes = self._touching(readable(shapes, meshes))
         yield from self._explain_condim(control)
         control = self._masked(control, shapes)
-        capped = self._capped(shapes)
         stem = f"{self.robot}_mjx"
-        limits = dict.fromkeys(capped, self.options.max_vertices)
-        model = RobotXml(self.robot, self._solver(), tree, shapes, control, hull_limits=limits)
+        solver, most = Solver.of(self.options), self.options.max_vertices
+        model = RobotXml(self.robot, solver, tree, shapes, control, max_vertices=most)
         folder = files.outputs / "mjx"
         there = {shape.name for shape in shapes.shapes}
         opaque = tuple(
@@ -84,18 +83,7 @@ class Mjx(Target):
         )
         write_robot(folder / f"{stem}.xml", model, opaque, meshes)
         write_xml(folder / "scene_mjx.xml", scene(model, stem))
-        yield from self._explain(left_out, capped)
-
-    def _solver(self) -> Solver:
-        said = self.options
-        return Solver(
-            said.integrator,
-            said.cone,
-            said.impratio,
-            said.solver,
-            said.iterations,
-            said.ls_iterations,
-        )
+        yield from self._explain(left_out, model.capped)
 
     def _touching(self, shapes: Shapes) -> tuple[tuple[str, ...], Shapes]:
         """(links whose collision is left out, the rest)."""
@@ -131,15 +119,6 @@ class Mjx(Target):
         least = min(contact.condim, self.options.condim or contact.condim)
         mask = contact.mask if self.options.self_collision else 0
         return contact.model_copy(update={"condim": least, "mask": mask})
-
-    def _capped(self, shapes: Shapes) -> tuple[str, ...]:
-        """Meshes that collide with more corners than the recipe allows."""
-        used = {s.geometry.mesh for s in shapes.of("collision") if isinstance(s.geometry, Mesh)}
-        return tuple(
-            mesh.name
-            for mesh in shapes.meshes
-            if mesh.name in used and mesh.vertices > self.options.max_vertices
-        )
 
     def _explain_condim(self, control: Control) -> Iterator[Finding]:
         most = max(c.condim for c in (control.contact, *(own for _, own in control.contacts)))

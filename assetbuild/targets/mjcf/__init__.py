@@ -66,7 +66,7 @@ class Mjcf(Target):
 
         meshes = files.inputs / "meshes"
         looks = readable(shapes, meshes)
-        model = RobotXml(self.robot, self._solver(tree), tree, looks, control)
+        model = RobotXml(self.robot, Solver.of(self.options), tree, looks, control)
         folder = files.outputs / "mjcf"
         write_robot(folder / f"{self.robot}.xml", model, control.mjcf_only, meshes)
         write_xml(folder / "scene.xml", scene(model, self.robot))
@@ -76,13 +76,6 @@ class Mjcf(Target):
         yield from explain_looks(shapes, looks)
         yield from explain_textures(shapes, meshes)
         yield from explain_losses(tree, control)
-
-    def _solver(self, tree: Tree) -> Solver:
-        said = self.options
-        cone = said.cone or ("elliptic" if tree.base == "floating" else "pyramidal")
-        return Solver(
-            said.integrator, cone, said.impratio, said.solver, said.iterations, said.ls_iterations
-        )
 
 
 def _explain_names(tree: Tree) -> Iterator[Finding]:

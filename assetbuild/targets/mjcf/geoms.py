@@ -26,6 +26,7 @@ from assetbuild.robot.model import (
     Shape,
     Shapes,
     Sphere,
+    Tree,
 )
 from assetbuild.robot.pose import Pose
 from assetbuild.targets.mjcf.classes import (
@@ -71,14 +72,13 @@ class Geoms:
 
     def __init__(
         self,
+        tree: Tree,
         shapes: Shapes,
         control: Control,
         roles: Mapping[str, str],
         names: ClassNames,
-        X_body_shape: Mapping[str, Pose],
     ) -> None:
-        """roles: the class names of `visual` and `collision`, already taken from `names`;
-        X_body_shape by the shape's name."""
+        """roles: the class names of `visual` and `collision`, already taken from `names`."""
         hidden = {"type": "mesh", "contype": "0", "conaffinity": "0", "group": "2"}
         solid = {"group": "3", **_surface(control.contact, Contact())}
         fixed: Mapping[Role, Mapping[str, str]] = {"visual": hidden, "collision": solid}
@@ -88,7 +88,7 @@ class Geoms:
         self._uses: dict[str, Use] = {}
         for role, always in fixed.items():
             rows = [
-                _row(s, X_body_shape[s.name], own.get(s.name, control.contact), control.contact)
+                _row(s, tree.placed(s)[1], own.get(s.name, control.contact), control.contact)
                 for s in shapes.of(role)
             ]
             if rows:

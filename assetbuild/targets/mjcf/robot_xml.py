@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, fields
 from xml.etree.ElementTree import Element
 
+from pydantic import BaseModel
+
 from assetbuild.errors import StepError
-from assetbuild.robot.model import Control, Inertial, Joint, Keyframe, Shapes, Tree
+from assetbuild.robot.model import Control, Inertial, Joint, Keyframe, Mesh, Shapes, Tree
 from assetbuild.robot.pose import Pose, quat_between, rotation_of, vec3
 from assetbuild.robot.tree import depth_first
 from assetbuild.simulators.mujoco import body_names
@@ -38,15 +41,21 @@ DEFAULT_GRAVITY = (0.0, 0.0, -9.81)
 class Solver:
     """What `<option>` says beyond the timestep and gravity.
 
+    cone: None = elliptic for a floating base (feet slip less), else MuJoCo's default.
     impratio: None = 100 with an elliptic cone, as Menagerie's legged robots have, else MuJoCo's 1.
     """
 
     integrator: str
-    cone: str
+    cone: str | None
     impratio: float | None
     solver: str
     iterations: int | None
     ls_iterations: int | None
+
+    @classmethod
+    def of(cls, options: BaseModel) -> Solver:
+        """The options of a recipe that have these names."""
+        return cls(**options.model_dump(include={field.name for field in fields(cls)}))
 
 
 class RobotXml:
@@ -60,12 +69,12 @@ class RobotXml:
         shapes: Shapes,
         control: Control,
         *,
-        hull_limits: Mapping[str, int] | None = None,
+        max_vertices: int | None = None,
         sites: Collection[str] = (),
     ) -> None:
-        """solver: None = no `<option>`; hull_limits: most corners of a mesh's hull, by name;
+        """solver: None = no `<option>`; max_vertices: of the hull of a mesh that collides;
         sites: bodies that have a site in their origin."""
-        self.robot, self.solver, self.hull_limits = robot, solver, hull_limits or {}
+        self.robot, self.solver, self.max_vertices = robot, solver, max_vertices
         self.body_sites = tuple(dict.fromkeys((*extra_sites(tree, control), *sites)))
         self.tree, self.shapes, self.control = tree, shapes, control
         above = tree.joint_above
@@ -87,9 +96,7 @@ class RobotXml:
         self.classes = joint_classes(self.robot_class, rows, names)
         said = {row.joint.name: row.said for row in rows}
         self.uses = {use.member: use for use in self.classes.uses(said)}
-        self.placed = {shape.name: tree.placed(shape) for shape in shapes.shapes}
-        poses = {name: pose for name, (_, pose) in self.placed.items()}
-        self.geoms = Geoms(shapes, control, roles, names, poses)
+        self.geoms = Geoms(tree, shapes, control, roles, names)
         refuse_hidden(control, self.seats.hidden)
 
     def element(self, *, bare: bool = False) -> Element:
@@ -143,14 +150,15 @@ class RobotXml:
         if solver is None:
             return element("option")
         gravity = simulation.gravity
-        impratio = solver.impratio or (100.0 if solver.cone == "elliptic" else 1.0)
+        cone = solver.cone or ("elliptic" if self.tree.base == "floating" else "pyramidal")
+        impratio = solver.impratio or (100.0 if cone == "elliptic" else 1.0)
         return element(
             "option",
             {
                 "timestep": number(simulation.timestep),
                 "gravity": numbers(gravity) if gravity != DEFAULT_GRAVITY else None,
                 "integrator": solver.integrator,
-                "cone": solver.cone if solver.cone != "pyramidal" else None,
+                "cone": cone if cone != "pyramidal" else None,
                 "solver": solver.solver if solver.solver != "Newton" else None,
                 "iterations": str(solver.iterations) if solver.iterations else None,
                 "ls_iterations": str(solver.ls_iterations) if solver.ls_iterations else None,
@@ -175,7 +183,7 @@ class RobotXml:
         materials = [m for m in self.shapes.materials if m.name in used]
         textures = sorted({m.texture for m in materials if m.texture})
         names = {file: f"texture{index}" for index, file in enumerate(textures)}
-        made = element("asset")
+        made, capped = element("asset"), self.capped
         for file in textures:
             made.append(element("texture", {"name": names[file], "type": "2d", "file": file}))
         for material in materials:
@@ -188,10 +196,18 @@ class RobotXml:
                 "name": mesh.name if mesh.file != f"{mesh.name}.obj" else None,
                 "class": self.robot_class,
                 "file": mesh.file,
-                "maxhullvert": str(self.hull_limits.get(mesh.name) or "") or None,
+                "maxhullvert": str(self.max_vertices) if mesh.name in capped else None,
             }
             made.append(element("mesh", attributes))
         return made
+
+    @property
+    def capped(self) -> tuple[str, ...]:
+        """Meshes that collide and have more corners than their hulls may have."""
+        collides = {s.geometry for s in self.shapes.of("collision")}
+        used = {geometry.mesh for geometry in collides if isinstance(geometry, Mesh)}
+        most = self.max_vertices or math.inf
+        return tuple(m.name for m in self.shapes.meshes if m.name in used and m.vertices > most)
 
     # --- bodies -----------------------------------------------------------------------------
 
@@ -221,7 +237,7 @@ class RobotXml:
         yield from camera_elements(self.tree, self.control)
         for role in ("visual", "collision"):
             for shape in self.shapes.of(role):
-                yield self.placed[shape.name][0], self.geoms.geom(shape)
+                yield self.tree.placement(shape.link)[0], self.geoms.geom(shape)
         yield from site_elements(self.tree, self.body_sites, self.body_names)
 
     def _body_attributes(self, name: str) -> dict[str, str | None]:
