@@ -102,7 +102,7 @@ def module_text(facts: ModuleFacts) -> str:
     if facts.events:
         parts.append(events_text(facts.events))
     if facts.walks:
-        parts.append(_velocity(facts))
+        parts += [_velocity(facts), _pose(facts)]
     return "\n\n\n".join(part.strip("\n") for part in parts) + "\n"
 
 
@@ -268,11 +268,15 @@ def velocity_flat_cfg(num_envs: int = 4096) -> ManagerBasedRlEnvCfg:
         }}
     cfg.terminations.pop("out_of_terrain_bounds", None)
     cfg.curriculum.pop("terrain_levels", None)
-    return cfg
+    return cfg'''
 
 
-JOINTS = {tuple_of(tuple(j for g in facts.groups for j in g.joints))}
-KNEES = {tuple_of(tuple(j for g in facts.groups for j in g.joints if KNEE.fullmatch(j)))}
+def _pose(facts: ModuleFacts) -> str:
+    """How far each joint may swing while the robot walks."""
+    joints = tuple(joint for group in facts.groups for joint in group.joints)
+    return f'''
+JOINTS = {tuple_of(joints)}
+KNEES = {tuple_of(tuple(filter(KNEE.fullmatch, joints)))}
 POSE_SPREAD = {{
     "std_standing": (0.05, 0.1),
     "std_walking": (0.3, 0.6),
