@@ -67,7 +67,7 @@ class GeomRow:
     surface: Mapping[str, str]
 
 
-class Geoms:
+class GeomElements:
     """Geom elements and their default classes."""
 
     def __init__(

@@ -21,7 +21,7 @@ from assetbuild.targets.mjcf.classes import ClassNames
 from assetbuild.targets.mjcf.constraints import contact_section, equality_section
 from assetbuild.targets.mjcf.drives import actuator_names, row_of
 from assetbuild.targets.mjcf.families import joint_classes
-from assetbuild.targets.mjcf.geoms import Geoms
+from assetbuild.targets.mjcf.geoms import GeomElements
 from assetbuild.targets.mjcf.inertia import principal_inertia
 from assetbuild.targets.mjcf.sensors import (
     camera_elements,
@@ -96,7 +96,7 @@ class RobotXml:
         self.classes = joint_classes(self.robot_class, rows, names)
         said = {row.joint.name: row.said for row in rows}
         self.uses = {use.member: use for use in self.classes.uses(said)}
-        self.geoms = Geoms(tree, shapes, control, roles, names)
+        self.geoms = GeomElements(tree, shapes, control, roles, names)
         refuse_hidden(control, self.seats.hidden)
 
     def element(self, *, bare: bool = False) -> Element:

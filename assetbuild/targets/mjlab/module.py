@@ -35,7 +35,7 @@ CLASSES: Mapping[str, str] = {
 
 
 @dataclass(frozen=True)
-class Group:
+class DriveGroup:
     """Joints that one actuator config of mjlab drives. names: patterns that match just these."""
 
     names: tuple[str, ...]
@@ -63,7 +63,7 @@ class ModuleFacts:
         return self.tree.base == "floating" and bool(self.foot_sites) and bool(self.groups)
 
     @cached_property
-    def groups(self) -> tuple[Group, ...]:
+    def groups(self) -> tuple[DriveGroup, ...]:
         """Drives with equal numbers and ranges, in the module's order."""
         table = self.randomize.joints if self.randomize else {}
         found: dict[tuple[Actuator, RandomJoint | None], list[str]] = {}
@@ -73,7 +73,7 @@ class ModuleFacts:
                 ranges = first_match(table, actuator.joint)
                 found.setdefault((numbers, ranges), []).append(actuator.joint)
         return tuple(
-            Group(self._patterns(joints), numbers, tuple(joints), ranges)
+            DriveGroup(self._patterns(joints), numbers, tuple(joints), ranges)
             for (numbers, ranges), joints in found.items()
         )
 
@@ -154,7 +154,7 @@ TIMESTEP, DECIMATION = {simulation.timestep!r}, {simulation.decimation}
 GRAVITY = {simulation.gravity!r}'''
 
 
-def _scale(tree: Tree, group: Group) -> float:
+def _scale(tree: Tree, group: DriveGroup) -> float:
     slides = all(tree.by_joint[joint].kind == "prismatic" for joint in group.joints)
     return action_scale(group.actuator.effort, group.actuator.kp, "m" if slides else "rad")
 
@@ -190,7 +190,7 @@ def robot_cfg() -> EntityCfg:
     )'''
 
 
-def _actuator(group: Group) -> str:
+def _actuator(group: DriveGroup) -> str:
     a = group.actuator
     fields: dict[str, object] = {}
     match a.model:
