@@ -57,7 +57,8 @@ class Module:
 
     def text(self) -> str:
         """Docstring, imports, constants, the configuration."""
-        simulation, home = self.control.simulation, self._home()
+        simulation = self.control.simulation
+        home = self.control.home or next(iter(self.control.keyframes), Keyframe("", ()))
         actuators = "".join(f"\n        {group}," for group in self._actuators())
         randomized = ""
         if self.randomize is not None:
@@ -138,9 +139,6 @@ SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, grav
         physx = _call("PhysxArticulationCfg", _fields(values), 3)
         newton = f"NewtonArticulationCfg(self_collision_enabled={solver.self_collisions!r})"
         return _call("", (physx, newton), 2, "[]")
-
-    def _home(self) -> Keyframe:
-        return self.control.home or next(iter(self.control.keyframes), Keyframe("", ()))
 
     def _base(self, home: Keyframe) -> str:
         # A fixed root too: at a reset Isaac Lab puts it here, wherever the asset had it.
