@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pydantic import Field
-
-from assetbuild.body.inertia_rules import Bounds, inertia_findings
+from assetbuild.body.inertia_rules import inertia_findings
 from assetbuild.body.limit_rule import crossed_limits
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
+from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.model import Shapes, Tree
 
 
@@ -19,7 +18,7 @@ class LintBodies(Step):
 
     version = "6"
 
-    bounds: Bounds = Field(default_factory=Bounds)
+    bounds: InertiaBounds = InertiaBounds()
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Findings in tree order."""

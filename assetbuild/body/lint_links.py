@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from pydantic import Field
-
-from assetbuild.body.inertia_rules import Bounds, inertia_findings
+from assetbuild.body.inertia_rules import inertia_findings
 from assetbuild.body.limit_rule import crossed_limits
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import decode
+from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.mimic import led_range
 from assetbuild.robot.model import Joint, Shapes, Tree
 from assetbuild.robot.tree import PLACEHOLDER_KG
@@ -67,7 +66,7 @@ class LintLinks(Step):
 
     version = "9"
 
-    bounds: Bounds = Field(default_factory=Bounds)
+    bounds: InertiaBounds = InertiaBounds()
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Findings in the order of the source's tree."""

@@ -21,7 +21,7 @@ from assetbuild.mesh.primitives import volume_of
 from assetbuild.mesh.triangles import merged
 from assetbuild.mesh.volume import is_closed, solid_moments
 from assetbuild.mesh.weld import cleaned
-from assetbuild.recipe.models import Pattern, Positive
+from assetbuild.quantities import Pattern, Positive
 from assetbuild.robot.codec import decode
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
 from assetbuild.robot.model import (

@@ -7,21 +7,20 @@ would otherwise decide itself.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import ClassVar, Self
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Target
-from assetbuild.recipe.isaaclab import IsaacLab as Options
-from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.usd import Usd
+from assetbuild.kinds import RecipeView, Target
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.ranges import Randomize
+from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.isaaclab import events
 from assetbuild.targets.isaaclab.measure import script
 from assetbuild.targets.isaaclab.module import Generation, Module, module_name
+from assetbuild.targets.isaaclab.options import IsaacLabOptions
 
 NO_USD = Rule(
     "isaaclab.no_usd",
@@ -54,9 +53,12 @@ class IsaacLab(Target):
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     folder = "python"
 
-    options: Options = Options.model_validate({})
+    sections: ClassVar[Mapping[str, str]] = {"isaaclab": "options"}
+    told: ClassVar[Mapping[str, str]] = {"usd": "usd", "randomize": "randomize"}
+
+    options: IsaacLabOptions = IsaacLabOptions()
     """The recipe's `isaaclab`."""
-    usd: Usd = Usd.model_validate({})
+    usd: UsdOptions = UsdOptions()
     """The recipe's `usd`: the modules repeat it, so that no default of Isaac Lab's slips in."""
     randomize: Randomize | None = None
     """The recipe's ranges, for the modules' event terms."""
@@ -64,15 +66,10 @@ class IsaacLab(Target):
     """Whether the bundle holds the USD that the modules spawn."""
 
     @classmethod
-    def configure(cls, recipe: Recipe) -> Self:
-        """With what the recipe says under `isaaclab` and `usd`."""
-        return cls(
-            robot=recipe.robot,
-            options=recipe.isaaclab,
-            usd=recipe.usd,
-            randomize=recipe.randomize,
-            has_usd="usd" in recipe.targets,
-        )
+    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
+        """Knows whether the USD is built too."""
+        found = super().values(recipe)
+        return None if found is None else found | {"has_usd": "usd" in recipe.value("targets")}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """One module for each generation."""

@@ -9,12 +9,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from assetbuild.recipe.isaaclab import IsaacLab as Options
-from assetbuild.recipe.usd import Usd
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.robot.ranges import Randomize, first_match
 from assetbuild.simulators.usd_names import joint_identifiers
+from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.isaaclab import events
+from assetbuild.targets.isaaclab.options import IsaacLabOptions
 
 Generation = Literal[2, 3]
 
@@ -51,8 +51,8 @@ class Module:
     generation: Generation
     tree: Tree
     control: Control
-    options: Options
-    usd: Usd
+    options: IsaacLabOptions
+    usd: UsdOptions
     randomize: Randomize | None = None
 
     def text(self) -> str:

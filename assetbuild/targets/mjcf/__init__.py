@@ -6,14 +6,12 @@ Mass, centre of mass and inertia stand on every body, so no geom and no mesh add
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Self
+from collections.abc import Iterator, Mapping
+from typing import ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
-from assetbuild.recipe.mjcf import Mjcf as Options
-from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Shapes, Tree
 from assetbuild.simulators.mujoco import body_names
@@ -27,6 +25,7 @@ from assetbuild.targets.mjcf.files import (
     write_robot,
     write_xml,
 )
+from assetbuild.targets.mjcf.options import MjcfOptions
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
 
@@ -48,14 +47,11 @@ class Mjcf(Target):
     outputs = ("mjcf/",)
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
 
-    options: Options = Options.model_validate({})
+    sections: ClassVar[Mapping[str, str]] = {"mjcf": "options"}
+
+    options: MjcfOptions = MjcfOptions()
     """cone None: elliptic for a floating base (feet slip less), else MuJoCo's default;
     impratio None: 100 with an elliptic cone, as Menagerie's legged robots have, else MuJoCo's 1."""
-
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self:
-        """With the solver options of the recipe."""
-        return cls(robot=recipe.robot, options=recipe.mjcf)
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError for joints and actuators that MJCF cannot say."""

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import ClassVar, Self
+from typing import ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.kinds import Target
-from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.usd import Usd as Options
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.simulators.usd_options import UsdOptions
 
 # Both decide the bytes of a binary layer from outside of the recipe.
 _ENVIRONMENT = ("USD_WRITE_NEW_USDC_FILES_AS_VERSION", "PIXAR_TF_ENV_SETTINGS_FILE")
@@ -34,13 +33,10 @@ class Usd(Target):
         "pxr.UsdShade",
     )
 
-    options: Options = Options.model_validate({})
-    """The recipe's `usd`."""
+    sections: ClassVar[Mapping[str, str]] = {"usd": "options"}
 
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self:
-        """With what the recipe says under `usd`."""
-        return cls(robot=recipe.robot, options=recipe.usd)
+    options: UsdOptions = UsdOptions()
+    """The recipe's `usd`."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Writes the asset; raises StepError for joints that no articulation holds."""

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from assetbuild.findings import Finding
-from assetbuild.recipe.usd import Usd as Options
 from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd.bodies import apply_rigid_bodies, write_base
 from assetbuild.targets.usd.colliders import apply_filtered_pairs, apply_masks, define_colliders
 from assetbuild.targets.usd.geometry import write_instances, write_library, write_materials
@@ -28,7 +28,7 @@ def write_asset(
     shapes: Shapes,
     control: Control,
     meshes: Path,
-    options: Options,
+    options: UsdOptions,
 ) -> Iterator[Finding]:
     """`<robot>.usda`, its payloads and `scene.usda`."""
     names = PrimPaths.of(robot, tree, shapes)

@@ -10,11 +10,11 @@ import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.recipe.usd import UsdRigidBody
 from assetbuild.robot.inertia import Tensor, matrix_of
 from assetbuild.robot.model import Body, Inertial
 from assetbuild.robot.pose import IDENTITY, Array, Quat, Vec3, quat_of, vec3
 from assetbuild.robot.tree import forward_kinematics
+from assetbuild.simulators.usd_options import UsdRigidBody
 from assetbuild.targets.usd.layers import apply_foreign, label, new_layer, place, save
 from assetbuild.targets.usd.names import PrimPaths
 from assetbuild.targets.usd.units import to_usd_degrees

@@ -10,12 +10,11 @@ from __future__ import annotations
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.errors import StepError
-from assetbuild.recipe.usd import Usd as Options
-from assetbuild.recipe.usd import UsdArticulation
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import MOVING, Actuator, Control, Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply
 from assetbuild.simulators.usd_names import JOINTS
+from assetbuild.simulators.usd_options import UsdArticulation, UsdOptions
 from assetbuild.targets.usd.layers import apply_foreign, label
 from assetbuild.targets.usd.names import PrimPaths
 from assetbuild.targets.usd.units import coordinate, gain, instance, is_angular, limits
@@ -47,7 +46,9 @@ def joint_axis(axis: Vec3) -> tuple[str, Quat]:
     return "X", quat_multiply(quat_between((-1.0, 0.0, 0.0), axis), half_turn)
 
 
-def define_joints(stage: Usd.Stage, names: PrimPaths, control: Control, options: Options) -> None:
+def define_joints(
+    stage: Usd.Stage, names: PrimPaths, control: Control, options: UsdOptions
+) -> None:
     """Every joint of the tree, with limits, drive and passive properties."""
     tree = names.tree
     if tree.joints or tree.base == "fixed":
