@@ -84,7 +84,8 @@ def _shared(tree: Tree, chain: Chain, links: list[str]) -> dict[str, Inertial]:
         most = 1.0 / float(homogeneous @ np.linalg.solve(pseudo_inertia(rest), homogeneous))
         mass = SHARE * most / len(links)
         made[link] = Inertial(mass, point, ball)
-        rest = _without(rest, mass, in_body)
+        # The body less a point mass: one body with a part of negative mass.
+        rest = combine([rest, Inertial(-mass, in_body, (0.0,) * 6)])
     return made | {chain.body: rest}
 
 
@@ -96,11 +97,6 @@ def _inertial(body: Body) -> Inertial:
             hint="repair them first, by an edit above this one",
         )
     return inertial
-
-
-def _without(inertial: Inertial, mass: float, point: Vec3) -> Inertial:
-    """The body less a point mass: one body with a part of negative mass."""
-    return combine([inertial, Inertial(-mass, point, (0.0,) * 6)])
 
 
 def meeting_point(link: str, joints: tuple[Joint, ...]) -> Vec3:

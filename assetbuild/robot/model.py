@@ -383,3 +383,8 @@ class Control:
     def by_joint(self) -> dict[str, Actuator]:
         """Actuators by the name of their joint."""
         return {actuator.joint: actuator for actuator in self.actuators}
+
+    @property
+    def home(self) -> Keyframe | None:
+        """The keyframe `home`, if there is one."""
+        return next((key for key in self.keyframes if key.name == "home"), None)

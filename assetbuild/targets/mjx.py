@@ -23,15 +23,7 @@ from assetbuild.kinds import Target
 from assetbuild.quantities import Model, Pattern, Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Contact, Control, Mesh, Shapes
-from assetbuild.targets.mjcf.files import (
-    copy_assets,
-    one_per_look,
-    refuse_name,
-    unreadable_textures,
-    without_textures,
-    write_xml,
-)
-from assetbuild.targets.mjcf.opaque import with_opaque
+from assetbuild.targets.mjcf.files import readable, refuse_name, write_robot, write_xml
 from assetbuild.targets.mjcf.options import Cone
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
@@ -100,16 +92,13 @@ class Mjx(Target):
         refuse_name(self.robot)
         robot = RobotFiles(files.inputs)
         tree, shapes, control = robot.tree, robot.shapes, robot.control
-        without = unreadable_textures(shapes, robot.mesh_dir)
-        shapes = one_per_look(without_textures(shapes, without))
-
-        left_out, shapes = self._touching(shapes)
+        meshes = robot.mesh_dir
+        left_out, shapes = self._touching(readable(shapes, meshes))
         yield from self._explain_condim(control)
         control = self._masked(control, shapes)
-        capped = self._capped(shapes)
         stem = f"{self.robot}_mjx"
-        limits = dict.fromkeys(capped, self.options.max_vertices)
-        model = RobotXml(self.robot, self._solver(), tree, shapes, control, hull_limits=limits)
+        solver, most = Solver.of(self.options), self.options.max_vertices
+        model = RobotXml(self.robot, solver, tree, shapes, control, max_vertices=most)
         folder = files.outputs / "mjx"
         there = {shape.name for shape in shapes.shapes}
         opaque = tuple(
@@ -117,18 +106,9 @@ class Mjx(Target):
             for o in control.mjcf_only
             if o.place != "option" and (o.place != "shape" or o.owner in there)
         )
-        root = with_opaque(model.element(), opaque, model.body_names)
-        write_xml(folder / f"{stem}.xml", root)
-        write_xml(folder / "scene_mjx.xml", scene(self.robot, stem, tree, control, model.free_name))
-        copy_assets(robot.mesh_dir, folder / "assets", shapes)
-        yield from self._explain(left_out, capped)
-
-    def _solver(self) -> Solver:
-        said = self.options
-        impratio = said.impratio or (100.0 if said.cone == "elliptic" else 1.0)
-        return Solver(
-            said.integrator, said.cone, impratio, said.solver, said.iterations, said.ls_iterations
-        )
+        write_robot(folder / f"{stem}.xml", model, opaque, meshes)
+        write_xml(folder / "scene_mjx.xml", scene(model, stem))
+        yield from self._explain(left_out, model.capped)
 
     def _touching(self, shapes: Shapes) -> tuple[tuple[str, ...], Shapes]:
         """(links whose collision is left out, the rest)."""
@@ -164,15 +144,6 @@ class Mjx(Target):
         least = min(contact.condim, self.options.condim or contact.condim)
         mask = contact.mask if self.options.self_collision else 0
         return contact.model_copy(update={"condim": least, "mask": mask})
-
-    def _capped(self, shapes: Shapes) -> tuple[str, ...]:
-        """Meshes that collide with more corners than the recipe allows."""
-        used = {s.geometry.mesh for s in shapes.of("collision") if isinstance(s.geometry, Mesh)}
-        return tuple(
-            mesh.name
-            for mesh in shapes.meshes
-            if mesh.name in used and mesh.vertices > self.options.max_vertices
-        )
 
     def _explain_condim(self, control: Control) -> Iterator[Finding]:
         most = max(c.condim for c in (control.contact, *(own for _, own in control.contacts)))

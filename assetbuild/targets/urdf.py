@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from assetbuild.engine.step import Files
@@ -104,42 +104,37 @@ class _Meshes:
     """
 
     def __init__(self, shapes: Shapes) -> None:
-        self._assets = {asset.name: asset for asset in shapes.meshes}
         self._textured = {m.name: m for m in shapes.materials if m.texture}
-        self._looks: dict[str, list[Material | None]] = {name: [] for name in self._assets}
+        self._files = {asset.name: asset.file for asset in shapes.meshes}
+        seen: dict[str, dict[Material | None, None]] = {name: {} for name in self._files}
         for shape in shapes.of("visual"):
             if isinstance(shape.geometry, Mesh):
-                looks = self._looks[shape.geometry.mesh]
-                if self._look(shape) not in looks:
-                    looks.append(self._look(shape))
+                seen[shape.geometry.mesh][self._look(shape)] = None
+        self._stems = {
+            (name, look): self._files[name].removesuffix(".obj") + (f"_{n}" if n > 1 else "")
+            for name, looks in seen.items()
+            for n, look in enumerate(looks or [None], start=1)
+        }
 
     def _look(self, shape: Shape) -> Material | None:
         return self._textured.get(shape.material or "")
 
     def path(self, shape: Shape, mesh: Mesh) -> str:
         """The mesh file of a shape, from the URDF."""
-        looks = self._looks[mesh.mesh]
-        number = looks.index(self._look(shape)) if shape.role == "visual" else 0
-        return f"meshes/{self._stem(mesh.mesh, number)}.obj"
-
-    def _stem(self, asset: str, number: int) -> str:
-        stem = self._assets[asset].file.removesuffix(".obj")
-        return f"{stem}_{number + 1}" if number else stem
+        if shape.role == "visual":
+            return f"meshes/{self._stems[mesh.mesh, self._look(shape)]}.obj"
+        return f"meshes/{self._files[mesh.mesh]}"
 
     def write(self, source: Path, dest: Path) -> None:
         """All files, and the pictures beside them."""
-        if self._assets or self._textured:
+        if self._files or self._textured:
             dest.mkdir()
-        for name, asset in self._assets.items():
-            for number, look in enumerate(self._looks[name] or [None]):
-                target = dest / f"{self._stem(name, number)}.obj"
-                if look is None:
-                    shutil.copyfile(source / asset.file, target)
-                    continue
-                data = (source / asset.file).read_bytes()
-                head = f"mtllib {target.stem}.mtl\nusemtl textured\n".encode()
-                target.write_bytes(head + data)
-                target.with_suffix(".mtl").write_text(_mtl(look), encoding="utf-8")
+        for (name, look), stem in self._stems.items():
+            data = (source / self._files[name]).read_bytes()
+            if look is not None:
+                data = f"mtllib {stem}.mtl\nusemtl textured\n".encode() + data
+                (dest / f"{stem}.mtl").write_text(_mtl(look), encoding="utf-8")
+            (dest / f"{stem}.obj").write_bytes(data)
         for picture in sorted({str(material.texture) for material in self._textured.values()}):
             shutil.copyfile(source / picture, dest / picture)
 
@@ -224,24 +219,24 @@ def _add_joint(robot: ET.Element, joint: Joint, actuator: Actuator | None) -> No
     ET.SubElement(element, "child", link=joint.child)
     if joint.kind in ("revolute", "continuous", "prismatic", "planar"):
         ET.SubElement(element, "axis", xyz=_words(joint.axis))
-    limits = _limits(joint, actuator)
-    if limits:
-        ET.SubElement(element, "limit", {key: repr(limits[key]) for key in limits})
-    dynamics = _dynamics(joint, actuator)
-    if dynamics:
-        ET.SubElement(element, "dynamics", {key: repr(dynamics[key]) for key in dynamics})
+    _add_numbers(element, "limit", _limits(joint, actuator))
+    said = actuator or joint
+    _add_numbers(element, "dynamics", {"damping": said.damping, "friction": said.friction})
     if joint.mimic is not None:
-        ET.SubElement(
-            element,
-            "mimic",
-            joint=joint.mimic.joint,
-            multiplier=repr(joint.mimic.multiplier),
-            offset=repr(joint.mimic.offset),
-        )
+        element = ET.SubElement(element, "mimic", joint=joint.mimic.joint)
+        element.set("multiplier", repr(joint.mimic.multiplier))
+        element.set("offset", repr(joint.mimic.offset))
 
 
-def _limits(joint: Joint, actuator: Actuator | None) -> dict[str, float]:
-    """The attributes of <limit> that somebody stated.
+def _add_numbers(parent: ET.Element, tag: str, values: Mapping[str, float | None]) -> None:
+    """A child with the numbers that somebody stated; none without any."""
+    stated = {name: repr(value) for name, value in values.items() if value is not None}
+    if stated:
+        ET.SubElement(parent, tag, stated)
+
+
+def _limits(joint: Joint, actuator: Actuator | None) -> dict[str, float | None]:
+    """The attributes of <limit>; None = nobody stated it.
 
     Where the source says 0 and the actuator takes it as unlimited, the 0 stays: URDF has no other
     word for it, and parsers refuse a <limit> without the attribute.
@@ -250,21 +245,15 @@ def _limits(joint: Joint, actuator: Actuator | None) -> dict[str, float]:
     for name in ("effort", "velocity"):
         driven: float | None = getattr(actuator, name) if actuator else None
         stated[name] = getattr(joint.limits, name) if driven is None else driven
-    return {name: value for name, value in stated.items() if value is not None}
-
-
-def _dynamics(joint: Joint, actuator: Actuator | None) -> dict[str, float]:
-    if actuator is not None:
-        return {"damping": actuator.damping, "friction": actuator.friction}
-    stated = {"damping": joint.damping, "friction": joint.friction}
-    return {name: value for name, value in stated.items() if value is not None}
+    return stated
 
 
 def _unstated(joint: Joint, actuator: Actuator | None) -> Iterator[Finding]:
     """URDF asks for effort and velocity; a number nobody stated is not invented."""
     if joint.kind not in ("revolute", "prismatic"):
         return
-    missing = [name for name in ("effort", "velocity") if name not in _limits(joint, actuator)]
+    limits = _limits(joint, actuator)
+    missing = [name for name in ("effort", "velocity") if limits[name] is None]
     if missing:
         words = " and ".join(f"`{name}`" for name in missing)
         yield LIMIT_UNSTATED(

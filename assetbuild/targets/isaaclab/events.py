@@ -8,7 +8,7 @@ inertia as if the body had become denser, which is wrong for a box on top of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Control, Tree
@@ -62,109 +62,92 @@ def lost(randomize: Randomize, control: Control, tree: Tree) -> Iterator[Finding
         )
 
 
-def events_text(randomize: Randomize, tree: Tree, control: Control) -> list[str]:
-    """Lines of the class `EventCfg`."""
+def events_text(randomize: Randomize, tree: Tree, control: Control) -> str:
+    """The class `EventCfg`."""
     terms = [*_matter(randomize, tree), *_joints(randomize, tree), *_friction(randomize, control)]
-    return [
-        "@configclass",
-        "class EventCfg:",
-        '    """What the recipe randomizes, for an entity named "robot"; sources stand in dr.yaml.',
-        "",
-        "    Drawn once, at startup: `randomize_rigid_body_com` of 2.x adds to the current value.",
-        "    Densities and shifts leave an inertia that matter could have; whether that fits into",
-        "    the link is asked by `assetbuild sample` alone. A range of joint friction varies",
-        "    viscous friction too.",
-        '    """',
-        "",
-        *[line for name, func, params in terms for line in _term(name, func, params)],
-    ]
+    return f'''@configclass
+class EventCfg:
+    """What the recipe randomizes, for an entity named "robot"; sources stand in dr.yaml.
+
+    Drawn once, at startup: `randomize_rigid_body_com` of 2.x adds to the current value.
+    Densities and shifts leave an inertia that matter could have; whether that fits into
+    the link is asked by `assetbuild sample` alone. A range of joint friction varies
+    viscous friction too.
+    """
+{"".join(terms)}'''
 
 
-def _term(name: str, func: str, params: Mapping[str, str]) -> list[str]:
-    return [
-        f"    {name} = EventTermCfg(",
-        f"        func=mdp.{func},",
-        '        mode="startup",',
-        "        params={",
-        *(f'            "{key}": {value},' for key, value in params.items()),
-        "        },",
-        "    )",
-    ]
+def _term(name: str, func: str, entity: str, **params: object) -> str:
+    said = {key: repr(value).replace("'", '"') for key, value in params.items()}
+    listed = "".join(f'\n            "{key}": {value},' for key, value in said.items())
+    return f"""
+    {name} = EventTermCfg(
+        func=mdp.{func},
+        mode="startup",
+        params={{
+            "asset_cfg": {entity},{listed}
+        }},
+    )"""
 
 
-Found = Iterator[tuple[str, str, dict[str, str]]]
-
-
-def _matter(randomize: Randomize, tree: Tree) -> Found:
+def _matter(randomize: Randomize, tree: Tree) -> Iterator[str]:
     """A density for each body; a shift for each, because one term moves all its bodies alike."""
     names = body_identifiers(tree)
     massive = [b.name for b in tree.bodies if b.inertial is not None and b.inertial.mass_kg > 0.0]
     for index, (_, matter, bodies) in enumerate(claimed(randomize.links, massive)):
         if matter.density != (1.0, 1.0):
-            yield (
+            yield _term(
                 f"density_{index}",
                 "randomize_rigid_body_mass",
-                {
-                    "asset_cfg": _entity("body_names", [names[body] for body in bodies]),
-                    "mass_distribution_params": repr(matter.density),
-                    "operation": '"scale"',
-                    "recompute_inertia": "True",
-                },
+                _entity("body_names", [names[body] for body in bodies]),
+                mass_distribution_params=matter.density,
+                operation="scale",
+                recompute_inertia=True,
             )
         shift = per_axis(matter.com)
+        ranges = {axis: (-most, most) for axis, most in zip("xyz", shift, strict=True)}
         for body in bodies if any(shift) else ():
-            ranges = {axis: (-most, most) for axis, most in zip("xyz", shift, strict=True)}
-            yield (
-                f"com_{names[body]}",
-                "randomize_rigid_body_com",
-                {
-                    "asset_cfg": _entity("body_names", [names[body]]),
-                    "com_range": repr(ranges).replace("'", '"'),
-                },
-            )
+            name, entity = f"com_{names[body]}", _entity("body_names", [names[body]])
+            yield _term(name, "randomize_rigid_body_com", entity, com_range=ranges)
 
 
-def _joints(randomize: Randomize, tree: Tree) -> Found:
+def _joints(randomize: Randomize, tree: Tree) -> Iterator[str]:
     names = joint_identifiers(tree)
     for index, (_, ranges, joints) in enumerate(claimed(randomize.joints, _moving(tree))):
         entity = _entity("joint_names", [names[joint] for joint in joints])
         if (ranges.kp, ranges.kd) != ((1.0, 1.0), (1.0, 1.0)):
-            yield (
+            yield _term(
                 f"gains_{index}",
                 "randomize_actuator_gains",
-                {
-                    "asset_cfg": entity,
-                    "stiffness_distribution_params": repr(ranges.kp),
-                    "damping_distribution_params": repr(ranges.kd),
-                    "operation": '"scale"',
-                },
+                entity,
+                stiffness_distribution_params=ranges.kp,
+                damping_distribution_params=ranges.kd,
+                operation="scale",
             )
         scaled = {
-            f"{key}_distribution_params": repr(getattr(ranges, key))
+            f"{key}_distribution_params": getattr(ranges, key)
             for key in ("friction", "armature")
             if getattr(ranges, key) != (1.0, 1.0)
         }
         if scaled:
-            params = {"asset_cfg": entity, **scaled, "operation": '"scale"'}
-            yield f"joints_{index}", "randomize_joint_parameters", params
+            func = "randomize_joint_parameters"
+            yield _term(f"joints_{index}", func, entity, **scaled, operation="scale")
 
 
-def _friction(randomize: Randomize, control: Control) -> Found:
+def _friction(randomize: Randomize, control: Control) -> Iterator[str]:
     """Restitution 0 is what the USD's materials have."""
     if randomize.friction is not None or randomize.restitution is not None:
         slide = control.contact.friction[0]
         friction = randomize.friction or (slide, slide)
-        yield (
+        yield _term(
             "material",
             "randomize_rigid_body_material",
-            {
-                "asset_cfg": 'SceneEntityCfg("robot")',
-                "static_friction_range": repr(friction),
-                "dynamic_friction_range": repr(friction),
-                "restitution_range": repr(randomize.restitution or (0.0, 0.0)),
-                "num_buckets": str(BUCKETS),
-                "make_consistent": "True",
-            },
+            'SceneEntityCfg("robot")',
+            static_friction_range=friction,
+            dynamic_friction_range=friction,
+            restitution_range=randomize.restitution or (0.0, 0.0),
+            num_buckets=BUCKETS,
+            make_consistent=True,
         )
 
 

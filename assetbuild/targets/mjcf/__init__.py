@@ -18,16 +18,13 @@ from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjcf.chains import explain_chains
 from assetbuild.targets.mjcf.drives import explain_losses
 from assetbuild.targets.mjcf.files import (
-    copy_assets,
     explain_looks,
     explain_textures,
-    one_per_look,
+    readable,
     refuse_name,
-    unreadable_textures,
-    without_textures,
+    write_robot,
     write_xml,
 )
-from assetbuild.targets.mjcf.opaque import with_opaque
 from assetbuild.targets.mjcf.options import MjcfOptions
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
@@ -62,31 +59,18 @@ class Mjcf(Target):
         robot = RobotFiles(files.inputs)
         tree, shapes, control = robot.tree, robot.shapes, robot.control
 
-        without = unreadable_textures(shapes, robot.mesh_dir)
-        plain = without_textures(shapes, without)
-        shapes = one_per_look(plain)
+        meshes = files.inputs / "meshes"
+        looks = readable(shapes, meshes)
+        model = RobotXml(self.robot, Solver.of(self.options), tree, looks, control)
         folder = files.outputs / "mjcf"
-        model = RobotXml(self.robot, self._solver(tree), tree, shapes, control)
-        root = with_opaque(model.element(), control.mjcf_only, model.body_names)
-        write_xml(folder / f"{self.robot}.xml", root)
-        write_xml(
-            folder / "scene.xml", scene(self.robot, self.robot, tree, control, model.free_name)
-        )
-        copy_assets(robot.mesh_dir, folder / "assets", shapes)
+        write_robot(folder / f"{self.robot}.xml", model, control.mjcf_only, meshes)
+        write_xml(folder / "scene.xml", scene(model, self.robot))
         yield from _explain_names(tree)
         yield from _explain_planar(tree)
         yield from explain_chains(tree, shapes)
-        yield from explain_looks(plain, shapes)
-        yield from explain_textures(without)
+        yield from explain_looks(shapes, looks)
+        yield from explain_textures(shapes, meshes)
         yield from explain_losses(tree, control)
-
-    def _solver(self, tree: Tree) -> Solver:
-        said = self.options
-        cone = said.cone or ("elliptic" if tree.base == "floating" else "pyramidal")
-        impratio = said.impratio or (100.0 if cone == "elliptic" else 1.0)
-        return Solver(
-            said.integrator, cone, impratio, said.solver, said.iterations, said.ls_iterations
-        )
 
 
 def _explain_names(tree: Tree) -> Iterator[Finding]:

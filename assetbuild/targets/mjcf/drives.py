@@ -16,12 +16,13 @@ Damping of the joint and `kv` of the drive add up in MuJoCo, as `damping` and `k
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Actuator, Control, General, Joint, Tree
+from assetbuild.targets.mjcf.classes import Said
 from assetbuild.targets.mjcf.xml import direction, number, numbers
 
 EXTERNAL = ("ideal_pd", "dc_motor")
@@ -41,51 +42,49 @@ EXTERNAL_GAINS = Rule(
 
 
 @dataclass(frozen=True)
-class Drive:
-    """One actuator element without its name and joint. tag: position, velocity or motor."""
-
-    tag: str
-    attributes: Mapping[str, str]
-
-
-@dataclass(frozen=True)
-class Row:
+class JointRow:
     """One moving joint: what its `<joint>` and its actuator say beyond their names.
 
-    attributes: of the joint, MuJoCo's defaults left out; motor: the recipe's name, or "";
-    name: of the drive, or "".
+    said: attributes by tag, MuJoCo's defaults left out: of `joint`, and of the actuator if any;
+    motor: the recipe's name, or ""; name: of the drive, or "".
     """
 
     joint: Joint
-    attributes: Mapping[str, str]
-    drive: Drive | None = None
+    said: Said
     motor: str = ""
     name: str = ""
 
+    @property
+    def drive(self) -> str:
+        """Tag of the actuator element: position, velocity, motor, general; "" for none."""
+        return next((tag for tag in self.said if tag != "joint"), "")
 
-def row_of(joint: Joint, actuator: Actuator | None) -> Row:
+
+def row_of(joint: Joint, actuator: Actuator | None) -> JointRow:
     """A moving joint and its actuator; StepError for a range that MJCF cannot express.
 
     Without an actuator the joint keeps the damping and friction of the source.
     """
-    damping = actuator.damping if actuator else joint.damping or 0.0
-    friction = actuator.friction if actuator else joint.friction or 0.0
-    armature = actuator.armature if actuator else 0.0
+    passive = Actuator(
+        joint.name, "passive", damping=joint.damping or 0.0, friction=joint.friction or 0.0
+    )
+    actuator = actuator or passive
     attributes = {
         "type": "slide" if joint.kind == "prismatic" else None,
         "axis": direction(joint.axis),
         "range": _range(joint),
-        "damping": number(damping) if damping else None,
-        "frictionloss": number(friction) if friction else None,
-        "armature": number(armature) if armature else None,
+        "damping": number(actuator.damping) if actuator.damping else None,
+        "frictionloss": number(actuator.friction) if actuator.friction else None,
+        "armature": number(actuator.armature) if actuator.armature else None,
     }
-    return Row(
-        joint,
-        {key: value for key, value in attributes.items() if value is not None},
-        _drive(joint, actuator) if actuator else None,
-        actuator.motor if actuator else "",
-        actuator.name if actuator else "",
+    said = {"joint": attributes, **_drive(joint, actuator)}
+    return JointRow(
+        joint, {tag: _stated(s) for tag, s in said.items()}, actuator.motor, actuator.name
     )
+
+
+def _stated(attributes: Mapping[str, str | None]) -> dict[str, str]:
+    return {key: value for key, value in attributes.items() if value is not None}
 
 
 def _range(joint: Joint) -> str | None:
@@ -114,34 +113,33 @@ def locked_at(joint: Joint) -> float | None:
     return lower if lower is not None and lower == upper else None
 
 
-def _drive(joint: Joint, actuator: Actuator) -> Drive | None:
+def _drive(joint: Joint, actuator: Actuator) -> dict[str, dict[str, str | None]]:
+    """The attributes of the actuator element by its tag; nothing for a passive joint."""
     effort = numbers((-actuator.effort, actuator.effort)) if actuator.effort else None
+    speed = numbers((-actuator.velocity, actuator.velocity)) if actuator.velocity else None
     match actuator.model:
         case "passive":
-            return None
+            return {}
         case "pd":
-            attributes = {
-                "kp": number(actuator.kp),
-                "kv": number(actuator.kd) if actuator.kd else None,
-                "forcerange": effort,
-                "inheritrange": "1" if _range(joint) else None,
-            }
-            tag = "position"
+            tag, said = (
+                "position",
+                {
+                    "kp": number(actuator.kp),
+                    "kv": number(actuator.kd) if actuator.kd else None,
+                    "forcerange": effort,
+                    "inheritrange": "1" if _range(joint) else None,
+                },
+            )
         case "velocity":
-            speed = actuator.velocity
-            attributes = {
-                "kv": number(actuator.kd),
-                "forcerange": effort,
-                "ctrlrange": numbers((-speed, speed)) if speed else None,
-            }
             tag = "velocity"
-        case "ideal_pd" | "dc_motor" | "motor":
-            attributes, tag = {"ctrlrange": effort}, "motor"
+            said = {"kv": number(actuator.kd), "forcerange": effort, "ctrlrange": speed}
         case "general":
-            attributes, tag = {"forcerange": effort, **_general(actuator)}, "general"
+            tag, said = "general", {"forcerange": effort, **_general(actuator)}
+        case _:
+            tag, said = "motor", {"ctrlrange": effort}
     if actuator.ctrl is not None:
-        attributes |= {"inheritrange": None, "ctrlrange": numbers(actuator.ctrl)}
-    return Drive(tag, {key: value for key, value in attributes.items() if value is not None})
+        said |= {"inheritrange": None, "ctrlrange": numbers(actuator.ctrl)}
+    return {tag: said}
 
 
 def _general(actuator: Actuator) -> dict[str, str | None]:
@@ -158,7 +156,7 @@ def _general(actuator: Actuator) -> dict[str, str | None]:
     }
 
 
-def actuator_names(rows: tuple[Row, ...]) -> dict[str, str]:
+def actuator_names(rows: Sequence[JointRow]) -> dict[str, str]:
     """Actuator name by joint name: its own, else the joint's without `_joint`, where unique."""
     short = [row.name or row.joint.name.removesuffix("_joint") or row.joint.name for row in rows]
     return {

@@ -1,8 +1,18 @@
-"""The geoms of a robot: visual in group 2 without contact, collision in group 3."""
+"""The geoms of a robot: visual in group 2 without contact, collision in group 3.
+
+Classes say what geoms share, found in the data. `collision` (or `visual`) says what all its geoms
+say alike, and the type and material of most. Below it stand a class for each other surface (feet,
+mostly) and one for each size that three shapes or more have (all hips, all calves), with their
+place where that is one and the same, or one for the pieces of a link that fixed joints put
+elsewhere.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from xml.etree.ElementTree import Element
 
 from assetbuild.errors import StepError
 from assetbuild.robot.model import (
@@ -11,103 +21,116 @@ from assetbuild.robot.model import (
     Contact,
     Control,
     Cylinder,
-    Geometry,
     Mesh,
+    Role,
     Shape,
     Shapes,
     Sphere,
+    Tree,
 )
 from assetbuild.robot.pose import Pose
-from assetbuild.targets.mjcf.classes import Names
-from assetbuild.targets.mjcf.surfaces import (
-    GeomRow,
-    find_geom_classes,
-    geom_uses,
-    surface_attributes,
+from assetbuild.targets.mjcf.classes import (
+    FAMILY_MEMBERS,
+    FEWEST,
+    ClassNames,
+    DefaultClass,
+    Use,
+    grouped,
+    shared,
+    shared_words,
+    usual,
 )
-from assetbuild.targets.mjcf.xml import Element, element, number, numbers, pose_attributes
+from assetbuild.targets.mjcf.xml import element, number, numbers, pose_attributes
 
-VISUAL_GROUP, COLLISION_GROUP = "2", "3"
+_PLACE = frozenset({"pos", "quat"})
+_SURFACE: Mapping[str, str] = {
+    "mask": "contype",
+    "partners": "conaffinity",
+    "condim": "condim",
+    "priority": "priority",
+    "friction": "friction",
+    "solref": "solref",
+    "solimp": "solimp",
+    "margin": "margin",
+    "gap": "gap",
+}
+"""Attribute in MJCF by field of `Contact`, in Menagerie's order."""
+_SURFACE_DEFAULTS: Mapping[str, str] = {"solref": "0.02 1", "solimp": "0.9 0.95 0.001 0.5 2"}
 
 
-class Geoms:
-    """Geom elements and their default classes, which say what geoms have in common."""
+@dataclass(frozen=True)
+class GeomRow:
+    """A shape and what its geom says beyond its name and mesh; `surface` is a part of it."""
+
+    shape: Shape
+    said: Mapping[str, str]
+    surface: Mapping[str, str]
+
+
+class GeomElements:
+    """Geom elements and their default classes."""
 
     def __init__(
         self,
+        tree: Tree,
         shapes: Shapes,
         control: Control,
         roles: Mapping[str, str],
-        names: Names,
-        X_body_shape: Mapping[str, Pose],
+        names: ClassNames,
     ) -> None:
-        """roles: the class names of `visual` and `collision`, already taken from `names`;
-        X_body_shape by the shape's name."""
-        surfaces = dict(control.contacts)
-        visual = {"type": "mesh", "contype": "0", "conaffinity": "0", "group": VISUAL_GROUP}
-        collision = {
-            "group": COLLISION_GROUP,
-            **surface_attributes(control.contact, Contact()),
-        }
-        rows = {
-            "visual": [
-                GeomRow(
-                    s,
-                    _attributes(s, X_body_shape[s.name])
-                    | ({"material": s.material} if s.material else {}),
+        """roles: the class names of `visual` and `collision`, already taken from `names`."""
+        hidden = {"type": "mesh", "contype": "0", "conaffinity": "0", "group": "2"}
+        solid = {"group": "3", **_surface(control.contact, Contact())}
+        fixed: Mapping[Role, Mapping[str, str]] = {"visual": hidden, "collision": solid}
+        own = dict(control.contacts)
+        self.classes: list[DefaultClass] = []
+        """Of the roles that any shape has."""
+        self._uses: dict[str, Use] = {}
+        for role, always in fixed.items():
+            rows = [
+                _row(
+                    s, tree.shape_placement(s)[1], own.get(s.name, control.contact), control.contact
                 )
-                for s in shapes.of("visual")
-            ],
-            "collision": [
-                GeomRow(
-                    s,
-                    _attributes(s, X_body_shape[s.name]),
-                    surface_attributes(surfaces.get(s.name, control.contact), control.contact),
-                )
-                for s in shapes.of("collision")
-            ],
-        }
-        found = [
-            (rows[role], find_geom_classes(roles[role], fixed, rows[role], names))
-            for role, fixed in (("visual", visual), ("collision", collision))
-            if rows[role]
-        ]
-        self._classes = [role for _, role in found]
-        self._uses = {
-            name: use for own, role in found for name, use in geom_uses(role, own).items()
-        }
-
-    def classes(self) -> list[Element]:
-        """The default classes of both roles, without those of roles that no shape has."""
-        return [role.element() for role in self._classes]
+                for s in shapes.of(role)
+            ]
+            if rows:
+                found = _role_class(roles[role], always, rows, names)
+                self.classes.append(found)
+                said = {row.shape.name: {"geom": row.said} for row in rows}
+                self._uses |= {use.member: use for use in found.uses(said)}
 
     def geom(self, shape: Shape) -> Element:
         """One geom, with only what its class does not say."""
         use = self._uses[shape.name]
-        said = dict(use.attributes)
+        left = dict(use.left["geom"])
         return element(
             "geom",
             {
                 "name": shape.name,
                 "class": use.class_name,
-                "type": said.pop("type", None),
-                "size": said.pop("size", None),
+                "type": left.pop("type", None),
+                "size": left.pop("size", None),
                 "mesh": shape.geometry.mesh if isinstance(shape.geometry, Mesh) else None,
-                **said,
+                **left,
             },
         )
 
 
-def _attributes(shape: Shape, X_body_shape: Pose) -> dict[str, str]:
+def _row(shape: Shape, X_body_shape: Pose, contact: Contact, above: Contact) -> GeomRow:
     kind, size = _geometry(shape)
     said = {"type": kind, "size": size, **pose_attributes(X_body_shape)}
-    return {key: value for key, value in said.items() if value is not None}
+    surface: dict[str, str] = {}
+    if shape.role == "visual":
+        said["material"] = shape.material or None
+    else:
+        surface = _surface(contact, above)
+    stated = {key: value for key, value in said.items() if value is not None}
+    return GeomRow(shape, {**stated, **surface}, surface)
 
 
 def _geometry(shape: Shape) -> tuple[str, str | None]:
     """(type, size): MJCF counts half edges and half lengths."""
-    geometry: Geometry = shape.geometry
-    match geometry:
+    match shape.geometry:
         case Box(size):
             return "box", numbers(edge / 2 for edge in size)
         case Sphere(radius):
@@ -120,3 +143,67 @@ def _geometry(shape: Shape) -> tuple[str, str | None]:
             if scale != (1.0, 1.0, 1.0):
                 raise StepError(f"shape {shape.name}: the scale of its mesh was not baked in")
             return "mesh", None
+
+
+def _surface(contact: Contact, above: Contact) -> dict[str, str]:
+    """What differs from the class above."""
+    return {
+        attribute: _SURFACE_DEFAULTS.get(name, "") if value is None else numbers(_listed(value))
+        for name, attribute in _SURFACE.items()
+        if (value := getattr(contact, name)) != getattr(above, name)
+    }
+
+
+def _listed(value: float | Sequence[float]) -> Sequence[float]:
+    return (value,) if isinstance(value, int | float) else value
+
+
+def _role_class(
+    name: str, fixed: Mapping[str, str], rows: Sequence[GeomRow], names: ClassNames
+) -> DefaultClass:
+    """The class of one role. fixed: what it says in any case (group, masks of visuals)."""
+    said = [row.said for row in rows]
+    common = {**fixed, **_shared(rows, fixed)}
+    common |= {**usual(said, "type"), **usual(said, "material", most=False)}
+    children, placed = [], set[str]()
+    for key, least, suffix in (
+        (_by_surface, FEWEST, ""),
+        (_by_size, FAMILY_MEMBERS, f"_{name}"),
+        (_by_place, FAMILY_MEMBERS, f"_{name}"),
+    ):
+        for group in grouped(rows, partial(key, common)):
+            free = [row for row in group if row.shape.name not in placed]
+            own = _shared(free, common)
+            if len(free) < least or not own:
+                continue
+            words = shared_words([row.shape.link for row in free]) or "other"
+            wanted = f"{words}_{name}" if words in names else f"{words}{suffix}"
+            class_name = names.take(wanted, f"{free[0].shape.link}_{name}")
+            children.append(DefaultClass(class_name, {"geom": own}, _names_of(free)))
+            placed.update(_names_of(free))
+    rest = [row for row in rows if row.shape.name not in placed]
+    return DefaultClass(name, {"geom": common}, _names_of(rest), tuple(children))
+
+
+def _names_of(rows: Sequence[GeomRow]) -> tuple[str, ...]:
+    return tuple(row.shape.name for row in rows)
+
+
+def _shared(rows: Sequence[GeomRow], above: Mapping[str, str]) -> Mapping[str, str]:
+    return shared([{"geom": row.said} for row in rows], {"geom": above}).get("geom", {})
+
+
+def _by_surface(common: Mapping[str, str], row: GeomRow) -> Hashable:
+    """What the surface says that not all say."""
+    return frozenset(row.surface.items() - common.items()) or None
+
+
+def _by_size(common: Mapping[str, str], row: GeomRow) -> Hashable:
+    own = {item for item in row.said.items() - common.items() if item[0] not in _PLACE}
+    return frozenset(own) if "size" in dict(own) else None
+
+
+def _by_place(common: Mapping[str, str], row: GeomRow) -> Hashable:
+    """The pieces of one link that stand in one place of its body, which is not the origin."""
+    place = {item for item in row.said.items() - common.items() if item[0] in _PLACE}
+    return (row.shape.link, frozenset(place)) if place else None

@@ -2,43 +2,35 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, fields
+from xml.etree.ElementTree import Element
+
+from pydantic import BaseModel
 
 from assetbuild.errors import StepError
-from assetbuild.robot.model import (
-    Body,
-    Control,
-    Joint,
-    Keyframe,
-    Material,
-    Shapes,
-    Tree,
-)
+from assetbuild.robot.model import Control, Inertial, Joint, Keyframe, Mesh, Shapes, Tree
 from assetbuild.robot.pose import Pose, quat_between, rotation_of, vec3
+from assetbuild.robot.tree import depth_first
 from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjcf.chains import Seats
-from assetbuild.targets.mjcf.classes import Defaults, Names, Use, find_defaults, uses
-from assetbuild.targets.mjcf.drives import Row, actuator_names, locked_at, row_of
-from assetbuild.targets.mjcf.geoms import Geoms
+from assetbuild.targets.mjcf.classes import ClassNames
+from assetbuild.targets.mjcf.constraints import contact_section, equality_section
+from assetbuild.targets.mjcf.drives import actuator_names, row_of
+from assetbuild.targets.mjcf.families import joint_classes
+from assetbuild.targets.mjcf.geoms import GeomElements
 from assetbuild.targets.mjcf.inertia import principal_inertia
-from assetbuild.targets.mjcf.sensors import Names as SensorNames
 from assetbuild.targets.mjcf.sensors import (
-    cameras_by_body,
+    camera_elements,
     extra_sites,
     refuse_hidden,
     sensor_section,
     site_elements,
 )
-from assetbuild.targets.mjcf.xml import (
-    Element,
-    direction,
-    element,
-    number,
-    numbers,
-    pose_attributes,
-)
+from assetbuild.targets.mjcf.xml import direction, element, number, numbers, pose_attributes
 
 SITE_GROUP = "4"
 NAME = re.compile(r"""\bname="([^"]*)\"""")
@@ -47,14 +39,23 @@ DEFAULT_GRAVITY = (0.0, 0.0, -9.81)
 
 @dataclass(frozen=True)
 class Solver:
-    """What `<option>` says beyond the timestep and gravity."""
+    """What `<option>` says beyond the timestep and gravity.
+
+    cone: None = elliptic for a floating base (feet slip less), else MuJoCo's default.
+    impratio: None = 100 with an elliptic cone, as Menagerie's legged robots have, else MuJoCo's 1.
+    """
 
     integrator: str
-    cone: str
-    impratio: float
-    solver: str = "Newton"
-    iterations: int | None = None
-    ls_iterations: int | None = None
+    cone: str | None
+    impratio: float | None
+    solver: str
+    iterations: int | None
+    ls_iterations: int | None
+
+    @classmethod
+    def of(cls, options: BaseModel) -> Solver:
+        """The options of a recipe that have these names."""
+        return cls(**options.model_dump(include={field.name for field in fields(cls)}))
 
 
 class RobotXml:
@@ -68,33 +69,34 @@ class RobotXml:
         shapes: Shapes,
         control: Control,
         *,
-        hull_limits: Mapping[str, int] | None = None,
+        max_vertices: int | None = None,
         sites: Collection[str] = (),
     ) -> None:
-        """solver: None = no `<option>`; hull_limits: most corners of a mesh's hull, by name;
+        """solver: None = no `<option>`; max_vertices: of the hull of a mesh that collides;
         sites: bodies that have a site in their origin."""
-        self.robot, self.solver, self.hull_limits = robot, solver, hull_limits or {}
+        self.robot, self.solver, self.max_vertices = robot, solver, max_vertices
         self.body_sites = tuple(dict.fromkeys((*extra_sites(tree, control), *sites)))
         self.tree, self.shapes, self.control = tree, shapes, control
-        self.order = depth_first(tree)
-        self.body_names = body_names(tree)
         above = tree.joint_above
-        self.joints = tuple(above[body] for body in self.order if body in above)
+        carried = [above[body.name] for body in tree.bodies if body.name in above]
+        # Bodies and joints in the order in which MuJoCo numbers them.
+        self.order, self.joints = depth_first(tree.root, carried)
+        self.body_names = body_names(tree)
         self.seats = Seats(tree, shapes)
-        self.rows = tuple(
+        rows = [
             row_of(self.seats.seated(joint), control.by_joint.get(joint.name))
             for joint in self.joints
             if joint in tree.moving_joints
-        )
-        names = Names()
+        ]
+        self.driven = [row for row in rows if row.drive]
+        self.drive_names = actuator_names(self.driven)
+        names = ClassNames()
         self.robot_class = names.take(robot)
         roles = {role: names.take(role) for role in ("visual", "collision")}
-        self.defaults: Defaults = find_defaults(self.robot_class, self.rows, names)
-        self.uses: dict[str, Use] = uses(self.defaults)
-        self.placed = {shape.name: tree.shape_placement(shape) for shape in shapes.shapes}
-        poses = {name: pose for name, (_, pose) in self.placed.items()}
-        self.geoms = Geoms(shapes, control, roles, names, poses)
-        self.cameras = cameras_by_body(tree, control)
+        self.classes = joint_classes(self.robot_class, rows, names)
+        said = {row.joint.name: row.said for row in rows}
+        self.uses = {use.member: use for use in self.classes.uses(said)}
+        self.geoms = GeomElements(tree, shapes, control, roles, names)
         refuse_hidden(control, self.seats.hidden)
 
     def element(self, *, bare: bool = False) -> Element:
@@ -105,13 +107,13 @@ class RobotXml:
             self.default(),
             self.asset(),
             self.worldbody(),
-            self.contact(),
-            self.equality(),
+            contact_section(self.tree, self.control, self.seats, self.body_names),
+            equality_section(self.joints),
             self.actuator(),
-            self.sensor(),
+            sensor_section(self.control, self.body_names, self.drive_names),
             *([] if bare else [self.keyframe()]),
         ]
-        kept = [section for section in sections if section.attributes or section.children]
+        kept = [section for section in sections if section.attrib or len(section)]
         return element("mujoco", {"model": self.robot}, kept)
 
     def free_name(self, wanted: str) -> str:
@@ -148,19 +150,20 @@ class RobotXml:
         if solver is None:
             return element("option")
         gravity = simulation.gravity
+        cone = solver.cone or ("elliptic" if self.tree.base == "floating" else "pyramidal")
+        impratio = solver.impratio or (100.0 if cone == "elliptic" else 1.0)
         return element(
             "option",
             {
                 "timestep": number(simulation.timestep),
                 "gravity": numbers(gravity) if gravity != DEFAULT_GRAVITY else None,
                 "integrator": solver.integrator,
-                "cone": solver.cone if solver.cone != "pyramidal" else None,
+                "cone": cone if cone != "pyramidal" else None,
                 "solver": solver.solver if solver.solver != "Newton" else None,
                 "iterations": str(solver.iterations) if solver.iterations else None,
                 "ls_iterations": str(solver.ls_iterations) if solver.ls_iterations else None,
-                "impratio": number(solver.impratio) if solver.impratio != 1.0 else None,
+                "impratio": number(impratio) if impratio != 1.0 else None,
             },
-            gap=True,
         )
 
     def default(self) -> Element:
@@ -171,8 +174,8 @@ class RobotXml:
             first.append(element("mesh", {"inertia": "shell"}))
         if self.tree.frames or self.body_sites:
             first.append(element("site", {"group": SITE_GROUP}))
-        first += self.geoms.classes()
-        return element("default", None, [self.defaults.element(tuple(first))], gap=True)
+        first += [role.element() for role in self.geoms.classes]
+        return element("default", None, [self.classes.element(first)])
 
     def asset(self) -> Element:
         """Pictures, materials in use, and all meshes."""
@@ -180,67 +183,69 @@ class RobotXml:
         materials = [m for m in self.shapes.materials if m.name in used]
         textures = sorted({m.texture for m in materials if m.texture})
         names = {file: f"texture{index}" for index, file in enumerate(textures)}
-        return element(
-            "asset",
-            None,
-            [
-                *(
-                    element("texture", {"name": names[file], "type": "2d", "file": file})
-                    for file in textures
-                ),
-                *(_material(m, names) for m in materials),
-                *(
-                    element(
-                        "mesh",
-                        {
-                            "name": asset.name if asset.file != f"{asset.name}.obj" else None,
-                            "class": self.robot_class,
-                            "file": asset.file,
-                            "maxhullvert": self._hull_limit(asset.name),
-                        },
-                    )
-                    for asset in self.shapes.meshes
-                ),
-            ],
-            gap=True,
-        )
+        made, capped = element("asset"), self.capped
+        for file in textures:
+            made.append(element("texture", {"name": names[file], "type": "2d", "file": file}))
+        for material in materials:
+            texture = names[material.texture] if material.texture else None
+            rgba = numbers(material.rgba)
+            look = {"name": material.name, "texture": texture, "rgba": rgba}
+            made.append(element("material", look))
+        for mesh in self.shapes.meshes:
+            attributes = {
+                "name": mesh.name if mesh.file != f"{mesh.name}.obj" else None,
+                "class": self.robot_class,
+                "file": mesh.file,
+                "maxhullvert": str(self.max_vertices) if mesh.name in capped else None,
+            }
+            made.append(element("mesh", attributes))
+        return made
 
-    def _hull_limit(self, mesh: str) -> str | None:
-        return str(self.hull_limits[mesh]) if mesh in self.hull_limits else None
+    @property
+    def capped(self) -> tuple[str, ...]:
+        """Meshes that collide and have more corners than their hulls may have."""
+        collides = {s.geometry for s in self.shapes.of("collision")}
+        used = {geometry.mesh for geometry in collides if isinstance(geometry, Mesh)}
+        most = self.max_vertices or math.inf
+        return tuple(m.name for m in self.shapes.meshes if m.name in used and m.vertices > most)
 
     # --- bodies -----------------------------------------------------------------------------
 
     def worldbody(self) -> Element:
-        """Children are made before their parents: no recursion, however long the chain."""
-        made: dict[str, list[Element]] = {}
-        shapes, sites = self._shapes_by_body(), self._sites_by_body()
-        root: Element | None = None
-        for name in reversed(self.order):
-            if name in self.seats.hidden:
-                continue
-            content = [
-                *self._inertial(self.tree.by_body[name]),
-                *self._joint_elements(name),
-                *self.cameras.get(name, []),
-                *shapes.get(name, []),
-                *sites.get(name, []),
-                *reversed(made.pop(name, [])),
-            ]
-            root = element("body", self._body_attributes(name), content)
-            parent = self.seats.parent(name)
-            if parent is not None:
-                made.setdefault(parent, []).append(root)
-        return element(
-            "worldbody", None, [*self.cameras.get(None, []), *([root] if root else [])], gap=True
-        )
+        """Bodies one by one from the root: no recursion, however long the chain."""
+        content: dict[str | None, list[Element]] = defaultdict(list)
+        for owner, part in self._parts():
+            content[owner].append(part)
+        made: dict[str | None, Element] = {None: element("worldbody", None, content[None])}
+        for name in self.order:
+            if name not in self.seats.hidden:
+                made[name] = element("body", self._body_attributes(name), content[name])
+                made[self.seats.parent(name)].append(made[name])
+        return made[None]
+
+    def _parts(self) -> Iterator[tuple[str | None, Element]]:
+        """(body, element) of all that bodies carry, in order; None: the world."""
+        for body in self.tree.bodies:
+            if body.inertial is not None:
+                yield body.name, _inertial(body.inertial)
+        if self.tree.base == "floating":
+            yield self.tree.root, element("freejoint", {"name": "floating_base_joint"})
+        for name in self.order:
+            for joint in self.seats.joints(name):
+                for part in self._elements_of(joint):
+                    yield name, part
+        yield from camera_elements(self.tree, self.control)
+        for role in ("visual", "collision"):
+            for shape in self.shapes.of(role):
+                yield self.tree.placement(shape.link)[0], self.geoms.geom(shape)
+        yield from site_elements(self.tree, self.body_sites, self.body_names)
 
     def _body_attributes(self, name: str) -> dict[str, str | None]:
         is_root = name == self.tree.root
         X_parent_body = self.resting_pose() if is_root else self.seats.pose_in_parent(name)
-        child_class = self.robot_class if is_root else None
         return {
             "name": self.body_names[name],
-            "childclass": child_class,
+            "childclass": self.robot_class if is_root else None,
             **pose_attributes(X_parent_body),
         }
 
@@ -249,27 +254,8 @@ class RobotXml:
         height of `home`, else of the first keyframe, else 0."""
         if self.tree.base == "fixed" or not self.control.keyframes:
             return self.tree.X_world_root
-        by_name = {key.name: key for key in self.control.keyframes}
-        base = by_name.get("home", self.control.keyframes[0]).base
+        base = (self.control.home or self.control.keyframes[0]).base
         return Pose((0.0, 0.0, base.xyz[2])) if base else Pose()
-
-    def _inertial(self, body: Body) -> list[Element]:
-        if body.inertial is None:
-            return []
-        moments, quat = principal_inertia(body.inertial.inertia_com_kg_m2)
-        attributes = {
-            "pos": numbers(body.inertial.com_m),
-            "quat": numbers(quat) if quat != (1.0, 0.0, 0.0, 0.0) else None,
-            "mass": number(body.inertial.mass_kg),
-            "diaginertia": numbers(moments),
-        }
-        return [element("inertial", attributes)]
-
-    def _joint_elements(self, body: str) -> list[Element]:
-        if body == self.tree.root:
-            floating = self.tree.base == "floating"
-            return [element("freejoint", {"name": "floating_base_joint"})] if floating else []
-        return [made for joint in self.seats.joints(body) for made in self._elements_of(joint)]
 
     def _elements_of(self, joint: Joint) -> list[Element]:
         X_body_joint = self.seats.joint_pose(joint)
@@ -284,106 +270,28 @@ class RobotXml:
             )
         use = self.uses[joint.name]
         class_name = use.class_name if use.class_name != self.robot_class else None
-        head = {"name": joint.name, "class": class_name, "pos": _position(X_body_joint)}
-        return [element("joint", {**head, **use.joint})]
-
-    def _shapes_by_body(self) -> dict[str, list[Element]]:
-        found: dict[str, list[Element]] = {}
-        for role in ("visual", "collision"):
-            for shape in self.shapes.shapes:
-                if shape.role == role:
-                    body, _ = self.placed[shape.name]
-                    found.setdefault(body, []).append(self.geoms.geom(shape))
-        return found
-
-    def _sites_by_body(self) -> dict[str, list[Element]]:
-        found: dict[str, list[Element]] = {}
-        for body, site in site_elements(self.tree, self.body_sites, self.body_names):
-            found.setdefault(body, []).append(site)
-        return found
+        pos = pose_attributes(X_body_joint)["pos"]
+        head = {"name": joint.name, "class": class_name, "pos": pos}
+        return [element("joint", {**head, **use.left["joint"]})]
 
     # --- tail -------------------------------------------------------------------------------
 
-    def contact(self) -> Element:
-        """The pairs of the recipe that MuJoCo does not filter itself."""
-        pairs = [
-            element("exclude", {"body1": self.body_names[a], "body2": self.body_names[b]})
-            for a, b in self.control.excludes
-            if not {a, b} & self.seats.hidden  # without shapes, they touch nothing
-            and not (self._filtered(a, b) or self._filtered(b, a))
-        ]
-        return element("contact", None, pairs, gap=True)
-
-    def _filtered(self, parent: str, child: str) -> bool:
-        """MuJoCo lets parent and child pass through each other, unless the parent is part of the
-        world or the filter is switched off (which only an MJCF source says)."""
-        unfiltered = any("filterparent" in item.element for item in self.control.mjcf_only)
-        return self.seats.parent(child) == parent and not unfiltered and not self._stands(parent)
-
-    def _stands(self, body: str) -> bool:
-        """Whether fixed joints alone hold the body to a fixed base."""
-        above = self.tree.joint_above.get(body)
-        while above is not None and above.kind == "fixed":
-            above = self.tree.joint_above.get(above.parent)
-        return above is None and self.tree.base == "fixed"
-
-    def equality(self) -> Element:
-        """Mimic joints: q = offset + multiplier * q(leader). Locked ones: q = a constant."""
-        held: list[Element] = []
-        for joint in self.joints:
-            leader, line = None, (locked_at(joint), 0.0)
-            if joint.mimic:
-                leader, line = joint.mimic.joint, (joint.mimic.offset, joint.mimic.multiplier)
-            offset, multiplier = line
-            if offset is not None:
-                attributes = {
-                    "name": joint.name,
-                    "joint1": joint.name,
-                    "joint2": leader,
-                    "polycoef": numbers((offset, multiplier, 0.0, 0.0, 0.0)),
-                }
-                held.append(element("joint", attributes))
-        return element("equality", None, held, gap=True)
-
-    def driven(self) -> list[tuple[Row, Use]]:
-        """Joints with an actuator element, in MuJoCo's order of joints."""
-        return [(row, self.uses[row.joint.name]) for row in self.rows if row.drive]
-
     def actuator(self) -> Element:
         """One drive per driven joint, in the order of the joints."""
-        names = actuator_names(tuple(row for row, _ in self.driven()))
-        made = []
-        for row, use in self.driven():
-            assert row.drive and use.drive  # noqa: S101 # `driven` keeps only such rows
-            attributes = {
-                "name": names[row.joint.name],
-                "class": use.class_name,
-                "joint": row.joint.name,
-                **use.drive.attributes,
-            }
-            made.append(element(row.drive.tag, attributes))
-        return element("actuator", None, made, gap=True)
-
-    def sensor(self) -> Element:
-        """The sensors of the recipe, on their sites, joints, drives and geoms."""
-        drives = actuator_names(tuple(row for row, _ in self.driven()))
-        names = SensorNames(self.body_names, drives)
-        return sensor_section(self.control, names)
+        made = element("actuator")
+        for row in self.driven:
+            joint, use = row.joint.name, self.uses[row.joint.name]
+            head = {"name": self.drive_names[joint], "class": use.class_name, "joint": joint}
+            made.append(element(row.drive, {**head, **use.left[row.drive]}))
+        return made
 
     def keyframe(self) -> Element:
         """Every keyframe with its targets."""
-        keys = [
-            element(
-                "key",
-                {
-                    "name": key.name,
-                    "qpos": numbers(self._qpos(key)) or None,
-                    "ctrl": numbers(self._ctrl(key)) or None,
-                },
-            )
-            for key in self.control.keyframes
-        ]
-        return element("keyframe", None, keys, gap=True)
+        made = element("keyframe")
+        for key in self.control.keyframes:
+            qpos, ctrl = numbers(self._qpos(key)) or None, numbers(self._ctrl(key)) or None
+            made.append(element("key", {"name": key.name, "qpos": qpos, "ctrl": ctrl}))
+        return made
 
     def _qpos(self, key: Keyframe) -> list[float]:
         base = key.base or self.resting_pose()
@@ -400,36 +308,20 @@ class RobotXml:
         """Position drives aim at the pose, all others at rest."""
         values = dict(key.joints)
         return [
-            values.get(row.joint.name, 0.0) if row.drive and row.drive.tag == "position" else 0.0
-            for row, _ in self.driven()
+            values.get(row.joint.name, 0.0) if row.drive == "position" else 0.0
+            for row in self.driven
         ]
 
 
-def depth_first(tree: Tree) -> tuple[str, ...]:
-    """Body names in the order in which MuJoCo numbers them."""
-    children: dict[str, list[str]] = {}
-    for body in tree.bodies:
-        if body.name in tree.joint_above:
-            children.setdefault(tree.joint_above[body.name].parent, []).append(body.name)
-    order, waiting = [], [tree.root]
-    while waiting:
-        name = waiting.pop()
-        order.append(name)
-        waiting += reversed(children.get(name, []))
-    return tuple(order)
-
-
-def _position(pose: Pose) -> str | None:
-    return pose_attributes(pose)["pos"]
-
-
-def _material(material: Material, textures: Mapping[str, str]) -> Element:
+def _inertial(inertial: Inertial) -> Element:
+    moments, quat = principal_inertia(inertial.inertia_com_kg_m2)
     return element(
-        "material",
+        "inertial",
         {
-            "name": material.name,
-            "texture": textures[material.texture] if material.texture else None,
-            "rgba": numbers(material.rgba),
+            "pos": numbers(inertial.com_m),
+            "quat": numbers(quat) if quat != (1.0, 0.0, 0.0, 0.0) else None,
+            "mass": number(inertial.mass_kg),
+            "diaginertia": numbers(moments),
         },
     )
 
@@ -444,7 +336,7 @@ def _planar_elements(joint: Joint, X_body_joint: Pose) -> list[Element]:
                 "name": f"{joint.name}_{suffix}",
                 "class": "main",
                 "type": "slide" if suffix != "yaw" else None,
-                "pos": _position(X_body_joint),
+                "pos": pose_attributes(X_body_joint)["pos"],
                 "axis": direction(vec3(turn[:, column])),
             },
         )

@@ -4,58 +4,71 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from xml.etree.ElementTree import Element, fromstring
 
 import numpy as np
 
-from assetbuild.robot.model import Control, Keyframe, Tree
+from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.tree import forward_kinematics
-from assetbuild.targets.mjcf.xml import Element, element, numbers
+from assetbuild.targets.mjcf.robot_xml import RobotXml
+from assetbuild.targets.mjcf.xml import element, numbers
 
 SMALLEST_EXTENT_M = 0.5
 BELOW_M = 0.01
 """A bolted robot that reaches further below its base (a hand) hangs over the floor, not in it."""
+_SCENE = """
+<mujoco>
+  <visual>
+    <headlight diffuse="0.5 0.5 0.5" ambient="0.35 0.35 0.35" specular="0 0 0"/>
+    <quality shadowsize="4096"/>
+    <rgba haze="0.25 0.35 0.45 1"/>
+    <global azimuth="140" elevation="-20" offwidth="1280" offheight="960"/>
+  </visual>
+  <asset>
+    <texture type="skybox" builtin="gradient" rgb1="0.55 0.7 0.85" rgb2="0.1 0.15 0.2" width="256"
+      height="1536"/>
+    <texture name="{ground}" type="2d" builtin="checker" mark="edge" rgb1="0.22 0.28 0.34"
+      rgb2="0.16 0.2 0.25" markrgb="0.6 0.6 0.6" width="300" height="300"/>
+    <material name="{ground}" texture="{ground}" texuniform="true" texrepeat="4 4"
+      reflectance="0.1"/>
+  </asset>
+  <worldbody>
+    <light pos="0 0 2.5" dir="0 0 -1" directional="true"/>
+  </worldbody>
+</mujoco>
+"""
 _PLANE = re.compile(r"""<geom\b[^>]*\btype="plane\"""")
 
 
-def scene(
-    robot: str, file: str, tree: Tree, control: Control, free: Callable[[str], str]
-) -> Element:
-    """The root element of `scene.xml`.
-
-    file: stem of the robot's own file.
-    free: a name of a new geom or material that the robot does not use, from the wanted one.
-    """
-    center, extent = view(tree, control)
-    floor_material = free("ground")
-    return element(
-        "mujoco",
-        {"model": f"{robot} scene"},
-        [
-            element("include", {"file": f"{file}.xml"}),
-            element(
-                "statistic", {"center": numbers(center), "extent": numbers([extent])}, gap=True
-            ),
-            _looks(),
-            _floor_assets(floor_material),
-            _world(floor_material, free("floor"), tree, control),
-        ],
-    )
+def scene(model: RobotXml, file: str) -> Element:
+    """The root element of `scene.xml`. file: stem of the robot's own file."""
+    tree, control = model.tree, model.control
+    origins = _origins(tree, control)
+    center, extent = view(origins)
+    ground = model.free_name("ground")
+    root = fromstring(_SCENE.format(ground=ground))  # noqa: S314 # our own text
+    root.set("model", f"{model.robot} scene")
+    root[:0] = [
+        element("include", {"file": f"{file}.xml"}),
+        element("statistic", {"center": numbers(center), "extent": numbers([extent])}),
+    ]
+    if not _has_floor(tree, control):
+        height = floor_height(tree, origins)
+        root[-1].append(_floor(ground, model.free_name("floor"), control, height))
+    return root
 
 
-def view(tree: Tree, control: Control) -> tuple[tuple[float, ...], float]:
-    """Middle (m) and size (m) of the robot in its first keyframe, for the camera; 2 digits."""
-    origins = _origins(tree, control.keyframes[0] if control.keyframes else None)
+def view(origins: Array) -> tuple[tuple[float, ...], float]:
+    """Middle (m) and size (m) of the robot, for the camera; 2 digits."""
     lower, upper = origins.min(axis=0), origins.max(axis=0)
     size = max(SMALLEST_EXTENT_M, math.dist(lower, upper))
     center = tuple(round(float(v), 2) for v in (lower + upper) / 2)
     return center, round(size, 2)
 
 
-def floor_height(tree: Tree, control: Control) -> float:
-    """0, or lower under a bolted robot that reaches below its base in its first keyframe, m."""
-    origins = _origins(tree, control.keyframes[0] if control.keyframes else None)
+def floor_height(tree: Tree, origins: Array) -> float:
+    """0, or lower under a bolted robot that reaches below its base, m."""
     lowest = float(origins[:, 2].min())
     if tree.base == "floating" or lowest > -BELOW_M:
         return 0.0
@@ -63,78 +76,13 @@ def floor_height(tree: Tree, control: Control) -> float:
     return math.floor(reach * 10) / 10
 
 
-def _origins(tree: Tree, keyframe: Keyframe | None) -> Array:
-    """(n, 3) world positions of all bodies and frames, m."""
+def _origins(tree: Tree, control: Control) -> Array:
+    """(n, 3) world positions of all bodies and frames in the first keyframe, m."""
+    keyframe = next(iter(control.keyframes), None)
     X_root = forward_kinematics(tree, dict(keyframe.joints) if keyframe else {})
-    places = [tree.placement(frame.name) for frame in tree.frames]
-    points = [X_root[body].apply(X_body_frame.xyz) for body, X_body_frame in places]
+    points = [X_root[f.body].apply(f.X_body_frame.xyz) for f in tree.frames]
     points += [np.asarray(X.xyz) for X in X_root.values()]
     return tree.root_pose(keyframe).apply(np.array(points))
-
-
-def _looks() -> Element:
-    return element(
-        "visual",
-        None,
-        [
-            element(
-                "headlight",
-                {"diffuse": "0.5 0.5 0.5", "ambient": "0.35 0.35 0.35", "specular": "0 0 0"},
-            ),
-            element("quality", {"shadowsize": "4096"}),
-            element("rgba", {"haze": "0.25 0.35 0.45 1"}),
-            element(
-                "global",
-                {"azimuth": "140", "elevation": "-20", "offwidth": "1280", "offheight": "960"},
-            ),
-        ],
-        gap=True,
-    )
-
-
-def _floor_assets(material: str) -> Element:
-    return element(
-        "asset",
-        None,
-        [
-            element(
-                "texture",
-                {
-                    "type": "skybox",
-                    "builtin": "gradient",
-                    "rgb1": "0.55 0.7 0.85",
-                    "rgb2": "0.1 0.15 0.2",
-                    "width": "256",
-                    "height": "1536",
-                },
-            ),
-            element(
-                "texture",
-                {
-                    "name": material,
-                    "type": "2d",
-                    "builtin": "checker",
-                    "mark": "edge",
-                    "rgb1": "0.22 0.28 0.34",
-                    "rgb2": "0.16 0.2 0.25",
-                    "markrgb": "0.6 0.6 0.6",
-                    "width": "300",
-                    "height": "300",
-                },
-            ),
-            element(
-                "material",
-                {
-                    "name": material,
-                    "texture": material,
-                    "texuniform": "true",
-                    "texrepeat": "4 4",
-                    "reflectance": "0.1",
-                },
-            ),
-        ],
-        gap=True,
-    )
 
 
 def _has_floor(tree: Tree, control: Control) -> bool:
@@ -144,14 +92,6 @@ def _has_floor(tree: Tree, control: Control) -> bool:
         item.place == "body" and item.owner in ("", root) and _PLANE.match(item.element)
         for item in control.mjcf_only
     )
-
-
-def _world(material: str, name: str, tree: Tree, control: Control) -> Element:
-    light = {"pos": "0 0 2.5", "dir": "0 0 -1", "directional": "true"}
-    parts = [element("light", light)]
-    if not _has_floor(tree, control):
-        parts.append(_floor(material, name, control, floor_height(tree, control)))
-    return element("worldbody", None, parts, gap=True)
 
 
 def _floor(material: str, name: str, control: Control, height: float) -> Element:

@@ -4,26 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from xml.etree.ElementTree import Element
 
 from assetbuild.errors import StepError
 from assetbuild.robot.model import Camera, Control, Place, Sensor, Tree
 from assetbuild.robot.pose import IDENTITY, Pose
-from assetbuild.targets.mjcf.xml import Element, element, number, pose_attributes
+from assetbuild.targets.mjcf.xml import element, number, pose_attributes
 
 AT_SITE = frozenset(
     {"accelerometer", "gyro", "velocimeter", "magnetometer", "force", "torque", "touch",
      "rangefinder"}
 )  # fmt: skip
 _OBJECTS: Mapping[str, str] = {"shape": "geom", "camera": "camera", "body": "body"}
-
-
-@dataclass(frozen=True)
-class Names:
-    """Names in the MJCF of what sensors look at. bodies, actuators: by the Robot's own name."""
-
-    bodies: Mapping[str, str]
-    actuators: Mapping[str, str]
 
 
 def extra_sites(tree: Tree, control: Control) -> tuple[str, ...]:
@@ -47,45 +39,42 @@ def refuse_hidden(control: Control, hidden: Collection[str]) -> None:
             )
 
 
-def sensor_section(control: Control, names: Names) -> Element:
-    """`<sensor>`; StepError for one that MJCF does not know in this place."""
-    made = [_sensor(sensor, names) for sensor in control.sensors]
-    return element("sensor", None, made, gap=True)
+def sensor_section(
+    control: Control, bodies: Mapping[str, str], drives: Mapping[str, str]
+) -> Element:
+    """`<sensor>`; StepError for one that MJCF does not know in this place.
+
+    bodies, drives: names in the MJCF by the name of the body, and of the joint.
+    """
+    made = [_sensor(sensor, bodies, drives) for sensor in control.sensors]
+    return element("sensor", None, made)
 
 
-def _sensor(sensor: Sensor, names: Names) -> Element:
-    return element(
-        sensor.kind,
-        {
-            "name": sensor.name,
-            **_at(sensor, names),
-            **_relative(sensor, names),
-            "cutoff": number(sensor.cutoff) if sensor.cutoff else None,
-            "noise": number(sensor.noise) if sensor.noise else None,
-        },
-    )
+def _sensor(sensor: Sensor, bodies: Mapping[str, str], drives: Mapping[str, str]) -> Element:
+    attributes: dict[str, str | None] = {"name": sensor.name, **_at(sensor, bodies, drives)}
+    if sensor.relative_to is not None and sensor.relative_to.kind != "world":
+        attributes["reftype"], attributes["refname"] = _object(sensor.relative_to, bodies)
+    attributes["cutoff"] = number(sensor.cutoff) if sensor.cutoff else None
+    attributes["noise"] = number(sensor.noise) if sensor.noise else None
+    return element(sensor.kind, attributes)
 
 
-def _at(sensor: Sensor, names: Names) -> dict[str, str]:
+def _at(sensor: Sensor, bodies: Mapping[str, str], drives: Mapping[str, str]) -> Mapping[str, str]:
     kind, at = sensor.kind, sensor.at
     if kind in AT_SITE and at.kind == "frame":
-        return {"site": names.bodies.get(at.name, at.name)}
+        return {"site": bodies.get(at.name, at.name)}
     if kind == "contact" and at.kind == "shape":
         # The strongest contact of the shape, with whatever touches it.
         return {"geom1": at.name, "data": "found force", "reduce": "maxforce", "num": "1"}
     if kind.startswith("frame"):
-        objtype, name = _object(at, names)
+        objtype, name = _object(at, bodies)
         return {"objtype": objtype, "objname": name}
     if kind.startswith("subtree") and at.kind in ("body", "frame"):
-        return {"body": names.bodies.get(at.name, at.name)}
-    if at.kind == "joint":
-        return {"joint": at.name}
-    if at.kind == "actuator" and at.name in names.actuators:
-        return {"actuator": names.actuators[at.name]}
-    if at.kind == "tendon":
-        return {"tendon": at.name}
-    if at.kind == "camera":
-        return {"camera": at.name}
+        return {"body": bodies.get(at.name, at.name)}
+    if at.kind in ("joint", "tendon", "camera"):
+        return {at.kind: at.name}
+    if at.kind == "actuator" and at.name in drives:
+        return {"actuator": drives[at.name]}
     if at.kind == "world":
         return {}
     raise StepError(
@@ -94,30 +83,20 @@ def _at(sensor: Sensor, names: Names) -> dict[str, str]:
     )
 
 
-def _object(place: Place, names: Names) -> tuple[str, str]:
+def _object(place: Place, bodies: Mapping[str, str]) -> tuple[str, str]:
     """objtype and objname: a body's own frame is `xbody`, its inertial frame `body`."""
     if place.kind == "world":
         return "xbody", "world"
     if place.kind == "frame":
-        is_body = place.name in names.bodies
-        return ("xbody", names.bodies[place.name]) if is_body else ("site", place.name)
-    return _OBJECTS[place.kind], names.bodies.get(place.name, place.name)
+        return ("xbody", bodies[place.name]) if place.name in bodies else ("site", place.name)
+    return _OBJECTS[place.kind], bodies.get(place.name, place.name)
 
 
-def _relative(sensor: Sensor, names: Names) -> dict[str, str]:
-    if sensor.relative_to is None or sensor.relative_to.kind == "world":
-        return {}
-    kind, name = _object(sensor.relative_to, names)
-    return {"reftype": kind, "refname": name}
-
-
-def cameras_by_body(tree: Tree, control: Control) -> dict[str | None, list[Element]]:
-    """`<camera>` elements by the body that carries them; None: the world."""
-    found: dict[str | None, list[Element]] = {}
+def camera_elements(tree: Tree, control: Control) -> Iterator[tuple[str | None, Element]]:
+    """(body, `<camera>`); None: the world."""
     for camera in control.cameras:
         body, X_body_link = tree.placement(camera.link) if camera.link else (None, IDENTITY)
-        found.setdefault(body, []).append(_camera(camera, X_body_link @ camera.X_link_camera))
-    return found
+        yield body, _camera(camera, X_body_link @ camera.X_link_camera)
 
 
 def _camera(camera: Camera, X_body_camera: Pose) -> Element:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from xml.etree.ElementTree import Element
 from xml.sax.saxutils import quoteattr
 
 from assetbuild.robot.pose import Pose
@@ -16,26 +16,13 @@ NOTHING = 1e-15
 """Components of poses and unit vectors below this are what sin(pi) leaves, m or 1."""
 
 
-@dataclass(frozen=True)
-class Element:
-    """One element; `gap` leaves an empty line before it."""
-
-    tag: str
-    attributes: tuple[tuple[str, str], ...] = ()
-    children: tuple[Element, ...] = ()
-    gap: bool = False
-
-
 def element(
-    tag: str,
-    attributes: Mapping[str, str | None] | None = None,
-    children: Iterable[Element] = (),
-    *,
-    gap: bool = False,
+    tag: str, attributes: Mapping[str, str | None] | None = None, children: Iterable[Element] = ()
 ) -> Element:
     """An element; attributes whose value is None are left out."""
-    kept = tuple((key, v) for key, v in (attributes or {}).items() if v is not None)
-    return Element(tag, kept, tuple(children), gap)
+    made = Element(tag, {key: v for key, v in (attributes or {}).items() if v is not None})
+    made.extend(children)
+    return made
 
 
 def number(value: float) -> str:
@@ -78,7 +65,8 @@ def _quaternion(quat: Sequence[float]) -> str:
 def document(root: Element, comment: str) -> str:
     """The text of an XML file; `comment` (without two hyphens) stands at the top.
 
-    Not recursive: a robot may be a chain of any length.
+    An empty line stands before every section but the first. Not recursive: a robot may be a chain
+    of any length.
     """
     lines = [f"<!-- {comment} -->"]
     waiting: list[tuple[int, Element | str]] = [(0, root)]
@@ -88,13 +76,12 @@ def document(root: Element, comment: str) -> str:
         if isinstance(item, str):
             lines.append(f"{indent}{item}")
             continue
-        if item.gap:
+        if depth == 1 and item is not root[0]:
             lines.append("")
         lines += _wrapped(indent, item)
-        if not item.children:
-            continue
-        waiting.append((depth, f"</{item.tag}>"))
-        waiting += [(depth + 1, child) for child in reversed(item.children)]
+        if len(item):
+            waiting.append((depth, f"</{item.tag}>"))
+            waiting += [(depth + 1, child) for child in reversed(item)]
     return "\n".join(lines) + "\n"
 
 
@@ -102,13 +89,13 @@ def _wrapped(indent: str, item: Element) -> list[str]:
     """The opening tag, attributes that do not fit on lines of their own, as Menagerie has it."""
     columns = max(COLUMNS, len(indent) + COLUMNS // 2)
     lines = [f"{indent}<{item.tag}"]
-    for key, value in item.attributes:
+    for key, value in item.items():
         word = f"{key}={_quoted(value)}"
         if len(lines[-1]) + 1 + len(word) + 2 > columns:  # 2: the tag's end
             lines.append(f"{indent}  {word}")
         else:
             lines[-1] += f" {word}"
-    lines[-1] += ">" if item.children else "/>"
+    lines[-1] += ">" if len(item) else "/>"
     return lines
 
 

@@ -18,18 +18,10 @@ from assetbuild.kinds import RecipeView, Target
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Shapes, Tree
 from assetbuild.robot.ranges import Randomize
-from assetbuild.targets.mjcf.files import (
-    copy_assets,
-    one_per_look,
-    refuse_name,
-    unreadable_textures,
-    without_textures,
-    write_xml,
-)
-from assetbuild.targets.mjcf.opaque import with_opaque
+from assetbuild.targets.mjcf.files import readable, refuse_name, write_robot
 from assetbuild.targets.mjcf.robot_xml import RobotXml
 from assetbuild.targets.mjlab.events import lost
-from assetbuild.targets.mjlab.module import ModuleFacts, driven, module_text
+from assetbuild.targets.mjlab.module import ModuleFacts, module_text
 
 TASK_SENSORS = {"gyro": "imu_ang_vel", "velocimeter": "imu_lin_vel", "accelerometer": "imu_lin_acc"}
 """Sensors that mjlab's tasks look for, at the IMU."""
@@ -95,8 +87,8 @@ class Mjlab(Target):
         refuse_name(self.robot)
         robot = RobotFiles(files.inputs)
         tree, shapes, control = robot.tree, robot.shapes, robot.control
-        without = unreadable_textures(shapes, robot.mesh_dir)
-        shapes = one_per_look(without_textures(shapes, without))
+        meshes = robot.mesh_dir
+        shapes = readable(shapes, meshes)
 
         facts = self._facts(tree, shapes, control)
         sites = [s for s in (*facts.foot_sites, facts.imu_site) if s in tree.by_body]
@@ -105,9 +97,8 @@ class Mjlab(Target):
         )
         folder = files.outputs / "mjlab"
         opaque = tuple(o for o in control.mjcf_only if o.place not in NOT_BARE)
-        root = with_opaque(model.element(bare=True), opaque, model.body_names)
-        write_xml(folder / "mjcf" / f"{self.robot}_bare.xml", root)
-        copy_assets(robot.mesh_dir, folder / "mjcf" / "assets", shapes)
+        path = folder / "mjcf" / f"{self.robot}_bare.xml"
+        write_robot(path, model, opaque, meshes, bare=True)
         module = folder / "python" / f"{self.robot.replace('-', '_').replace('.', '_')}_mjlab.py"
         module.parent.mkdir(parents=True)
         module.write_text(module_text(facts), encoding="utf-8")
@@ -167,7 +158,7 @@ class Mjlab(Target):
                 data={"joints": tuple(undriven)},
             )
         if self.randomize is not None:
-            yield from lost(self.randomize, tree, driven(facts))
+            yield from lost(self.randomize, tree, facts.driven)
         gone = [s.name for s in control.sensors if _of_mjlab(s)]
         if gone:
             yield SENSORS_LEFT_OUT(

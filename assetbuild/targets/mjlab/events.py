@@ -11,7 +11,7 @@ joints.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from assetbuild.findings import Finding, Rule
@@ -25,7 +25,7 @@ from assetbuild.robot.ranges import (
     claimed,
     per_axis,
 )
-from assetbuild.targets.mjlab.text import exactly
+from assetbuild.targets.mjlab.text import exactly, literal
 
 WITH_GAINS = frozenset({"pd", "ideal_pd", "dc_motor"})
 """Models whose gains and effort limit mjlab's terms can scale."""
@@ -41,12 +41,12 @@ NOT_RANDOMIZED = Rule(
 
 @dataclass(frozen=True)
 class Term:
-    """One event term. func, params: Python text; entity: fields of its SceneEntityCfg."""
+    """One event term. func: Python text; entity: fields of its SceneEntityCfg; params: values."""
 
     name: str
     func: str
     entity: str
-    params: tuple[tuple[str, str], ...]
+    params: Mapping[str, object]
 
 
 def terms(
@@ -131,7 +131,8 @@ def randomize_events() -> dict[str, EventTermCfg]:
 
 
 def _term_text(term: Term) -> str:
-    params = "".join(f'\n                "{key}": {value},' for key, value in term.params)
+    pad = "\n" + " " * 16
+    params = "".join(f'{pad}"{key}": {_text_of(value)},' for key, value in term.params.items())
     return f'''
         "{term.name}": EventTermCfg(
             mode="startup",
@@ -140,6 +141,16 @@ def _term_text(term: Term) -> str:
                 "asset_cfg": SceneEntityCfg("robot", {term.entity}),{params}
             }},
         ),'''
+
+
+def _text_of(value: object) -> str:
+    """A literal; of a matrix a line for each row."""
+    if isinstance(value, str):
+        return literal(value)
+    if not (isinstance(value, tuple) and isinstance(value[0], tuple)):
+        return repr(value)
+    rows = "".join(f"\n{' ' * 20}{row!r}," for row in value)
+    return f"({rows}\n{' ' * 16})"
 
 
 def _matter(randomize: Randomize, tree: Tree) -> Iterator[Term]:
@@ -199,11 +210,8 @@ def _payloads(randomize: Randomize, tree: Tree) -> Iterator[Term]:
     for index, payload in _carried(randomize, tree):
         body, X_body_link = tree.placement(payload.link)
         box = move_inertial(homogeneous_box(1.0, payload.size, payload.at), X_body_link)
-        rows = "".join(
-            f"\n                    {tuple(float(value) for value in row)!r},"
-            for row in pseudo_inertia(box)
-        )
-        params = (("mass_range", repr(payload.mass)), ("box", f"({rows}\n                )"))
+        rows = tuple(tuple(float(value) for value in row) for row in pseudo_inertia(box))
+        params = {"mass_range": payload.mass, "box": rows}
         yield Term(f"payload_{index}", CARRY, _names("body_names", (body,)), params)
 
 
@@ -221,20 +229,14 @@ def _massive(tree: Tree) -> list[str]:
     return [b.name for b in tree.bodies if b.inertial is not None and b.inertial.mass_kg > 0.0]
 
 
-def _log_cholesky(matter: RandomMatter) -> tuple[tuple[str, str], ...]:
+def _log_cholesky(matter: RandomMatter) -> dict[str, object]:
     low, high = matter.density
-    params = [("alpha_range", repr((math.log(low) / 2, math.log(high) / 2)))]
-    for axis, shift in enumerate(per_axis(matter.com), start=1):
-        params.append((f"t{axis}_range", repr((-shift, shift))))
-    if matter.stretch:
-        params.append(("d_range", repr((-matter.stretch, matter.stretch))))
-    if matter.shear:
-        params += [(f"s{ij}_range", repr((-matter.shear, matter.shear))) for ij in (12, 13, 23)]
-    return tuple(params)
-
-
-JOINT_TERMS = {"damping": "joint_damping", "friction": "joint_friction", "armature": "joint_armature"}  # fmt: skip # noqa: E501
-"""mjlab's term by our key, each a factor."""
+    shift = dict(zip(("t1", "t2", "t3"), per_axis(matter.com), strict=True))
+    stretch = {"d": matter.stretch} if matter.stretch else {}
+    shear = dict.fromkeys(("s12", "s13", "s23"), matter.shear) if matter.shear else {}
+    most = {**shift, **stretch, **shear}
+    ranges = {f"{name}_range": (-value, value) for name, value in most.items()}
+    return {"alpha_range": (math.log(low) / 2, math.log(high) / 2), **ranges}
 
 
 def _joints(
@@ -245,31 +247,27 @@ def _joints(
         mine = [i for i, (a, names) in enumerate(groups) if set(names) <= set(joints)]
         loops = [i for i in mine if groups[i][0].model in WITH_GAINS]
         if loops and (ranges.kp, ranges.kd) != ((1.0, 1.0), (1.0, 1.0)):
-            gains = (("kp_range", repr(ranges.kp)), ("kd_range", repr(ranges.kd)))
+            gains = {"kp_range": ranges.kp, "kd_range": ranges.kd}
             yield Term(f"gains_{index}", "dr.pd_gains", f"actuator_ids={loops!r}", gains)
         limited = [i for i in loops if groups[i][0].effort is not None]
         if limited and ranges.effort != (1.0, 1.0):
-            share = (("effort_limit_range", repr(ranges.effort)),)
+            share = {"effort_limit_range": ranges.effort}
             yield Term(f"effort_{index}", "dr.effort_limits", f"actuator_ids={limited!r}", share)
         names = _names("joint_names", joints)
-        for key, func in JOINT_TERMS.items():
+        for key in ("damping", "friction", "armature"):
             factor = getattr(ranges, key)
             if factor != (1.0, 1.0):
-                scale = (("ranges", repr(factor)), ("operation", '"scale"'))
-                yield Term(f"{key}_{index}", f"dr.{func}", names, scale)
+                scale = {"ranges": factor, "operation": "scale"}
+                yield Term(f"{key}_{index}", f"dr.joint_{key}", names, scale)
         if ranges.encoder_bias:
-            bias = (("bias_range", repr((-ranges.encoder_bias, ranges.encoder_bias))),)
+            bias = {"bias_range": (-ranges.encoder_bias, ranges.encoder_bias)}
             yield Term(f"encoder_bias_{index}", "dr.encoder_bias", names, bias)
 
 
 def _friction(randomize: Randomize) -> Iterator[Term]:
     if randomize.friction is not None:
-        params = (
-            ("ranges", repr(randomize.friction)),
-            ("operation", '"abs"'),
-            ("axes", "[0]"),
-            ("shared_random", "True"),
-        )
+        drawn = {"ranges": randomize.friction, "operation": "abs"}
+        params = {**drawn, "axes": [0], "shared_random": True}
         yield Term("friction", "dr.geom_friction", 'geom_names=(r".*_collision\\d*",)', params)
 
 

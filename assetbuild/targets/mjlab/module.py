@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 from assetbuild.robot.actuators import LARGEST_ACTION, action_scale
-from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
+from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.ranges import Randomize, RandomJoint, first_match
 from assetbuild.targets.mjlab.events import (
     Term,
@@ -20,6 +22,26 @@ from assetbuild.targets.mjlab.text import dict_of, literal, tuple_of
 
 KNEE = re.compile(r".*(calf|knee).*", re.IGNORECASE)
 """Joints that swing most while walking, as mjlab's own robots have it."""
+
+
+CLASSES: Mapping[str, str] = {
+    "pd": "BuiltinPositionActuatorCfg",
+    "ideal_pd": "IdealPdActuatorCfg",
+    "dc_motor": "DcMotorActuatorCfg",
+    "velocity": "BuiltinVelocityActuatorCfg",
+    "motor": "BuiltinMotorActuatorCfg",
+}
+"""mjlab's actuator for a model of the table; it has none for the others."""
+
+
+@dataclass(frozen=True)
+class DriveGroup:
+    """Joints that one actuator config of mjlab drives. names: patterns that match just these."""
+
+    names: tuple[str, ...]
+    actuator: Actuator
+    joints: tuple[str, ...]
+    ranges: RandomJoint | None
 
 
 @dataclass(frozen=True)
@@ -38,46 +60,66 @@ class ModuleFacts:
     @property
     def walks(self) -> bool:
         """Whether there is enough for mjlab's velocity task."""
-        return self.tree.base == "floating" and bool(self.foot_sites) and bool(_groups(self))
+        return self.tree.base == "floating" and bool(self.foot_sites) and bool(self.groups)
 
+    @cached_property
+    def groups(self) -> tuple[DriveGroup, ...]:
+        """Drives with equal numbers and ranges, in the module's order."""
+        table = self.randomize.joints if self.randomize else {}
+        found: dict[tuple[Actuator, RandomJoint | None], list[str]] = {}
+        for actuator in self.control.actuators:
+            if actuator.model in CLASSES:
+                numbers = replace(actuator, joint="", name="", source="")
+                ranges = first_match(table, actuator.joint)
+                found.setdefault((numbers, ranges), []).append(actuator.joint)
+        return tuple(
+            DriveGroup(self._patterns(joints), numbers, tuple(joints), ranges)
+            for (numbers, ranges), joints in found.items()
+        )
 
-@dataclass(frozen=True)
-class _Group:
-    """Joints that one actuator config of mjlab drives."""
+    def _patterns(self, joints: list[str]) -> tuple[str, ...]:
+        """The pattern of the last row that matches just these, else one for each."""
+        moving = [joint.name for joint in self.tree.moving_joints]
+        for pattern in reversed(self.rows):
+            if {name for name in moving if re.fullmatch(pattern, name)} == set(joints):
+                return (pattern,)
+        return tuple(map(re.escape, joints))
 
-    names: tuple[str, ...]
-    actuator: Actuator
-    joints: tuple[str, ...] = field(default=())
-    ranges: RandomJoint | None = None
+    @property
+    def driven(self) -> list[tuple[Actuator, tuple[str, ...]]]:
+        """(numbers, joints) of each group."""
+        return [(group.actuator, group.joints) for group in self.groups]
+
+    @cached_property
+    def events(self) -> list[Term]:
+        """The recipe's `randomize` in mjlab's terms."""
+        return terms(self.randomize, self.tree, self.driven) if self.randomize else []
 
 
 def module_text(facts: ModuleFacts) -> str:
     """Python, four spaces; the same bytes for the same facts."""
     parts = [_head(facts), _facts(facts), _robot(facts)]
-    if found := event_terms(facts):
-        parts.append(events_text(found))
+    if facts.events:
+        parts.append(events_text(facts.events))
     if facts.walks:
-        parts.append(_velocity(facts))
+        parts += [_velocity(facts), _pose(facts)]
     return "\n\n\n".join(part.strip("\n") for part in parts) + "\n"
 
 
 def _head(facts: ModuleFacts) -> str:
-    classes = sorted({_class_of(group.actuator) for group in _groups(facts)})
-    actuators = f"from mjlab.actuator import {', '.join(classes)}\n" if classes else ""
-    velocity = (
-        "from mjlab.envs import ManagerBasedRlEnvCfg\n"
-        "from mjlab.sensor import ContactMatch, ContactSensorCfg, ObjRef, RingPatternCfg\n"
-        "from mjlab.tasks.velocity.velocity_env_cfg import make_velocity_env_cfg\n"
-    )
-    found = event_terms(facts)
-    lines = sorted(
-        [
-            *actuators.splitlines(),
-            "from mjlab.entity import EntityArticulationInfoCfg, EntityCfg",
-            *(velocity.splitlines() if facts.walks else []),
-            *(imports(found) if found else []),
+    lines = ["from mjlab.entity import EntityArticulationInfoCfg, EntityCfg"]
+    if facts.groups:
+        classes = sorted({CLASSES[group.actuator.model] for group in facts.groups})
+        lines.append(f"from mjlab.actuator import {', '.join(classes)}")
+    if facts.walks:
+        lines += [
+            "from mjlab.envs import ManagerBasedRlEnvCfg",
+            "from mjlab.sensor import ContactMatch, ContactSensorCfg, ObjRef, RingPatternCfg",
+            "from mjlab.tasks.velocity.velocity_env_cfg import make_velocity_env_cfg",
         ]
-    )
+    if facts.events:
+        lines += imports(facts.events)
+    torch = ["import torch"] if carries(facts.events) else []
     return f'''"""{facts.robot} for mjlab 1.6.
 
 Generated by assetbuild: change the recipe, not this file.
@@ -88,13 +130,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import mujoco
-''' + "\n".join([*(["import torch"] if carries(found) else []), *lines])
+''' + "\n".join([*torch, *sorted(lines)])
 
 
 def _facts(facts: ModuleFacts) -> str:
     scale = {
         name: _scale(facts.tree, group)
-        for group in _groups(facts)
+        for group in facts.groups
         for name in group.names
         if group.actuator.kp and group.actuator.effort
     }
@@ -112,14 +154,14 @@ TIMESTEP, DECIMATION = {simulation.timestep!r}, {simulation.decimation}
 GRAVITY = {simulation.gravity!r}'''
 
 
-def _scale(tree: Tree, group: _Group) -> float:
+def _scale(tree: Tree, group: DriveGroup) -> float:
     slides = all(tree.by_joint[joint].kind == "prismatic" for joint in group.joints)
     return action_scale(group.actuator.effort, group.actuator.kp, "m" if slides else "rad")
 
 
 def _robot(facts: ModuleFacts) -> str:
-    actuators = "".join(_actuator(group) for group in _groups(facts))
-    key = _home(facts.control)
+    actuators = "".join(_actuator(group) for group in facts.groups)
+    key = facts.control.home or next(iter(facts.control.keyframes), None)
     base = facts.tree.root_pose(key)  # of a fixed root too: mjlab puts it here
     joints = dict(key.joints) if key else {}
     drives = f"({actuators}\n            )" if actuators else "()"
@@ -148,7 +190,7 @@ def robot_cfg() -> EntityCfg:
     )'''
 
 
-def _actuator(group: _Group) -> str:
+def _actuator(group: DriveGroup) -> str:
     a = group.actuator
     fields: dict[str, object] = {}
     match a.model:
@@ -166,7 +208,7 @@ def _actuator(group: _Group) -> str:
     said = "".join(f"\n                    {name}={value!r}," for name, value in fields.items())
     names = "".join(f"\n                        {literal(name)}," for name in group.names)
     return f"""
-                {_class_of(a)}(
+                {CLASSES[a.model]}(
                     target_names_expr=({names}
                     ),{said}
                 ),"""
@@ -175,7 +217,7 @@ def _actuator(group: _Group) -> str:
 def _velocity(facts: ModuleFacts) -> str:
     gone = replaced(facts.randomize, facts.tree) if facts.randomize else ()
     randomized = "".join(f'\n    cfg.events.pop("{name}", None)' for name in gone)
-    if event_terms(facts):
+    if facts.events:
         randomized += "\n    cfg.events |= randomize_events()"
     return f'''
 def velocity_flat_cfg(num_envs: int = 4096) -> ManagerBasedRlEnvCfg:
@@ -226,11 +268,15 @@ def velocity_flat_cfg(num_envs: int = 4096) -> ManagerBasedRlEnvCfg:
         }}
     cfg.terminations.pop("out_of_terrain_bounds", None)
     cfg.curriculum.pop("terrain_levels", None)
-    return cfg
+    return cfg'''
 
 
-JOINTS = {tuple_of(tuple(j for g in _groups(facts) for j in g.joints))}
-KNEES = {tuple_of(tuple(j for g in _groups(facts) for j in g.joints if KNEE.fullmatch(j)))}
+def _pose(facts: ModuleFacts) -> str:
+    """How far each joint may swing while the robot walks."""
+    joints = tuple(joint for group in facts.groups for joint in group.joints)
+    return f'''
+JOINTS = {tuple_of(joints)}
+KNEES = {tuple_of(tuple(filter(KNEE.fullmatch, joints)))}
 POSE_SPREAD = {{
     "std_standing": (0.05, 0.1),
     "std_walking": (0.3, 0.6),
@@ -249,55 +295,3 @@ def _soles(facts: ModuleFacts) -> str:
     bodies = [facts.tree.placement(link)[0] for link in facts.foot_sites]
     listed = ", ".join(literal(body) for body in bodies)
     return f'mode="body", pattern=({listed},)'
-
-
-# --- actuators ------------------------------------------------------------------------------
-
-
-def _class_of(actuator: Actuator) -> str:
-    return {
-        "pd": "BuiltinPositionActuatorCfg",
-        "ideal_pd": "IdealPdActuatorCfg",
-        "dc_motor": "DcMotorActuatorCfg",
-        "velocity": "BuiltinVelocityActuatorCfg",
-        "motor": "BuiltinMotorActuatorCfg",
-    }[actuator.model]
-
-
-def _groups(facts: ModuleFacts) -> list[_Group]:
-    """Drives with equal numbers and ranges, by the pattern of their row where it fits exactly."""
-    table = facts.randomize.joints if facts.randomize else {}
-    by_numbers: dict[tuple[object, ...], list[Actuator]] = {}
-    for actuator in facts.control.actuators:
-        if actuator.model not in ("passive", "general"):
-            numbers = [v for k, v in vars(actuator).items() if k not in ("joint", "name", "source")]
-            ranges = first_match(table, actuator.joint)
-            by_numbers.setdefault((*numbers, ranges), []).append(actuator)
-    return [_group(facts, tuple(members)) for members in by_numbers.values()]
-
-
-def driven(facts: ModuleFacts) -> list[tuple[Actuator, tuple[str, ...]]]:
-    """(numbers, joints) of each actuator config, in the module's order."""
-    return [(group.actuator, group.joints) for group in _groups(facts)]
-
-
-def event_terms(facts: ModuleFacts) -> list[Term]:
-    """The recipe's `randomize` in mjlab's terms."""
-    return terms(facts.randomize, facts.tree, driven(facts)) if facts.randomize else []
-
-
-def _group(facts: ModuleFacts, members: tuple[Actuator, ...]) -> _Group:
-    joints = {actuator.joint for actuator in members}
-    moving = [joint.name for joint in facts.tree.moving_joints]
-    names = tuple(re.escape(actuator.joint) for actuator in members)
-    for pattern in facts.rows:
-        if {name for name in moving if re.fullmatch(pattern, name)} == joints:
-            names = (pattern,)
-    table = facts.randomize.joints if facts.randomize else {}
-    ranges = first_match(table, members[0].joint)
-    return _Group(names, members[0], tuple(a.joint for a in members), ranges)
-
-
-def _home(control: Control) -> Keyframe | None:
-    by_name = {key.name: key for key in control.keyframes}
-    return by_name.get("home") or next(iter(control.keyframes), None)

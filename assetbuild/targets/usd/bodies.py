@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.inertia import Tensor, matrix_of
-from assetbuild.robot.model import Body, Inertial, Tree
-from assetbuild.robot.pose import IDENTITY, Array, Pose, Quat, Vec3, quat_of, vec3
+from assetbuild.robot.model import Body, Inertial
+from assetbuild.robot.pose import IDENTITY, Array, Quat, Vec3, quat_of, vec3
+from assetbuild.robot.tree import forward_kinematics
 from assetbuild.simulators.usd_options import UsdRigidBody
 from assetbuild.targets.usd.layers import apply_foreign, label, new_layer, place, save
-from assetbuild.targets.usd.names import Names
+from assetbuild.targets.usd.names import PrimPaths
 from assetbuild.targets.usd.units import to_usd_degrees
-
-if TYPE_CHECKING:
-    from pxr import Usd
 
 MASS_MISSING = Rule(
     "usd.mass_missing",
@@ -30,10 +28,8 @@ MASS_MISSING = Rule(
 )
 
 
-def write_base(
-    folder: Path, names: Names, robot: str, tree: Tree, poses: Mapping[str, Pose]
-) -> None:
-    """`base.usda`: an Xform per body at `poses` (X_root_body at q = 0), frames below it.
+def write_base(folder: Path, names: PrimPaths, robot: str) -> None:
+    """`base.usda`: an Xform per body where it stands at q = 0, frames below it.
 
     Where a fixed root is held stands on the robot's own prim, and the root link in its origin: a
     framework that spawns the robot replaces that pose and takes it for the root link's.
@@ -41,31 +37,30 @@ def write_base(
     Bodies are flat below the robot, not nested: every runtime loads that, and patterns such as
     `Robot/.*_foot` find them.
     """
-    from pxr import UsdGeom
-
     stage = new_layer(folder / "base.usda", names)
     stage.GetRootLayer().subLayerPaths[:] = ["./instances.usda", "./materials.usda"]
     prim = UsdGeom.Xform.Define(stage, f"/{names.root}").GetPrim()
     label(prim, robot)
+    tree = names.tree
     if tree.X_world_root != IDENTITY:
         place(prim, tree.X_world_root)
-    for body in tree.bodies:
-        prim = UsdGeom.Xform.Define(stage, names.body(body.name)).GetPrim()
-        place(prim, poses[body.name])
-        label(prim, body.name)
-    for frame in tree.frames:
-        prim = UsdGeom.Xform.Define(stage, names.frame(frame.name)).GetPrim()
-        place(prim, frame.X_body_frame)
-        label(prim, frame.name)
+    poses = forward_kinematics(tree, {})
+    parts = [
+        *((names.body(body.name), poses[body.name], body.name) for body in tree.bodies),
+        *((names.frame(frame.name), frame.X_body_frame, frame.name) for frame in tree.frames),
+    ]
+    for path, pose, name in parts:
+        prim = UsdGeom.Xform.Define(stage, path).GetPrim()
+        place(prim, pose)
+        label(prim, name)
     save(stage)
 
 
 def apply_rigid_bodies(
-    stage: Usd.Stage, names: Names, tree: Tree, options: UsdRigidBody
+    stage: Usd.Stage, names: PrimPaths, options: UsdRigidBody
 ) -> Iterator[Finding]:
     """RigidBodyAPI and MassAPI on every body; a body without mass gets none, and a finding."""
-    from pxr import UsdPhysics
-
+    tree = names.tree
     for body in tree.bodies:
         prim = stage.OverridePrim(names.body(body.name))
         UsdPhysics.RigidBodyAPI.Apply(prim)
@@ -73,18 +68,13 @@ def apply_rigid_bodies(
         apply_foreign(
             prim,
             "PhysxRigidBodyAPI",
+            "physxRigidBody",
             {
-                "physxRigidBody:linearDamping": ("Float", options.linear_damping),
-                "physxRigidBody:angularDamping": ("Float", options.angular_damping),
-                "physxRigidBody:maxLinearVelocity": ("Float", options.max_linear_velocity),
-                "physxRigidBody:maxAngularVelocity": (
-                    "Float",
-                    to_usd_degrees(options.max_angular_velocity),
-                ),
-                "physxRigidBody:maxDepenetrationVelocity": (
-                    "Float",
-                    options.max_depenetration_velocity,
-                ),
+                "linearDamping": options.linear_damping,
+                "angularDamping": options.angular_damping,
+                "maxLinearVelocity": options.max_linear_velocity,
+                "maxAngularVelocity": to_usd_degrees(options.max_angular_velocity),
+                "maxDepenetrationVelocity": options.max_depenetration_velocity,
             },
         )
         if body.inertial is not None and not body.is_massless:
@@ -94,14 +84,12 @@ def apply_rigid_bodies(
 
 
 def _apply_mass(prim: Usd.Prim, inertial: Inertial) -> None:
-    from pxr import Gf, UsdPhysics
-
-    moments, (w, x, y, z) = principal_axes(inertial.inertia_com_kg_m2)
+    moments, axes = principal_axes(inertial.inertia_com_kg_m2)
     mass = UsdPhysics.MassAPI.Apply(prim)
     mass.CreateMassAttr(inertial.mass_kg)
     mass.CreateCenterOfMassAttr(Gf.Vec3f(*inertial.com_m))
     mass.CreateDiagonalInertiaAttr(Gf.Vec3f(*moments))
-    mass.CreatePrincipalAxesAttr(Gf.Quatf(w, x, y, z))
+    mass.CreatePrincipalAxesAttr(Gf.Quatf(*axes))
 
 
 def _no_mass(body: Body, *, is_held: bool) -> Finding:

@@ -7,7 +7,7 @@ Armature, velocity limit and friction are written three times from one number: `
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.errors import StepError
 from assetbuild.robot.mimic import with_mimics
@@ -16,13 +16,8 @@ from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat
 from assetbuild.simulators.usd_names import JOINTS
 from assetbuild.simulators.usd_options import UsdArticulation, UsdOptions
 from assetbuild.targets.usd.layers import apply_foreign, label
-from assetbuild.targets.usd.names import Names
-from assetbuild.targets.usd.units import coordinate, gain, is_angular, limits
-
-if TYPE_CHECKING:
-    from pxr import Usd
-
-Values = dict[str, tuple[str, object]]
+from assetbuild.targets.usd.names import PrimPaths
+from assetbuild.targets.usd.units import coordinate, gain, instance, is_angular, limits
 
 NEAR = 1e-9
 _AXES: dict[Vec3, tuple[str, Quat]] = {
@@ -52,11 +47,10 @@ def joint_axis(axis: Vec3) -> tuple[str, Quat]:
 
 
 def define_joints(
-    stage: Usd.Stage, names: Names, tree: Tree, control: Control, options: UsdOptions
+    stage: Usd.Stage, names: PrimPaths, control: Control, options: UsdOptions
 ) -> None:
     """Every joint of the tree, with limits, drive and passive properties."""
-    from pxr import UsdGeom
-
+    tree = names.tree
     if tree.joints or tree.base == "fixed":
         UsdGeom.Scope.Define(stage, f"/{names.root}/{JOINTS}")
     starts = starting_positions(tree, control)
@@ -69,7 +63,7 @@ def define_joints(
             _apply_drive(prim, joint, actuator, starts[joint.name], options.drive_type)
             _apply_start(prim, joint, starts[joint.name])
             if options.mimics:
-                _apply_mimic(prim, names, tree, joint)
+                _apply_mimic(prim, names, joint)
 
 
 def _undriven(joint: Joint) -> Actuator:
@@ -89,8 +83,8 @@ def starting_positions(tree: Tree, control: Control) -> dict[str, float]:
     0 may lie outside of the limits (a dog's knee): PhysX then pushes so hard that all turns to
     NaN within a few steps. Without a `home` such a joint starts at the limit nearest to 0.
     """
-    home = next((dict(key.joints) for key in control.keyframes if key.name == "home"), None)
-    if home is not None:
+    if control.home is not None:
+        home = dict(control.home.joints)
         return {joint.name: home.get(joint.name, 0.0) for joint in tree.moving_joints}
     inside = {}
     for joint in tree.moving_joints:
@@ -104,17 +98,11 @@ def starting_positions(tree: Tree, control: Control) -> dict[str, float]:
 
 def _apply_start(prim: Usd.Prim, joint: Joint, position: float) -> None:
     """PhysX starts a joint where this says, wherever the bodies stand."""
-    axis = "angular" if is_angular(joint) else "linear"
-    apply_foreign(
-        prim,
-        f"PhysicsJointStateAPI:{axis}",
-        {f"state:{axis}:physics:position": ("Float", coordinate(joint, position))},
-    )
+    axis, where = instance(joint), {"position": coordinate(joint, position)}
+    apply_foreign(prim, f"PhysicsJointStateAPI:{axis}", f"state:{axis}:physics", where)
 
 
-def _define_joint(stage: Usd.Stage, names: Names, joint: Joint) -> Usd.Prim:
-    from pxr import UsdPhysics
-
+def _define_joint(stage: Usd.Stage, names: PrimPaths, joint: Joint) -> Usd.Prim:
     path = names.joint(joint.name)
     if joint.kind == "fixed":
         made = UsdPhysics.FixedJoint.Define(stage, path)
@@ -141,44 +129,33 @@ def _define_joint(stage: Usd.Stage, names: Names, joint: Joint) -> Usd.Prim:
 
 
 def _set_frames(joint: object, frame0: Pose, frame1: Pose) -> None:
-    from pxr import Gf, UsdPhysics
-
     made = UsdPhysics.Joint(joint)
     for pose, position, rotation in (
         (frame0, made.CreateLocalPos0Attr(), made.CreateLocalRot0Attr()),
         (frame1, made.CreateLocalPos1Attr(), made.CreateLocalRot1Attr()),
     ):
-        w, x, y, z = pose.quat
         position.Set(Gf.Vec3f(*pose.xyz))
-        rotation.Set(Gf.Quatf(w, x, y, z))
+        rotation.Set(Gf.Quatf(*pose.quat))
 
 
 def _apply_passive(prim: Usd.Prim, joint: Joint, actuator: Actuator) -> None:
     """Armature, friction, damping and velocity limit in all three spellings."""
-    axis = "angular" if is_angular(joint) else "linear"
-    armature: tuple[str, object] = ("Float", actuator.armature)
-    friction: tuple[str, object] = ("Float", actuator.friction)
-    damping: tuple[str, object] = ("Float", gain(joint, actuator.damping))
-    old: Values = {"physxJoint:armature": armature, "physxJoint:jointFriction": friction}
-    new: Values = {
-        f"physxJointAxis:{axis}:armature": armature,
-        f"physxJointAxis:{axis}:staticFrictionEffort": friction,
-        f"physxJointAxis:{axis}:dynamicFrictionEffort": friction,
-        f"physxJointAxis:{axis}:viscousFrictionCoefficient": damping,
+    axis, armature, friction = instance(joint), actuator.armature, actuator.friction
+    damping, velocity = gain(joint, actuator.damping), actuator.velocity
+    if velocity is not None:
+        velocity = coordinate(joint, velocity)
+    old = {"armature": armature, "jointFriction": friction, "maxJointVelocity": velocity}
+    new = {
+        "armature": armature,
+        "staticFrictionEffort": friction,
+        "dynamicFrictionEffort": friction,
+        "viscousFrictionCoefficient": damping,
+        "maxJointVelocity": velocity,
     }
-    newton: Values = {
-        "newton:armature": armature,
-        "newton:friction": friction,
-        "newton:damping": damping,
-    }
-    if actuator.velocity is not None:
-        velocity: tuple[str, object] = ("Float", coordinate(joint, actuator.velocity))
-        old["physxJoint:maxJointVelocity"] = velocity
-        new[f"physxJointAxis:{axis}:maxJointVelocity"] = velocity
-        newton["newton:velocityLimit"] = velocity
-    apply_foreign(prim, "PhysxJointAPI", old)
-    apply_foreign(prim, f"PhysxJointAxisAPI:{axis}", new)
-    apply_foreign(prim, "NewtonJointAPI", newton)
+    newton = {"armature": armature, "friction": friction, "damping": damping}
+    apply_foreign(prim, "PhysxJointAPI", "physxJoint", old)
+    apply_foreign(prim, f"PhysxJointAxisAPI:{axis}", f"physxJointAxis:{axis}", new)
+    apply_foreign(prim, "NewtonJointAPI", "newton", newton | {"velocityLimit": velocity})
 
 
 def drive_gains(actuator: Actuator) -> tuple[float, float]:
@@ -197,12 +174,10 @@ def drive_gains(actuator: Actuator) -> tuple[float, float]:
 def _apply_drive(
     prim: Usd.Prim, joint: Joint, actuator: Actuator, target: float, kind: str
 ) -> None:
-    from pxr import UsdPhysics
-
     if actuator.model == "passive":
         return  # the presence of the API is what makes a drive
     stiffness, damping = drive_gains(actuator)
-    drive = UsdPhysics.DriveAPI.Apply(prim, "angular" if is_angular(joint) else "linear")
+    drive = UsdPhysics.DriveAPI.Apply(prim, instance(joint))
     drive.CreateTypeAttr(kind)
     drive.CreateStiffnessAttr(gain(joint, stiffness))
     drive.CreateDampingAttr(gain(joint, damping))
@@ -213,45 +188,33 @@ def _apply_drive(
         drive.CreateMaxForceAttr(actuator.effort)
 
 
-def _apply_mimic(prim: Usd.Prim, names: Names, tree: Tree, joint: Joint) -> None:
+def _apply_mimic(prim: Usd.Prim, names: PrimPaths, joint: Joint) -> None:
     """q = offset + multiplier q(leader), for Newton as it is, for PhysX as q + G q' + c = 0."""
     if joint.mimic is None:
         return
-    leader = tree.by_joint[joint.mimic.joint]
+    leader = names.tree.by_joint[joint.mimic.joint]
     if is_angular(leader) != is_angular(joint):
         return  # an angle that follows a length has no unit here; `usd.mimic` says so
-    offset = coordinate(joint, joint.mimic.offset)
-    instance = f"rot{joint_axis(joint.axis)[0]}"
-    prefix = f"physxMimicJoint:{instance}"
-    apply_foreign(
-        prim,
-        f"PhysxMimicJointAPI:{instance}",
-        {
-            f"{prefix}:gearing": ("Float", -joint.mimic.multiplier),
-            f"{prefix}:offset": ("Float", -offset),
-            f"{prefix}:referenceJointAxis": ("Token", f"rot{joint_axis(leader.axis)[0]}"),
-        },
-    )
-    apply_foreign(
-        prim,
-        "NewtonMimicAPI",
-        {
-            "newton:mimicCoef0": ("Float", offset),
-            "newton:mimicCoef1": ("Float", joint.mimic.multiplier),
-        },
-    )
+    offset, multiplier = coordinate(joint, joint.mimic.offset), joint.mimic.multiplier
+    instance_name = f"rot{joint_axis(joint.axis)[0]}"
+    prefix = f"physxMimicJoint:{instance_name}"
+    physx: dict[str, float | str] = {
+        "gearing": -multiplier,
+        "offset": -offset,
+        "referenceJointAxis": f"rot{joint_axis(leader.axis)[0]}",
+    }
+    apply_foreign(prim, f"PhysxMimicJointAPI:{instance_name}", prefix, physx)
+    newton = {"mimicCoef0": offset, "mimicCoef1": multiplier}
+    apply_foreign(prim, "NewtonMimicAPI", "newton", newton)
     for relation in (f"{prefix}:referenceJoint", "newton:mimicJoint"):
         prim.CreateRelationship(relation, custom=False).SetTargets([names.joint(leader.name)])
 
 
-def apply_articulation(
-    stage: Usd.Stage, names: Names, tree: Tree, options: UsdArticulation
-) -> None:
+def apply_articulation(stage: Usd.Stage, names: PrimPaths, options: UsdArticulation) -> None:
     """ArticulationRootAPI where it decides the base: on the root link, it floats; on the fixed
     joint between world and root link, it stands.
     """
-    from pxr import UsdPhysics
-
+    tree = names.tree
     prim = stage.OverridePrim(names.body(tree.root))
     if tree.base == "fixed":
         joint = UsdPhysics.FixedJoint.Define(stage, names.root_joint)
@@ -262,23 +225,15 @@ def apply_articulation(
     apply_foreign(
         prim,
         "PhysxArticulationAPI",
+        "physxArticulation",
         {
-            "physxArticulation:enabledSelfCollisions": ("Bool", options.self_collisions),
-            "physxArticulation:solverPositionIterationCount": (
-                "Int",
-                options.solver_position_iterations,
-            ),
-            "physxArticulation:solverVelocityIterationCount": (
-                "Int",
-                options.solver_velocity_iterations,
-            ),
+            "enabledSelfCollisions": options.self_collisions,
+            "solverPositionIterationCount": options.solver_position_iterations,
+            "solverVelocityIterationCount": options.solver_velocity_iterations,
             # Unauthored, two readers of the same PhysX take values that differ a thousandfold.
-            "physxArticulation:sleepThreshold": ("Float", options.sleep_threshold),
-            "physxArticulation:stabilizationThreshold": ("Float", options.stabilization_threshold),
+            "sleepThreshold": options.sleep_threshold,
+            "stabilizationThreshold": options.stabilization_threshold,
         },
     )
-    apply_foreign(
-        prim,
-        "NewtonArticulationRootAPI",
-        {"newton:selfCollisionEnabled": ("Bool", options.self_collisions)},
-    )
+    newton = {"selfCollisionEnabled": options.self_collisions}
+    apply_foreign(prim, "NewtonArticulationRootAPI", "newton", newton)

@@ -10,42 +10,25 @@ payloads/physics.usda        variant `physics`: masses, joints, drives, collider
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.errors import StepError
 from assetbuild.robot.pose import Pose, Vec3
-from assetbuild.targets.usd.names import Names
-
-if TYPE_CHECKING:
-    from pxr import Sdf, Usd
+from assetbuild.targets.usd.names import PrimPaths
 
 PAYLOADS = "payloads"
 GEOMETRIES = "geometries.usdc"
 CRATE_VERSIONS = ((0, 8, 0), (0, 10, 0))
 """First and last version of the binary format that usd-core 24.5 reads and writes."""
-
-# Both decide the bytes of a binary layer from outside of the recipe.
-_ENVIRONMENT = ("USD_WRITE_NEW_USDC_FILES_AS_VERSION", "PIXAR_TF_ENV_SETTINGS_FILE")
-
-
-@contextmanager
-def plain_environment() -> Iterator[None]:
-    """Without the variables that change the bytes of a layer; they come back afterwards."""
-    kept = {name: os.environ.pop(name) for name in _ENVIRONMENT if name in os.environ}
-    try:
-        yield
-    finally:
-        os.environ.update(kept)
+_UNSIGNED = frozenset({"timeStepsPerSecond"})
+"""Whole numbers that their schema declares without a sign."""
 
 
 def new_stage(path: Path) -> Usd.Stage:
     """An empty stage in a new file: metres, kilograms, z up."""
-    from pxr import Usd, UsdGeom, UsdPhysics
-
     path.parent.mkdir(parents=True, exist_ok=True)
     stage = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
@@ -54,7 +37,7 @@ def new_stage(path: Path) -> Usd.Stage:
     return stage
 
 
-def new_layer(path: Path, names: Names) -> Usd.Stage:
+def new_layer(path: Path, names: PrimPaths) -> Usd.Stage:
     """A new stage for one layer of the robot; its default prim is an over of the robot.
 
     An over, because only `<robot>.usda` and `base.usda` define it: the others add to it.
@@ -84,21 +67,17 @@ def save(stage: Usd.Stage) -> None:
 
 def _reopen(parent: Sdf.PrimSpec) -> None:
     """Untyped definitions become overs again: defining a child has turned them over."""
-    from pxr import Sdf
-
     for spec in parent.nameChildren:
         if not spec.typeName and spec.specifier == Sdf.SpecifierDef:
             spec.specifier = Sdf.SpecifierOver
         _reopen(spec)
 
 
-def write_interface(path: Path, names: Names) -> None:
+def write_interface(path: Path, names: PrimPaths) -> None:
     """`<robot>.usda`: composes the payloads and selects the variant `physics`.
 
     Without an authored selection a runtime composes no bodies and no joints, silently.
     """
-    from pxr import Kind, Usd, UsdGeom
-
     stage = new_layer(path, names)
     prim = UsdGeom.Xform.Define(stage, f"/{names.root}").GetPrim()
     Usd.ModelAPI(prim).SetKind(Kind.Tokens.component)
@@ -117,8 +96,6 @@ def place(prim: Usd.Prim, pose: Pose, scale: Vec3 = (1.0, 1.0, 1.0)) -> None:
 
     Translate and orient are written even when they are identities: Isaac Lab moves prims by them.
     """
-    from pxr import Gf, UsdGeom
-
     xform = UsdGeom.Xformable(prim)
     double = UsdGeom.XformOp.PrecisionDouble
     xform.AddTranslateOp(double)
@@ -130,14 +107,11 @@ def place(prim: Usd.Prim, pose: Pose, scale: Vec3 = (1.0, 1.0, 1.0)) -> None:
 
 def set_place(prim: Usd.Prim, pose: Pose) -> None:
     """Values for the ops that `place` made, here or in a layer below."""
-    from pxr import Gf, Sdf
-
-    w, x, y, z = pose.quat
-    kinds = Sdf.ValueTypeNames
-    translate = prim.CreateAttribute("xformOp:translate", kinds.Double3, custom=False)
-    translate.Set(Gf.Vec3d(*pose.xyz))
-    orient = prim.CreateAttribute("xformOp:orient", kinds.Quatd, custom=False)
-    orient.Set(Gf.Quatd(w, x, y, z))
+    for op, kind, value in (
+        ("translate", Sdf.ValueTypeNames.Double3, Gf.Vec3d(*pose.xyz)),
+        ("orient", Sdf.ValueTypeNames.Quatd, Gf.Quatd(*pose.quat)),
+    ):
+        prim.CreateAttribute(f"xformOp:{op}", kind, custom=False).Set(value)
 
 
 def label(prim: Usd.Prim, name: str) -> None:
@@ -146,14 +120,18 @@ def label(prim: Usd.Prim, name: str) -> None:
         prim.SetMetadata("displayName", name)
 
 
-def apply_foreign(prim: Usd.Prim, schema: str, values: dict[str, tuple[str, object]]) -> None:
-    """Apply a schema that usd-core does not ship, with attributes name -> (type name, value).
+def apply_foreign(
+    prim: Usd.Prim, schema: str, prefix: str, values: Mapping[str, bool | int | float | str | None]
+) -> None:
+    """Apply a schema that usd-core does not ship; its attributes are called `<prefix>:<name>`.
 
+    One whose value is None is left out.
     NVIDIA's schema packages may not be vendored; runtimes that have them read these as theirs.
     """
-    from pxr import Sdf
-
+    kinds = Sdf.ValueTypeNames
+    types = {bool: kinds.Bool, int: kinds.Int, float: kinds.Float, str: kinds.Token}
     prim.AddAppliedSchema(schema)
-    for name, (kind, value) in values.items():
-        value_type = getattr(Sdf.ValueTypeNames, kind)
-        prim.CreateAttribute(name, value_type, custom=False).Set(value)
+    for name, value in values.items():
+        if value is not None:
+            kind = kinds.UInt if name in _UNSIGNED else types[type(value)]
+            prim.CreateAttribute(f"{prefix}:{name}", kind, custom=False).Set(value)

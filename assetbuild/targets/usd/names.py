@@ -42,7 +42,7 @@ RENAMED = Rule(
 
 
 @dataclass(frozen=True)
-class Names:
+class PrimPaths:
     """Identifiers of everything in one robot, and the prim paths made of them."""
 
     root: str
@@ -55,7 +55,7 @@ class Names:
     tree: Tree
 
     @classmethod
-    def of(cls, robot: str, tree: Tree, shapes: Shapes) -> Names:
+    def of(cls, robot: str, tree: Tree, shapes: Shapes) -> PrimPaths:
         """Names for all parts of the robot called `robot`."""
         return cls(
             root=usd_identifier(robot),
@@ -105,15 +105,15 @@ class Names:
 
     def findings(self, robot: str) -> Iterator[Finding]:
         """One `usd.renamed` for each name that a user will look for and not find."""
-        if self.root != robot:
-            yield _renamed("robot", robot, self.root)
-        for kind, table in (("link", self.bodies | self.frames), ("joint", self.joints)):
+        for kind, table in (
+            ("", {robot: self.root}),
+            ("link ", self.bodies | self.frames),
+            ("joint ", self.joints),
+            ("", self.materials),
+        ):
             for name, identifier in table.items():
                 if name != identifier:
-                    yield _renamed(f"{kind} {name}", name, identifier)
-        for name, identifier in self.materials.items():
-            if name != identifier:
-                yield _renamed("robot", name, identifier)
+                    yield _renamed(f"{kind}{name}" if kind else "robot", name, identifier)
 
 
 def _renamed(subject: str, name: str, identifier: str) -> Finding:

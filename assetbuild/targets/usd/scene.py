@@ -6,19 +6,16 @@ The robot's own file holds none of these: a training framework brings its own.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from pxr import Gf, Usd, UsdGeom, UsdLux, UsdPhysics
 
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.model import Control
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.usd.joints import starting_positions
 from assetbuild.targets.usd.layers import apply_foreign, new_stage, save, set_place
-from assetbuild.targets.usd.names import Names
-
-if TYPE_CHECKING:
-    from pxr import Usd
+from assetbuild.targets.usd.names import PrimPaths
 
 SCENE = "scene.usda"
 FLOOR_M = 20.0
@@ -27,14 +24,12 @@ CLEARANCE_M = 1e-3
 rounding alone, with all of `maxDepenetrationVelocity`."""
 
 
-def write_scene(folder: Path, main: str, names: Names, tree: Tree, control: Control) -> None:
+def write_scene(folder: Path, main: str, names: PrimPaths, control: Control) -> None:
     """A world that references `main`, the robot at the keyframe `home`.
 
     Without that keyframe near q = 0. A fixed root is where the asset's own prim has it, any other
     in the origin.
     """
-    from pxr import UsdGeom, UsdLux, UsdPhysics
-
     stage = new_stage(folder / SCENE)
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
     _define_physics(stage, control)
@@ -47,20 +42,17 @@ def write_scene(folder: Path, main: str, names: Names, tree: Tree, control: Cont
     UsdLux.DomeLight.Define(stage, "/World/light").CreateIntensityAttr(1000.0)
     robot = UsdGeom.Xform.Define(stage, f"/World/{names.root}").GetPrim()
     robot.GetReferences().AddReference(f"./{main}")
-    home = next((key for key in control.keyframes if key.name == "home"), None)
-    joints = starting_positions(tree, control)  # where the asset's own joints start
-    X_world_base = home.base if home and home.base is not None else IDENTITY
-    if home and home.base is not None:
-        X_world_base = Pose((0.0, 0.0, CLEARANCE_M)) @ X_world_base
-    for body, X_root_body in forward_kinematics(tree, joints).items():
+    joints = starting_positions(names.tree, control)  # where the asset's own joints start
+    X_world_base = IDENTITY
+    if control.home and control.home.base is not None:
+        X_world_base = Pose((0.0, 0.0, CLEARANCE_M)) @ control.home.base
+    for body, X_root_body in forward_kinematics(names.tree, joints).items():
         prim = stage.OverridePrim(f"/World{names.body(body)}")
         set_place(prim, X_world_base @ X_root_body)
     save(stage)
 
 
 def _define_physics(stage: Usd.Stage, control: Control) -> None:
-    from pxr import Gf, UsdPhysics
-
     scene = UsdPhysics.Scene.Define(stage, "/World/physics")
     gravity = np.asarray(control.simulation.gravity)
     strength = float(np.linalg.norm(gravity))
@@ -68,6 +60,4 @@ def _define_physics(stage: Usd.Stage, control: Control) -> None:
     scene.CreateGravityDirectionAttr(Gf.Vec3f(*direction.tolist()))
     scene.CreateGravityMagnitudeAttr(strength)
     rate = round(1.0 / control.simulation.timestep)
-    apply_foreign(
-        scene.GetPrim(), "PhysxSceneAPI", {"physxScene:timeStepsPerSecond": ("UInt", rate)}
-    )
+    apply_foreign(scene.GetPrim(), "PhysxSceneAPI", "physxScene", {"timeStepsPerSecond": rate})

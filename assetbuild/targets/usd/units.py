@@ -14,6 +14,11 @@ def is_angular(joint: Joint) -> bool:
     return joint.kind != "prismatic"
 
 
+def instance(joint: Joint) -> str:
+    """What USD's schemas call the one axis of the joint."""
+    return "angular" if is_angular(joint) else "linear"
+
+
 def to_usd_degrees(angle_rad: float) -> float:
     """Angle or angular velocity: rad to deg, rad/s to deg/s."""
     return math.degrees(angle_rad)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Contact, Control, Joint, Tree
@@ -71,6 +71,18 @@ MIMIC = Rule(
     "(no limits) (info where the recipe says `usd.mimics: false`)",
     "give it limits, or couple the joints in the simulator",
 )
+
+_ROLLING = "torsional and rolling friction"
+_NOT_IN_PHYSX = {
+    "condim": "PhysX has sliding friction only",
+    _ROLLING: "Newton reads them from the physics material, PhysX does not",
+    "priority": "PhysX takes the mean of two frictions",
+    "solref": "PhysX's contacts are hard",
+    "solimp": "PhysX's contacts are hard",
+    "margin": "PhysX has contact offsets of its own",
+    "gap": "PhysX has contact offsets of its own",
+}
+"""Why PhysX does not hold a field of `Contact`."""
 
 
 def unsupported(tree: Tree, control: Control, options: UsdOptions) -> Iterator[Finding]:
@@ -171,23 +183,9 @@ def _actuators(control: Control) -> Iterator[Finding]:
 def _contact(control: Control) -> Iterator[Finding]:
     """One finding for each kind of MuJoCo's contact values that PhysX does not hold."""
     surfaces = (control.contact, *(surface for _, surface in control.contacts))
-    plain = Contact()
-    kinds: tuple[tuple[str, Callable[[Contact], object], object, str], ...] = (
-        ("condim", lambda s: s.condim, 3, "PhysX has sliding friction only"),
-        (
-            "torsional and rolling friction",
-            lambda s: s.friction[1:] if s.condim > 3 else 0,
-            0,
-            "Newton reads them from the physics material, PhysX does not",
-        ),
-        ("priority", lambda s: s.priority, 0, "PhysX takes the mean of two frictions"),
-        ("solref", lambda s: s.solref, None, "PhysX's contacts are hard"),
-        ("solimp", lambda s: s.solimp, None, "PhysX's contacts are hard"),
-        ("margin", lambda s: s.margin, plain.margin, "PhysX has contact offsets of its own"),
-        ("gap", lambda s: s.gap, plain.gap, "PhysX has contact offsets of its own"),
-    )
-    for name, value_of, usual, why in kinds:
-        values = sorted({repr(value_of(s)) for s in surfaces if value_of(s) != usual})
+    for name, why in _NOT_IN_PHYSX.items():
+        own = [_beyond_usual(surface, name) for surface in surfaces]
+        values = sorted({repr(value) for value in own if value is not None})
         if values:
             yield CONTACT(
                 "robot",
@@ -195,6 +193,14 @@ def _contact(control: Control) -> Iterator[Finding]:
                 hint="compare `contact_friction` and the standing height in the alignment form",
                 data={"value": name, "surfaces": len(values)},
             )
+
+
+def _beyond_usual(surface: Contact, name: str) -> object:
+    """The value where it is not MuJoCo's default, else None."""
+    if name == _ROLLING:
+        return surface.friction[1:] if surface.condim > 3 else None
+    value: object = getattr(surface, name)
+    return value if value != getattr(Contact(), name) else None
 
 
 def _keyframes(control: Control) -> Iterator[Finding]:
@@ -210,7 +216,7 @@ def _keyframes(control: Control) -> Iterator[Finding]:
 
 def _starts(tree: Tree, control: Control) -> Iterator[Finding]:
     for name, position in starting_positions(tree, control).items():
-        if position != 0.0 and not any(key.name == "home" for key in control.keyframes):
+        if position != 0.0 and control.home is None:
             yield START_OUTSIDE(
                 f"joint {name}",
                 f"0 is outside of its limits: it starts at {position:.4g} in PhysX, which "

@@ -1,0 +1,60 @@
+"""What holds parts of the robot together or lets them pass: `<contact>` and `<equality>`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from xml.etree.ElementTree import Element
+
+from assetbuild.robot.model import Control, Joint, Tree
+from assetbuild.targets.mjcf.chains import Seats
+from assetbuild.targets.mjcf.drives import locked_at
+from assetbuild.targets.mjcf.xml import element, numbers
+
+
+def contact_section(
+    tree: Tree, control: Control, seats: Seats, body_names: Mapping[str, str]
+) -> Element:
+    """The pairs of the recipe that MuJoCo does not filter itself.
+
+    It lets parent and child pass through each other, unless the parent is part of the world or the
+    filter is switched off (which only an MJCF source says).
+    """
+    filters = not any("filterparent" in item.element for item in control.mjcf_only)
+
+    def is_filtered(parent: str, child: str) -> bool:
+        return filters and seats.parent(child) == parent and not _stands(tree, parent)
+
+    pairs = [
+        element("exclude", {"body1": body_names[a], "body2": body_names[b]})
+        for a, b in control.excludes
+        if not {a, b} & seats.hidden  # without shapes, they touch nothing
+        and not (is_filtered(a, b) or is_filtered(b, a))
+    ]
+    return element("contact", None, pairs)
+
+
+def _stands(tree: Tree, body: str) -> bool:
+    """Whether fixed joints alone hold the body to a fixed base."""
+    above = tree.joint_above.get(body)
+    while above is not None and above.kind == "fixed":
+        above = tree.joint_above.get(above.parent)
+    return above is None and tree.base == "fixed"
+
+
+def equality_section(joints: Iterable[Joint]) -> Element:
+    """Mimic joints: q = offset + multiplier * q(leader). Locked ones: q = a constant."""
+    held: list[Element] = []
+    for joint in joints:
+        leader, offset, multiplier = None, locked_at(joint), 0.0
+        if joint.mimic:
+            leader, offset = joint.mimic.joint, joint.mimic.offset
+            multiplier = joint.mimic.multiplier
+        if offset is not None:
+            attributes = {
+                "name": joint.name,
+                "joint1": joint.name,
+                "joint2": leader,
+                "polycoef": numbers((offset, multiplier, 0.0, 0.0, 0.0)),
+            }
+            held.append(element("joint", attributes))
+    return element("equality", None, held)

@@ -1,0 +1,53 @@
+"""The layers of the asset, from the inside out, so that each finds what it refers to.
+
+Alone among the modules that the target imports these need USD's library: they are imported late.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from assetbuild.findings import Finding
+from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.simulators.usd_options import UsdOptions
+from assetbuild.targets.usd.bodies import apply_rigid_bodies, write_base
+from assetbuild.targets.usd.colliders import apply_filtered_pairs, apply_masks, define_colliders
+from assetbuild.targets.usd.geometry import write_instances, write_library, write_materials
+from assetbuild.targets.usd.joints import apply_articulation, define_joints
+from assetbuild.targets.usd.layers import PAYLOADS, new_layer, save, write_interface
+from assetbuild.targets.usd.names import PrimPaths
+from assetbuild.targets.usd.scene import SCENE, write_scene
+from assetbuild.targets.usd.unsupported import unsupported
+
+
+def write_asset(
+    folder: Path,
+    robot: str,
+    tree: Tree,
+    shapes: Shapes,
+    control: Control,
+    meshes: Path,
+    options: UsdOptions,
+) -> Iterator[Finding]:
+    """`<robot>.usda`, its payloads and `scene.usda`."""
+    names = PrimPaths.of(robot, tree, shapes)
+    payloads, main = folder / PAYLOADS, f"{robot}.usda"
+    write_library(payloads, names, shapes, meshes)
+    write_materials(payloads, names, shapes, meshes)
+    write_instances(payloads, names, shapes, instanceable=options.instanceable)
+    write_base(payloads, names, robot)
+    # What the variant `physics` adds to the robot.
+    stage = new_layer(payloads / "physics.usda", names)
+    yield from apply_rigid_bodies(stage, names, options.rigid_body)
+    yield from define_colliders(stage, names, shapes, control)
+    define_joints(stage, names, control, options)
+    apply_articulation(stage, names, options.articulation)
+    apply_filtered_pairs(stage, names, shapes, control)
+    apply_masks(stage, names, shapes, control)
+    save(stage)
+    write_interface(folder / main, names)
+    if main != SCENE:
+        write_scene(folder, main, names, control)
+    yield from names.findings(robot)
+    yield from unsupported(tree, control, options)
