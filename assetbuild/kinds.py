@@ -42,8 +42,9 @@ from assetbuild.robot.model import (
     Inertial,
     Joint,
     Mesh,
-    Shape,
     Shapes,
+    SourceShape,
+    SourceShapes,
     Sphere,
     Tree,
 )
@@ -140,11 +141,11 @@ class Edit(Step):
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
     outputs = ("links.json", "shapes.json")
 
-    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """The changed robot and what to say about it; RecipeError for what cannot be done."""
         raise NotImplementedError
 
-    def meshes(self, shapes: Shapes) -> tuple[Shape, ...]:
+    def meshes(self, shapes: SourceShapes) -> tuple[SourceShape, ...]:
         """Shapes whose meshes it reads; the first is `mesh/0/parts/` and `mesh/0/mesh.json`."""
         return ()
 
@@ -159,7 +160,7 @@ class Edit(Step):
     def run(self, files: Files) -> Iterable[Finding]:
         """Reads and writes `links.json` and `shapes.json`."""
         tree = decode(Tree, (files.inputs / "links.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        shapes = decode(SourceShapes, (files.inputs / "shapes.json").read_bytes())
         done = self.edit(tree, shapes, files)
         (files.outputs / "links.json").write_bytes(encode(done.tree))
         (files.outputs / "shapes.json").write_bytes(encode(done.shapes))
@@ -171,7 +172,7 @@ class Edited:
     """What an edit made."""
 
     tree: Tree
-    shapes: Shapes
+    shapes: SourceShapes
     findings: tuple[Finding, ...]
 
 

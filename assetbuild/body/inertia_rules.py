@@ -23,7 +23,7 @@ from assetbuild.robot.inertia import (
     principal_moments,
     triangle_violation,
 )
-from assetbuild.robot.model import Inertial, Shapes, Tree
+from assetbuild.robot.model import Inertial, Shapes, SourceShapes, Tree
 
 ROUNDING = 1e-9
 """Relative: smaller violations are the noise of turning a tensor into other axes."""
@@ -65,7 +65,7 @@ class Bounds(BaseModel):
 
 
 def inertia_findings(
-    tree: Tree, shapes: Shapes, bounds: Bounds, worst: Severity
+    tree: Tree, shapes: Shapes | SourceShapes, bounds: Bounds, worst: Severity
 ) -> Iterator[Finding]:
     """Findings on all bodies of a tree, none graver than `worst`.
 

@@ -11,7 +11,7 @@ from assetbuild.body.limit_rule import crossed_limits
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Shapes, Tree
+from assetbuild.robot.model import SourceShapes, Tree
 
 
 class LintBodies(Step):
@@ -24,7 +24,7 @@ class LintBodies(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Findings in tree order."""
         tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        shapes = decode(SourceShapes, (files.inputs / "shapes.json").read_bytes())
         yield from inertia_findings(tree, shapes, self.bounds, "error")
         for joint in tree.moving_joints:
             yield from crossed_limits(joint, "error")

@@ -13,7 +13,7 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
 from assetbuild.robot.mimic import led_range
-from assetbuild.robot.model import Joint, Shapes, Tree
+from assetbuild.robot.model import Joint, SourceShapes, Tree
 from assetbuild.robot.tree import PLACEHOLDER_KG
 
 CONTRADICTION = 0.01
@@ -34,7 +34,7 @@ class LintLinks(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Findings in the order of the source's tree."""
         tree = decode(Tree, (files.inputs / "links.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        shapes = decode(SourceShapes, (files.inputs / "shapes.json").read_bytes())
         yield from inertia_findings(tree, shapes, self.bounds, "warning")
         for joint in tree.moving_joints:
             yield from _range(joint)
@@ -100,7 +100,7 @@ def _led(tree: Tree, joint: Joint) -> Iterator[Finding]:
     )
 
 
-def _without_collision(tree: Tree, shapes: Shapes) -> Iterator[Finding]:
+def _without_collision(tree: Tree, shapes: SourceShapes) -> Iterator[Finding]:
     seen = {shape.link for shape in shapes.of("visual")}
     solid = {shape.link for shape in shapes.of("collision")}
     for body in tree.bodies:

@@ -12,12 +12,11 @@ from assetbuild.mesh.fit_many import fit_parts
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.merge import grown_to, merge_steps
 from assetbuild.mesh.native import NativeError
-from assetbuild.mesh.primitives import Primitive
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.vhacd import vhacd_parts
 from assetbuild.recipe.collision import PrimitiveName, VHacdOptions
-from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
+from assetbuild.robot.model import Box, Capsule, Cylinder, Primitive, Sphere
 from assetbuild.robot.pose import Pose, Vec3
 
 SHAPES: dict[PrimitiveName, type[Primitive]] = {

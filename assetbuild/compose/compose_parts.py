@@ -20,10 +20,10 @@ from assetbuild.robot.model import (
     Box,
     Joint,
     Material,
-    Mesh,
+    MeshFile,
     Mimic,
-    Shape,
-    Shapes,
+    SourceShape,
+    SourceShapes,
     Tree,
 )
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of_rpy
@@ -175,19 +175,18 @@ def _prefixed_joint(joint: Joint, prefix: str) -> Joint:
     return replace(joint, mimic=mimic, **names)
 
 
-def prefixed_shapes(shapes: Shapes, prefix: str) -> Shapes:
+def prefixed_shapes(shapes: SourceShapes, prefix: str) -> SourceShapes:
     """The same shapes with a prefix on names, links, materials and paths of meshes."""
-    return Shapes(
+    return SourceShapes(
         shapes=tuple(_prefixed_shape(shape, prefix) for shape in shapes.shapes),
         materials=tuple(_prefixed_material(material, prefix) for material in shapes.materials),
-        meshes=shapes.meshes,
     )
 
 
-def _prefixed_shape(shape: Shape, prefix: str) -> Shape:
+def _prefixed_shape(shape: SourceShape, prefix: str) -> SourceShape:
     geometry = shape.geometry
-    if isinstance(geometry, Mesh):
-        geometry = replace(geometry, mesh=part_path(prefix, geometry.mesh))
+    if isinstance(geometry, MeshFile):
+        geometry = replace(geometry, path=part_path(prefix, geometry.path))
     material = prefix + shape.material if shape.material else None
     return replace(
         shape,
@@ -241,19 +240,19 @@ def _plate(on: PartOn) -> str:
     return f"{on.prefix}mount_plate"
 
 
-def _plate_shapes(on: PartOn) -> tuple[Shape, Shape]:
+def _plate_shapes(on: PartOn) -> tuple[SourceShape, SourceShape]:
     box, at, link = Box(on.mount_size), Pose(on.mount_at), _plate(on)
     return (
-        Shape(f"{link}_visual", link, "visual", box, at),
-        Shape(f"{link}_collision", link, "collision", box, at),
+        SourceShape(f"{link}_visual", link, "visual", box, at),
+        SourceShape(f"{link}_collision", link, "collision", box, at),
     )
 
 
-def _joined(a: Shapes, b: Shapes) -> Shapes:
-    return Shapes(a.shapes + b.shapes, a.materials + b.materials, a.meshes + b.meshes)
+def _joined(a: SourceShapes, b: SourceShapes) -> SourceShapes:
+    return SourceShapes(a.shapes + b.shapes, a.materials + b.materials)
 
 
-def _refuse_clashes(tree: Tree, shapes: Shapes) -> None:
+def _refuse_clashes(tree: Tree, shapes: SourceShapes) -> None:
     for kind, names in (
         ("link", [body.name for body in tree.bodies] + [frame.name for frame in tree.frames]),
         ("joint", [joint.name for joint in tree.joints]),
@@ -290,9 +289,9 @@ def _told(part: PartOn, tree: Tree, X_world_root: Pose) -> Finding:
     )
 
 
-def _read(folder: Path) -> tuple[Tree, Shapes]:
+def _read(folder: Path) -> tuple[Tree, SourceShapes]:
     tree = decode(Tree, (folder / "links.json").read_bytes())
-    return tree, decode(Shapes, (folder / "shapes.json").read_bytes())
+    return tree, decode(SourceShapes, (folder / "shapes.json").read_bytes())
 
 
 def _said(folder: Path) -> SourceControl | None:

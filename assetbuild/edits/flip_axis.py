@@ -13,7 +13,7 @@ from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Edit, Edited, edit_joints
 from assetbuild.recipe.models import Pattern
-from assetbuild.robot.model import MOVING, Joint, Limits, Mimic, Shapes, Tree
+from assetbuild.robot.model import MOVING, Joint, Limits, Mimic, SourceShapes, Tree
 
 
 class FlipAxis(Edit):
@@ -29,7 +29,7 @@ class FlipAxis(Edit):
         description="mirror: lower and upper change places and sign; keep: as they are",
     )
 
-    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
         tree, findings = edit_joints(tree, self.joint, self._flipped)
         if self.limits_ == "mirror":

@@ -13,7 +13,7 @@ from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding
 from assetbuild.kinds import Edit, Edited
 from assetbuild.recipe.models import Pattern
-from assetbuild.robot.model import Shapes, Tree
+from assetbuild.robot.model import SourceShapes, Tree
 
 
 class Rename(Edit):
@@ -36,7 +36,7 @@ class Rename(Edit):
         links = [(("links", pattern), "link", pattern) for pattern in self.links]
         return (*links, *((("joints", pattern), "joint", pattern) for pattern in self.joints))
 
-    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
         link = _new_names("link", (body.name for body in tree.bodies), self.links)
         joint = _new_names("joint", (j.name for j in tree.joints), self.joints)

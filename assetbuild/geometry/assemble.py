@@ -15,7 +15,18 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
 from assetbuild.kinds import ConvertedMesh, MeshPart, Pieces
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Geometry, Material, Mesh, MeshAsset, Shape, Shapes
+from assetbuild.robot.model import (
+    Geometry,
+    Material,
+    Mesh,
+    MeshAsset,
+    MeshFile,
+    Primitive,
+    Shape,
+    Shapes,
+    SourceShape,
+    SourceShapes,
+)
 from assetbuild.robot.pose import IDENTITY, Pose
 
 PNG = "texture.png"
@@ -78,7 +89,7 @@ class Assemble(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `shapes.json` of the source and the folders that the fields name."""
-        source = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        source = decode(SourceShapes, (files.inputs / "shapes.json").read_bytes())
         by_name = {shape.name: shape for shape in source.shapes}
         library = _Library(files.outputs / "meshes")
         pictures = {use.texture: files.inputs / use.folder / PNG for use in self.textures}
@@ -115,7 +126,7 @@ def called(made: list[Shape], source: str | None) -> list[Shape]:
     return [replace(s, name=name) for s, name in zip(made, [source, *names], strict=True)]
 
 
-def _without_collision(source: Shapes, uses: tuple[CollisionUse, ...]) -> Iterator[Finding]:
+def _without_collision(source: SourceShapes, uses: tuple[CollisionUse, ...]) -> Iterator[Finding]:
     """One finding for all links that have geometry in the source and hit nothing here."""
     covered = {use.link for use in uses}
     bare = [link for link in dict.fromkeys(s.link for s in source.shapes) if link not in covered]
@@ -132,11 +143,11 @@ def _without_collision(source: Shapes, uses: tuple[CollisionUse, ...]) -> Iterat
 
 
 def _visual_shapes(
-    use: VisualUse, shape: Shape, inputs: Path, library: _Library, palette: _Palette
+    use: VisualUse, shape: SourceShape, inputs: Path, library: _Library, palette: _Palette
 ) -> list[Shape]:
     if use.folder is None:
         material = palette.of_source(shape.material, uv=False)
-        return [Shape("", shape.link, "visual", shape.geometry, shape.X_link_shape, material)]
+        return [Shape("", shape.link, "visual", _primitive(shape), shape.X_link_shape, material)]
     folder = inputs / use.folder
     mesh = decode(ConvertedMesh, (folder / "mesh.json").read_bytes())
     made = []
@@ -149,7 +160,7 @@ def _visual_shapes(
 
 
 def _collision_shapes(
-    use: CollisionUse, shape: Shape | None, inputs: Path, library: _Library
+    use: CollisionUse, shape: SourceShape | None, inputs: Path, library: _Library
 ) -> list[Shape]:
     X_link_source = shape.X_link_shape if shape else IDENTITY
     made: list[tuple[Geometry, Pose]] = []
@@ -168,8 +179,14 @@ def _collision_shapes(
         names = [library.add(folder / "parts" / part.file, use.stem, part) for part in parts]
         made += [(Mesh(name), X_link_source) for name in names]
     elif shape is not None:
-        made.append((shape.geometry, X_link_source))
+        made.append((_primitive(shape), X_link_source))
     return [Shape("", use.link, "collision", geometry, pose) for geometry, pose in made]
+
+
+def _primitive(shape: SourceShape) -> Primitive:
+    if isinstance(shape.geometry, MeshFile):
+        raise TypeError(f"shape {shape.name}: its mesh was not converted")
+    return shape.geometry
 
 
 def _named(shapes: list[Shape]) -> tuple[Shape, ...]:

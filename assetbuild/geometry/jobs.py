@@ -22,7 +22,7 @@ from assetbuild.mesh.read import Format
 from assetbuild.recipe.collision import PRESETS, CollisionRule, Region, ToleranceRegion
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.model import Mesh, Shape, Shapes, Tree
+from assetbuild.robot.model import MeshFile, SourceShape, SourceShapes, Tree
 from assetbuild.robot.pose import Pose, Vec3, vec3
 from assetbuild.source.get.from_folder import is_file
 
@@ -51,7 +51,7 @@ class Job:
     """
 
     link: str
-    shapes: tuple[Shape, ...]
+    shapes: tuple[SourceShape, ...]
     method: type[CollisionMethod] | None = None
     fields: Mapping[str, Any] = field(default_factory=dict)  # Any: any field of any plug-in
     keep_open: tuple[Region, ...] = ()
@@ -78,7 +78,7 @@ class Job:
         sources = []
         for index, shape in enumerate(self.shapes):
             pose = shape.X_link_shape if self.per_link else None
-            if isinstance(shape.geometry, Mesh):
+            if isinstance(shape.geometry, MeshFile):
                 sources.append(PlacedSource.of_mesh(f"shapes/{index}", pose))
             else:
                 sources.append(PlacedSource.of_primitive(shape.geometry, pose))
@@ -110,9 +110,9 @@ class Job:
 class Meshes(Protocol):
     """What knows the source's shapes and their converted meshes."""
 
-    shapes: Shapes
+    shapes: SourceShapes
 
-    def converted(self, mesh: Mesh) -> Node:
+    def converted(self, mesh: MeshFile) -> Node:
         """The node of a converted mesh."""
 
 
@@ -124,7 +124,7 @@ def collision_jobs(loaded: LoadedRecipe, links: Tree, meshes: Meshes) -> tuple[J
     return tuple(jobs)
 
 
-def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: Shapes) -> list[Job]:
+def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: SourceShapes) -> list[Job]:
     rule, key = _rule_of(loaded.recipe, link)
     own = _source_of(rule, link, shapes)
     method = check_rule(loaded, rule, key)
@@ -141,7 +141,7 @@ def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: Shapes) -> li
     return [
         # The source's primitive is convex and exact already.
         Job(link, (shape,))
-        if not isinstance(shape.geometry, Mesh)
+        if not isinstance(shape.geometry, MeshFile)
         else Job(link, (shape,), method, fields, rule.keep_open, rule.regions)
         for shape in own
     ]
@@ -182,7 +182,7 @@ def _rule_of(recipe: Recipe, link: str) -> tuple[CollisionRule, tuple[str, ...]]
     return recipe.collision.default, ("collision", "default")
 
 
-def _source_of(rule: CollisionRule, link: str, shapes: Shapes) -> tuple[Shape, ...]:
+def _source_of(rule: CollisionRule, link: str, shapes: SourceShapes) -> tuple[SourceShape, ...]:
     of_link = {
         role: tuple(s for s in shapes.shapes if s.link == link and s.role == role)
         for role in ("collision", "visual")
@@ -320,6 +320,6 @@ def _by_mesh(jobs: Sequence[Job], meshes: Meshes) -> dict[tuple[str, str], list[
 
 def _mesh_node(job: Job, meshes: Meshes) -> Node:
     (shape,) = job.shapes
-    if not isinstance(shape.geometry, Mesh):
+    if not isinstance(shape.geometry, MeshFile):
         raise TypeError("only meshes are compared")
     return meshes.converted(shape.geometry)

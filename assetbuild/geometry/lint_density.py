@@ -8,7 +8,7 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Shapes, Tree
+from assetbuild.robot.model import SourceShapes, Tree
 
 DEFAULT_KG_M3 = 1000.0
 """SolidWorks' density of a part without a material, water's."""
@@ -30,7 +30,7 @@ class LintDensity(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """One finding for the robot, when at least half of its links have that density."""
         tree = decode(Tree, (files.inputs / "links.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        shapes = decode(SourceShapes, (files.inputs / "shapes.json").read_bytes())
         volume: dict[str, float | None] = {}
         for index, name in enumerate(self.shapes):
             mesh = decode(ConvertedMesh, (files.inputs / f"meshes/{index}.json").read_bytes())
@@ -55,7 +55,9 @@ class LintDensity(Step):
             )
 
 
-def _densities(tree: Tree, shapes: Shapes, volume: dict[str, float | None]) -> dict[str, float]:
+def _densities(
+    tree: Tree, shapes: SourceShapes, volume: dict[str, float | None]
+) -> dict[str, float]:
     """kg/m3 of the links with a mass whose visual volume is known."""
     found = {}
     for body in tree.bodies:

@@ -23,10 +23,10 @@ from assetbuild.robot.model import (
     Box,
     Capsule,
     Cylinder,
-    Geometry,
-    Mesh,
-    Shape,
-    Shapes,
+    MeshFile,
+    SourceGeometry,
+    SourceShape,
+    SourceShapes,
     Sphere,
     Tree,
 )
@@ -72,7 +72,7 @@ class _Bounds:
 class _Fit:
     """Misfit of one shape as it is and the other way, as shares of its size."""
 
-    shape: Shape
+    shape: SourceShape
     now: float
     other: float
     by: str
@@ -87,7 +87,7 @@ class LintMeshes(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """One finding for all meshes of the robot."""
         tree = decode(Tree, (files.inputs / "links.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        shapes = decode(SourceShapes, (files.inputs / "shapes.json").read_bytes())
         records = {
             name: decode(ConvertedMesh, (files.inputs / "meshes" / f"{number}.json").read_bytes())
             for number, name in enumerate(self.shapes)
@@ -98,7 +98,7 @@ class LintMeshes(Step):
 
 
 def judge_up_axes(
-    tree: Tree, shapes: Shapes, records: Mapping[str, ConvertedMesh]
+    tree: Tree, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
 ) -> Finding | None:
     """One finding for all meshes of the robot, if most would stand better the other way.
 
@@ -133,17 +133,17 @@ def _finding(
     )
 
 
-def _path(shape: Shape) -> str:
-    assert isinstance(shape.geometry, Mesh)  # noqa: S101 # only meshes have a record
-    return shape.geometry.mesh
+def _path(shape: SourceShape) -> str:
+    assert isinstance(shape.geometry, MeshFile)  # noqa: S101 # only meshes have a record
+    return shape.geometry.path
 
 
-def _fits(body: Body, shapes: Shapes, records: Mapping[str, ConvertedMesh]) -> Iterator[_Fit]:
+def _fits(body: Body, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]) -> Iterator[_Fit]:
     own = [
         shape
         for shape in shapes.shapes
         if shape.link == body.name
-        and (not isinstance(shape.geometry, Mesh) or shape.name in records)
+        and (not isinstance(shape.geometry, MeshFile) or shape.name in records)
     ]
     for role in ("visual", "collision"):
         doubted = [s for s in own if s.role == role and _says(s, records)]
@@ -165,11 +165,13 @@ def _fits(body: Body, shapes: Shapes, records: Mapping[str, ConvertedMesh]) -> I
         yield _Fit(doubted[0], scores[0] / now.size, scores[1] / now.size, scores[2])
 
 
-def _says(shape: Shape, records: Mapping[str, ConvertedMesh]) -> bool:
+def _says(shape: SourceShape, records: Mapping[str, ConvertedMesh]) -> bool:
     return shape.name in records and records[shape.name].up_axis is not None
 
 
-def _around(shapes: list[Shape], records: Mapping[str, ConvertedMesh], *, other: bool) -> _Bounds:
+def _around(
+    shapes: list[SourceShape], records: Mapping[str, ConvertedMesh], *, other: bool
+) -> _Bounds:
     """Bounds of some shapes in the frame of their link; `other`: doubted ones the other way."""
     points = []
     for shape in shapes:
@@ -184,16 +186,16 @@ def _around(shapes: list[Shape], records: Mapping[str, ConvertedMesh], *, other:
     return _Bounds.of(np.concatenate(points))
 
 
-def _otherwise(box: _Bounds, record: ConvertedMesh, geometry: Geometry) -> _Bounds:
+def _otherwise(box: _Bounds, record: ConvertedMesh, geometry: SourceGeometry) -> _Bounds:
     """The box of a mesh if its up axis were honoured, or were not."""
     turn = np.array(TO_Z_UP[record.up_axis or ""], dtype=np.float64)
     if record.turned:
         turn = turn.T
-    scale = np.array(geometry.scale if isinstance(geometry, Mesh) else (1.0, 1.0, 1.0))
+    scale = np.array(geometry.scale if isinstance(geometry, MeshFile) else (1.0, 1.0, 1.0))
     return _Bounds.of((box.corners / scale) @ turn.T * scale)
 
 
-def _of_primitive(geometry: Geometry) -> _Bounds:
+def _of_primitive(geometry: SourceGeometry) -> _Bounds:
     match geometry:
         case Box(size):
             half = np.array(size) / 2.0
@@ -203,6 +205,6 @@ def _of_primitive(geometry: Geometry) -> _Bounds:
             half = np.array([radius, radius, length / 2.0])
         case Capsule(radius, length):
             half = np.array([radius, radius, length / 2.0 + radius])
-        case Mesh():
+        case MeshFile():
             raise TypeError("a mesh has a record")
     return _Bounds(-half, half)

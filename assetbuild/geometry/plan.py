@@ -17,7 +17,7 @@ from assetbuild.geometry.lint_meshes import LintMeshes
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.sides import Side, side_of
-from assetbuild.robot.model import Mesh, Shapes, Tree
+from assetbuild.robot.model import MeshFile, SourceShapes, Tree
 
 
 class Geometry:
@@ -30,7 +30,7 @@ class Geometry:
 
     def __init__(
         self,
-        shapes: Shapes,
+        shapes: SourceShapes,
         files: Mapping[str, Ref],
         companions: Companions,
         textures: Mapping[str, Ref],
@@ -54,29 +54,29 @@ class Geometry:
         self._turned |= {path_of(path) for path in part._turned}
         self._stems = _short_names(tuple(self._files)) | self._stems
 
-    def stem(self, mesh: Mesh) -> str:
+    def stem(self, mesh: MeshFile) -> str:
         """The short name of a mesh file: `calf`."""
-        return PurePosixPath(mesh.mesh).stem
+        return PurePosixPath(mesh.path).stem
 
-    def is_converted(self, mesh: Mesh) -> bool:
+    def is_converted(self, mesh: MeshFile) -> bool:
         """Has anything asked for this mesh so far?"""
-        return (mesh.mesh, mesh.scale) in self._converted
+        return (mesh.path, mesh.scale) in self._converted
 
-    def converted(self, mesh: Mesh) -> Node:
+    def converted(self, mesh: MeshFile) -> Node:
         """The full mesh, as OBJ per material."""
-        key = (mesh.mesh, mesh.scale)
+        key = (mesh.path, mesh.scale)
         if key not in self._converted:
-            named = self._companions.get(mesh.mesh, {})
+            named = self._companions.get(mesh.path, {})
             step = ConvertMesh(
-                format=PurePosixPath(mesh.mesh).suffix.lower().lstrip("."),
+                format=PurePosixPath(mesh.path).suffix.lower().lstrip("."),
                 scale=mesh.scale,
-                up_axis="honour" if mesh.mesh in self._turned else "ignore",
+                up_axis="honour" if mesh.path in self._turned else "ignore",
                 companions=tuple(named),
-                keep_uv=mesh.mesh in self._papered(),
+                keep_uv=mesh.path in self._papered(),
             )
             label = f"convert_mesh {self._label(mesh)}"
-            self.subjects[label] = f"mesh {mesh.mesh}"
-            inputs = {"mesh": self._files[mesh.mesh]}
+            self.subjects[label] = f"mesh {mesh.path}"
+            inputs = {"mesh": self._files[mesh.path]}
             inputs |= {f"companions/{i}": ref for i, ref in enumerate(named.values())}
             self._converted[key] = self._p.add(label, step, inputs)
         return self._converted[key]
@@ -95,18 +95,18 @@ class Geometry:
         """Meshes that the description itself puts a texture on."""
         textured = {m.name for m in self.shapes.materials if m.texture}
         return {
-            shape.geometry.mesh
+            shape.geometry.path
             for shape in self.shapes.of("visual")
-            if isinstance(shape.geometry, Mesh) and shape.material in textured
+            if isinstance(shape.geometry, MeshFile) and shape.material in textured
         }
 
-    def for_the_eye(self, mesh: Mesh, max_faces: int | None) -> Node:
+    def for_the_eye(self, mesh: MeshFile, max_faces: int | None) -> Node:
         """The mesh within the recipe's budget of faces."""
         full, label = self.converted(mesh), self._label(mesh)
         if max_faces is None:
             return full
         if label not in self._decimated:
-            self.subjects[f"decimate_mesh {label}"] = f"mesh {mesh.mesh}"
+            self.subjects[f"decimate_mesh {label}"] = f"mesh {mesh.path}"
             self._decimated[label] = self._p.add(
                 f"decimate_mesh {label}",
                 DecimateMesh(max_faces=max_faces),
@@ -114,11 +114,11 @@ class Geometry:
             )
         return self._decimated[label]
 
-    def _label(self, mesh: Mesh) -> str:
+    def _label(self, mesh: MeshFile) -> str:
         scale = (
             "" if mesh.scale == (1.0, 1.0, 1.0) else " x" + ",".join(f"{s:g}" for s in mesh.scale)
         )
-        return self._stems[mesh.mesh] + scale
+        return self._stems[mesh.path] + scale
 
 
 def _short_names(paths: tuple[str, ...]) -> dict[str, str]:
@@ -138,7 +138,7 @@ def lint_meshes(links: Ref, shapes: Ref, geometry: Geometry, p: Planner) -> Node
     inputs = {"links.json": links, "shapes.json": shapes}
     uses: list[str] = []
     for shape in geometry.shapes.shapes:
-        if isinstance(shape.geometry, Mesh) and geometry.is_converted(shape.geometry):
+        if isinstance(shape.geometry, MeshFile) and geometry.is_converted(shape.geometry):
             inputs[f"meshes/{len(uses)}.json"] = geometry.converted(shape.geometry)["mesh.json"]
             uses.append(shape.name)
     return p.add("lint_meshes", LintMeshes(shapes=tuple(uses)), inputs)
@@ -149,7 +149,7 @@ def lint_density(robot: Mapping[str, Ref], geometry: Geometry, p: Planner) -> No
     inputs = dict(robot)
     names: list[str] = []
     for shape in geometry.shapes.of("visual"):
-        if isinstance(shape.geometry, Mesh):
+        if isinstance(shape.geometry, MeshFile):
             inputs[f"meshes/{len(names)}.json"] = geometry.converted(shape.geometry)["mesh.json"]
             names.append(shape.name)
     if names:
@@ -209,7 +209,7 @@ def _visuals(
     uses = []
     for shape in geometry.shapes.of("visual"):
         named = side_of(sides, shape.link).from_mjcf
-        if not isinstance(shape.geometry, Mesh):
+        if not isinstance(shape.geometry, MeshFile):
             uses.append(VisualUse(shape=shape.name, named=named))
             continue
         node = geometry.for_the_eye(shape.geometry, recipe.visual.max_faces)
@@ -228,7 +228,7 @@ def _link_mesh(node: Node, folder: str, inputs: dict[str, Ref]) -> None:
 def _kept(job: Job, geometry: Geometry, inputs: dict[str, Ref]) -> CollisionUse:
     """The source's shape as it is."""
     (shape,) = job.shapes
-    if not isinstance(shape.geometry, Mesh):
+    if not isinstance(shape.geometry, MeshFile):
         return CollisionUse(link=job.link, shape=shape.name)
     node = geometry.converted(shape.geometry)
     folder = f"collision/{node.label}"
@@ -241,7 +241,7 @@ def _add(job: Job, twins: Twins, nodes: Mapping[int, Node], geometry: Geometry, 
     """One run of a collision method, shared by all links that ask for the same."""
     inputs: dict[str, Ref] = {}
     for index, shape in enumerate(job.shapes):
-        if isinstance(shape.geometry, Mesh):
+        if isinstance(shape.geometry, MeshFile):
             _link_mesh(geometry.converted(shape.geometry), f"shapes/{index}", inputs)
     for index, mesh in enumerate(job.own):
         _link_mesh(geometry.own(mesh), f"own/{index}", inputs)

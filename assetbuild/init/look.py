@@ -16,7 +16,7 @@ from assetbuild.init.packages import is_file
 from assetbuild.init.source import Found
 from assetbuild.init.words import some
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Base, Shapes, Tree
+from assetbuild.robot.model import Base, SourceShapes, Tree
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 
@@ -27,7 +27,7 @@ class Looked:
 
     links: Tree
     tree: Tree
-    shapes: Shapes
+    shapes: SourceShapes
     link_findings: tuple[Finding, ...] = ()
     body_findings: tuple[Finding, ...] = ()
 
@@ -37,7 +37,7 @@ def look(source: Found) -> Looked:
     step = ReadUrdf(file=source.shown, base="floating", packages=dict(source.packages))
     read, _ = _run(step, {"robot.urdf": source.data})
     _refuse_absent(source, json.loads(read["meshes.json"]))
-    links, shapes = decode(Tree, read["links.json"]), decode(Shapes, read["shapes.json"])
+    links, shapes = decode(Tree, read["links.json"]), decode(SourceShapes, read["shapes.json"])
     tree, _ = merge_fixed_joints(links, True, ())
     return Looked(links, tree, shapes)
 

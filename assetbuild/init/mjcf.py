@@ -22,7 +22,7 @@ from assetbuild.init.targets import targets
 from assetbuild.init.text import head, home
 from assetbuild.init.words import quoted, some
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.robot.model import Control, SourceShapes, Tree
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
@@ -88,7 +88,7 @@ def _read(root: Path, name: str) -> Found:
             _copy(path, read.inputs / "files" / mesh["path"])
         list(ReadMjcf().run(read))
         links = decode(Tree, (read.outputs / "links.json").read_bytes())
-        shapes = decode(Shapes, (read.outputs / "shapes.json").read_bytes())
+        shapes = decode(SourceShapes, (read.outputs / "shapes.json").read_bytes())
         said = decode(SourceControl, (read.outputs / "source_control.json").read_bytes())
     tree, _ = merge_fixed_joints(links, True, said.bodies)
     return Found(root, name, judge(Looked(links, tree, shapes), links.base), said.control)

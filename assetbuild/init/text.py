@@ -29,7 +29,7 @@ from assetbuild.init.targets import targets
 from assetbuild.init.up_axis import turned
 from assetbuild.init.words import flow, plain, quoted, some
 from assetbuild.recipe.loader import shown_path
-from assetbuild.robot.model import Mesh, Tree
+from assetbuild.robot.model import MeshFile, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.tree import forward_kinematics
 
@@ -170,7 +170,7 @@ def _ball_feet(robot: Looked, anatomy: Anatomy) -> tuple[str, ...]:
     for leg in anatomy.legs:
         own = [s for s in solid if s.link == leg.foot]
         separate = leg.foot != leg.tip or len(leg.joints) >= 4
-        if own and separate and all(isinstance(s.geometry, Mesh) for s in own):
+        if own and separate and all(isinstance(s.geometry, MeshFile) for s in own):
             balls.append(leg.foot)
     return patterns_of(balls, [body.name for body in robot.links.bodies]) if balls else ()
 

@@ -15,12 +15,12 @@ from typing import Protocol
 import numpy as np
 
 from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.primitives import Primitive, signed_distance, volume_of
+from assetbuild.mesh.primitives import signed_distance, volume_of
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.solid import Solid, sobol
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import face_areas
-from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
+from assetbuild.robot.model import Box, Capsule, Cylinder, Primitive, Sphere
 from assetbuild.robot.pose import Array, Pose, quat_between, quat_of, vec3
 
 KINDS: tuple[type[Primitive], ...] = (Sphere, Capsule, Box, Cylinder)

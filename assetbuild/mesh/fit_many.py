@@ -28,11 +28,11 @@ from assetbuild.mesh.fit import (
     turned_by,
 )
 from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.primitives import Primitive, distance_slopes, signed_distance, volume_of
+from assetbuild.mesh.primitives import distance_slopes, signed_distance, volume_of
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.solid import sobol
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.model import Capsule, Cylinder, Sphere
+from assetbuild.robot.model import Capsule, Cylinder, Primitive, Sphere
 from assetbuild.robot.pose import Array, Pose, Vec3, vec3
 
 POINTS = 4096

@@ -8,10 +8,8 @@ import numpy as np
 
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
+from assetbuild.robot.model import Box, Capsule, Cylinder, Primitive, Sphere
 from assetbuild.robot.pose import Array
-
-Primitive = Box | Sphere | Cylinder | Capsule
 
 SEGMENTS = 64
 """Corners of a tessellated circle: the polygon misses 0.12 % of the radius."""

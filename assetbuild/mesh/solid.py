@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.mesh.hull import hull_planes
-from assetbuild.mesh.primitives import Primitive, signed_distance, tessellate
+from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.triangles import TriangleMesh, face_normals
 from assetbuild.mesh.volume import is_closed
+from assetbuild.robot.model import Primitive
 from assetbuild.robot.pose import IDENTITY, Array, Pose
 
 RAYS = ((0.31, 0.67, 0.67), (-0.8, 0.36, 0.48), (0.1, -0.2, -0.97))

@@ -8,7 +8,8 @@ import numpy as np
 
 from assetbuild.errors import StepError
 from assetbuild.mesh.hull import convex_hull, hull_planes
-from assetbuild.mesh.primitives import Primitive, signed_distance
+from assetbuild.mesh.primitives import signed_distance
+from assetbuild.robot.model import Primitive
 from assetbuild.robot.pose import Array, Pose
 
 CHUNK = 2_000_000

@@ -7,8 +7,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from assetbuild.mesh.cover import Probe
-from assetbuild.mesh.primitives import Primitive
-from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
+from assetbuild.robot.model import Box, Capsule, Cylinder, Primitive, Sphere
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3
 
 

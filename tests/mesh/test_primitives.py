@@ -7,8 +7,8 @@ import pytest
 
 from assetbuild.mesh.fit import resized, sizes_of
 from assetbuild.mesh.fit_many import Cloud
-from assetbuild.mesh.primitives import Primitive, distance_slopes, signed_distance
-from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
+from assetbuild.mesh.primitives import distance_slopes, signed_distance
+from assetbuild.robot.model import Box, Capsule, Cylinder, Primitive, Sphere
 
 STEP = 1e-6
 POINTS = np.random.default_rng(0).uniform(-1.0, 1.0, (200, 3))

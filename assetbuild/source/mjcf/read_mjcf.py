@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import encode
-from assetbuild.robot.model import Base, Contact, Control, Joint, Shapes, Tree
+from assetbuild.robot.model import Base, Contact, Control, Joint, SourceShapes, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import depth_first
@@ -46,7 +46,7 @@ class ReadMjcf(Step):
     """What the root is; None = as the source says."""
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Writes Tree, Shapes and SourceControl."""
+        """Writes Tree, SourceShapes and SourceControl."""
         root = _source(files.inputs)
         compiled = compile_source(root, _meshes(root, files.inputs / "files"))
         world = root.find("worldbody")
@@ -70,7 +70,7 @@ class ReadMjcf(Step):
                 *details.mjcf_only, *geoms.mjcf_only, *sections.mjcf_only, *drives.mjcf_only
             ),
         )  # fmt: skip
-        shapes = Shapes(tuple(geoms.shapes), tuple(geoms.materials.values()))
+        shapes = SourceShapes(tuple(geoms.shapes), tuple(geoms.materials.values()))
         source = SourceControl(control, tuple(links.kept), _commands(sections, drives, links))
         name = root.get("model") or "robot"
         (files.outputs / "links.json").write_bytes(encode(_tree(name, links, drives)))

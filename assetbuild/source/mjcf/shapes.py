@@ -12,11 +12,11 @@ from assetbuild.robot.model import (
     Capsule,
     Contact,
     Cylinder,
-    Geometry,
     Material,
-    Mesh,
+    MeshFile,
     MjcfOnly,
-    Shape,
+    SourceGeometry,
+    SourceShape,
     Sphere,
 )
 from assetbuild.robot.pose import Pose, Vec3, normalised_quat, rotation_of, vec3
@@ -44,7 +44,7 @@ SAID = keys(
 class Geoms:
     """What the geoms of an MJCF amount to. contacts: by shape, of all that touch."""
 
-    shapes: list[Shape] = field(default_factory=list)
+    shapes: list[SourceShape] = field(default_factory=list)
     materials: dict[str, Material] = field(default_factory=dict)
     contacts: dict[str, Contact] = field(default_factory=dict)
     mjcf_only: list[MjcfOnly] = field(default_factory=list)
@@ -96,14 +96,14 @@ class _Reader:
         model = self.compiled.places if kind == MESH else self.full
         X_body_geom = _pose(model.geom_pos, model.geom_quat, int(model.geom(name).id))
         X_link_geom = self.links.in_link(body, X_body_geom)
-        geometry: Geometry
+        geometry: SourceGeometry
         if kind == MESH:
             geometry, X_geom_mesh = self._mesh(geom, str(said["mesh"]))
             X_link_geom = X_link_geom @ X_geom_mesh
         else:
             geometry = _primitive(kind, vec3(self.full.geom_size[index]))
         material = self._material(said, index) if role == "visual" else None
-        shape = Shape(name, body, "visual", geometry, X_link_geom, material)
+        shape = SourceShape(name, body, "visual", geometry, X_link_geom, material)
         self.geoms.shapes.append(shape if not touches else replace(shape, role="collision"))
         if touches:
             self.geoms.contacts[name] = contact_of(self.full, index)
@@ -136,7 +136,7 @@ class _Reader:
 
     # --- meshes and looks ---------------------------------------------------------------------
 
-    def _mesh(self, geom: _Element, name: str) -> tuple[Mesh, Pose]:
+    def _mesh(self, geom: _Element, name: str) -> tuple[MeshFile, Pose]:
         """The mesh file with a scale, and where it stands in the geom.
 
         MuJoCo: vertex = S Rᵀ (v - p) with `scale`, `refquat`, `refpos`. With one scale s for all
@@ -155,7 +155,7 @@ class _Reader:
         offset = rotation_of(turn) @ [-v * s for v, s in zip(p, scale, strict=True)]
         if set(said) & _LOST_OF_MESH:
             self._lost(element, sorted(set(said) & _LOST_OF_MESH))
-        return Mesh(str(element.get("file")), vec3(scale)), Pose(vec3(offset), turn)
+        return MeshFile(str(element.get("file")), vec3(scale)), Pose(vec3(offset), turn)
 
     def _lost(self, element: _Element, attributes: list[str]) -> None:
         finding = Finding(
@@ -239,7 +239,7 @@ _MASS = keys("mass density shellinertia")
 _LOST_OF_MESH = keys("maxhullvert smoothnormal octree_maxdepth")
 
 
-def _primitive(kind: int, size: Vec3) -> Geometry:
+def _primitive(kind: int, size: Vec3) -> SourceGeometry:
     """MJCF counts half edges and half lengths."""
     if kind == SPHERE:
         return Sphere(size[0])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from assetbuild.errors import StepError
 from assetbuild.robot.model import (
     Box,
     Capsule,
@@ -116,7 +115,5 @@ def _geometry(shape: Shape) -> tuple[str, str | None]:
             return "cylinder", numbers((radius, length / 2))
         case Capsule(radius, length):
             return "capsule", numbers((radius, length / 2))
-        case Mesh(scale=scale):
-            if scale != (1.0, 1.0, 1.0):
-                raise StepError(f"shape {shape.name}: the scale of its mesh was not baked in")
+        case Mesh():
             return "mesh", None

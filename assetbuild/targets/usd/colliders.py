@@ -44,7 +44,7 @@ def define_colliders(
             prim = UsdGeom.Mesh.Define(stage, names.shape(shape)).GetPrim()
             path = f"{asset_path(names, geometry)}/mesh"
             prim.GetReferences().AddReference(f"./{GEOMETRIES}", path)
-            place(prim, pose, geometry.scale)
+            place(prim, pose)
             _apply_hull(prim)
             yield from _hull_findings(shape, geometry, shapes)
         else:

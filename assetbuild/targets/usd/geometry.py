@@ -119,7 +119,7 @@ def _define_visual(stage: Usd.Stage, names: Names, shape: Shape, X_body_shape: P
     # The material is bound on the instance, above the shared mesh: a binding inside of it could
     # not reach the robot's materials, and meshes of two colours would not be shared.
     prim.GetReferences().AddReference(f"./{GEOMETRIES}", asset_path(names, geometry))
-    place(prim, X_body_shape, geometry.scale)
+    place(prim, X_body_shape)
     return prim
 
 
