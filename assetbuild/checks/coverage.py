@@ -20,7 +20,7 @@ from assetbuild.mesh.holes import holes
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import tessellate
-from assetbuild.mesh.solids import Distance, distance_to
+from assetbuild.mesh.solid import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode

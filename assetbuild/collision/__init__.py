@@ -19,7 +19,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import ConvertedMesh, Piece, Pieces
-from assetbuild.mesh.cover import Probe, Quality, Reference, blocked_by, measure
+from assetbuild.mesh.cover import Quality, Reference, blocked_by, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
 from assetbuild.mesh.native import NativeError, NativeLimits
 from assetbuild.mesh.obj import obj_bytes, read_triangles
@@ -27,8 +27,7 @@ from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.sources import Likeness as Likeness  # what the fields are made of
 from assetbuild.mesh.sources import PlacedSource as PlacedSource
-from assetbuild.mesh.sources import PrimitiveSource as PrimitiveSource
-from assetbuild.mesh.sources import ProbeSource as ProbeSource
+from assetbuild.mesh.sources import Probe as Probe
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.verdict import verdict
 from assetbuild.mesh.weld import cleaned
@@ -81,7 +80,7 @@ class CollisionMethod(Step):
     """Share of the mesh's volume that may have no collision. None = any."""
     max_overcover: float | None = Field(None, ge=0)
     """Collision outside the mesh / the mesh's volume. None = any."""
-    probes: tuple[ProbeSource, ...] = ()
+    probes: tuple[Probe, ...] = ()
     """Places to keep open, and places with a `max_outside` of their own."""
     like: Likeness | None = None
 
@@ -97,7 +96,7 @@ class CollisionMethod(Step):
         source = self.sources[0]
         if len(self.sources) > 1 or source.primitive is None:
             return None
-        return (ConvexPiece(None, source.primitive.geometry, source.pose),)
+        return (ConvexPiece(source.primitive, source.pose),)
 
     @property
     def vertex_cap(self) -> int | None:
@@ -175,7 +174,7 @@ class CollisionMethod(Step):
     def source_mesh(self, source: PlacedSource, inputs: Path) -> TriangleMesh:
         """One source in the output frame, as it is."""
         if source.primitive is not None:
-            return tessellate(source.primitive.geometry).placed(source.pose)
+            return tessellate(source.primitive).placed(source.pose)
         folder = inputs / (source.folder or "")
         record = decode(ConvertedMesh, (folder / "mesh.json").read_bytes())
         files = [folder / "parts" / part.file for part in record.parts]
@@ -186,10 +185,10 @@ class CollisionMethod(Step):
 
     def verified(self, piece: ConvexPiece) -> ConvexPiece | None:
         """A hull piece hulled again by qhull and capped; None when it is flat."""
-        if piece.hull is None:
+        if not isinstance(piece.solid, TriangleMesh):
             return piece
         try:
-            points = piece.hull.vertices
+            points = piece.solid.vertices
             return ConvexPiece(
                 convex_hull(points, max_vertices=self.vertex_cap, max_polygons=self.polygon_cap)
             )
@@ -255,7 +254,7 @@ class CollisionMethod(Step):
     @property
     def closed_places(self) -> tuple[Probe, ...]:
         """Where no piece may be."""
-        return tuple(place.probe for place in self.probes if place.max_outside is None)
+        return tuple(place for place in self.probes if place.max_outside is None)
 
 
 @dataclass(frozen=True)
@@ -283,7 +282,7 @@ def carried(piece: Piece, folder: Path, like: Likeness) -> ConvexPiece:
     # A primitive is its own mirror image: reflecting both sides of the turn keeps it a rotation.
     rotation = np.diag(signs) @ pose.rotation @ np.diag(signs)
     return ConvexPiece(
-        None, geometry, Pose(vec3(np.asarray(pose.xyz) * signs + shift), quat_of(rotation))
+        geometry, Pose(vec3(np.asarray(pose.xyz) * signs + shift), quat_of(rotation))
     )
 
 
@@ -295,14 +294,12 @@ def write_pieces(folder: Path, pieces: Sequence[ConvexPiece], quality: Quality |
     (folder / "pieces").mkdir(exist_ok=True)
     records = []
     for number, piece in enumerate(pieces):
-        if piece.hull is None:
-            if piece.primitive is None:
-                raise ValueError("a piece is a hull or a primitive")
-            records.append(Piece(piece.primitive, piece.X_frame_piece))
+        hull = piece.solid
+        if not isinstance(hull, TriangleMesh):
+            records.append(Piece(hull, piece.X_frame_piece))
             continue
         name = f"{number}.obj"
-        (folder / "pieces" / name).write_bytes(obj_bytes(piece.hull))
-        hull = piece.hull
+        (folder / "pieces" / name).write_bytes(obj_bytes(hull))
         records.append(Piece(Mesh(name), IDENTITY, len(hull.vertices), len(hull.faces)))
     (folder / "pieces.json").write_bytes(encode(Pieces(tuple(records))))
     figures = None if quality is None else asdict(quality)

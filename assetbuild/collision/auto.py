@@ -214,16 +214,14 @@ def _restored(capped: ConvexPiece | None, piece: ConvexPiece) -> ConvexPiece | N
     A capped hull lies inside the full one and would miss 4 to 6 % of a round link; scaled, it
     misses and covers too much by about 2 % each.
     """
-    if capped is None or capped.hull is None or piece.hull is None:
+    if capped is None or not isinstance(hull := capped.solid, TriangleMesh):
         return capped
-    whole = signed_volume(convex_hull(piece.hull.vertices))
-    factor = (whole / signed_volume(capped.hull)) ** (1.0 / 3.0)
+    whole = signed_volume(convex_hull(piece.surface().vertices))
+    factor = (whole / signed_volume(hull)) ** (1.0 / 3.0)
     if factor < 1.0 + SCALED:
         return capped
-    middle = centroid(capped.hull)
-    return ConvexPiece(
-        replace(capped.hull, vertices=middle + factor * (capped.hull.vertices - middle))
-    )
+    middle = centroid(hull)
+    return ConvexPiece(replace(hull, vertices=middle + factor * (hull.vertices - middle)))
 
 
 def _rank(candidate: _Candidate) -> tuple[float, float, int]:

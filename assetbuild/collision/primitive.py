@@ -55,7 +55,7 @@ class FitPrimitive(CollisionMethod):
     def exact(self) -> tuple[ConvexPiece, ...] | None:
         """A source that is a single primitive of the asked shape stays exactly as it is."""
         known = super().exact()
-        return known if known and isinstance(known[0].primitive, self._kinds) else None
+        return known if known and isinstance(known[0].solid, self._kinds) else None
 
     def fit(self, reference: Reference) -> Fitted:
         """One primitive by itself; several by parts, as many as are worth it."""
@@ -64,7 +64,7 @@ class FitPrimitive(CollisionMethod):
             fits = [best_primitive(reference.mesh, self._kinds)]
         else:
             fits, findings = self._several(reference)
-        pieces = tuple(ConvexPiece(None, primitive, pose) for primitive, pose in fits)
+        pieces = tuple(ConvexPiece(primitive, pose) for primitive, pose in fits)
         return Fitted(pieces, findings, "primitives")
 
     @property

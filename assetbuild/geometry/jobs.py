@@ -13,7 +13,7 @@ from typing import Any, Protocol, get_args
 
 import numpy as np
 
-from assetbuild.collision import CollisionMethod, Likeness, PlacedSource, ProbeSource
+from assetbuild.collision import CollisionMethod, Likeness, PlacedSource, Probe
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.geometry.match_shapes import MatchShapes
@@ -23,7 +23,7 @@ from assetbuild.recipe.collision import PRESETS, CollisionRule, Region, Toleranc
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.model import MeshFile, SourceShape, SourceShapes, Tree
-from assetbuild.robot.pose import Pose, Vec3, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
 from assetbuild.source.get.from_folder import is_file
 
 BUILT_IN = ("keep", "none")
@@ -77,7 +77,7 @@ class Job:
             raise ValueError("kept shapes need no step")
         sources = []
         for index, shape in enumerate(self.shapes):
-            pose = shape.X_link_shape if self.per_link else None
+            pose = shape.X_link_shape if self.per_link else IDENTITY
             if isinstance(shape.geometry, MeshFile):
                 sources.append(PlacedSource.of_mesh(f"shapes/{index}", pose))
             else:
@@ -96,14 +96,14 @@ class Job:
         """A direction of the link in the output frame; rounded, so that four legs share a key."""
         return vec3(np.round(self._to_output.rotation @ np.asarray(bone), 6) + 0.0)
 
-    def _probes(self) -> tuple[ProbeSource, ...]:
+    def _probes(self) -> tuple[Probe, ...]:
         places: list[tuple[Region, float | None]]
         places = [(place, None) for place in self.keep_open]
         places += [(place, place.max_outside) for place in self.regions]
         made = []
         for place, most in places:
             start, end = (vec3(self._to_output.apply(np.asarray([e]))[0]) for e in place.ends)
-            made.append(ProbeSource(start=start, end=end, radius=place.radius, max_outside=most))
+            made.append(Probe(start=start, end=end, radius=place.radius, max_outside=most))
         return tuple(made)
 
 
@@ -300,7 +300,7 @@ def equal_shapes(jobs: Sequence[Job], meshes: Meshes, p: Planner) -> Twins | Non
         match = matches.get(folders[label])
         others = shared.get((by_folder[match["like"]], options)) if match else None
         if others and jobs.index(others[0]) < jobs.index(same[0]):  # else it is not planned yet
-            likeness = Likeness(signs=match["signs"], shift=match["shift"])
+            likeness = Likeness(vec3(match["signs"]), vec3(match["shift"]))
             twins |= {id(job): Twin(others[0], likeness) for job in same}
     return twins
 

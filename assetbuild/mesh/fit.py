@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.primitives import signed_distance, volume_of
+from assetbuild.mesh.primitives import resized, signed_distance, sizes_of, volume_of
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.solid import Solid, sobol
 from assetbuild.mesh.triangles import TriangleMesh
@@ -246,7 +246,7 @@ def _least_squares(start: Fitted, samples: Array) -> Fitted:
 
     def body(x: Array) -> Fitted:
         shift = Pose(vec3(x[:3] * scale), turned_by(x[3:6]))
-        return resized(primitive, sizes * np.exp(x[6:])), shift
+        return resized(type(primitive), sizes * np.exp(x[6:])), shift
 
     def cost(x: Array) -> float:
         made, shift = body(x)
@@ -271,24 +271,6 @@ def turned_by(vector: Array) -> tuple[float, float, float, float]:
     return (math.cos(angle / 2.0), x, y, z)
 
 
-def sizes_of(primitive: Primitive) -> tuple[float, ...]:
-    """Edges of a box, else radius and length, m."""
-    if isinstance(primitive, Box):
-        return primitive.size
-    if isinstance(primitive, Sphere):
-        return (primitive.radius,)
-    return (primitive.radius, primitive.length)
-
-
-def resized(primitive: Primitive, sizes: Array) -> Primitive:
-    """The same kind with other sizes, in the order of `sizes_of`."""
-    if isinstance(primitive, Box):
-        return Box(vec3(sizes))
-    if isinstance(primitive, Sphere):
-        return Sphere(float(sizes[0]))
-    return type(primitive)(float(sizes[0]), float(sizes[1]))
-
-
 def tidy(fitted: Fitted) -> Fitted:
     """Micrometres, and of the equal descriptions the one whose axes are nearest to the frame's."""
     primitive, pose = fitted
@@ -305,7 +287,7 @@ def tidy(fitted: Fitted) -> Fitted:
         # Pointing up; a level one along +x, else +y.
         lead = axis[2] if abs(axis[2]) > 1e-6 else axis[0] if abs(axis[0]) > 1e-6 else axis[1]
         rotation = _frame_of(axis if lead > 0.0 else -axis)
-        primitive = resized(primitive, np.round([primitive.radius, primitive.length], 6))
+        primitive = resized(type(primitive), np.round([primitive.radius, primitive.length], 6))
     quat = quat_of(rotation)
     snapped = (1.0, 0.0, 0.0, 0.0) if max(map(abs, quat[1:])) < 1e-6 else quat
     return primitive, Pose(vec3(np.round(pose.xyz, 6)), snapped)

@@ -22,13 +22,17 @@ from assetbuild.mesh.fit import (
     SEARCHED,
     Fitted,
     candidate_axes,
-    resized,
-    sizes_of,
     tidy,
     turned_by,
 )
 from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.primitives import distance_slopes, signed_distance, volume_of
+from assetbuild.mesh.primitives import (
+    distance_slopes,
+    resized,
+    signed_distance,
+    sizes_of,
+    volume_of,
+)
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.solid import sobol
 from assetbuild.mesh.triangles import TriangleMesh
@@ -186,7 +190,7 @@ def _best_for(
     for kind in kinds:
         primitive, pose = ENCLOSING[kind](search.vertices, search.vertices, axes, refined=False)
         for factor in (1.0, 0.95, 0.9, 0.85, 0.8):
-            fitted = (resized(primitive, factor * np.asarray(sizes_of(primitive))), pose)
+            fitted = (resized(type(primitive), factor * np.asarray(sizes_of(primitive))), pose)
             value = cloud.score(_distance(fitted, cloud.points))
             if best is None or value < best[0] - AS_GOOD:
                 best = (value, fitted)
@@ -259,7 +263,7 @@ class _Way:
 
     def _changed(self, x: Array) -> Fitted:
         shift = Pose(vec3(x[:3] * self._scale), turned_by(x[3:6]))
-        return resized(self._primitive, self._sizes * np.exp(x[6:])), shift
+        return resized(type(self._primitive), self._sizes * np.exp(x[6:])), shift
 
     def distance(self, x: Array) -> Array:
         """(n,) signed distances of the cloud's points."""

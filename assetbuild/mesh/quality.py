@@ -26,6 +26,15 @@ class Distance:
     p99_m: float
     max_m: float
 
+    @classmethod
+    def of(cls, there: Array, back: Array) -> Distance:
+        """From the distances of samples of each surface to the other, m."""
+        return cls(
+            mean_m=float(there.mean() + back.mean()) / 2.0,
+            p99_m=float(max(np.quantile(there, 0.99), np.quantile(back, 0.99))),
+            max_m=float(max(there.max(), back.max())),
+        )
+
 
 def surface_samples(mesh: TriangleMesh, count: int, seed: int) -> tuple[Array, Indices]:
     """(points (count, 3) m, their faces (count,)): stratified by area, the same for a seed.
@@ -126,11 +135,7 @@ def surface_distance(a: TriangleMesh, b: TriangleMesh, *, samples: int = SAMPLES
     """Two-sided distance between surfaces from `samples` points on each, seeds 0 and 1."""
     from_a = NearestSurface(b).distance(surface_samples(a, samples, 0)[0])
     from_b = NearestSurface(a).distance(surface_samples(b, samples, 1)[0])
-    return Distance(
-        mean_m=float(from_a.mean() + from_b.mean()) / 2.0,
-        p99_m=float(max(np.quantile(from_a, 0.99), np.quantile(from_b, 0.99))),
-        max_m=float(max(from_a.max(), from_b.max())),
-    )
+    return Distance.of(from_a, from_b)
 
 
 def area_ratio(changed: TriangleMesh, original: TriangleMesh) -> float:

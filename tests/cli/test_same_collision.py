@@ -41,8 +41,8 @@ JOINT = '  <joint name="j" type="fixed"><parent link="clean"/><child link="open"
 def t_bar() -> TriangleMesh:
     """A T of two boxes, a manifold: CoACD's part."""
     boxes = [
-        ConvexPiece(None, Box((0.4, 0.1, 0.1)), Pose((0.0, 0.0, 0.2))),
-        ConvexPiece(None, Box((0.1, 0.1, 0.3))),
+        ConvexPiece(Box((0.4, 0.1, 0.1)), Pose((0.0, 0.0, 0.2))),
+        ConvexPiece(Box((0.1, 0.1, 0.3))),
     ]
     return union_of(boxes)[1]
 
