@@ -99,16 +99,6 @@ class CollisionMethod(Step):
         return (ConvexPiece(source.primitive, source.pose),)
 
     @property
-    def vertex_cap(self) -> int | None:
-        """Most vertices of one hull; None = as many as there are."""
-        return getattr(self, "max_vertices", None)
-
-    @property
-    def polygon_cap(self) -> int | None:
-        """Most polygons of one hull; None = as many as there are."""
-        return getattr(self, "max_polygons", None)
-
-    @property
     def native_limits(self) -> NativeLimits:
         """Of one run of a native library: the fields `cpu_limit` and `memory_limit_mb`."""
         default = NativeLimits()
@@ -188,12 +178,14 @@ class CollisionMethod(Step):
         if not isinstance(piece.solid, TriangleMesh):
             return piece
         try:
-            points = piece.solid.vertices
-            return ConvexPiece(
-                convex_hull(points, max_vertices=self.vertex_cap, max_polygons=self.polygon_cap)
+            hull = convex_hull(
+                piece.solid.vertices,
+                max_vertices=getattr(self, "max_vertices", None),
+                max_polygons=getattr(self, "max_polygons", None),
             )
         except StepError:
             return None
+        return ConvexPiece(hull)
 
     def hull_after(self, reference: Reference, library: str, failure: NativeError) -> Fitted:
         """The last rung: one hull, and a finding with the cause."""

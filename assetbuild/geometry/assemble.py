@@ -6,10 +6,8 @@ import hashlib
 import re
 import shutil
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-
-from pydantic import BaseModel, ConfigDict
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
@@ -35,13 +33,12 @@ WHITE = (1.0, 1.0, 1.0, 1.0)
 """Under a texture: it is shown as it is."""
 
 
-class VisualUse(BaseModel):
+@dataclass(frozen=True)
+class VisualUse:
     """The source shape `shape` is shown by the converted mesh in `folder` (None: a primitive).
 
     named: it keeps its name, as the shapes of an MJCF do; else it is called after link and role.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     shape: str
     folder: str | None = None
@@ -49,7 +46,8 @@ class VisualUse(BaseModel):
     named: bool = False
 
 
-class CollisionUse(BaseModel):
+@dataclass(frozen=True)
+class CollisionUse:
     """Collision geometry of `link`, in order of preference of what is set.
 
     pieces: folder with the result of a collision method, in the frame of `shape` when that is
@@ -58,23 +56,12 @@ class CollisionUse(BaseModel):
     collision shape of the source.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     link: str
     shape: str | None = None
     pieces: str | None = None
     mesh: str | None = None
     stem: str = ""
     named: bool = False
-
-
-class TextureUse(BaseModel):
-    """The picture `texture` of the source's materials lies in `folder`, if it could be read."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    texture: str
-    folder: str
 
 
 class Assemble(Step):
@@ -85,14 +72,16 @@ class Assemble(Step):
 
     visuals: tuple[VisualUse, ...]
     collisions: tuple[CollisionUse, ...]
-    textures: tuple[TextureUse, ...] = ()
+    textures: tuple[str, ...] = ()
+    """Pictures that the source's materials name; `textures/<n>/` holds one if it can be read."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `shapes.json` of the source and the folders that the fields name."""
         source = decode(SourceShapes, (files.inputs / "shapes.json").read_bytes())
         by_name = {shape.name: shape for shape in source.shapes}
         library = _Library(files.outputs / "meshes")
-        pictures = {use.texture: files.inputs / use.folder / PNG for use in self.textures}
+        folder = files.inputs / "textures"
+        pictures = {name: folder / str(n) / PNG for n, name in enumerate(self.textures)}
         palette = _Palette(source.materials, pictures, library)
         shapes: list[Shape] = []
         for visual in self.visuals:

@@ -35,17 +35,9 @@ BONE_M = 0.02
 _NOT_FIELDS = {"method", "from_", "preset", "keep_open", "regions"}
 
 
-@dataclass(frozen=True)
-class OwnMesh:
-    """A mesh file of the user's own that is a collision piece. path: absolute."""
-
-    path: Path
-    scale: Vec3
-
-
 @dataclass(frozen=True, eq=False)
 class Job:
-    """One collision use of a link. method: None = its shapes as they are.
+    """One collision use of a link; equal to itself alone. method: None = its shapes as they are.
 
     fields: of the step, from the recipe; without sources and probes. own: inputs `own/<number>`.
     """
@@ -56,7 +48,7 @@ class Job:
     fields: Mapping[str, Any] = field(default_factory=dict)  # Any: any field of any plug-in
     keep_open: tuple[Region, ...] = ()
     regions: tuple[ToleranceRegion, ...] = ()
-    own: tuple[OwnMesh, ...] = ()
+    own: tuple[MeshFile, ...] = ()
 
     @property
     def per_link(self) -> bool:
@@ -151,13 +143,13 @@ def _own_meshes(
     rule: CollisionRule,
     fields: dict[str, Any],
     folder: Path,  # Any: as Job.fields
-) -> tuple[OwnMesh, ...]:
+) -> tuple[MeshFile, ...]:
     """The mesh files of a rule's pieces; in `fields` they become inputs, whatever their names."""
-    found: list[OwnMesh] = []
+    found: list[MeshFile] = []
     for piece, data in zip(rule.pieces or (), fields.get("pieces", ()), strict=True):
         if piece.file is None:
             continue
-        mesh = OwnMesh(file_of(piece.file, folder), piece.scale or (1.0, 1.0, 1.0))
+        mesh = MeshFile(str(file_of(piece.file, folder)), piece.scale or (1.0, 1.0, 1.0))
         if mesh not in found:
             found.append(mesh)
         data |= {"file": f"own/{found.index(mesh)}", "scale": None}
@@ -270,8 +262,8 @@ class Twin:
     likeness: Likeness
 
 
-Twins = Mapping[int, Twin]
-"""By id of the job that may reuse the other's result."""
+Twins = Mapping[Job, Twin]
+"""By the job that may reuse the other's result."""
 
 
 def equal_shapes(jobs: Sequence[Job], meshes: Meshes, p: Planner) -> Twins | None:
@@ -295,13 +287,13 @@ def equal_shapes(jobs: Sequence[Job], meshes: Meshes, p: Planner) -> Twins | Non
         return None
     matches = json.loads(answer)
     by_folder = {folder: label for label, folder in folders.items()}
-    twins: dict[int, Twin] = {}
+    twins: dict[Job, Twin] = {}
     for (label, options), same in shared.items():
         match = matches.get(folders[label])
         others = shared.get((by_folder[match["like"]], options)) if match else None
         if others and jobs.index(others[0]) < jobs.index(same[0]):  # else it is not planned yet
             likeness = Likeness(vec3(match["signs"]), vec3(match["shift"]))
-            twins |= {id(job): Twin(others[0], likeness) for job in same}
+            twins |= {job: Twin(others[0], likeness) for job in same}
     return twins
 
 

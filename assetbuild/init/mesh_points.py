@@ -9,7 +9,8 @@ import numpy as np
 
 from assetbuild.errors import StepError
 from assetbuild.mesh.hull import refuse_flat
-from assetbuild.mesh.read import Format, SourceMesh, read_mesh
+from assetbuild.mesh.material import SourceMesh
+from assetbuild.mesh.read import Format, read_mesh
 from assetbuild.robot.model import MeshFile
 from assetbuild.robot.pose import Array
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 from urllib.parse import unquote
 
@@ -14,7 +14,7 @@ from assetbuild.errors import StepError, Where
 from assetbuild.findings import Finding
 from assetbuild.mesh.companions import relative_name
 from assetbuild.mesh.material import (
-    MaterialPart,
+    SourceMesh,
     SurfaceMaterial,
     colours_finding,
     group_by_material,
@@ -25,21 +25,8 @@ from assetbuild.robot.pose import Array
 # Any below: pycollada has no type hints.
 
 
-@dataclass(frozen=True, eq=False)
-class Dae:
-    """A COLLADA file. Parts are in the file's own axes, metres, nodes applied.
-
-    up_axis: as the file says, "Y_UP" when it says nothing (the standard's default), or None
-    when there is no asset to say it.
-    """
-
-    parts: tuple[MaterialPart, ...]
-    up_axis: str | None
-    findings: tuple[Finding, ...]
-
-
-def read_dae(data: bytes, subject: str) -> Dae:
-    """All triangles and polygons of a COLLADA file, by material.
+def read_dae(data: bytes, subject: str) -> SourceMesh:
+    """All triangles and polygons of a COLLADA file, by material, in its own axes, nodes applied.
 
     Raises StepError with the line of a cut-off or broken file, for a geometry that cannot be
     read, and for NaN in positions (which pycollada would turn into zeros).
@@ -69,15 +56,16 @@ def read_dae(data: bytes, subject: str) -> Dae:
     cameras = len(document.cameras)
     if cameras:
         skipped["cameras"] = cameras
-    return Dae(
+    return SourceMesh(
         group_by_material(placed),
-        document.assetInfo.upaxis if document.assetInfo is not None else None,
         (
             *_skipped_finding(skipped, subject),
             *_unit_finding(unit, subject),
             *colours_finding(coloured, subject),
             *_ignored_finding(document, subject),
         ),
+        # The standard's default, Y_UP, when the asset does not say.
+        up_axis=document.assetInfo.upaxis if document.assetInfo is not None else None,
     )
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -29,6 +29,20 @@ class MaterialPart:
 
     material: SurfaceMaterial
     mesh: TriangleMesh
+
+
+@dataclass(frozen=True, eq=False)
+class SourceMesh:
+    """What a mesh file holds: parts by material, order of first appearance; metres.
+
+    pictures: those that lie inside the file, as PNG, by the name that materials use.
+    up_axis: as the file says, in COLLADA's words; None when it does not.
+    """
+
+    parts: tuple[MaterialPart, ...]
+    findings: tuple[Finding, ...] = ()
+    pictures: Mapping[str, bytes] = field(default_factory=dict)
+    up_axis: str | None = None
 
 
 def group_by_material(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -159,10 +160,8 @@ def parse_obj(data: bytes, subject: str) -> Obj:
         elif key in (b"l", b"p", b"curv", b"surf"):
             seen[key.decode()] = seen.get(key.decode(), 0) + 1
     positions = _table(tables[b"v"], 3, data, b"v", subject)
-    texture = _table(tables[b"vt"], 2, data, b"vt", subject) if tables[b"vt"] else np.zeros((0, 2))
-    directions = (
-        _table(tables[b"vn"], 3, data, b"vn", subject) if tables[b"vn"] else np.zeros((0, 3))
-    )
+    texture = _table(tables[b"vt"], 2, data, b"vt", subject)
+    directions = _table(tables[b"vn"], 3, data, b"vn", subject)
     sizes = (len(positions), len(texture), len(directions))
     groups = tuple(_group(name, rows, sizes, subject) for name, rows in faces.items())
     has_colours = bool(tables[b"v"]) and len(tables[b"v"][0].split()) >= 6
@@ -189,15 +188,10 @@ def _table(rows: Sequence[bytes], width: int, data: bytes, key: bytes, subject: 
     """The first `width` numbers of each row; the rest (weights, colours) is ignored."""
     if not rows:
         return np.zeros((0, width))
-    columns = len(rows[0].split())
-    if columns >= width:
-        try:
-            # Equal columns everywhere, the usual case: one pass in C.
-            values = np.array(b" ".join(rows).split(), dtype=np.float64)
-        except ValueError:
-            values = np.zeros(0)
-        if len(values) == columns * len(rows) and _same_columns(rows, columns):
-            return np.ascontiguousarray(values.reshape(-1, columns)[:, :width])
+    with suppress(ValueError):  # the loop below says what is wrong, and where
+        values = np.loadtxt(rows, usecols=range(width), comments=None, ndmin=2)
+        if len(values) == len(rows):
+            return values
     out = np.zeros((len(rows), width))
     for number, row in enumerate(rows):
         try:
@@ -211,11 +205,6 @@ def _table(rows: Sequence[bytes], width: int, data: bytes, key: bytes, subject: 
             text = row.decode("utf-8", "replace")[:40]
             raise StepError(f"{subject}: line {line}: not {width} numbers: `{key.decode()} {text}`")
     return out
-
-
-def _same_columns(rows: Sequence[bytes], columns: int) -> bool:
-    spaces = columns - 1
-    return all(row.count(b" ") == spaces or len(row.split()) == columns for row in rows)
 
 
 def _line_of(data: bytes, key: bytes, number: int) -> int:

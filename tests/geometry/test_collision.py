@@ -97,7 +97,7 @@ def test_a_file_of_the_users_is_an_input_whose_name_is_not_in_the_key(tmp_path):
     piece = "{type: mesh, file: pad.stl, scale: [1, 1, 2]}"
     rule = f"{{method: explicit, pieces: [{piece}, {piece}]}}"
     *_, arm = jobs(tmp_path, f"  links:\n    arm: {rule}\n")
-    assert [(mesh.path.name, mesh.scale) for mesh in arm.own] == [("pad.stl", (1.0, 1.0, 2.0))]
+    assert arm.own == (MeshFile(str(tmp_path / "pad.stl"), (1.0, 1.0, 2.0)),)
     assert [piece.file for piece in arm.step().pieces] == ["own/0", "own/0"]
 
 
@@ -155,8 +155,8 @@ def test_a_mirrored_mesh_takes_the_result_of_the_other_link(tmp_path):
     base, _, arm = all_jobs
     known = Answers(MIRRORED)
     twins = equal_shapes(all_jobs, known, known)
-    assert set(twins) == {id(arm)}
-    assert twins[id(arm)].job is base
+    assert set(twins) == {arm}
+    assert twins[arm].job is base
     assert sorted(known.inputs)[0] == "shapes/0/mesh.json"
     assert equal_shapes(all_jobs, known, Answers(None)) is None  # not compared yet
 
