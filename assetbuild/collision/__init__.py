@@ -258,11 +258,6 @@ class Fitted:
     how: str = ""
 
 
-def hulls(parts: Iterable[TriangleMesh]) -> tuple[ConvexPiece, ...]:
-    """Convex parts as pieces."""
-    return tuple(ConvexPiece(part) for part in parts)
-
-
 def carried(piece: Piece, folder: Path, like: Likeness) -> ConvexPiece:
     """A stored piece of the other mesh, moved (and mirrored) to this one."""
     signs, shift = np.asarray(like.signs), np.asarray(like.shift)

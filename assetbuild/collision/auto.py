@@ -28,7 +28,7 @@ from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.vhacd import vhacd_parts
-from assetbuild.mesh.volume import centroid, signed_volume
+from assetbuild.mesh.volume import signed_volume, solid_moments
 from assetbuild.recipe.collision import CoAcdOptions, VHacdOptions
 from assetbuild.robot.pose import Array
 
@@ -220,7 +220,7 @@ def _restored(capped: ConvexPiece | None, piece: ConvexPiece) -> ConvexPiece | N
     factor = (whole / signed_volume(hull)) ** (1.0 / 3.0)
     if factor < 1.0 + SCALED:
         return capped
-    middle = centroid(hull)
+    _, middle, _ = solid_moments(hull)
     return ConvexPiece(replace(hull, vertices=middle + factor * (hull.vertices - middle)))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -184,15 +185,12 @@ def _named(shapes: list[Shape]) -> tuple[Shape, ...]:
     A name that a shape already has stays; a second shape cannot take it.
     """
     taken = {shape.name for shape in shapes if shape.name}
-    totals: dict[tuple[str, str], int] = {}
-    for shape in shapes:
-        key = (shape.link, shape.role)
-        totals[key] = totals.get(key, 0) + 1
-    seen: dict[tuple[str, str], int] = {}
+    totals = Counter((shape.link, shape.role) for shape in shapes)
+    seen: Counter[tuple[str, str]] = Counter()
     named = []
     for shape in shapes:
         key = (shape.link, shape.role)
-        seen[key] = seen.get(key, 0) + 1
+        seen[key] += 1
         number = str(seen[key]) if totals[key] > 1 else ""
         name = shape.name or f"{shape.link}_{shape.role}{number}"
         while not shape.name and name in taken:

@@ -20,11 +20,11 @@ from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.picture import has_holes, png_of
 from assetbuild.mesh.read import Format, UpAxis, read_mesh
 from assetbuild.mesh.split import with_four_corners
-from assetbuild.mesh.triangles import TriangleMesh, bounds_of, face_normals, merged, unit_vectors
+from assetbuild.mesh.triangles import TriangleMesh, face_normals, merged, unit_vectors
 from assetbuild.mesh.volume import area, is_closed, signed_volume
 from assetbuild.mesh.weld import drop_collapsed, weld
 from assetbuild.robot.codec import encode
-from assetbuild.robot.pose import Array, Vec3
+from assetbuild.robot.pose import Array, Vec3, vec3
 
 NO_AREA = 1e-14
 """m2: MuJoCo refuses a mesh whose surface is smaller."""
@@ -239,13 +239,13 @@ def describe(parts: Sequence[MaterialPart]) -> ConvertedMesh:
     """The figures of a converted mesh; it is closed when all parts together are."""
     whole = weld(merged([part.mesh for part in parts]))
     closed = is_closed(whole)
-    lower, upper = bounds_of(whole)
+    lower, upper = whole.bounds
     return ConvertedMesh(
         parts=tuple(_described(number, part) for number, part in enumerate(parts)),
         faces=len(whole.faces),
         area_m2=area(whole),
-        lower=lower,
-        upper=upper,
+        lower=vec3(lower),
+        upper=vec3(upper),
         watertight=closed,
         volume_m3=signed_volume(whole) if closed else None,
     )

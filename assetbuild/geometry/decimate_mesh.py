@@ -17,8 +17,9 @@ from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import read_triangles
-from assetbuild.mesh.quality import Distance, area_ratio, surface_distance
+from assetbuild.mesh.quality import Distance, surface_distance
 from assetbuild.mesh.triangles import TriangleMesh, merged
+from assetbuild.mesh.volume import area
 from assetbuild.mesh.weld import drop_collapsed, weld
 from assetbuild.robot.codec import decode
 
@@ -192,7 +193,8 @@ def _simplified(mesh: TriangleMesh, goal: int) -> TriangleMesh:
 
 def _judged(made: Sequence[TriangleMesh], meshes: Sequence[TriangleMesh]) -> _Attempt:
     new, old = merged(made), merged(meshes)
-    return _Attempt(tuple(made), area_ratio(new, old), surface_distance(new, old), old.diagonal)
+    share = area(new) / area(old)
+    return _Attempt(tuple(made), share, surface_distance(new, old), old.diagonal)
 
 
 def _pass_on(files: Files) -> None:

@@ -100,7 +100,8 @@ class Reference:
         mesh = self.hull if self.hollow else self.mesh
         if not is_closed(mesh) or signed_volume(mesh) <= 0.0:
             return None
-        made = manifold3d.Manifold(_mesh64(mesh))
+        triangles = mesh.faces.astype(np.uint64)
+        made = manifold3d.Manifold(manifold3d.Mesh64(_float64(mesh.vertices), triangles))
         is_solid = made.status() == manifold3d.Error.NoError and made.volume() > 0.0
         return made if is_solid else None
 
@@ -149,22 +150,17 @@ class Reference:
     def volumes(self, union: Manifold, lower: Array, upper: Array) -> tuple[float, float, float]:
         """(iou, over, missing) of a solid inside the box."""
         if self.exact is not None:
-            common = float((self.exact ^ union).volume())
             mine, other = self.volume, float(union.volume())
-            return (
-                common / (mine + other - common),
-                max(other - common, 0.0) / mine,
-                max(mine - common, 0.0) / mine,
-            )
-        low, high = self.mesh.bounds
-        low, high = np.minimum(low, lower), np.maximum(high, upper)
-        cloud, inside = self._shares(low, high)
-        covered = Solid(_triangles(union)).contains(cloud)
-        whole = max(int(inside.sum()), 1)
+            common = float((self.exact ^ union).volume())
+        else:
+            low, high = self.mesh.bounds
+            cloud, inside = self._shares(np.minimum(low, lower), np.maximum(high, upper))
+            covered = Solid(_triangles(union)).contains(cloud)
+            mine, other, common = (float(n.sum()) for n in (inside, covered, inside & covered))
         return (
-            float((inside & covered).sum() / max(int((inside | covered).sum()), 1)),
-            float((covered & ~inside).sum() / whole),
-            float((inside & ~covered).sum() / whole),
+            common / (mine + other - common or 1.0),
+            max(other - common, 0.0) / (mine or 1.0),
+            max(mine - common, 0.0) / (mine or 1.0),
         )
 
 
@@ -250,12 +246,6 @@ def blocked_by(piece: ConvexPiece, probe: Probe) -> bool:
 
 def _float64(points: Array) -> Array:
     return np.ascontiguousarray(points, dtype=np.float64)
-
-
-def _mesh64(mesh: TriangleMesh) -> Any:  # Any: manifold3d.Mesh64
-    import manifold3d
-
-    return manifold3d.Mesh64(_float64(mesh.vertices), mesh.faces.astype(np.uint64))
 
 
 def _triangles(solid: Manifold) -> TriangleMesh:

@@ -63,9 +63,8 @@ def _joined(meshes: list[TriangleMesh]) -> TriangleMesh:
     uv: Array | None = None
     normals: Array | None = None
     if any(mesh.uv is not None for mesh in meshes):
-        blank = [np.zeros((len(mesh.faces), 3, 2)) for mesh in meshes]
         uv = np.concatenate(
-            [b if m.uv is None else m.uv for b, m in zip(blank, meshes, strict=True)]
+            [m.uv if m.uv is not None else np.zeros((len(m.faces), 3, 2)) for m in meshes]
         )
     if any(mesh.normals is not None for mesh in meshes):
         normals = np.concatenate([m.normals if m.normals is not None else _flat(m) for m in meshes])

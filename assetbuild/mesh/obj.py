@@ -254,9 +254,6 @@ def _corners(words: Sequence[bytes]) -> Indices | None:
     text = b" ".join(words)
     out = np.zeros((len(words), 3), dtype=np.int64)
     try:
-        if b"/" not in text:
-            out[:, 0] = np.array(words, dtype=np.int64)
-            return out
         slashes = words[0].count(b"/")
         if all(word.count(b"/") == slashes for word in words):
             filled = text.replace(b"//", b"/0/").replace(b"/", b" ").split()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from assetbuild.mesh.triangles import Indices, TriangleMesh
-from assetbuild.mesh.volume import area, face_areas
+from assetbuild.mesh.volume import face_areas
 from assetbuild.robot.pose import Array
 
 SAMPLES = 6000
@@ -136,9 +136,3 @@ def surface_distance(a: TriangleMesh, b: TriangleMesh, *, samples: int = SAMPLES
     from_a = NearestSurface(b).distance(surface_samples(a, samples, 0)[0])
     from_b = NearestSurface(a).distance(surface_samples(b, samples, 1)[0])
     return Distance.of(from_a, from_b)
-
-
-def area_ratio(changed: TriangleMesh, original: TriangleMesh) -> float:
-    """Area of one surface / area of the other; 0.0 when the original has none."""
-    whole = area(original)
-    return area(changed) / whole if whole > 0.0 else 0.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from assetbuild.robot.pose import Array, Pose, Vec3, vec3
+from assetbuild.robot.pose import Array, Pose, Vec3
 
 Indices = NDArray[np.int64]
 
@@ -134,9 +134,3 @@ def fan_triangles(counts: Indices) -> Indices:
     first = np.repeat(starts, fans)
     step = np.arange(int(fans.sum())) - np.repeat(np.cumsum(fans) - fans, fans)
     return np.stack([first, first + step + 1, first + step + 2], axis=1).astype(np.int64)
-
-
-def bounds_of(mesh: TriangleMesh) -> tuple[Vec3, Vec3]:
-    """(lower, upper) as plain floats, m."""
-    lower, upper = mesh.bounds
-    return vec3(lower), vec3(upper)
