@@ -15,12 +15,12 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.kinds import ConvertedMesh, MeshPart
-from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
+from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, corner_normals
 from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.picture import has_holes, png_of
 from assetbuild.mesh.read import Format, UpAxis, read_mesh
 from assetbuild.mesh.split import with_four_corners
-from assetbuild.mesh.triangles import TriangleMesh, face_normals, merged, unit_vectors
+from assetbuild.mesh.triangles import TriangleMesh, merged, unit_vectors
 from assetbuild.mesh.volume import area, is_closed, signed_volume
 from assetbuild.mesh.weld import drop_collapsed, weld
 from assetbuild.robot.codec import encode
@@ -271,7 +271,6 @@ def _tidy_normals(mesh: TriangleMesh) -> Array:
     normals = unit_vectors(np.nan_to_num(mesh.normals))
     missing = ~normals.any(axis=2)
     if missing.any():
-        flat = np.repeat(face_normals(mesh)[:, None, :], 3, axis=1)
-        normals[missing] = flat[missing]
+        normals[missing] = corner_normals(mesh)[missing]
         normals[~normals.any(axis=2)] = (0.0, 0.0, 1.0)  # a needle without area: any direction
     return np.round(normals, NORMAL_DECIMALS) + 0.0

@@ -10,7 +10,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from assetbuild.errors import StepError, Where
+from assetbuild.errors import StepError, Where, one_line
 from assetbuild.findings import Finding
 from assetbuild.mesh.companions import relative_name
 from assetbuild.mesh.material import (
@@ -82,7 +82,7 @@ def _load(data: bytes, subject: str) -> Any:
         document = collada.Collada(io.BytesIO(data), ignore=[DaeError])
     except (DaeError, ValueError, KeyError, AttributeError, TypeError, IndexError) as error:
         _refuse_broken_xml(data, subject)
-        raise StepError(f"{subject}: not readable as COLLADA: {_one_line(error)}") from error
+        raise StepError(f"{subject}: not readable as COLLADA: {one_line(error)}") from error
     if document.scene is None:
         raise StepError(f"{subject}: the file has no scene, so nothing says where its parts are")
     return document
@@ -151,7 +151,7 @@ def _refuse_broken_xml(data: bytes, subject: str) -> None:
     except etree.XMLSyntaxError as error:
         line = error.position[0] or data.count(b"\n") + 1
         raise StepError(
-            f"broken XML: {_one_line(error.msg)}",
+            f"broken XML: {one_line(error.msg)}",
             where=Where(subject, line),
             hint="is the file cut off?",
         ) from error
@@ -163,7 +163,7 @@ def _refuse_lost_geometry(document: Any, subject: str) -> None:
     lost = [e for e in document.errors if "eometry" in str(e)]
     if stated > len(document.geometries) or lost:
         first = (lost or document.errors or ["unknown reason"])[0]
-        raise StepError(f"{subject}: a geometry is not readable: {_one_line(first)}")
+        raise StepError(f"{subject}: a geometry is not readable: {one_line(first)}")
 
 
 def _instances(
@@ -290,11 +290,7 @@ def _ignored_finding(document: Any, subject: str) -> Iterator[Finding]:
             rule="mesh.ignored",
             severity="warning",
             subject=subject,
-            message=f"parts of the file were not understood: {_one_line(document.errors[0])}",
+            message=f"parts of the file were not understood: {one_line(document.errors[0])}",
             hint="shapes are complete; a colour, camera or texture may be missing",
             data={"count": len(document.errors)},
         )
-
-
-def _one_line(error: object) -> str:
-    return " ".join(str(error).split())[:200]

@@ -8,7 +8,7 @@ chooses: what sticks out counts once, what is missing twice.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -17,7 +17,7 @@ import numpy as np
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.primitives import resized, signed_distance, sizes_of, volume_of
 from assetbuild.mesh.quality import surface_samples
-from assetbuild.mesh.solid import Solid, sobol
+from assetbuild.mesh.solid import ConvexPiece, Solid, sobol
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import face_areas
 from assetbuild.robot.model import Box, Capsule, Cylinder, Primitive, Sphere
@@ -45,16 +45,21 @@ def best_primitive(mesh: TriangleMesh, kinds: Sequence[type[Primitive]] = KINDS)
     search = convex_hull(points, max_vertices=SEARCHED)
     axes = candidate_axes(mesh, search)
     samples, _ = surface_samples(mesh, SAMPLES, 0)
-    best: tuple[float, Fitted] | None = None
-    for kind in kinds:
-        enclosing = ENCLOSING[kind](points, search.vertices, axes)
-        for fitted in (enclosing, _least_squares(enclosing, samples)):
-            value = score.of(fitted)
-            if best is None or value < best[0] - AS_GOOD:
-                best = (value, fitted)
+    enclosing = (ENCLOSING[kind](points, search.vertices, axes) for kind in kinds)
+    fits = (fit for each in enclosing for fit in (each, _least_squares(each, samples)))
+    return tidy(first_best(fits, score.of))
+
+
+def first_best(fits: Iterable[Fitted], score: Callable[[Fitted], float]) -> Fitted:
+    """The fit with the lowest score; of those within AS_GOOD of one another the first."""
+    best, least = None, math.inf
+    for fitted in fits:
+        value = score(fitted)
+        if value < least - AS_GOOD:
+            best, least = fitted, value
     if best is None:
         raise ValueError("no kinds of primitives to choose from")
-    return tidy(best[1])
+    return best
 
 
 class _Score:
@@ -70,10 +75,8 @@ class _Score:
 
     def of(self, fitted: Fitted) -> float:
         """The score; 0 is a perfect cover."""
-        primitive, pose = fitted
-        local = pose.inverse().apply(self._inside)
-        covered = float((signed_distance(primitive, local) <= 0.0).mean())
-        over = volume_of(primitive) / self._volume - covered
+        covered = float((ConvexPiece(*fitted).distance(self._inside) <= 0.0).mean())
+        over = volume_of(fitted[0]) / self._volume - covered
         return over + 2.0 * (1.0 - covered)
 
 

@@ -10,7 +10,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from assetbuild.errors import StepError
+from assetbuild.errors import StepError, one_line
 from assetbuild.mesh.companions import relative_name
 from assetbuild.mesh.material import (
     Rgba,
@@ -50,7 +50,7 @@ def read_gltf(
         raise
     except Exception as error:  # trimesh's reader raises many kinds on broken files
         lost = f"; `{files.missing[0]}` is not in the source" if files.missing else ""
-        told = f"{type(error).__name__}: " + " ".join(str(error).split())[:200]
+        told = f"{type(error).__name__}: {one_line(error)}"
         raise StepError(f"{subject}: not readable as {format}: {told}{lost}") from error
     parts = group_by_material(part for part in placed if part is not None)
     kinds = {getattr(g, "visual", None) and g.visual.kind for g in scene.geometry.values()}

@@ -67,11 +67,13 @@ def _joined(meshes: list[TriangleMesh]) -> TriangleMesh:
             [m.uv if m.uv is not None else np.zeros((len(m.faces), 3, 2)) for m in meshes]
         )
     if any(mesh.normals is not None for mesh in meshes):
-        normals = np.concatenate([m.normals if m.normals is not None else _flat(m) for m in meshes])
+        normals = np.concatenate(
+            [m.normals if m.normals is not None else corner_normals(m) for m in meshes]
+        )
     return TriangleMesh(joined.vertices, joined.faces, uv, normals)
 
 
-def _flat(mesh: TriangleMesh) -> Array:
+def corner_normals(mesh: TriangleMesh) -> Array:
     """(m, 3, 3) face normals at every corner: how a part without normals is drawn."""
     return np.repeat(face_normals(mesh)[:, None, :], 3, axis=1)
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from assetbuild.errors import StepError
+from assetbuild.errors import StepError, one_line
 from assetbuild.findings import Finding
 from assetbuild.mesh.companions import picture_of_map, relative_name
 from assetbuild.mesh.dae import read_dae
@@ -123,9 +123,8 @@ def _read_obj(data: bytes, companions: Mapping[str, bytes], subject: str) -> Sou
         else:
             missing.append(stated)
     placed = []
-    for group in obj.groups:
-        material = SurfaceMaterial(name=group.material)
-        placed.append((found.get(group.material or "", material), obj.mesh_of(group)))
+    for material, mesh in obj.parts:
+        placed.append((found.get(material or "", SurfaceMaterial(name=material)), mesh))
     findings = _obj_findings(sorted(missing), obj.skipped, subject)
     coloured = colours_finding(obj.has_colours, subject)
     return SourceMesh(group_by_material(placed), (*findings, *coloured))
@@ -199,14 +198,12 @@ def _read_ply(data: bytes, subject: str) -> SourceMesh:
         polygons = np.asarray(read.get("faces", ()), dtype=np.int64)
         vertices = np.asarray(read.get("vertices", ()), dtype=np.float64).reshape(-1, 3)
     except Exception as error:  # trimesh's reader raises many kinds on broken files
-        raise StepError(f"{subject}: not readable as PLY: {_one_line(error)}") from error
+        raise StepError(
+            f"{subject}: not readable as PLY: {type(error).__name__}: {one_line(error)}"
+        ) from error
     corners = polygons.shape[1] if polygons.ndim == 2 else 3
     fans = fan_triangles(np.full(len(polygons), corners))
     mesh = TriangleMesh(vertices, polygons.reshape(-1)[fans].reshape(-1, 3))
     colours = read.get("vertex_colors") is not None or read.get("face_colors") is not None
     part = MaterialPart(SurfaceMaterial(), mesh)
     return SourceMesh((part,), tuple(colours_finding(colours, subject)))
-
-
-def _one_line(error: object) -> str:
-    return f"{type(error).__name__}: " + " ".join(str(error).split())[:200]

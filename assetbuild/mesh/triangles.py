@@ -83,13 +83,10 @@ class TriangleMesh:
         moved = (self.vertices * diagonal if straight else self.vertices @ a.T) + b
         normals = self.normals
         if normals is not None:
-            normals = unit_vectors(normals @ np.linalg.inv(a))
+            # Times the sign: those of a mirrored surface are outward, and `flipped` turns them.
+            normals = sign * unit_vectors(normals @ np.linalg.inv(a))
         out = replace(self, vertices=moved, normals=normals)
-        if sign > 0.0:
-            return out
-        # Mirrored: the normals are outward already; `flipped` turns them, so turn them back.
-        turned = out.flipped()
-        return replace(turned, normals=None if turned.normals is None else -turned.normals)
+        return out if sign > 0.0 else out.flipped()
 
     def placed(self, pose: Pose) -> TriangleMesh:
         """The mesh given in the child frame of `pose`, in its parent frame."""
