@@ -67,7 +67,7 @@ class CollisionMethod(Step):
     first, and taken when they fit this mesh as well as they fit theirs.
     """
 
-    version = "2"
+    version = "3"
     outputs = ("pieces/", "pieces.json", "quality.json")
     isolated = True
     preload = PRELOAD

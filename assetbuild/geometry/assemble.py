@@ -87,7 +87,7 @@ class CollisionUse:
 class Assemble(Step):
     """Source shapes + meshes + pieces -> the final shapes, file paths swapped for digests."""
 
-    version = "5"
+    version = "6"
     outputs = ("shapes.json", "meshes/")
 
     visuals: tuple[VisualUse, ...]
