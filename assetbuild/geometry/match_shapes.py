@@ -21,7 +21,7 @@ from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.volume import area
-from assetbuild.robot.codec import decode
+from assetbuild.robot.codec import decode_file
 from assetbuild.robot.pose import Array
 
 SAMPLES = 2000
@@ -64,7 +64,7 @@ class MatchShapes(Step):
 
 
 def _read(folder: Path) -> TriangleMesh:
-    record = decode(ConvertedMesh, (folder / "mesh.json").read_bytes())
+    record = decode_file(ConvertedMesh, folder / "mesh.json")
     parts = [folder / "parts" / part.file for part in record.parts]
     return merged([read_triangles(part.read_bytes(), folder.name) for part in parts])
 

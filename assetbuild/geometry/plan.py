@@ -19,8 +19,8 @@ from assetbuild.geometry.lint_meshes import LintMeshes
 from assetbuild.mesh.companions import format_of
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.sides import Side, side_of
 from assetbuild.robot.model import MeshFile, SourceShapes, Tree
+from assetbuild.robot.sides import Side, side_of
 
 MESH = ("parts/", "mesh.json")
 """What the conversions write."""

@@ -19,8 +19,9 @@ from assetbuild.lock import Lock
 from assetbuild.pipeline import OnEvent
 from assetbuild.pipeline.bench_plan import LEVELS, LevelOutline, Source, plan_level, with_level
 from assetbuild.pipeline.opening import open_session, pin
+from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.pipeline.rounds import settle
-from assetbuild.recipe.loader import LoadedRecipe, load_recipe
+from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.bundle import json_text
 from assetbuild.report.pareto import front, pareto_svg
 from assetbuild.robot.codec import decode

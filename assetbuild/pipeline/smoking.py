@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from assetbuild.errors import MachineError
-from assetbuild.kinds import Check, load_plugin
+from assetbuild.kinds import Check
+from assetbuild.plugins import load_plugin
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.simulators.consumers import ConsumerCheck
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 def check_of(consumer: str) -> type[ConsumerCheck]:
     """The check that asks this consumer."""
-    check = load_plugin(Check, "assetbuild.checks", f"smoke_{consumer}")
+    check = load_plugin(Check, f"smoke_{consumer}")
     assert issubclass(check, ConsumerCheck)  # noqa: S101 # all of that name are
     return check
 

@@ -12,14 +12,14 @@ from tiny import run_step
 
 from assetbuild.collision import CollisionMethod, PlacedSource
 from assetbuild.collision.coacd import CoAcd
-from assetbuild.collision.explicit import Explicit
+from assetbuild.collision.explicit import Explicit, ExplicitPiece
 from assetbuild.collision.hull import Hull
 from assetbuild.collision.primitive import FitPrimitive
 from assetbuild.collision.spheres import Spheres
 from assetbuild.collision.vhacd import VHacd
 from assetbuild.errors import StepError
 from assetbuild.geometry.convert_mesh import write_converted
-from assetbuild.kinds import Pieces, load_plugin, plugin_names
+from assetbuild.kinds import Pieces
 from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
@@ -27,8 +27,9 @@ from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, merged
+from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.mesh.volume import is_closed, signed_volume
-from assetbuild.recipe.collision import ExplicitPiece, VHacdOptions
+from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Box, Capsule, Cylinder, Mesh, Sphere
 from assetbuild.robot.pose import Pose, quat_of_rpy
@@ -71,7 +72,7 @@ def fit(tmp_path: Path, method: CollisionMethod, *meshes: TriangleMesh, run: str
 
 
 def test_the_methods_are_found_by_their_file_names():
-    assert plugin_names("assetbuild.collision") == (
+    assert plugin_names(CollisionMethod) == (
         "auto",
         "coacd",
         "explicit",
@@ -80,7 +81,7 @@ def test_the_methods_are_found_by_their_file_names():
         "spheres",
         "vhacd",
     )
-    assert load_plugin(CollisionMethod, "assetbuild.collision", "hull") is Hull
+    assert load_plugin(CollisionMethod, "hull") is Hull
 
 
 def test_the_hull_of_an_l_is_one_prism_and_the_gap_is_its_notch(tmp_path):

@@ -17,8 +17,8 @@ from assetbuild.engine.execute import execute
 from assetbuild.engine.graph import Planner
 from assetbuild.engine.session import Resolver, Session
 from assetbuild.engine.store import Store
+from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plan import plan
-from assetbuild.recipe.loader import load_recipe
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 TABLE = Path(__file__).parents[1] / "golden" / "digests.json"
