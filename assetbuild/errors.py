@@ -110,3 +110,8 @@ def did_you_mean(wrong: str, known: Iterable[str]) -> str:
         return f"did you mean `{near[0]}`?"
     shown = ", ".join(f"`{name}`" for name in names[:12])
     return f"known: {shown}{', ...' if len(names) > 12 else ''}" if names else ""
+
+
+def one_line(error: object, most: int = 200) -> str:
+    """What an error of another library says, without line breaks."""
+    return " ".join(str(error).split())[:most]

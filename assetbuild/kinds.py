@@ -40,8 +40,8 @@ from assetbuild.robot.model import (
     Inertial,
     Joint,
     Mesh,
-    Shape,
-    Shapes,
+    SourceShape,
+    SourceShapes,
     Sphere,
     Tree,
 )
@@ -118,11 +118,11 @@ class Edit(Step):
     follows_names: ClassVar[bool] = True
     """Whether what an MJCF says of its joints and links by name still holds afterwards."""
 
-    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """The changed robot and what to say about it; RecipeError for what cannot be done."""
         raise NotImplementedError
 
-    def meshes(self, shapes: Shapes) -> tuple[Shape, ...]:
+    def meshes(self, shapes: SourceShapes) -> tuple[SourceShape, ...]:
         """Shapes whose meshes it reads; the first is `mesh/0/parts/` and `mesh/0/mesh.json`."""
         return ()
 
@@ -137,7 +137,7 @@ class Edit(Step):
     def run(self, files: Files) -> Iterable[Finding]:
         """Reads and writes `links.json` and `shapes.json`."""
         robot = RobotFiles(files.inputs)
-        done = self.edit(robot.links, robot.shapes, files)
+        done = self.edit(robot.links, robot.source_shapes, files)
         (files.outputs / "links.json").write_bytes(encode(done.tree))
         (files.outputs / "shapes.json").write_bytes(encode(done.shapes))
         return done.findings
@@ -148,7 +148,7 @@ class Edited:
     """What an edit made."""
 
     tree: Tree
-    shapes: Shapes
+    shapes: SourceShapes
     findings: tuple[Finding, ...]
 
 

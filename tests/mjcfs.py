@@ -16,7 +16,7 @@ from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Base, Control, Mesh, Shapes, Tree
+from assetbuild.robot.model import Base, Control, MeshFile, SourceShapes, Tree
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
@@ -33,7 +33,7 @@ class Reading:
     """What the reader wrote. flat, read: folders of the two steps' outputs."""
 
     links: Tree
-    shapes: Shapes
+    shapes: SourceShapes
     source: SourceControl
     lines: dict[str, int | str]
     meshes: list[dict[str, object]]
@@ -75,7 +75,7 @@ def read(text: str, folder: Path, *, base: Base | None = None, **files: str | by
     findings += run_step(ReadMjcf(base=base), inputs, out)
     return Reading(
         decode(Tree, (out / "links.json").read_bytes()),
-        decode(Shapes, (out / "shapes.json").read_bytes()),
+        decode(SourceShapes, (out / "shapes.json").read_bytes()),
         decode(SourceControl, (out / "source_control.json").read_bytes()),
         json.loads((flat / "source_map.json").read_text())["lines"],
         meshes,
@@ -142,9 +142,9 @@ def _assemble(reading: Reading, folder: Path, ports: Path) -> None:
     visuals, collisions = [], []
     for number, shape in enumerate(reading.shapes.shapes):
         mesh = None
-        if isinstance(shape.geometry, Mesh):
-            step = ConvertMesh(format=shape.geometry.mesh[-3:], scale=shape.geometry.scale)
-            source = {"mesh": reading.files / shape.geometry.mesh}
+        if isinstance(shape.geometry, MeshFile):
+            step = ConvertMesh(format=shape.geometry.path[-3:], scale=shape.geometry.scale)
+            source = {"mesh": reading.files / shape.geometry.path}
             made = _run(step, folder / f"mesh{number}", source)
             mesh = f"mesh/{number}"
             inputs |= {f"{mesh}/{name}": made / name for name in ("parts", "mesh.json")}

@@ -39,10 +39,13 @@ from assetbuild.robot.model import (
     Material,
     Mesh,
     MeshAsset,
+    MeshFile,
     Mimic,
     Shape,
     Shapes,
     Simulation,
+    SourceShape,
+    SourceShapes,
     Sphere,
     Tree,
 )
@@ -58,7 +61,7 @@ class TinyRobot:
 
     links: Tree
     tree: Tree
-    shapes: Shapes = field(default_factory=Shapes)
+    shapes: Shapes | SourceShapes = field(default_factory=Shapes)
     control: Control = field(default_factory=Control)
     meshes: dict[str, bytes] = field(default_factory=dict)
 
@@ -75,6 +78,24 @@ def write_robot_ports(folder: Path, robot: TinyRobot) -> Path:
     for name, data in robot.meshes.items():
         (folder / "meshes" / name).write_bytes(data)
     return folder
+
+
+def write_source_ports(folder: Path, robot: TinyRobot) -> Path:
+    """As `write_robot_ports`, with the shapes as a source names them."""
+    return write_robot_ports(folder, replace(robot, shapes=as_source(robot.shapes)))
+
+
+def as_source(shapes: Shapes | SourceShapes) -> SourceShapes:
+    """The same geometry before `assemble`: each mesh is a file of its own."""
+    return SourceShapes(
+        tuple(
+            SourceShape(**vars(shape) | {"geometry": MeshFile(f"{shape.geometry.mesh}.obj")})
+            if isinstance(shape.geometry, Mesh)
+            else SourceShape(**vars(shape))
+            for shape in shapes.shapes
+        ),
+        shapes.materials,
+    )
 
 
 def run_step(step: Step, inputs: Path, outputs: Path) -> list[Finding]:

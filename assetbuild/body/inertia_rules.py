@@ -20,7 +20,7 @@ from assetbuild.robot.inertia import (
     principal_moments,
     triangle_violation,
 )
-from assetbuild.robot.model import Inertial, Shapes, Tree
+from assetbuild.robot.model import Inertial, Shapes, SourceShapes, Tree
 from assetbuild.robot.pose import Vec3
 
 ROUNDING = 1e-9
@@ -89,7 +89,7 @@ MASS_SMALL = Rule(
 
 
 def inertia_findings(
-    tree: Tree, shapes: Shapes, bounds: InertiaBounds, worst: Severity
+    tree: Tree, shapes: Shapes | SourceShapes, bounds: InertiaBounds, worst: Severity
 ) -> Iterator[Finding]:
     """Findings on all bodies of a tree, none graver than `worst`.
 

@@ -22,6 +22,6 @@ class LintBodies(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Findings in tree order."""
         robot = RobotFiles(files.inputs)
-        yield from inertia_findings(robot.tree, robot.shapes, self.bounds, "error")
+        yield from inertia_findings(robot.tree, robot.source_shapes, self.bounds, "error")
         for joint in robot.tree.moving_joints:
             yield from crossed_limits(joint, "error")

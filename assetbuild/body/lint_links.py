@@ -12,7 +12,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.mimic import led_range
-from assetbuild.robot.model import Joint, Shapes, Tree
+from assetbuild.robot.model import Joint, SourceShapes, Tree
 from assetbuild.robot.tree import PLACEHOLDER_KG
 
 CONTRADICTION = 0.01
@@ -71,12 +71,12 @@ class LintLinks(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Findings in the order of the source's tree."""
         robot = RobotFiles(files.inputs)
-        yield from inertia_findings(robot.links, robot.shapes, self.bounds, "warning")
+        yield from inertia_findings(robot.links, robot.source_shapes, self.bounds, "warning")
         for joint in robot.links.moving_joints:
             yield from _range(joint)
             yield from _drive(joint)
             yield from _led(robot.links, joint)
-        yield from _without_collision(robot.links, robot.shapes)
+        yield from _without_collision(robot.links, robot.source_shapes)
 
 
 def _range(joint: Joint) -> Iterator[Finding]:
@@ -132,7 +132,7 @@ def _led(tree: Tree, joint: Joint) -> Iterator[Finding]:
     )
 
 
-def _without_collision(tree: Tree, shapes: Shapes) -> Iterator[Finding]:
+def _without_collision(tree: Tree, shapes: SourceShapes) -> Iterator[Finding]:
     seen = {shape.link for shape in shapes.of("visual")}
     solid = {shape.link for shape in shapes.of("collision")}
     for body in tree.bodies:

@@ -19,12 +19,12 @@ from assetbuild.kinds import Check, write_figures
 from assetbuild.mesh.holes import holes
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_triangles
-from assetbuild.mesh.primitives import Primitive, tessellate
-from assetbuild.mesh.solids import Distance, distance_to
+from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.solid import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.quantities import Positive
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Mesh, Shape, Shapes, Tree
+from assetbuild.robot.model import Mesh, Primitive, Shape, Shapes, Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose
 
 MOST_POINTS = 4000

@@ -20,7 +20,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, Piece, Pieces
-from assetbuild.mesh.cover import Probe, Quality, Reference, blocked_by, measure
+from assetbuild.mesh.cover import Quality, Reference, blocked_by, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
 from assetbuild.mesh.native import NativeError, NativeLimits
 from assetbuild.mesh.obj import obj_bytes, read_triangles
@@ -28,8 +28,7 @@ from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.sources import Likeness as Likeness  # what the fields are made of
 from assetbuild.mesh.sources import PlacedSource as PlacedSource
-from assetbuild.mesh.sources import PrimitiveSource as PrimitiveSource
-from assetbuild.mesh.sources import ProbeSource as ProbeSource
+from assetbuild.mesh.sources import Probe as Probe
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.verdict import verdict
 from assetbuild.mesh.weld import cleaned
@@ -70,7 +69,7 @@ class CollisionMethod(Step):
     first, and taken when they fit this mesh as well as they fit theirs.
     """
 
-    version = "2"
+    version = "3"
     group: ClassVar[str] = "collision"
     outputs = ("pieces/", "pieces.json", "quality.json")
     isolated = True
@@ -94,7 +93,7 @@ class CollisionMethod(Step):
     max_overcover: Share | None = Field(
         None, description="most collision volume outside the mesh, share of its volume, `20 %`"
     )
-    probes: tuple[ProbeSource, ...] = ()
+    probes: tuple[Probe, ...] = ()
     """Places to keep open, and places with a `max_outside` of their own."""
     like: Likeness | None = None
 
@@ -110,7 +109,7 @@ class CollisionMethod(Step):
         source = self.sources[0]
         if len(self.sources) > 1 or source.primitive is None:
             return None
-        return (ConvexPiece(None, source.primitive.geometry, source.pose),)
+        return (ConvexPiece(source.primitive, source.pose),)
 
     @classmethod
     def keys(cls) -> dict[str, FieldInfo]:
@@ -121,16 +120,6 @@ class CollisionMethod(Step):
     def preset(cls, name: str) -> Mapping[str, float]:
         """What `collision.preset` states where a rule does not; `auto` alone has any."""
         return {}
-
-    @property
-    def vertex_cap(self) -> int | None:
-        """Most vertices of one hull; None = as many as there are."""
-        return getattr(self, "max_vertices", None)
-
-    @property
-    def polygon_cap(self) -> int | None:
-        """Most polygons of one hull; None = as many as there are."""
-        return getattr(self, "max_polygons", None)
 
     @property
     def native_limits(self) -> NativeLimits:
@@ -198,7 +187,7 @@ class CollisionMethod(Step):
     def source_mesh(self, source: PlacedSource, inputs: Path) -> TriangleMesh:
         """One source in the output frame, as it is."""
         if source.primitive is not None:
-            return tessellate(source.primitive.geometry).placed(source.pose)
+            return tessellate(source.primitive).placed(source.pose)
         folder = inputs / (source.folder or "")
         record = decode_file(ConvertedMesh, folder / "mesh.json")
         files = [folder / "parts" / part.file for part in record.parts]
@@ -209,15 +198,17 @@ class CollisionMethod(Step):
 
     def verified(self, piece: ConvexPiece) -> ConvexPiece | None:
         """A hull piece hulled again by qhull and capped; None when it is flat."""
-        if piece.hull is None:
+        if not isinstance(piece.solid, TriangleMesh):
             return piece
         try:
-            points = piece.hull.vertices
-            return ConvexPiece(
-                convex_hull(points, max_vertices=self.vertex_cap, max_polygons=self.polygon_cap)
+            hull = convex_hull(
+                piece.solid.vertices,
+                max_vertices=getattr(self, "max_vertices", None),
+                max_polygons=getattr(self, "max_polygons", None),
             )
         except StepError:
             return None
+        return ConvexPiece(hull)
 
     def hull_after(self, reference: Reference, library: str, failure: NativeError) -> Fitted:
         """The last rung: one hull, and a finding with the cause."""
@@ -276,7 +267,7 @@ class CollisionMethod(Step):
     @property
     def closed_places(self) -> tuple[Probe, ...]:
         """Where no piece may be."""
-        return tuple(place.probe for place in self.probes if place.max_outside is None)
+        return tuple(place for place in self.probes if place.max_outside is None)
 
 
 @dataclass(frozen=True)
@@ -286,11 +277,6 @@ class Fitted:
     pieces: tuple[ConvexPiece, ...]
     findings: tuple[Finding, ...] = ()
     how: str = ""
-
-
-def hulls(parts: Iterable[TriangleMesh]) -> tuple[ConvexPiece, ...]:
-    """Convex parts as pieces."""
-    return tuple(ConvexPiece(part) for part in parts)
 
 
 def carried(piece: Piece, folder: Path, like: Likeness) -> ConvexPiece:
@@ -304,7 +290,7 @@ def carried(piece: Piece, folder: Path, like: Likeness) -> ConvexPiece:
     # A primitive is its own mirror image: reflecting both sides of the turn keeps it a rotation.
     rotation = np.diag(signs) @ pose.rotation @ np.diag(signs)
     return ConvexPiece(
-        None, geometry, Pose(vec3(np.asarray(pose.xyz) * signs + shift), quat_of(rotation))
+        geometry, Pose(vec3(np.asarray(pose.xyz) * signs + shift), quat_of(rotation))
     )
 
 
@@ -316,14 +302,12 @@ def write_pieces(folder: Path, pieces: Sequence[ConvexPiece], quality: Quality |
     (folder / "pieces").mkdir(exist_ok=True)
     records = []
     for number, piece in enumerate(pieces):
-        if piece.hull is None:
-            if piece.primitive is None:
-                raise ValueError("a piece is a hull or a primitive")
-            records.append(Piece(piece.primitive, piece.X_frame_piece))
+        hull = piece.solid
+        if not isinstance(hull, TriangleMesh):
+            records.append(Piece(hull, piece.X_frame_piece))
             continue
         name = f"{number}.obj"
-        (folder / "pieces" / name).write_bytes(obj_bytes(piece.hull))
-        hull = piece.hull
+        (folder / "pieces" / name).write_bytes(obj_bytes(hull))
         records.append(Piece(Mesh(name), IDENTITY, len(hull.vertices), len(hull.faces)))
     (folder / "pieces.json").write_bytes(encode(Pieces(tuple(records))))
     figures = None if quality is None else asdict(quality)

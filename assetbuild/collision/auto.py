@@ -28,7 +28,7 @@ from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
-from assetbuild.mesh.volume import centroid, signed_volume
+from assetbuild.mesh.volume import signed_volume, solid_moments
 from assetbuild.quantities import Positive
 from assetbuild.robot.pose import Array
 
@@ -243,16 +243,14 @@ def _restored(capped: ConvexPiece | None, piece: ConvexPiece) -> ConvexPiece | N
     A capped hull lies inside the full one and would miss 4 to 6 % of a round link; scaled, it
     misses and covers too much by about 2 % each.
     """
-    if capped is None or capped.hull is None or piece.hull is None:
+    if capped is None or not isinstance(hull := capped.solid, TriangleMesh):
         return capped
-    whole = signed_volume(convex_hull(piece.hull.vertices))
-    factor = (whole / signed_volume(capped.hull)) ** (1.0 / 3.0)
+    whole = signed_volume(convex_hull(piece.surface().vertices))
+    factor = (whole / signed_volume(hull)) ** (1.0 / 3.0)
     if factor < 1.0 + SCALED:
         return capped
-    middle = centroid(capped.hull)
-    return ConvexPiece(
-        replace(capped.hull, vertices=middle + factor * (capped.hull.vertices - middle))
-    )
+    _, middle, _ = solid_moments(hull)
+    return ConvexPiece(replace(hull, vertices=middle + factor * (hull.vertices - middle)))
 
 
 def _rank(candidate: _Candidate) -> tuple[float, float, int]:

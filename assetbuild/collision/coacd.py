@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from assetbuild.collision import CollisionMethod, Fitted, hulls
+from assetbuild.collision import CollisionMethod, Fitted
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.coacd import CoAcdOptions, coacd_parts
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.native import NativeError
+from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
 from assetbuild.quantities import Positive
 
@@ -57,7 +58,7 @@ class CoAcd(CollisionMethod):
             )
         except NativeError as failure:
             return self._by_vhacd(reference, failure)
-        return Fitted(hulls(parts), self._too_many(len(parts)), "CoACD")
+        return Fitted(tuple(map(ConvexPiece, parts)), self._too_many(len(parts)), "CoACD")
 
     def _by_vhacd(self, reference: Reference, failure: NativeError) -> Fitted:
         try:
@@ -72,7 +73,9 @@ class CoAcd(CollisionMethod):
             last = self.hull_after(reference, "V-HACD", second)
             first = self.fell("CoACD", failure, "vhacd")
             return Fitted(last.pieces, (first, *last.findings), last.how)
-        return Fitted(hulls(parts), (self.fell("CoACD", failure, "vhacd"),), "V-HACD")
+        return Fitted(
+            tuple(map(ConvexPiece, parts)), (self.fell("CoACD", failure, "vhacd"),), "V-HACD"
+        )
 
     def _too_many(self, made: int) -> tuple[Finding, ...]:
         if self.max_hulls is None or made <= self.max_hulls:

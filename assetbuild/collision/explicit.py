@@ -101,7 +101,7 @@ class Explicit(CollisionMethod):
         made = []
         for number, piece in enumerate(self.pieces, start=1):
             if piece.file is None:
-                made.append(ConvexPiece(None, _geometry(piece), _pose(piece)))
+                made.append(ConvexPiece(_geometry(piece), _pose(piece)))
                 continue
             mesh = self._own_mesh(piece, number, files.inputs)
             hull = convex_hull(mesh.vertices)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from assetbuild.collision import CollisionMethod, Fitted, hulls
+from assetbuild.collision import CollisionMethod, Fitted
 from assetbuild.mesh.cover import Reference
+from assetbuild.mesh.solid import ConvexPiece
 
 
 class Hull(CollisionMethod):
@@ -22,4 +23,4 @@ class Hull(CollisionMethod):
 
     def fit(self, reference: Reference) -> Fitted:
         """The hull as it is: the base class caps it."""
-        return Fitted(hulls([reference.hull]), how="hull")
+        return Fitted((ConvexPiece(reference.hull),), how="hull")

@@ -14,12 +14,11 @@ from assetbuild.mesh.fit_many import fit_parts
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.merge import grown_to, merge_steps
 from assetbuild.mesh.native import NativeError
-from assetbuild.mesh.primitives import Primitive
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
 from assetbuild.quantities import Positive
-from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
+from assetbuild.robot.model import Box, Capsule, Cylinder, Primitive, Sphere
 from assetbuild.robot.pose import Pose, Vec3
 
 PrimitiveName = Literal["box", "sphere", "capsule", "cylinder"]
@@ -64,7 +63,7 @@ class FitPrimitive(CollisionMethod):
     def exact(self) -> tuple[ConvexPiece, ...] | None:
         """A source that is a single primitive of the asked shape stays exactly as it is."""
         known = super().exact()
-        return known if known and isinstance(known[0].primitive, self._kinds) else None
+        return known if known and isinstance(known[0].solid, self._kinds) else None
 
     def fit(self, reference: Reference) -> Fitted:
         """One primitive by itself; several by parts, as many as are worth it."""
@@ -73,7 +72,7 @@ class FitPrimitive(CollisionMethod):
             fits = [best_primitive(reference.mesh, self._kinds)]
         else:
             fits, findings = self._several(reference)
-        pieces = tuple(ConvexPiece(None, primitive, pose) for primitive, pose in fits)
+        pieces = tuple(ConvexPiece(primitive, pose) for primitive, pose in fits)
         return Fitted(pieces, findings, "primitives")
 
     @property

@@ -49,7 +49,7 @@ class Spheres(CollisionMethod):
             beyond = min(beyond, self.max_outside)
         chosen = _greedy(cloud, inside, centres, deep, beyond, self.max_hulls)
         pieces = tuple(
-            ConvexPiece(None, Sphere(round(radius, 6)), Pose(vec3(np.round(centre, 6))))
+            ConvexPiece(Sphere(round(radius, 6)), Pose(vec3(np.round(centre, 6))))
             for centre, radius in chosen
         )
         return Fitted(pieces, how="spheres")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from assetbuild.collision import CollisionMethod, Fitted, hulls
+from assetbuild.collision import CollisionMethod, Fitted
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.native import NativeError
+from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
 from assetbuild.quantities import Positive
 
@@ -43,4 +44,4 @@ class VHacd(CollisionMethod):
             )
         except NativeError as failure:
             return self.hull_after(reference, "V-HACD", failure)
-        return Fitted(hulls(parts), how="V-HACD")
+        return Fitted(tuple(map(ConvexPiece, parts)), how="V-HACD")

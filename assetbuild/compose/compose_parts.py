@@ -22,10 +22,10 @@ from assetbuild.robot.model import (
     Box,
     Joint,
     Material,
-    Mesh,
+    MeshFile,
     Mimic,
-    Shape,
-    Shapes,
+    SourceShape,
+    SourceShapes,
     Tree,
 )
 from assetbuild.robot.mount import At, Mount
@@ -92,13 +92,13 @@ class ComposeParts(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises RecipeError for a link that the base has not, and for names that clash."""
         robot = RobotFiles(files.inputs / "base")
-        tree, shapes = robot.links, robot.shapes
+        tree, shapes = robot.links, robot.source_shapes
         lines = _lines(files.inputs / "base")
         said: dict[str, PartControl] = {}
         base = robot.source_control
         for part in self.parts:
             own = RobotFiles(files.inputs / part.folder)
-            own_tree, own_shapes = own.links, own.shapes
+            own_tree, own_shapes = own.links, own.source_shapes
             tree = _mounted(tree, prefixed_tree(own_tree, part.prefix), part)
             shapes = _joined(shapes, prefixed_shapes(own_shapes, part.prefix))
             if part.mount is not None:
@@ -187,19 +187,18 @@ def _prefixed_joint(joint: Joint, prefix: str) -> Joint:
     return replace(joint, mimic=mimic, **names)
 
 
-def prefixed_shapes(shapes: Shapes, prefix: str) -> Shapes:
+def prefixed_shapes(shapes: SourceShapes, prefix: str) -> SourceShapes:
     """The same shapes with a prefix on names, links, materials and paths of meshes."""
-    return Shapes(
+    return SourceShapes(
         shapes=tuple(_prefixed_shape(shape, prefix) for shape in shapes.shapes),
         materials=tuple(_prefixed_material(material, prefix) for material in shapes.materials),
-        meshes=shapes.meshes,
     )
 
 
-def _prefixed_shape(shape: Shape, prefix: str) -> Shape:
+def _prefixed_shape(shape: SourceShape, prefix: str) -> SourceShape:
     geometry = shape.geometry
-    if isinstance(geometry, Mesh):
-        geometry = replace(geometry, mesh=part_path(prefix, geometry.mesh))
+    if isinstance(geometry, MeshFile):
+        geometry = replace(geometry, path=part_path(prefix, geometry.path))
     material = prefix + shape.material if shape.material else None
     return replace(
         shape,
@@ -246,19 +245,19 @@ def _mounted(tree: Tree, part: Tree, on: PartOn) -> Tree:
     )
 
 
-def _plate_shapes(link: str, mount: Mount) -> tuple[Shape, Shape]:
+def _plate_shapes(link: str, mount: Mount) -> tuple[SourceShape, SourceShape]:
     box, at = Box(mount.size), Pose(mount.at)
     return (
-        Shape(f"{link}_visual", link, "visual", box, at),
-        Shape(f"{link}_collision", link, "collision", box, at),
+        SourceShape(f"{link}_visual", link, "visual", box, at),
+        SourceShape(f"{link}_collision", link, "collision", box, at),
     )
 
 
-def _joined(a: Shapes, b: Shapes) -> Shapes:
-    return Shapes(a.shapes + b.shapes, a.materials + b.materials, a.meshes + b.meshes)
+def _joined(a: SourceShapes, b: SourceShapes) -> SourceShapes:
+    return SourceShapes(a.shapes + b.shapes, a.materials + b.materials)
 
 
-def _refuse_clashes(tree: Tree, shapes: Shapes, said: SourceControl) -> None:
+def _refuse_clashes(tree: Tree, shapes: SourceShapes, said: SourceControl) -> None:
     named = [("link", body.name) for body in tree.bodies]
     named += [("link", frame.name) for frame in tree.frames]
     named += [("joint", joint.name) for joint in tree.joints]

@@ -302,7 +302,7 @@ class _Ground:
 
     def _bottom(self, geometry: model.Geometry, X_root_shape: Pose) -> float:
         if isinstance(geometry, model.Mesh):
-            points = self._mesh(geometry.mesh) * np.asarray(geometry.scale)
+            points = self._mesh(geometry.mesh)
             return float(X_root_shape.apply(points)[:, 2].min())
         return X_root_shape.xyz[2] - half_height(geometry, X_root_shape.rotation[2])
 

@@ -17,7 +17,7 @@ from assetbuild.robot.inertia import (
     tensor_of,
     triangle_violation,
 )
-from assetbuild.robot.model import Body, Inertial, Shapes, Tree
+from assetbuild.robot.model import Body, Inertial, SourceShapes, Tree
 
 ROOM = 1e-9
 """Of C: A + B = C to the last bit is lost where somebody turns the axes, as MuJoCo does."""
@@ -41,7 +41,7 @@ class BalanceInertia(Edit):
 
     link: Pattern = Field(description="links, by whole name")
 
-    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
         tree, findings = edit_inertials(tree, self.link, _balanced)
         return Edited(tree, shapes, findings or (self._needless(),))

@@ -13,7 +13,7 @@ from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_joints
 from assetbuild.quantities import Pattern
-from assetbuild.robot.model import MOVING, Joint, Limits, Mimic, Shapes, Tree
+from assetbuild.robot.model import MOVING, Joint, Limits, Mimic, SourceShapes, Tree
 
 FLIP_AXIS = Rule(
     "edit.flip_axis", "info", "a joint counts in the opposite direction", "reverse its targets too"
@@ -35,7 +35,7 @@ class FlipAxis(Edit):
         description="mirror: lower and upper change places and sign; keep: as they are",
     )
 
-    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
         tree, findings = edit_joints(tree, self.joint, self._flipped)
         if self.limits_ == "mirror":

@@ -28,11 +28,11 @@ from assetbuild.robot.model import (
     Body,
     Box,
     Capsule,
-    Geometry,
     Inertial,
-    Mesh,
-    Shape,
-    Shapes,
+    MeshFile,
+    SourceGeometry,
+    SourceShape,
+    SourceShapes,
     Sphere,
     Tree,
 )
@@ -70,15 +70,15 @@ class InertiaFromGeometry(Edit):
             raise ValueError("give exactly one of `density`, `mass`")
         return self
 
-    def meshes(self, shapes: Shapes) -> tuple[Shape, ...]:
+    def meshes(self, shapes: SourceShapes) -> tuple[SourceShape, ...]:
         """See `Edit`."""
         return tuple(
             shape
             for shape in shapes.of(self.from_)
-            if isinstance(shape.geometry, Mesh) and re.fullmatch(self.link, shape.link)
+            if isinstance(shape.geometry, MeshFile) and re.fullmatch(self.link, shape.link)
         )
 
-    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
 
         folder_of = {
@@ -105,13 +105,13 @@ class InertiaFromGeometry(Edit):
     def _other(self) -> str:
         return "collision" if self.from_ == "visual" else "visual"
 
-    def _solid(self, shape: Shape, folder_of: Mapping[str, Path]) -> Inertial:
+    def _solid(self, shape: SourceShape, folder_of: Mapping[str, Path]) -> Inertial:
         """Mass properties at density 1, in the link frame."""
-        if isinstance(shape.geometry, Mesh):
+        if isinstance(shape.geometry, MeshFile):
             return move_inertial(self._of_mesh(shape, folder_of[shape.name]), shape.X_link_shape)
         return move_inertial(of_primitive(shape.geometry), shape.X_link_shape)
 
-    def _of_mesh(self, shape: Shape, folder: Path) -> Inertial:
+    def _of_mesh(self, shape: SourceShape, folder: Path) -> Inertial:
         record = decode_file(ConvertedMesh, folder / "mesh.json")
         parts = [read_triangles((folder / "parts" / p.file).read_bytes()) for p in record.parts]
         mesh = cleaned(merged(parts))
@@ -156,9 +156,9 @@ class InertiaFromGeometry(Edit):
         )
 
 
-def of_primitive(geometry: Geometry) -> Inertial:
+def of_primitive(geometry: SourceGeometry) -> Inertial:
     """A solid of density 1 about its own frame: textbook formulas; mass is the volume in m3."""
-    if isinstance(geometry, Mesh):
+    if isinstance(geometry, MeshFile):
         raise TypeError("a mesh is no primitive")
     volume = volume_of(geometry)
     if isinstance(geometry, Box):

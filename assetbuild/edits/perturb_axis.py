@@ -12,7 +12,7 @@ from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_joints
 from assetbuild.quantities import Pattern
-from assetbuild.robot.model import MOVING, Joint, Shapes, Tree
+from assetbuild.robot.model import MOVING, Joint, SourceShapes, Tree
 from assetbuild.robot.pose import Vec3
 
 PERTURB_AXIS = Rule(
@@ -32,7 +32,7 @@ class PerturbAxis(Edit):
     joint: Pattern = Field(description="joints, by whole name")
     eps: float = Field(1e-6, gt=1e-8, le=1e-3, description="rad by which the axis is turned")
 
-    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
         tree, findings = edit_joints(tree, self.joint, self._turned)
         return Edited(tree, shapes, findings)

@@ -14,7 +14,7 @@ from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited
 from assetbuild.quantities import Pattern
-from assetbuild.robot.model import Shapes, Tree
+from assetbuild.robot.model import SourceShapes, Tree
 
 RENAMED = Rule(
     "edit.rename",
@@ -46,7 +46,7 @@ class Rename(Edit):
         links = [(("links", pattern), "link", pattern) for pattern in self.links]
         return (*links, *((("joints", pattern), "joint", pattern) for pattern in self.joints))
 
-    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
         link = _new_names("link", (body.name for body in tree.bodies), self.links)
         joint = _new_names("joint", (j.name for j in tree.joints), self.joints)

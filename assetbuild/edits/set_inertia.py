@@ -10,7 +10,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_inertials
 from assetbuild.quantities import Model, Pattern, Positive, Real
 from assetbuild.robot.inertia import Tensor
-from assetbuild.robot.model import Body, Inertial, Shapes, Tree
+from assetbuild.robot.model import Body, Inertial, SourceShapes, Tree
 from assetbuild.robot.pose import Vec3
 
 SET_INERTIA = Rule("edit.set_inertia", "info", "a link has other mass properties", "nothing")
@@ -37,7 +37,7 @@ class SetInertia(Edit):
         None, description="centre of mass in the link, m; without it it stays"
     )
 
-    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
         tree, findings = edit_inertials(tree, self.link, self._changed)
         return Edited(tree, shapes, findings)

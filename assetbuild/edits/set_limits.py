@@ -11,7 +11,7 @@ from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule, Scalar
 from assetbuild.kinds import Edit, Edited, edit_joints
 from assetbuild.quantities import Pattern, Positive, Real
-from assetbuild.robot.model import MOVING, Joint, Shapes, Tree
+from assetbuild.robot.model import MOVING, Joint, SourceShapes, Tree
 
 FIELDS = ("lower", "upper", "effort", "velocity")
 
@@ -33,7 +33,7 @@ class SetLimits(Edit):
             raise ValueError("give at least one of `lower`, `upper`, `effort`, `velocity`")
         return self
 
-    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
         tree, findings = edit_joints(tree, self.joint, self._changed)
         return Edited(tree, shapes, findings)

@@ -12,7 +12,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_inertials
 from assetbuild.quantities import Pattern, Positive
 from assetbuild.robot.inertia import Tensor
-from assetbuild.robot.model import Body, Inertial, Shapes, Tree
+from assetbuild.robot.model import Body, Inertial, SourceShapes, Tree
 
 SET_MASS = Rule(
     "edit.set_mass", "info", "a link has another mass; its inertia was scaled, or kept", "nothing"
@@ -28,7 +28,7 @@ class SetMass(Edit):
         "scale", description="scale: in proportion to the mass; keep: as it is"
     )
 
-    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
         tree, findings = edit_inertials(tree, self.link, self._changed)
         return Edited(tree, shapes, findings)

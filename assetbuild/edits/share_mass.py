@@ -15,7 +15,7 @@ from assetbuild.kinds import Edit, Edited
 from assetbuild.quantities import Pattern
 from assetbuild.robot.chains import Chain, find_chains
 from assetbuild.robot.inertia import combine, principal_moments, pseudo_inertia
-from assetbuild.robot.model import Body, Inertial, Joint, Shapes, Tree
+from assetbuild.robot.model import Body, Inertial, Joint, SourceShapes, Tree
 from assetbuild.robot.pose import Array, Vec3, vec3
 
 SHARE = 0.1
@@ -44,7 +44,7 @@ class ShareMass(Edit):
 
     link: Pattern = Field(description="massless links between two joints, by whole name")
 
-    def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
+    def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:
         """See `Edit`."""
         chains = find_chains(tree, {shape.link for shape in shapes.shapes})
         between = {link for chain in chains for link in chain.between}

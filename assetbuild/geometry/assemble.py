@@ -5,18 +5,28 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
+from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-
-from pydantic import BaseModel, ConfigDict
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, MeshPart, Pieces
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Geometry, Material, Mesh, MeshAsset, Shape, Shapes
+from assetbuild.robot.model import (
+    Geometry,
+    Material,
+    Mesh,
+    MeshAsset,
+    MeshFile,
+    Primitive,
+    Shape,
+    Shapes,
+    SourceShape,
+    SourceShapes,
+)
 from assetbuild.robot.pose import IDENTITY, Pose
 
 PNG = "texture.png"
@@ -44,13 +54,12 @@ NO_COLLISION = Rule(
 )
 
 
-class VisualUse(BaseModel):
+@dataclass(frozen=True)
+class VisualUse:
     """The source shape `shape` is shown by the converted mesh in `folder` (None: a primitive).
 
     named: it keeps its name, as the shapes of an MJCF do; else it is called after link and role.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     shape: str
     folder: str | None = None
@@ -58,7 +67,8 @@ class VisualUse(BaseModel):
     named: bool = False
 
 
-class CollisionUse(BaseModel):
+@dataclass(frozen=True)
+class CollisionUse:
     """Collision geometry of `link`, in order of preference of what is set.
 
     pieces: folder with the result of a collision method, in the frame of `shape` when that is
@@ -66,8 +76,6 @@ class CollisionUse(BaseModel):
     primitive `shape` of the source, as it is. named: as in `VisualUse`, where it is made of one
     collision shape of the source.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     link: str
     shape: str | None = None
@@ -77,31 +85,24 @@ class CollisionUse(BaseModel):
     named: bool = False
 
 
-class TextureUse(BaseModel):
-    """The picture `texture` of the source's materials lies in `folder`, if it could be read."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    texture: str
-    folder: str
-
-
 class Assemble(Step):
     """Source shapes + meshes + pieces -> the final shapes, file paths swapped for digests."""
 
-    version = "5"
+    version = "6"
     outputs = ("shapes.json", "meshes/")
 
     visuals: tuple[VisualUse, ...]
     collisions: tuple[CollisionUse, ...]
-    textures: tuple[TextureUse, ...] = ()
+    textures: tuple[str, ...] = ()
+    """Pictures that the source's materials name; `textures/<n>/` holds one if it can be read."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `shapes.json` of the source and the folders that the fields name."""
-        source = RobotFiles(files.inputs).shapes
+        source = RobotFiles(files.inputs).source_shapes
         by_name = {shape.name: shape for shape in source.shapes}
         library = _Library(files.outputs / "meshes")
-        pictures = {use.texture: files.inputs / use.folder / PNG for use in self.textures}
+        folder = files.inputs / "textures"
+        pictures = {name: folder / str(n) / PNG for n, name in enumerate(self.textures)}
         palette = _Palette(source.materials, pictures, library)
         shapes: list[Shape] = []
         for visual in self.visuals:
@@ -135,7 +136,7 @@ def called(made: list[Shape], source: str | None) -> list[Shape]:
     return [replace(s, name=name) for s, name in zip(made, [source, *names], strict=True)]
 
 
-def _without_collision(source: Shapes, uses: tuple[CollisionUse, ...]) -> Iterator[Finding]:
+def _without_collision(source: SourceShapes, uses: tuple[CollisionUse, ...]) -> Iterator[Finding]:
     """One finding for all links that have geometry in the source and hit nothing here."""
     covered = {use.link for use in uses}
     bare = [link for link in dict.fromkeys(s.link for s in source.shapes) if link not in covered]
@@ -150,11 +151,11 @@ def _without_collision(source: Shapes, uses: tuple[CollisionUse, ...]) -> Iterat
 
 
 def _visual_shapes(
-    use: VisualUse, shape: Shape, inputs: Path, library: _Library, palette: _Palette
+    use: VisualUse, shape: SourceShape, inputs: Path, library: _Library, palette: _Palette
 ) -> list[Shape]:
     if use.folder is None:
         material = palette.of_source(shape.material, uv=False)
-        return [Shape("", shape.link, "visual", shape.geometry, shape.X_link_shape, material)]
+        return [Shape("", shape.link, "visual", _primitive(shape), shape.X_link_shape, material)]
     folder = inputs / use.folder
     mesh = decode_file(ConvertedMesh, folder / "mesh.json")
     made = []
@@ -167,7 +168,7 @@ def _visual_shapes(
 
 
 def _collision_shapes(
-    use: CollisionUse, shape: Shape | None, inputs: Path, library: _Library
+    use: CollisionUse, shape: SourceShape | None, inputs: Path, library: _Library
 ) -> list[Shape]:
     X_link_source = shape.X_link_shape if shape else IDENTITY
     made: list[tuple[Geometry, Pose]] = []
@@ -186,8 +187,14 @@ def _collision_shapes(
         names = [library.add(folder / "parts" / part.file, use.stem, part) for part in parts]
         made += [(Mesh(name), X_link_source) for name in names]
     elif shape is not None:
-        made.append((shape.geometry, X_link_source))
+        made.append((_primitive(shape), X_link_source))
     return [Shape("", use.link, "collision", geometry, pose) for geometry, pose in made]
+
+
+def _primitive(shape: SourceShape) -> Primitive:
+    if isinstance(shape.geometry, MeshFile):
+        raise TypeError(f"shape {shape.name}: its mesh was not converted")
+    return shape.geometry
 
 
 def _named(shapes: list[Shape]) -> tuple[Shape, ...]:
@@ -196,15 +203,12 @@ def _named(shapes: list[Shape]) -> tuple[Shape, ...]:
     A name that a shape already has stays; a second shape cannot take it.
     """
     taken = {shape.name for shape in shapes if shape.name}
-    totals: dict[tuple[str, str], int] = {}
-    for shape in shapes:
-        key = (shape.link, shape.role)
-        totals[key] = totals.get(key, 0) + 1
-    seen: dict[tuple[str, str], int] = {}
+    totals = Counter((shape.link, shape.role) for shape in shapes)
+    seen: Counter[tuple[str, str]] = Counter()
     named = []
     for shape in shapes:
         key = (shape.link, shape.role)
-        seen[key] = seen.get(key, 0) + 1
+        seen[key] += 1
         number = str(seen[key]) if totals[key] > 1 else ""
         name = shape.name or f"{shape.link}_{shape.role}{number}"
         while not shape.name and name in taken:

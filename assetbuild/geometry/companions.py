@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 import posixpath
 from collections.abc import Iterable, Mapping
-from pathlib import PurePosixPath
 from typing import get_args
 
 from assetbuild.engine.graph import Planner, Ref
 from assetbuild.geometry.mesh_companions import MeshCompanions
-from assetbuild.mesh.companions import Naming
+from assetbuild.mesh.companions import Naming, format_of
 from assetbuild.source.plan import SourceFiles
 
 Companions = Mapping[str, Mapping[str, Ref]]
@@ -29,7 +28,7 @@ def companions(files: Mapping[str, Ref], source: SourceFiles, p: Planner) -> Com
     first = source.present("mesh companions", _all(named))
     if first is None:
         return None
-    libraries = {path: ref for path, ref in first.items() if _format(path) == "mtl"}
+    libraries = {path: ref for path, ref in first.items() if format_of(path) == "mtl"}
     pictures = _named(libraries, p)
     if pictures is None:
         return None
@@ -53,7 +52,7 @@ def _named(files: Mapping[str, Ref], p: Planner) -> dict[str, tuple[str, ...]] |
     nodes = {
         path: p.add(f"mesh_companions {path}", MeshCompanions(format=kind), {"mesh": ref})
         for path, ref in files.items()
-        if (kind := _format(path)) is not None
+        if (kind := format_of(path)) in get_args(Naming)
     }
     answers = {path: p.ask(node["companions.json"]) for path, node in nodes.items()}
     named: dict[str, tuple[str, ...]] = {}
@@ -65,15 +64,6 @@ def _named(files: Mapping[str, Ref], p: Planner) -> dict[str, tuple[str, ...]] |
         # What leads out of the source is not followed; `convert_mesh` says that it is not there.
         named[path] = tuple(path for path in paths if not path.startswith("../"))
     return named
-
-
-def _format(path: str) -> Naming | None:
-    suffix = PurePosixPath(path).suffix.lower().lstrip(".")
-    for format in get_args(Naming):
-        if suffix == format:
-            known: Naming = format
-            return known
-    return None
 
 
 def _all(named: Mapping[str, Iterable[str]]) -> set[str]:

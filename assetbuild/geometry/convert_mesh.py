@@ -15,16 +15,16 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, MeshPart
-from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
+from assetbuild.mesh.material import MaterialPart, SurfaceMaterial, corner_normals
 from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.picture import has_holes, png_of
 from assetbuild.mesh.read import Format, UpAxis, read_mesh
 from assetbuild.mesh.split import with_four_corners
-from assetbuild.mesh.triangles import TriangleMesh, bounds_of, face_normals, merged, unit_vectors
+from assetbuild.mesh.triangles import TriangleMesh, merged, unit_vectors
 from assetbuild.mesh.volume import area, is_closed, signed_volume
 from assetbuild.mesh.weld import drop_collapsed, weld
 from assetbuild.robot.codec import encode
-from assetbuild.robot.pose import Array, Vec3
+from assetbuild.robot.pose import Array, Vec3, vec3
 
 NO_AREA = 1e-14
 """m2: MuJoCo refuses a mesh whose surface is smaller."""
@@ -258,13 +258,13 @@ def describe(parts: Sequence[MaterialPart]) -> ConvertedMesh:
     """The figures of a converted mesh; it is closed when all parts together are."""
     whole = weld(merged([part.mesh for part in parts]))
     closed = is_closed(whole)
-    lower, upper = bounds_of(whole)
+    lower, upper = whole.bounds
     return ConvertedMesh(
         parts=tuple(_described(number, part) for number, part in enumerate(parts)),
         faces=len(whole.faces),
         area_m2=area(whole),
-        lower=lower,
-        upper=upper,
+        lower=vec3(lower),
+        upper=vec3(upper),
         watertight=closed,
         volume_m3=signed_volume(whole) if closed else None,
     )
@@ -290,7 +290,6 @@ def _tidy_normals(mesh: TriangleMesh) -> Array:
     normals = unit_vectors(np.nan_to_num(mesh.normals))
     missing = ~normals.any(axis=2)
     if missing.any():
-        flat = np.repeat(face_normals(mesh)[:, None, :], 3, axis=1)
-        normals[missing] = flat[missing]
+        normals[missing] = corner_normals(mesh)[missing]
         normals[~normals.any(axis=2)] = (0.0, 0.0, 1.0)  # a needle without area: any direction
     return np.round(normals, NORMAL_DECIMALS) + 0.0

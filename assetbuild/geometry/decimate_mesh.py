@@ -13,14 +13,15 @@ from pydantic import Field
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.geometry.convert_mesh import describe
+from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
-from assetbuild.mesh.obj import obj_bytes, read_triangles
-from assetbuild.mesh.quality import Distance, area_ratio, surface_distance
+from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.quality import Distance, surface_distance
 from assetbuild.mesh.triangles import TriangleMesh, merged
+from assetbuild.mesh.volume import area
 from assetbuild.mesh.weld import drop_collapsed, weld
-from assetbuild.robot.codec import decode_file, encode
+from assetbuild.robot.codec import decode_file
 
 AREA = (0.98, 1.02)
 """Area after / before. Quadric decimation eats thin parts and small components first: a ruined
@@ -106,16 +107,9 @@ class DecimateMesh(Step):
             yield self._stopped(record.faces, record.faces, None)
             return
         out = [MaterialPart(p.material, m) for p, m in zip(parts, found.meshes, strict=True)]
-        (files.outputs / "parts").mkdir()
-        for number, (old, new) in enumerate(zip(parts, out, strict=True)):
-            target = files.outputs / "parts" / f"{number}.obj"
-            if new.mesh is old.mesh:
-                shutil.copyfile(files.inputs / "parts" / f"{number}.obj", target)
-            else:
-                target.write_bytes(obj_bytes(new.mesh))
+        write_converted(files.outputs, out)
         for picture in sorted({part.texture for part in record.parts if part.texture}):
             shutil.copyfile(files.inputs / "parts" / picture, files.outputs / "parts" / picture)
-        (files.outputs / "mesh.json").write_bytes(encode(describe(out)))
         reached = sum(len(part.mesh.faces) for part in out)
         yield self._decimated(record.faces, reached, found)
         if reached > self.max_faces:
@@ -208,7 +202,8 @@ def _simplified(mesh: TriangleMesh, goal: int) -> TriangleMesh:
 
 def _judged(made: Sequence[TriangleMesh], meshes: Sequence[TriangleMesh]) -> _Attempt:
     new, old = merged(made), merged(meshes)
-    return _Attempt(tuple(made), area_ratio(new, old), surface_distance(new, old), old.diagonal)
+    share = area(new) / area(old)
+    return _Attempt(tuple(made), share, surface_distance(new, old), old.diagonal)
 
 
 def _pass_on(files: Files) -> None:

@@ -13,7 +13,7 @@ from typing import Any, Protocol, get_args
 
 import numpy as np
 
-from assetbuild.collision import CollisionMethod, Likeness, PlacedSource, ProbeSource
+from assetbuild.collision import CollisionMethod, Likeness, PlacedSource, Probe
 from assetbuild.engine.graph import Node, Planner, Ref
 from assetbuild.errors import did_you_mean
 from assetbuild.geometry.match_shapes import MatchShapes
@@ -22,8 +22,8 @@ from assetbuild.plugins import load_plugin
 from assetbuild.recipe.collision import CollisionRule, ShapedRule
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.model import Mesh, Shape, Shapes, Tree
-from assetbuild.robot.pose import Pose, Vec3, vec3
+from assetbuild.robot.model import MeshFile, SourceShape, SourceShapes, Tree
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
 from assetbuild.robot.regions import Region, ToleranceRegion
 from assetbuild.source.get.from_folder import is_file
 
@@ -35,28 +35,20 @@ BONE_M = 0.02
 """A joint nearer to the link's frame gives no direction."""
 
 
-@dataclass(frozen=True)
-class OwnMesh:
-    """A mesh file of the user's own that is a collision piece. path: absolute."""
-
-    path: Path
-    scale: Vec3
-
-
 @dataclass(frozen=True, eq=False)
 class Job:
-    """One collision use of a link. method: None = its shapes as they are.
+    """One collision use of a link; equal to itself alone. method: None = its shapes as they are.
 
     fields: of the step, from the recipe; without sources and probes. own: inputs `own/<number>`.
     """
 
     link: str
-    shapes: tuple[Shape, ...]
+    shapes: tuple[SourceShape, ...]
     method: type[CollisionMethod] | None = None
     fields: Mapping[str, Any] = field(default_factory=dict)  # Any: any field of any plug-in
     keep_open: tuple[Region, ...] = ()
     regions: tuple[ToleranceRegion, ...] = ()
-    own: tuple[OwnMesh, ...] = ()
+    own: tuple[MeshFile, ...] = ()
 
     @property
     def per_link(self) -> bool:
@@ -77,8 +69,8 @@ class Job:
             raise ValueError("kept shapes need no step")
         sources = []
         for index, shape in enumerate(self.shapes):
-            pose = shape.X_link_shape if self.per_link else None
-            if isinstance(shape.geometry, Mesh):
+            pose = shape.X_link_shape if self.per_link else IDENTITY
+            if isinstance(shape.geometry, MeshFile):
                 sources.append(PlacedSource.of_mesh(f"shapes/{index}", pose))
             else:
                 sources.append(PlacedSource.of_primitive(shape.geometry, pose))
@@ -96,23 +88,23 @@ class Job:
         """A direction of the link in the output frame; rounded, so that four legs share a key."""
         return vec3(np.round(self._to_output.rotation @ np.asarray(bone), 6) + 0.0)
 
-    def _probes(self) -> tuple[ProbeSource, ...]:
+    def _probes(self) -> tuple[Probe, ...]:
         places: list[tuple[Region, float | None]]
         places = [(place, None) for place in self.keep_open]
         places += [(place, place.max_outside) for place in self.regions]
         made = []
         for place, most in places:
             start, end = (vec3(self._to_output.apply(np.asarray([e]))[0]) for e in place.ends)
-            made.append(ProbeSource(start=start, end=end, radius=place.radius, max_outside=most))
+            made.append(Probe(start=start, end=end, radius=place.radius, max_outside=most))
         return tuple(made)
 
 
 class Meshes(Protocol):
     """What knows the source's shapes and their converted meshes."""
 
-    shapes: Shapes
+    shapes: SourceShapes
 
-    def converted(self, mesh: Mesh) -> Node:
+    def converted(self, mesh: MeshFile) -> Node:
         """The node of a converted mesh."""
 
 
@@ -124,7 +116,7 @@ def collision_jobs(loaded: LoadedRecipe, links: Tree, meshes: Meshes) -> tuple[J
     return tuple(jobs)
 
 
-def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: Shapes) -> list[Job]:
+def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: SourceShapes) -> list[Job]:
     rule, key = _rule_of(loaded.recipe, link)
     own = _source_of(rule, link, shapes)
     method = method_of(rule)
@@ -141,7 +133,7 @@ def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: Shapes) -> li
     return [
         # The source's primitive is convex and exact already.
         Job(link, (shape,))
-        if not isinstance(shape.geometry, Mesh)
+        if not isinstance(shape.geometry, MeshFile)
         else Job(link, (shape,), method, fields, rule.keep_open, rule.regions)
         for shape in own
     ]
@@ -151,15 +143,15 @@ def _own_meshes(
     rule: CollisionRule,
     fields: dict[str, Any],
     folder: Path,  # Any: as Job.fields
-) -> tuple[OwnMesh, ...]:
+) -> tuple[MeshFile, ...]:
     """The mesh files of a rule's pieces; in `fields` they become inputs, whatever their names."""
-    found: list[OwnMesh] = []
+    found: list[MeshFile] = []
     for piece, data in zip(
         getattr(rule, "pieces", None) or (), fields.get("pieces", ()), strict=True
     ):
         if piece.file is None:
             continue
-        mesh = OwnMesh(file_of(piece.file, folder), piece.scale or (1.0, 1.0, 1.0))
+        mesh = MeshFile(str(file_of(piece.file, folder)), piece.scale or (1.0, 1.0, 1.0))
         if mesh not in found:
             found.append(mesh)
         data |= {"file": f"own/{found.index(mesh)}", "scale": None}
@@ -184,7 +176,7 @@ def _rule_of(recipe: Recipe, link: str) -> tuple[CollisionRule, tuple[str, ...]]
     return recipe.collision.default, ("collision", "default")
 
 
-def _source_of(rule: CollisionRule, link: str, shapes: Shapes) -> tuple[Shape, ...]:
+def _source_of(rule: CollisionRule, link: str, shapes: SourceShapes) -> tuple[SourceShape, ...]:
     of_link = {
         role: tuple(s for s in shapes.shapes if s.link == link and s.role == role)
         for role in ("collision", "visual")
@@ -237,8 +229,8 @@ class Twin:
     likeness: Likeness
 
 
-Twins = Mapping[int, Twin]
-"""By id of the job that may reuse the other's result."""
+Twins = Mapping[Job, Twin]
+"""By the job that may reuse the other's result."""
 
 
 def equal_shapes(jobs: Sequence[Job], meshes: Meshes, p: Planner) -> Twins | None:
@@ -262,13 +254,13 @@ def equal_shapes(jobs: Sequence[Job], meshes: Meshes, p: Planner) -> Twins | Non
         return None
     matches = json.loads(answer)
     by_folder = {folder: label for label, folder in folders.items()}
-    twins: dict[int, Twin] = {}
+    twins: dict[Job, Twin] = {}
     for (label, options), same in shared.items():
         match = matches.get(folders[label])
         others = shared.get((by_folder[match["like"]], options)) if match else None
         if others and jobs.index(others[0]) < jobs.index(same[0]):  # else it is not planned yet
-            likeness = Likeness(signs=match["signs"], shift=match["shift"])
-            twins |= {id(job): Twin(others[0], likeness) for job in same}
+            likeness = Likeness(vec3(match["signs"]), vec3(match["shift"]))
+            twins |= {job: Twin(others[0], likeness) for job in same}
     return twins
 
 
@@ -287,6 +279,6 @@ def _by_mesh(jobs: Sequence[Job], meshes: Meshes) -> dict[tuple[str, str], list[
 
 def _mesh_node(job: Job, meshes: Meshes) -> Node:
     (shape,) = job.shapes
-    if not isinstance(shape.geometry, Mesh):
+    if not isinstance(shape.geometry, MeshFile):
         raise TypeError("only meshes are compared")
     return meshes.converted(shape.geometry)

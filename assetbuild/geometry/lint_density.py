@@ -9,7 +9,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Shapes, Tree
+from assetbuild.robot.model import SourceShapes, Tree
 
 DEFAULT_KG_M3 = 1000.0
 """SolidWorks' density of a part without a material, water's."""
@@ -42,7 +42,7 @@ class LintDensity(Step):
         for index, name in enumerate(self.shapes):
             mesh = decode_file(ConvertedMesh, files.inputs / f"meshes/{index}.json")
             volume[name] = mesh.volume_m3
-        densities = _densities(robot.links, robot.shapes, volume)
+        densities = _densities(robot.links, robot.source_shapes, volume)
         suspects = tuple(
             link
             for link, density in densities.items()
@@ -60,7 +60,9 @@ class LintDensity(Step):
             )
 
 
-def _densities(tree: Tree, shapes: Shapes, volume: dict[str, float | None]) -> dict[str, float]:
+def _densities(
+    tree: Tree, shapes: SourceShapes, volume: dict[str, float | None]
+) -> dict[str, float]:
     """kg/m3 of the links with a mass whose visual volume is known."""
     found = {}
     for body in tree.bodies:

@@ -24,14 +24,14 @@ from assetbuild.robot.model import (
     Box,
     Capsule,
     Cylinder,
-    Geometry,
-    Mesh,
-    Shape,
-    Shapes,
+    MeshFile,
+    SourceGeometry,
+    SourceShape,
+    SourceShapes,
     Sphere,
     Tree,
 )
-from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.pose import Array
 
 CLEARLY = 0.05
 """Share of the part's size by which the other way must fit better to be worth a word."""
@@ -45,43 +45,15 @@ UP_AXIS_FIT = Rule(
 )
 
 
-@dataclass(frozen=True, eq=False)
-class _Bounds:
-    """An axis-aligned box, corners (3,) m."""
-
-    lower: Array
-    upper: Array
-
-    @staticmethod
-    def of(points: Array) -> _Bounds:
-        return _Bounds(points.min(axis=0), points.max(axis=0))
-
-    @property
-    def corners(self) -> Array:
-        """(8, 3) m."""
-        rows = itertools.product(*zip(self.lower, self.upper, strict=True))
-        return np.array(list(rows), dtype=np.float64)
-
-    @property
-    def size(self) -> float:
-        return float(np.linalg.norm(self.upper - self.lower))
-
-    def outside(self, point: Array) -> float:
-        """How far a point lies outside, m."""
-        gap = np.maximum(self.lower - point, point - self.upper)
-        return float(np.linalg.norm(np.maximum(gap, 0.0)))
-
-    def differs(self, other: _Bounds) -> float:
-        """Largest difference of any side, m."""
-        sides = (self.lower - other.lower, self.upper - other.upper)
-        return float(np.abs(sides).max())
+Box3 = Array
+"""(2, 3): lower and upper corner of an axis-aligned box, m."""
 
 
 @dataclass(frozen=True)
 class _Fit:
     """Misfit of one shape as it is and the other way, as shares of its size."""
 
-    shape: Shape
+    shape: SourceShape
     now: float
     other: float
     by: str
@@ -100,13 +72,13 @@ class LintMeshes(Step):
             name: decode_file(ConvertedMesh, files.inputs / "meshes" / f"{number}.json")
             for number, name in enumerate(self.shapes)
         }
-        finding = judge_up_axes(robot.links, robot.shapes, records)
+        finding = judge_up_axes(robot.links, robot.source_shapes, records)
         if finding is not None:
             yield finding
 
 
 def judge_up_axes(
-    tree: Tree, shapes: Shapes, records: Mapping[str, ConvertedMesh]
+    tree: Tree, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
 ) -> Finding | None:
     """One finding for all meshes of the robot, if most would stand better the other way.
 
@@ -139,17 +111,17 @@ def _finding(
     )
 
 
-def _path(shape: Shape) -> str:
-    assert isinstance(shape.geometry, Mesh)  # noqa: S101 # only meshes have a record
-    return shape.geometry.mesh
+def _path(shape: SourceShape) -> str:
+    assert isinstance(shape.geometry, MeshFile)  # noqa: S101 # only meshes have a record
+    return shape.geometry.path
 
 
-def _fits(body: Body, shapes: Shapes, records: Mapping[str, ConvertedMesh]) -> Iterator[_Fit]:
+def _fits(body: Body, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]) -> Iterator[_Fit]:
     own = [
         shape
         for shape in shapes.shapes
         if shape.link == body.name
-        and (not isinstance(shape.geometry, Mesh) or shape.name in records)
+        and (not isinstance(shape.geometry, MeshFile) or shape.name in records)
     ]
     for role in ("visual", "collision"):
         doubted = [s for s in own if s.role == role and _says(s, records)]
@@ -162,44 +134,60 @@ def _fits(body: Body, shapes: Shapes, records: Mapping[str, ConvertedMesh]) -> I
         other = _around([*doubted, *sure], records, other=True)
         if witnesses:
             seen = _around(witnesses, records, other=False)
-            scores = (now.differs(seen), other.differs(seen), "its collision or visual shape")
+            misfits = [float(np.abs(box - seen).max()) for box in (now, other)]
+            by = "its collision or visual shape"
         elif body.inertial is not None and any(body.inertial.com_m):  # zero is often made up
-            com = np.array(body.inertial.com_m)
-            scores = (now.outside(com), other.outside(com), "the centre of mass")
+            misfits = [_outside(box, np.array(body.inertial.com_m)) for box in (now, other)]
+            by = "the centre of mass"
         else:
             continue
-        yield _Fit(doubted[0], scores[0] / now.size, scores[1] / now.size, scores[2])
+        size = float(np.linalg.norm(now[1] - now[0]))
+        yield _Fit(doubted[0], misfits[0] / size, misfits[1] / size, by)
 
 
-def _says(shape: Shape, records: Mapping[str, ConvertedMesh]) -> bool:
+def _outside(box: Box3, point: Array) -> float:
+    """How far a point lies outside, m."""
+    gap = np.maximum(box[0] - point, point - box[1])
+    return float(np.linalg.norm(np.maximum(gap, 0.0)))
+
+
+def _says(shape: SourceShape, records: Mapping[str, ConvertedMesh]) -> bool:
     return shape.name in records and records[shape.name].up_axis is not None
 
 
-def _around(shapes: list[Shape], records: Mapping[str, ConvertedMesh], *, other: bool) -> _Bounds:
+def _around(
+    shapes: list[SourceShape], records: Mapping[str, ConvertedMesh], *, other: bool
+) -> Box3:
     """Bounds of some shapes in the frame of their link; `other`: doubted ones the other way."""
     points = []
     for shape in shapes:
         record = records.get(shape.name)
         if record is None:
-            box = _of_primitive(shape.geometry)
+            corners = _corners(_of_primitive(shape.geometry))
         else:
-            box = _Bounds(np.array(record.lower), np.array(record.upper))
+            corners = _corners(np.array([record.lower, record.upper]))
             if other and record.up_axis is not None:
-                box = _otherwise(box, record, shape.geometry)
-        points.append(Pose.apply(shape.X_link_shape, box.corners))
-    return _Bounds.of(np.concatenate(points))
+                corners = _otherwise(corners, record, shape.geometry)
+        points.append(shape.X_link_shape.apply(corners))
+    every = np.concatenate(points)
+    return np.array([every.min(axis=0), every.max(axis=0)])
 
 
-def _otherwise(box: _Bounds, record: ConvertedMesh, geometry: Geometry) -> _Bounds:
-    """The box of a mesh if its up axis were honoured, or were not."""
+def _corners(box: Box3) -> Array:
+    """(8, 3) m."""
+    return np.array(list(itertools.product(*box.T)), dtype=np.float64)
+
+
+def _otherwise(corners: Array, record: ConvertedMesh, geometry: SourceGeometry) -> Array:
+    """The corners of a mesh if its up axis were honoured, or were not: again those of a box."""
     turn = np.array(TO_Z_UP[record.up_axis or ""], dtype=np.float64)
     if record.turned:
         turn = turn.T
-    scale = np.array(geometry.scale if isinstance(geometry, Mesh) else (1.0, 1.0, 1.0))
-    return _Bounds.of((box.corners / scale) @ turn.T * scale)
+    scale = np.array(geometry.scale if isinstance(geometry, MeshFile) else (1.0, 1.0, 1.0))
+    return np.asarray((corners / scale) @ turn.T * scale)
 
 
-def _of_primitive(geometry: Geometry) -> _Bounds:
+def _of_primitive(geometry: SourceGeometry) -> Box3:
     match geometry:
         case Box(size):
             half = np.array(size) / 2.0
@@ -209,6 +197,6 @@ def _of_primitive(geometry: Geometry) -> _Bounds:
             half = np.array([radius, radius, length / 2.0])
         case Capsule(radius, length):
             half = np.array([radius, radius, length / 2.0 + radius])
-        case Mesh():
+        case MeshFile():
             raise TypeError("a mesh has a record")
-    return _Bounds(-half, half)
+    return np.array([-half, half])

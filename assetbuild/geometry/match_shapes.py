@@ -11,18 +11,18 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import numpy as np
 from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.triangles import TriangleMesh, merged
+from assetbuild.mesh.volume import area
 from assetbuild.robot.codec import decode_file
-
-if TYPE_CHECKING:
-    from assetbuild.robot.pose import Array
+from assetbuild.robot.pose import Array
 
 SAMPLES = 2000
 SAME = 1.2
@@ -83,11 +83,7 @@ class _Sampled:
     @classmethod
     def of(cls, name: str, mesh: TriangleMesh) -> _Sampled | None:
         """None for a mesh without a surface."""
-        import numpy as np
         from scipy.spatial import cKDTree
-
-        from assetbuild.mesh.quality import surface_samples
-        from assetbuild.mesh.volume import area
 
         size = area(mesh) if len(mesh.faces) and np.isfinite(mesh.vertices).all() else 0.0
         if not size > 0.0:
@@ -100,7 +96,6 @@ class _Sampled:
 
 
 def _match(this: _Sampled, known: Sequence[_Sampled]) -> dict[str, object] | None:
-    import numpy as np
     from scipy.spatial import cKDTree
 
     for other in known:

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from pathlib import PurePosixPath
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
 
 from assetbuild.engine.graph import Node, Planner, Ref
-from assetbuild.geometry.assemble import Assemble, CollisionUse, TextureUse, VisualUse
+from assetbuild.engine.step import Step
+from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse
 from assetbuild.geometry.companions import Companions
 from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.geometry.convert_texture import ConvertTexture
 from assetbuild.geometry.decimate_mesh import DecimateMesh
-from assetbuild.geometry.jobs import Job, OwnMesh, Twins, collision_jobs, equal_shapes
+from assetbuild.geometry.jobs import Job, Twins, collision_jobs, equal_shapes
 from assetbuild.geometry.lint_density import LintDensity
 from assetbuild.geometry.lint_meshes import LintMeshes
+from assetbuild.mesh.companions import format_of
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.model import Mesh, Shapes, Tree
+from assetbuild.robot.model import MeshFile, SourceShapes, Tree
 from assetbuild.robot.sides import Side, side_of
+
+MESH = ("parts/", "mesh.json")
+"""What the conversions write."""
+PIECES = ("pieces/", "pieces.json")
+"""What a collision method writes, its figures aside."""
 
 
 class Geometry:
@@ -30,7 +38,7 @@ class Geometry:
 
     def __init__(
         self,
-        shapes: Shapes,
+        shapes: SourceShapes,
         files: Mapping[str, Ref],
         companions: Companions,
         textures: Mapping[str, Ref],
@@ -40,9 +48,9 @@ class Geometry:
         self.shapes, self.textures = shapes, dict(textures)
         self._files, self._companions, self._p = dict(files), dict(companions), p
         self._turned = set(turned)
-        self._converted: dict[tuple[str, tuple[float, float, float]], Node] = {}
-        self._decimated: dict[str, Node] = {}
-        self._own: dict[OwnMesh, Node] = {}
+        self._converted: dict[MeshFile, Node] = {}
+        self._decimated: dict[MeshFile, Node] = {}
+        self._own: dict[MeshFile, Node] = {}
         self.subjects: dict[str, str] = {}
         self._stems = _short_names(tuple(files))
 
@@ -54,71 +62,67 @@ class Geometry:
         self._turned |= {path_of(path) for path in part._turned}
         self._stems = _short_names(tuple(self._files)) | self._stems
 
-    def stem(self, mesh: Mesh) -> str:
-        """The short name of a mesh file: `calf`."""
-        return PurePosixPath(mesh.mesh).stem
-
-    def is_converted(self, mesh: Mesh) -> bool:
+    def is_converted(self, mesh: MeshFile) -> bool:
         """Has anything asked for this mesh so far?"""
-        return (mesh.mesh, mesh.scale) in self._converted
+        return mesh in self._converted
 
-    def converted(self, mesh: Mesh) -> Node:
+    def converted(self, mesh: MeshFile) -> Node:
         """The full mesh, as OBJ per material."""
-        key = (mesh.mesh, mesh.scale)
-        if key not in self._converted:
-            named = self._companions.get(mesh.mesh, {})
+        if mesh not in self._converted:
+            named = self._companions.get(mesh.path, {})
             step = ConvertMesh(
-                format=PurePosixPath(mesh.mesh).suffix.lower().lstrip("."),
+                format=format_of(mesh.path),
                 scale=mesh.scale,
-                up_axis="honour" if mesh.mesh in self._turned else "ignore",
+                up_axis="honour" if mesh.path in self._turned else "ignore",
                 companions=tuple(named),
-                keep_uv=mesh.mesh in self._papered(),
+                keep_uv=mesh.path in self._textured(),
             )
-            label = f"convert_mesh {self._label(mesh)}"
-            self.subjects[label] = f"mesh {mesh.mesh}"
-            inputs = {"mesh": self._files[mesh.mesh]}
+            inputs = {"mesh": self._files[mesh.path]}
             inputs |= {f"companions/{i}": ref for i, ref in enumerate(named.values())}
-            self._converted[key] = self._p.add(label, step, inputs)
-        return self._converted[key]
+            label = f"convert_mesh {self._label(mesh)}"
+            self._converted[mesh] = self._add(label, step, inputs, mesh.path)
+        return self._converted[mesh]
 
-    def own(self, mesh: OwnMesh) -> Node:
+    def own(self, mesh: MeshFile) -> Node:
         """A mesh file of the user's own, as OBJ; its colours and pictures do not matter."""
         if mesh not in self._own:
-            name = mesh.path.name
-            step = ConvertMesh(format=mesh.path.suffix.lower().lstrip("."), scale=mesh.scale)
+            name = PurePosixPath(mesh.path).name
+            step = ConvertMesh(format=format_of(mesh.path), scale=mesh.scale)
             label = f"convert_mesh own {len(self._own)} {name}"
-            self.subjects[label] = f"mesh {name}"
-            self._own[mesh] = self._p.add(label, step, {"mesh": self._p.source(mesh.path)})
+            inputs = {"mesh": self._p.source(Path(mesh.path))}
+            self._own[mesh] = self._add(label, step, inputs, name)
         return self._own[mesh]
 
-    def _papered(self) -> set[str]:
+    def visual(self, mesh: MeshFile, max_faces: int | None) -> Node:
+        """The mesh within the recipe's budget of faces."""
+        full = self.converted(mesh)
+        if max_faces is None:
+            return full
+        if mesh not in self._decimated:
+            label = f"decimate_mesh {self._label(mesh)}"
+            inputs = {port: full[port] for port in MESH}
+            step = DecimateMesh(max_faces=max_faces)
+            self._decimated[mesh] = self._add(label, step, inputs, mesh.path)
+        return self._decimated[mesh]
+
+    def _add(self, label: str, step: Step, inputs: Mapping[str, Ref], mesh: str) -> Node:
+        self.subjects[label] = f"mesh {mesh}"
+        return self._p.add(label, step, inputs)
+
+    def _textured(self) -> set[str]:
         """Meshes that the description itself puts a texture on."""
         textured = {m.name for m in self.shapes.materials if m.texture}
         return {
-            shape.geometry.mesh
+            shape.geometry.path
             for shape in self.shapes.of("visual")
-            if isinstance(shape.geometry, Mesh) and shape.material in textured
+            if isinstance(shape.geometry, MeshFile) and shape.material in textured
         }
 
-    def for_the_eye(self, mesh: Mesh, max_faces: int | None) -> Node:
-        """The mesh within the recipe's budget of faces."""
-        full, label = self.converted(mesh), self._label(mesh)
-        if max_faces is None:
-            return full
-        if label not in self._decimated:
-            self.subjects[f"decimate_mesh {label}"] = f"mesh {mesh.mesh}"
-            self._decimated[label] = self._p.add(
-                f"decimate_mesh {label}",
-                DecimateMesh(max_faces=max_faces),
-                {"parts/": full["parts/"], "mesh.json": full["mesh.json"]},
-            )
-        return self._decimated[label]
-
-    def _label(self, mesh: Mesh) -> str:
+    def _label(self, mesh: MeshFile) -> str:
         scale = (
             "" if mesh.scale == (1.0, 1.0, 1.0) else " x" + ",".join(f"{s:g}" for s in mesh.scale)
         )
-        return self._stems[mesh.mesh] + scale
+        return self._stems[mesh.path] + scale
 
 
 def _short_names(paths: tuple[str, ...]) -> dict[str, str]:
@@ -130,30 +134,38 @@ def _short_names(paths: tuple[str, ...]) -> dict[str, str]:
     }
 
 
+def _inputs(node: Node, outputs: Iterable[str], folder: str) -> dict[str, Ref]:
+    """Outputs of a node as inputs of those names below `folder`."""
+    return {f"{folder}/{output}": node[output] for output in outputs}
+
+
 def lint_meshes(links: Ref, shapes: Ref, geometry: Geometry, p: Planner) -> Node:
     """Do the meshes stand as the rest of the robot says they should?
 
     Only those that the build converts: one that nothing uses may be broken.
     """
-    inputs = {"links.json": links, "shapes.json": shapes}
-    uses: list[str] = []
-    for shape in geometry.shapes.shapes:
-        if isinstance(shape.geometry, Mesh) and geometry.is_converted(shape.geometry):
-            inputs[f"meshes/{len(uses)}.json"] = geometry.converted(shape.geometry)["mesh.json"]
-            uses.append(shape.name)
-    return p.add("lint_meshes", LintMeshes(shapes=tuple(uses)), inputs)
+    records = {
+        shape.name: geometry.converted(shape.geometry)["mesh.json"]
+        for shape in geometry.shapes.shapes
+        if isinstance(shape.geometry, MeshFile) and geometry.is_converted(shape.geometry)
+    }
+    inputs = {"links.json": links, "shapes.json": shapes} | _numbered(records)
+    return p.add("lint_meshes", LintMeshes(shapes=tuple(records)), inputs)
 
 
 def lint_density(robot: Mapping[str, Ref], geometry: Geometry, p: Planner) -> None:
     """Add the lint of densities, over the source's own masses and meshes."""
-    inputs = dict(robot)
-    names: list[str] = []
-    for shape in geometry.shapes.of("visual"):
-        if isinstance(shape.geometry, Mesh):
-            inputs[f"meshes/{len(names)}.json"] = geometry.converted(shape.geometry)["mesh.json"]
-            names.append(shape.name)
-    if names:
-        p.add("lint_density", LintDensity(shapes=tuple(names)), inputs)
+    records = {
+        shape.name: geometry.converted(shape.geometry)["mesh.json"]
+        for shape in geometry.shapes.of("visual")
+        if isinstance(shape.geometry, MeshFile)
+    }
+    if records:
+        p.add("lint_density", LintDensity(shapes=tuple(records)), {**robot, **_numbered(records)})
+
+
+def _numbered(records: Mapping[str, Ref]) -> dict[str, Ref]:
+    return {f"meshes/{number}.json": ref for number, ref in enumerate(records.values())}
 
 
 def assemble(
@@ -174,33 +186,25 @@ def assemble(
     twins = equal_shapes(jobs, geometry, p)
     if twins is None:
         return None
-    nodes: dict[int, Node] = {}
+    nodes: dict[Job, Node] = {}
     collisions = []
     for job in jobs:
         if job.method is None:
             use = _kept(job, geometry, inputs)
         else:
-            node = nodes[id(job)] = _add(job, twins, nodes, geometry, p)
+            node = nodes[job] = _add(job, twins, nodes, geometry, p)
             use = _use(job, node, inputs)
-        named = side_of(sides, job.link).from_mjcf
-        collisions.append(use.model_copy(update={"named": named}))
+        collisions.append(replace(use, named=side_of(sides, job.link).from_mjcf))
+    for number, (path, ref) in enumerate(geometry.textures.items()):
+        texture = ConvertTexture(name=PurePosixPath(path).name)
+        node = p.add(f"convert_texture {path}", texture, {"picture": ref})
+        inputs[f"textures/{number}/"] = node["texture/"]
     step = Assemble(
         visuals=tuple(visuals),
         collisions=tuple(collisions),
-        textures=_textures(geometry, inputs, p),
+        textures=tuple(geometry.textures),
     )
     return p.add("assemble", step, inputs)
-
-
-def _textures(geometry: Geometry, inputs: dict[str, Ref], p: Planner) -> tuple[TextureUse, ...]:
-    """Pictures of the description's own materials that the source has, as PNG."""
-    uses = []
-    for number, (path, ref) in enumerate(geometry.textures.items()):
-        step = ConvertTexture(name=PurePosixPath(path).name)
-        node = p.add(f"convert_texture {path}", step, {"picture": ref})
-        inputs[f"textures/{number}/"] = node["texture/"]
-        uses.append(TextureUse(texture=path, folder=f"textures/{number}"))
-    return tuple(uses)
 
 
 def _visuals(
@@ -208,58 +212,48 @@ def _visuals(
 ) -> list[VisualUse]:
     uses = []
     for shape in geometry.shapes.of("visual"):
-        named = side_of(sides, shape.link).from_mjcf
-        if not isinstance(shape.geometry, Mesh):
-            uses.append(VisualUse(shape=shape.name, named=named))
-            continue
-        node = geometry.for_the_eye(shape.geometry, recipe.visual.max_faces)
-        folder = f"visual/{node.label}"
-        _link_mesh(node, folder, inputs)
-        stem = geometry.stem(shape.geometry)
-        uses.append(VisualUse(shape=shape.name, folder=folder, stem=stem, named=named))
+        use = VisualUse(shape.name, named=side_of(sides, shape.link).from_mjcf)
+        if isinstance(shape.geometry, MeshFile):
+            node = geometry.visual(shape.geometry, recipe.visual.max_faces)
+            use = replace(use, folder=f"visual/{node.label}", stem=_stem(shape.geometry))
+            inputs |= _inputs(node, MESH, f"visual/{node.label}")
+        uses.append(use)
     return uses
 
 
-def _link_mesh(node: Node, folder: str, inputs: dict[str, Ref]) -> None:
-    inputs[f"{folder}/parts/"] = node["parts/"]
-    inputs[f"{folder}/mesh.json"] = node["mesh.json"]
+def _stem(mesh: MeshFile) -> str:
+    """The short name of a mesh file: `calf`."""
+    return PurePosixPath(mesh.path).stem
 
 
 def _kept(job: Job, geometry: Geometry, inputs: dict[str, Ref]) -> CollisionUse:
     """The source's shape as it is."""
     (shape,) = job.shapes
-    if not isinstance(shape.geometry, Mesh):
-        return CollisionUse(link=job.link, shape=shape.name)
+    use = CollisionUse(job.link, shape.name)
+    if not isinstance(shape.geometry, MeshFile):
+        return use
     node = geometry.converted(shape.geometry)
-    folder = f"collision/{node.label}"
-    _link_mesh(node, folder, inputs)
-    stem = geometry.stem(shape.geometry)
-    return CollisionUse(link=job.link, shape=shape.name, mesh=folder, stem=stem)
+    inputs |= _inputs(node, MESH, f"collision/{node.label}")
+    return replace(use, mesh=f"collision/{node.label}", stem=_stem(shape.geometry))
 
 
-def _add(job: Job, twins: Twins, nodes: Mapping[int, Node], geometry: Geometry, p: Planner) -> Node:
+def _add(job: Job, twins: Twins, nodes: Mapping[Job, Node], geometry: Geometry, p: Planner) -> Node:
     """One run of a collision method, shared by all links that ask for the same."""
     inputs: dict[str, Ref] = {}
     for index, shape in enumerate(job.shapes):
-        if isinstance(shape.geometry, Mesh):
-            _link_mesh(geometry.converted(shape.geometry), f"shapes/{index}", inputs)
+        if isinstance(shape.geometry, MeshFile):
+            inputs |= _inputs(geometry.converted(shape.geometry), MESH, f"shapes/{index}")
     for index, mesh in enumerate(job.own):
-        _link_mesh(geometry.own(mesh), f"own/{index}", inputs)
-    step = job.step()
-    twin = twins.get(id(job))
+        inputs |= _inputs(geometry.own(mesh), MESH, f"own/{index}")
+    twin = twins.get(job)
     if twin is not None:
-        other = nodes[id(twin.job)]
-        step = job.step(like=twin.likeness)
-        for output in ("pieces/", "pieces.json", "quality.json"):
-            inputs[f"like/{output}"] = other[output]
-    node = p.add(job.label, step, inputs)
+        inputs |= _inputs(nodes[twin.job], (*PIECES, "quality.json"), "like")
     geometry.subjects[job.label] = f"link {job.link}"
-    return node
+    return p.add(job.label, job.step(twin.likeness if twin else None), inputs)
 
 
 def _use(job: Job, node: Node, inputs: dict[str, Ref]) -> CollisionUse:
     folder = f"collision/{node.label}"
-    inputs[f"{folder}/pieces/"] = node["pieces/"]
-    inputs[f"{folder}/pieces.json"] = node["pieces.json"]
+    inputs |= _inputs(node, PIECES, folder)
     origin = None if job.per_link else job.shapes[0].name
-    return CollisionUse(link=job.link, shape=origin, pieces=folder, stem=job.link)
+    return CollisionUse(job.link, origin, pieces=folder, stem=job.link)

@@ -17,7 +17,7 @@ from assetbuild.init.source import UrdfSource
 from assetbuild.init.words import some
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Base, Shapes, Tree
+from assetbuild.robot.model import Base, SourceShapes, Tree
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 
@@ -28,7 +28,7 @@ class InspectedRobot:
 
     links: Tree
     tree: Tree
-    shapes: Shapes
+    shapes: SourceShapes
     link_findings: tuple[Finding, ...] = ()
     body_findings: tuple[Finding, ...] = ()
 
@@ -52,7 +52,7 @@ def look(source: UrdfSource) -> InspectedRobot:
         _refuse_absent(source, json.loads(ports.read("meshes.json")))
         read = RobotFiles(ports.folder)
         tree, _ = merge_fixed_joints(read.links, True, ())
-        return InspectedRobot(read.links, tree, read.shapes)
+        return InspectedRobot(read.links, tree, read.source_shapes)
 
 
 def _refuse_absent(source: UrdfSource, meshes: list[dict[str, str]]) -> None:
@@ -78,7 +78,7 @@ def _listing(folder: Path) -> Iterable[Path]:
         return ()
 
 
-def judge(links: Tree, shapes: Shapes, base: Base) -> InspectedRobot:
+def judge(links: Tree, shapes: SourceShapes, base: Base) -> InspectedRobot:
     """The robot on this base, with what the lints say of it there."""
     links = replace(links, base=base)
     tree, _ = merge_fixed_joints(links, True, ())

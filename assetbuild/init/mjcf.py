@@ -81,7 +81,7 @@ def _read(root: Path, name: str) -> MjcfSource:
         ports.run(ReadMjcf())
         read = RobotFiles(ports.folder)
         said = read.source_control or SourceControl()
-        robot = judge(read.links, read.shapes, read.links.base)
+        robot = judge(read.links, read.source_shapes, read.links.base)
     return MjcfSource(root, name, robot, said.control)
 
 

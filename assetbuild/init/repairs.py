@@ -17,7 +17,7 @@ from assetbuild.init.mesh_points import is_flat
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.targets import not_in_usd
 from assetbuild.init.words import inline, plain, some
-from assetbuild.robot.model import Mesh
+from assetbuild.robot.model import MeshFile
 
 GUESSED_DENSITY = 1000
 """kg/m3, of links without a mass: water's, and that of many a printed or hollow part."""
@@ -137,7 +137,7 @@ def _remade(robot: InspectedRobot, root: Path, link: str, finding: Finding) -> _
 def _is_solid(robot: InspectedRobot, root: Path, link: str, role: str) -> bool:
     """Whether the link has shapes of this role, and each spans a volume."""
     shapes = [s.geometry for s in robot.shapes.shapes if (s.link, s.role) == (link, role)]
-    meshes = [geometry for geometry in shapes if isinstance(geometry, Mesh)]
+    meshes = [geometry for geometry in shapes if isinstance(geometry, MeshFile)]
     return bool(shapes) and not any(is_flat(root, mesh) for mesh in meshes)
 
 

@@ -31,7 +31,7 @@ from assetbuild.init.up_axis import turned
 from assetbuild.init.words import flow, inline, plain, quoted, some, source_section, written
 from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.inertia import total_mass
-from assetbuild.robot.model import Mesh, Tree
+from assetbuild.robot.model import MeshFile, Tree
 from assetbuild.robot.tree import forward_kinematics
 
 COMPOUND = 0.15
@@ -146,7 +146,7 @@ def _ball_feet(robot: InspectedRobot, anatomy: Anatomy) -> tuple[str, ...]:
     for leg in anatomy.legs:
         own = [s for s in solid if s.link == leg.foot]
         separate = leg.foot != leg.tip or len(leg.joints) >= 4
-        if own and separate and all(isinstance(s.geometry, Mesh) for s in own):
+        if own and separate and all(isinstance(s.geometry, MeshFile) for s in own):
             balls.append(leg.foot)
     return patterns_of(balls, list(robot.links.by_body)) if balls else ()
 

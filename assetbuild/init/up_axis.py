@@ -7,7 +7,7 @@ from assetbuild.init.look import InspectedRobot
 from assetbuild.init.mesh_points import mesh_of, scaled_points
 from assetbuild.init.source import UrdfSource
 from assetbuild.kinds import ConvertedMesh
-from assetbuild.robot.model import Mesh, Shape
+from assetbuild.robot.model import MeshFile, SourceShape
 from assetbuild.robot.pose import vec3
 
 SAYS = (b">Y_UP<", b">X_UP<")
@@ -23,7 +23,7 @@ def turned(source: UrdfSource, robot: InspectedRobot) -> list[str]:
     links = {shape.link for shape in doubted}
     records = {}
     for shape in robot.shapes.shapes:
-        if shape.link in links and isinstance(shape.geometry, Mesh):
+        if shape.link in links and isinstance(shape.geometry, MeshFile):
             record = _bounds(source, shape.geometry)
             if record is None:
                 return []  # the build says what is wrong with it
@@ -35,18 +35,18 @@ def turned(source: UrdfSource, robot: InspectedRobot) -> list[str]:
     return [f'  honour_up_axis: [".*"]   # meshes stand as their files say: {told}']
 
 
-def _says_so(source: UrdfSource, shape: Shape) -> bool:
-    if not isinstance(shape.geometry, Mesh) or not shape.geometry.mesh.lower().endswith(".dae"):
+def _says_so(source: UrdfSource, shape: SourceShape) -> bool:
+    if not isinstance(shape.geometry, MeshFile) or not shape.geometry.path.lower().endswith(".dae"):
         return False
     try:
-        with (source.root / shape.geometry.mesh).open("rb") as file:
+        with (source.root / shape.geometry.path).open("rb") as file:
             head = file.read(HEAD)
     except OSError:
         return False
     return any(word in head for word in SAYS)
 
 
-def _bounds(source: UrdfSource, mesh: Mesh) -> ConvertedMesh | None:
+def _bounds(source: UrdfSource, mesh: MeshFile) -> ConvertedMesh | None:
     """What `convert_mesh` would say of its bounds; None for one that it would refuse."""
     read = mesh_of(source.root, mesh)
     if read is None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import read_triangles
-from assetbuild.mesh.solids import Distance, distance_to
+from assetbuild.mesh.solid import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Geometry, Mesh, Shapes, Tree

@@ -89,10 +89,12 @@ def coacd_parts(
     remeshed, or before the round that is too much.
     """
 
-    def work() -> list[TriangleMesh]:
-        return list(_parts(mesh, options, max_hulls, max_vertices, talks=patience is not None))
-
-    return run_apart(work, limits, stop_when=patience)
+    talks = patience is not None
+    return run_apart(
+        lambda: _parts(mesh, options, max_hulls, max_vertices, talks=talks),
+        limits,
+        stop_when=patience,
+    )
 
 
 def _parts(

@@ -24,6 +24,11 @@ _OPTIONS = {"-mm": 2, "-s": 3, "-o": 3, "-t": 3}
 """Options of an MTL's map, and how many values they take at most; all others take one."""
 
 
+def format_of(path: str) -> str:
+    """The format of a file by its name alone: `obj`."""
+    return posixpath.splitext(path)[1].lower().lstrip(".")
+
+
 def companions_of(data: bytes, format: Naming) -> tuple[str, ...]:
     """Paths from the folder of the file, `/` between parts, sorted, each once.
 

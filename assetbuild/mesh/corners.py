@@ -32,8 +32,7 @@ def corners_by_body(tree: Tree, shapes: Shapes, mesh_dir: Path) -> Corners:
         name = geometry.mesh
         if name not in read:
             read[name] = _corners(read_triangles((mesh_dir / files[name]).read_bytes(), name))
-        scaled: Array = read[name] * np.asarray(geometry.scale)
-        return scaled
+        return read[name]
 
     found: dict[tuple[str, Literal["visual", "collision"]], list[Array]] = {}
     for shape in shapes.shapes:

@@ -7,7 +7,7 @@ where it is a solid too, shared volumes are exact; else its inside is sampled by
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.mesh.hull import convex_hull, polygon_count
-from assetbuild.mesh.quality import NearestSurface, surface_samples
+from assetbuild.mesh.quality import Distance, NearestSurface, surface_samples
+from assetbuild.mesh.rays import grids, missed
 from assetbuild.mesh.solid import ConvexPiece, Solid, sobol
+from assetbuild.mesh.sources import Probe
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import is_closed, signed_volume
 from assetbuild.robot.pose import Array
@@ -33,29 +35,6 @@ GRID = 48
 """Rays of the see-through test along each edge of a square, for six directions."""
 CLOSE = 1e-4
 """Of the diagonal: a surface sample nearer to the mesh than this lies on it."""
-SEGMENT = 25
-"""Points along a probe of `keep_open`."""
-
-
-@dataclass(frozen=True)
-class Probe:
-    """A capsule (or a ball, when both ends are one) in the frame of the mesh. m."""
-
-    start: tuple[float, float, float]
-    end: tuple[float, float, float]
-    radius: float = 0.0
-
-    def distance(self, points: Array) -> Array:
-        """(n,) signed distances of points (n, 3) to the probe, m."""
-        start, along = np.asarray(self.start), np.subtract(self.end, self.start)
-        length = float(along @ along)
-        share = np.clip((points - start) @ along / length, 0.0, 1.0) if length else np.zeros(1)
-        nearest = start + np.multiply.outer(share, along)
-        return np.asarray(np.linalg.norm(points - nearest, axis=1) - self.radius)
-
-    def axis(self) -> Array:
-        """(SEGMENT, 3) points from end to end."""
-        return np.linspace(self.start, self.end, SEGMENT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +100,8 @@ class Reference:
         mesh = self.hull if self.hollow else self.mesh
         if not is_closed(mesh) or signed_volume(mesh) <= 0.0:
             return None
-        made = manifold3d.Manifold(_mesh64(mesh))
+        triangles = mesh.faces.astype(np.uint64)
+        made = manifold3d.Manifold(manifold3d.Mesh64(_float64(mesh.vertices), triangles))
         is_solid = made.status() == manifold3d.Error.NoError and made.volume() > 0.0
         return made if is_solid else None
 
@@ -151,7 +131,11 @@ class Reference:
     @cached_property
     def open_rays(self) -> tuple[Array, Array]:
         """(origins (k, 3), directions (k, 3)) of rays that strike the hull and miss the mesh."""
-        return _open_rays(self.mesh, self.hull)
+        start, along = grids(self.mesh, GRID, self.diagonal)
+        shown = ~missed(start, along, self.hull)
+        start, along = start[shown], along[shown]
+        passes = missed(start, along, self.mesh)
+        return start[passes], along[passes]
 
     def _shares(self, lower: Array, upper: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Sobol points in a box, and which of them are inside; kept for equal boxes."""
@@ -166,22 +150,17 @@ class Reference:
     def volumes(self, union: Manifold, lower: Array, upper: Array) -> tuple[float, float, float]:
         """(iou, over, missing) of a solid inside the box."""
         if self.exact is not None:
-            common = float((self.exact ^ union).volume())
             mine, other = self.volume, float(union.volume())
-            return (
-                common / (mine + other - common),
-                max(other - common, 0.0) / mine,
-                max(mine - common, 0.0) / mine,
-            )
-        low, high = self.mesh.bounds
-        low, high = np.minimum(low, lower), np.maximum(high, upper)
-        cloud, inside = self._shares(low, high)
-        covered = Solid(_triangles(union)).contains(cloud)
-        whole = max(int(inside.sum()), 1)
+            common = float((self.exact ^ union).volume())
+        else:
+            low, high = self.mesh.bounds
+            cloud, inside = self._shares(np.minimum(low, lower), np.maximum(high, upper))
+            covered = Solid(_triangles(union)).contains(cloud)
+            mine, other, common = (float(n.sum()) for n in (inside, covered, inside & covered))
         return (
-            float((inside & covered).sum() / max(int((inside | covered).sum()), 1)),
-            float((covered & ~inside).sum() / whole),
-            float((inside & ~covered).sum() / whole),
+            common / (mine + other - common or 1.0),
+            max(other - common, 0.0) / (mine or 1.0),
+            max(mine - common, 0.0) / (mine or 1.0),
         )
 
 
@@ -207,12 +186,10 @@ def measure(reference: Reference, pieces: Sequence[ConvexPiece], *, flat: int = 
     to_skin = NearestSurface(skin).distance(reference.samples)
     origins, directions = reference.open_rays
     kept = missed(origins, directions, skin)
-    hulls = [piece.hull for piece in pieces if piece.hull is not None]
+    hulls = [piece.solid for piece in pieces if isinstance(piece.solid, TriangleMesh)]
     return replace(
         base,
-        mean_m=float(to_mesh.mean() + to_skin.mean()) / 2.0,
-        p99_m=float(max(np.quantile(to_mesh, 0.99), np.quantile(to_skin, 0.99))),
-        max_m=float(max(to_mesh.max(), to_skin.max())),
+        **asdict(Distance.of(to_mesh, to_skin)),
         see_through=float(kept.mean()) if len(kept) else 1.0,
         rays=len(kept),
         vertices=max((len(h.vertices) for h in hulls), default=0),
@@ -271,55 +248,9 @@ def _float64(points: Array) -> Array:
     return np.ascontiguousarray(points, dtype=np.float64)
 
 
-def _mesh64(mesh: TriangleMesh) -> Any:  # Any: manifold3d.Mesh64
-    import manifold3d
-
-    return manifold3d.Mesh64(_float64(mesh.vertices), mesh.faces.astype(np.uint64))
-
-
 def _triangles(solid: Manifold) -> TriangleMesh:
     mesh = solid.to_mesh64()
     return TriangleMesh(
         np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3],
         np.asarray(mesh.tri_verts, dtype=np.int64),
     )
-
-
-def _open_rays(mesh: TriangleMesh, hull: TriangleMesh) -> tuple[Array, Array]:
-    """Rays of six grids, along the axes and the principal axes of the vertices."""
-    lower, upper = mesh.bounds
-    middle, reach = (lower + upper) / 2.0, mesh.diagonal
-    spread = mesh.vertices - mesh.vertices.mean(axis=0)
-    principal = np.linalg.eigh(spread.T @ spread)[1].T
-    across = (np.arange(GRID) + 0.5) / GRID * reach - reach / 2.0
-    u, v = (side.ravel()[:, None] for side in np.meshgrid(across, across, indexing="ij"))
-    origins, directions = [], []
-    for direction in (*np.eye(3), *principal):
-        first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
-        first /= np.linalg.norm(first)
-        origins.append(middle - reach * direction + u * first + v * np.cross(direction, first))
-        directions.append(np.repeat(direction[None], GRID * GRID, axis=0))
-    start, along = np.concatenate(origins), np.concatenate(directions)
-    shown = ~missed(start, along, hull)
-    start, along = start[shown], along[shown]
-    passes = missed(start, along, mesh)
-    return start[passes], along[passes]
-
-
-def missed(origins: Array, directions: Array, mesh: TriangleMesh) -> NDArray[np.bool_]:
-    """(n,) which rays strike no triangle; float32 of the ray tracer, in units of the size."""
-    from embreex import rtcore_scene
-    from embreex.mesh_construction import TriangleMesh as EmbreeMesh
-
-    if not len(origins):
-        return np.zeros(0, dtype=bool)
-    lower, upper = mesh.bounds
-    middle, size = (lower + upper) / 2.0, mesh.diagonal
-    scene = rtcore_scene.EmbreeScene()
-    kept = EmbreeMesh(scene, ((mesh.corners - middle) / size).astype(np.float32))
-    struck = scene.run(
-        ((origins - middle) / size).astype(np.float32), directions.astype(np.float32)
-    )
-    del kept
-    missed: NDArray[np.bool_] = np.asarray(struck, dtype=np.int64) == -1
-    return missed

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
 
-from assetbuild.errors import StepError, Where
+from assetbuild.errors import StepError, Where, one_line
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.companions import relative_name
 from assetbuild.mesh.material import (
-    MaterialPart,
+    SourceMesh,
     SurfaceMaterial,
     colours_finding,
     group_by_material,
@@ -39,21 +39,8 @@ IGNORED = Rule(
 # Any below: pycollada has no type hints.
 
 
-@dataclass(frozen=True, eq=False)
-class Dae:
-    """A COLLADA file. Parts are in the file's own axes, metres, nodes applied.
-
-    up_axis: as the file says, "Y_UP" when it says nothing (the standard's default), or None
-    when there is no asset to say it.
-    """
-
-    parts: tuple[MaterialPart, ...]
-    up_axis: str | None
-    findings: tuple[Finding, ...]
-
-
-def read_dae(data: bytes, subject: str) -> Dae:
-    """All triangles and polygons of a COLLADA file, by material.
+def read_dae(data: bytes, subject: str) -> SourceMesh:
+    """All triangles and polygons of a COLLADA file, by material, in its own axes, nodes applied.
 
     Raises StepError with the line of a cut-off or broken file, for a geometry that cannot be
     read, and for NaN in positions (which pycollada would turn into zeros).
@@ -83,15 +70,16 @@ def read_dae(data: bytes, subject: str) -> Dae:
     cameras = len(document.cameras)
     if cameras:
         skipped["cameras"] = cameras
-    return Dae(
+    return SourceMesh(
         group_by_material(placed),
-        document.assetInfo.upaxis if document.assetInfo is not None else None,
         (
             *_skipped_finding(skipped, subject),
             *_unit_finding(unit, subject),
             *colours_finding(coloured, subject),
             *_ignored_finding(document, subject),
         ),
+        # The standard's default, Y_UP, when the asset does not say.
+        up_axis=document.assetInfo.upaxis if document.assetInfo is not None else None,
     )
 
 
@@ -108,7 +96,7 @@ def _load(data: bytes, subject: str) -> Any:
         document = collada.Collada(io.BytesIO(data), ignore=[DaeError])
     except (DaeError, ValueError, KeyError, AttributeError, TypeError, IndexError) as error:
         _refuse_broken_xml(data, subject)
-        raise StepError(f"{subject}: not readable as COLLADA: {_one_line(error)}") from error
+        raise StepError(f"{subject}: not readable as COLLADA: {one_line(error)}") from error
     if document.scene is None:
         raise StepError(f"{subject}: the file has no scene, so nothing says where its parts are")
     return document
@@ -177,7 +165,7 @@ def _refuse_broken_xml(data: bytes, subject: str) -> None:
     except etree.XMLSyntaxError as error:
         line = error.position[0] or data.count(b"\n") + 1
         raise StepError(
-            f"broken XML: {_one_line(error.msg)}",
+            f"broken XML: {one_line(error.msg)}",
             where=Where(subject, line),
             hint="is the file cut off?",
         ) from error
@@ -189,7 +177,7 @@ def _refuse_lost_geometry(document: Any, subject: str) -> None:
     lost = [e for e in document.errors if "eometry" in str(e)]
     if stated > len(document.geometries) or lost:
         first = (lost or document.errors or ["unknown reason"])[0]
-        raise StepError(f"{subject}: a geometry is not readable: {_one_line(first)}")
+        raise StepError(f"{subject}: a geometry is not readable: {one_line(first)}")
 
 
 def _instances(
@@ -311,11 +299,7 @@ def _ignored_finding(document: Any, subject: str) -> Iterator[Finding]:
     if document.errors:
         yield IGNORED(
             subject,
-            f"parts of the file were not understood: {_one_line(document.errors[0])}",
+            f"parts of the file were not understood: {one_line(document.errors[0])}",
             hint="shapes are complete; a colour, camera or texture may be missing",
             data={"count": len(document.errors)},
         )
-
-
-def _one_line(error: object) -> str:
-    return " ".join(str(error).split())[:200]

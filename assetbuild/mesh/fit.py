@@ -8,19 +8,19 @@ chooses: what sticks out counts once, what is missing twice.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.primitives import Primitive, signed_distance, volume_of
+from assetbuild.mesh.primitives import resized, signed_distance, sizes_of, volume_of
 from assetbuild.mesh.quality import surface_samples
-from assetbuild.mesh.solid import Solid, sobol
+from assetbuild.mesh.solid import ConvexPiece, Solid, sobol
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import face_areas
-from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
+from assetbuild.robot.model import Box, Capsule, Cylinder, Primitive, Sphere
 from assetbuild.robot.pose import Array, Pose, quat_between, quat_of, vec3
 
 KINDS: tuple[type[Primitive], ...] = (Sphere, Capsule, Box, Cylinder)
@@ -45,16 +45,21 @@ def best_primitive(mesh: TriangleMesh, kinds: Sequence[type[Primitive]] = KINDS)
     search = convex_hull(points, max_vertices=SEARCHED)
     axes = candidate_axes(mesh, search)
     samples, _ = surface_samples(mesh, SAMPLES, 0)
-    best: tuple[float, Fitted] | None = None
-    for kind in kinds:
-        enclosing = ENCLOSING[kind](points, search.vertices, axes)
-        for fitted in (enclosing, _least_squares(enclosing, samples)):
-            value = score.of(fitted)
-            if best is None or value < best[0] - AS_GOOD:
-                best = (value, fitted)
+    enclosing = (ENCLOSING[kind](points, search.vertices, axes) for kind in kinds)
+    fits = (fit for each in enclosing for fit in (each, _least_squares(each, samples)))
+    return tidy(first_best(fits, score.of))
+
+
+def first_best(fits: Iterable[Fitted], score: Callable[[Fitted], float]) -> Fitted:
+    """The fit with the lowest score; of those within AS_GOOD of one another the first."""
+    best, least = None, math.inf
+    for fitted in fits:
+        value = score(fitted)
+        if value < least - AS_GOOD:
+            best, least = fitted, value
     if best is None:
         raise ValueError("no kinds of primitives to choose from")
-    return tidy(best[1])
+    return best
 
 
 class _Score:
@@ -70,10 +75,8 @@ class _Score:
 
     def of(self, fitted: Fitted) -> float:
         """The score; 0 is a perfect cover."""
-        primitive, pose = fitted
-        local = pose.inverse().apply(self._inside)
-        covered = float((signed_distance(primitive, local) <= 0.0).mean())
-        over = volume_of(primitive) / self._volume - covered
+        covered = float((ConvexPiece(*fitted).distance(self._inside) <= 0.0).mean())
+        over = volume_of(fitted[0]) / self._volume - covered
         return over + 2.0 * (1.0 - covered)
 
 
@@ -246,7 +249,7 @@ def _least_squares(start: Fitted, samples: Array) -> Fitted:
 
     def body(x: Array) -> Fitted:
         shift = Pose(vec3(x[:3] * scale), turned_by(x[3:6]))
-        return resized(primitive, sizes * np.exp(x[6:])), shift
+        return resized(type(primitive), sizes * np.exp(x[6:])), shift
 
     def cost(x: Array) -> float:
         made, shift = body(x)
@@ -271,24 +274,6 @@ def turned_by(vector: Array) -> tuple[float, float, float, float]:
     return (math.cos(angle / 2.0), x, y, z)
 
 
-def sizes_of(primitive: Primitive) -> tuple[float, ...]:
-    """Edges of a box, else radius and length, m."""
-    if isinstance(primitive, Box):
-        return primitive.size
-    if isinstance(primitive, Sphere):
-        return (primitive.radius,)
-    return (primitive.radius, primitive.length)
-
-
-def resized(primitive: Primitive, sizes: Array) -> Primitive:
-    """The same kind with other sizes, in the order of `sizes_of`."""
-    if isinstance(primitive, Box):
-        return Box(vec3(sizes))
-    if isinstance(primitive, Sphere):
-        return Sphere(float(sizes[0]))
-    return type(primitive)(float(sizes[0]), float(sizes[1]))
-
-
 def tidy(fitted: Fitted) -> Fitted:
     """Micrometres, and of the equal descriptions the one whose axes are nearest to the frame's."""
     primitive, pose = fitted
@@ -305,7 +290,7 @@ def tidy(fitted: Fitted) -> Fitted:
         # Pointing up; a level one along +x, else +y.
         lead = axis[2] if abs(axis[2]) > 1e-6 else axis[0] if abs(axis[0]) > 1e-6 else axis[1]
         rotation = _frame_of(axis if lead > 0.0 else -axis)
-        primitive = resized(primitive, np.round([primitive.radius, primitive.length], 6))
+        primitive = resized(type(primitive), np.round([primitive.radius, primitive.length], 6))
     quat = quat_of(rotation)
     snapped = (1.0, 0.0, 0.0, 0.0) if max(map(abs, quat[1:])) < 1e-6 else quat
     return primitive, Pose(vec3(np.round(pose.xyz, 6)), snapped)

@@ -22,17 +22,22 @@ from assetbuild.mesh.fit import (
     SEARCHED,
     Fitted,
     candidate_axes,
-    resized,
-    sizes_of,
+    first_best,
     tidy,
     turned_by,
 )
 from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.primitives import Primitive, distance_slopes, signed_distance, volume_of
+from assetbuild.mesh.primitives import (
+    distance_slopes,
+    resized,
+    signed_distance,
+    sizes_of,
+    volume_of,
+)
 from assetbuild.mesh.quality import surface_samples
-from assetbuild.mesh.solid import sobol
+from assetbuild.mesh.solid import ConvexPiece, sobol
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.model import Capsule, Cylinder, Sphere
+from assetbuild.robot.model import Capsule, Cylinder, Primitive, Sphere
 from assetbuild.robot.pose import Array, Pose, Vec3, vec3
 
 POINTS = 4096
@@ -47,6 +52,8 @@ DISTANCE_WEIGHT = 15.0
 """Of the mean distance between the surfaces / the diagonal, beside shares of the volume."""
 SAMPLES = 1024
 """Points of the surface that the mean distance is taken from."""
+SHRUNK = (1.0, 0.95, 0.9, 0.85, 0.8)
+"""Sizes / those of the enclosing body that are tried for a part on its own."""
 STUBBY = 2.0
 """Length / radius of a capsule, its caps left out, up to which a sphere is tried in its place."""
 BOUNDS = (0.15, 0.5, math.log(1.8))
@@ -159,13 +166,8 @@ def _with_balls(fits: list[Fitted], cloud: Cloud) -> list[Fitted]:
 
 
 def _union(fits: Sequence[Fitted], points: Array) -> Array:
-    nearest: Array = np.min([_distance(fitted, points) for fitted in fits], axis=0)
+    nearest: Array = np.min([ConvexPiece(*fitted).distance(points) for fitted in fits], axis=0)
     return nearest
-
-
-def _distance(fitted: Fitted, points: Array) -> Array:
-    primitive, pose = fitted
-    return signed_distance(primitive, pose.inverse().apply(points))
 
 
 # --- a part on its own ----------------------------------------------------------------------
@@ -182,17 +184,15 @@ def _best_for(
     cloud = Cloud.of(own)
     search = convex_hull(part.vertices, max_vertices=SEARCHED)
     axes = np.concatenate([candidate_axes(part, search), _directions(bones)])
-    best: tuple[float, Fitted] | None = None
-    for kind in kinds:
-        primitive, pose = ENCLOSING[kind](search.vertices, search.vertices, axes, refined=False)
-        for factor in (1.0, 0.95, 0.9, 0.85, 0.8):
-            fitted = (resized(primitive, factor * np.asarray(sizes_of(primitive))), pose)
-            value = cloud.score(_distance(fitted, cloud.points))
-            if best is None or value < best[0] - AS_GOOD:
-                best = (value, fitted)
-    if best is None:
-        raise ValueError("no kinds of primitives to choose from")
-    return best[1]
+    enclosing = (
+        ENCLOSING[kind](search.vertices, search.vertices, axes, refined=False) for kind in kinds
+    )
+    fits = (
+        (resized(type(primitive), factor * np.asarray(sizes_of(primitive))), pose)
+        for primitive, pose in enclosing
+        for factor in SHRUNK
+    )
+    return first_best(fits, lambda fitted: cloud.score(_union([fitted], cloud.points)))
 
 
 def _directions(bones: Sequence[Vec3]) -> Array:
@@ -259,7 +259,7 @@ class _Way:
 
     def _changed(self, x: Array) -> Fitted:
         shift = Pose(vec3(x[:3] * self._scale), turned_by(x[3:6]))
-        return resized(self._primitive, self._sizes * np.exp(x[6:])), shift
+        return resized(type(self._primitive), self._sizes * np.exp(x[6:])), shift
 
     def distance(self, x: Array) -> Array:
         """(n,) signed distances of the cloud's points."""

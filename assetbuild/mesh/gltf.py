@@ -10,12 +10,11 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.errors import StepError, one_line
 from assetbuild.mesh.companions import relative_name
 from assetbuild.mesh.material import (
-    MaterialPart,
     Rgba,
+    SourceMesh,
     SurfaceMaterial,
     colours_finding,
     group_by_material,
@@ -28,8 +27,8 @@ from assetbuild.mesh.triangles import TriangleMesh
 
 def read_gltf(
     data: bytes, format: Literal["glb", "gltf"], companions: Mapping[str, bytes], subject: str
-) -> tuple[tuple[MaterialPart, ...], dict[str, bytes], list[Finding]]:
-    """(parts by material, pictures as PNG by the name that the materials use, findings).
+) -> SourceMesh:
+    """All triangle meshes of a scene, by material, and its pictures as PNG.
 
     companions: the buffers and pictures of a glTF, by `relative_name`. StepError for what is no
     glTF, for a buffer that is not there, and for a picture that is too large.
@@ -51,12 +50,13 @@ def read_gltf(
         raise
     except Exception as error:  # trimesh's reader raises many kinds on broken files
         lost = f"; `{files.missing[0]}` is not in the source" if files.missing else ""
-        told = f"{type(error).__name__}: " + " ".join(str(error).split())[:200]
+        told = f"{type(error).__name__}: {one_line(error)}"
         raise StepError(f"{subject}: not readable as {format}: {told}{lost}") from error
     parts = group_by_material(part for part in placed if part is not None)
     kinds = {getattr(g, "visual", None) and g.visual.kind for g in scene.geometry.values()}
     colours = bool(kinds & {"vertex", "face"})
-    return parts, materials.pictures, list(colours_finding(colours, subject))
+    found = tuple(colours_finding(colours, subject))
+    return SourceMesh(parts, found, materials.pictures, up_axis="Y_UP")  # by definition
 
 
 def _textured(data: bytes, format: Literal["glb", "gltf"]) -> frozenset[str]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assetbuild.mesh.cover import missed
+from assetbuild.mesh.rays import SIDES, grids, missed
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.pose import Array, Vec3, vec3
+from assetbuild.robot.pose import Vec3, vec3
 
 GRID = 64
 """Rays along each edge of a square that holds the mesh, for six directions."""
@@ -37,19 +37,14 @@ def holes(seen: TriangleMesh, solid: TriangleMesh) -> list[Hole]:
     Seen along the axes and the principal axes of the vertices; one hole may come up in several
     directions. A notch is none: it is open on one side.
     """
-    lower, upper = seen.bounds
-    middle, reach = (lower + upper) / 2.0, 1.05 * seen.diagonal
+    reach = 1.05 * seen.diagonal
     if reach == 0.0:
         return []
-    spread = seen.vertices - seen.vertices.mean(axis=0)
-    principal = np.linalg.eigh(spread.T @ spread)[1].T
-    directions = (*np.eye(3), *principal)
-    start = np.concatenate([_grid(middle, direction, reach) for direction in directions])
-    along = np.repeat(directions, GRID * GRID, axis=0)
+    start, along = grids(seen, GRID, reach)
     through = missed(start, along, seen)  # all at once: what costs is the tree over the triangles
     patches = [
         number * GRID * GRID + rays
-        for number in range(len(directions))
+        for number in range(SIDES)
         for rays in _enclosed(through[number * GRID * GRID :][: GRID * GRID])
     ]
     found = []
@@ -59,16 +54,6 @@ def holes(seen: TriangleMesh, solid: TriangleMesh) -> list[Hole]:
         area = len(rays) * (reach / GRID) ** 2
         found.append(Hole(at, vec3(along[rays[0]]), area, left))
     return sorted(found, key=lambda hole: -hole.area_m2)
-
-
-def _grid(middle: Array, direction: Array, reach: float) -> Array:
-    """(GRID², 3) origins outside of a ball of diameter `reach`, m."""
-    across = (np.arange(GRID) + 0.5) / GRID * reach - reach / 2.0
-    u, v = (side.ravel()[:, None] for side in np.meshgrid(across, across, indexing="ij"))
-    first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
-    first /= np.linalg.norm(first)
-    grid: Array = middle - reach * direction + u * first + v * np.cross(direction, first)
-    return grid
 
 
 def _enclosed(through: NDArray[np.bool_]) -> list[NDArray[np.int64]]:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 COPLANAR = 1e-3
 """Angle between normals, rad, below which neighbouring triangles are one polygon."""
+CHUNK = 2_000_000
+"""Numbers per block of `beyond`: 16 MB."""
 FLAT = 1e-7
 """Points whose smallest extent is below this share of the largest span no volume."""
 
@@ -71,7 +73,7 @@ def _farthest_first(points: Array, count: int, subject: str) -> Indices:
     while len(chosen) < count:
         planes = _qhull(points[chosen], subject).equations
         local = points - _middle(points[chosen])
-        outside = (local @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+        outside = beyond(planes, local)
         outside[chosen] = -np.inf
         farthest = int(np.argmax(outside))
         chosen.append(farthest)
@@ -97,6 +99,16 @@ def hull_planes(hull: TriangleMesh) -> Array:
     normal, solid = _normals(hull)
     offset = -np.einsum("ij,ij->i", normal[solid], hull.corners[solid, 0])
     return np.column_stack([normal[solid], offset])
+
+
+def beyond(planes: Array, points: Array) -> Array:
+    """(n,) largest signed distance of each of points (n, 3) over planes (k, 4), m, in blocks."""
+    rows = max(1, CHUNK // max(len(planes), 1))
+    blocks = [
+        (points[start : start + rows] @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+        for start in range(0, len(points), rows)
+    ]
+    return np.concatenate([np.zeros(0), *blocks])
 
 
 def polygon_count(hull: TriangleMesh) -> int:

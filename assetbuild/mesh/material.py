@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -38,6 +38,20 @@ class MaterialPart:
     mesh: TriangleMesh
 
 
+@dataclass(frozen=True, eq=False)
+class SourceMesh:
+    """What a mesh file holds: parts by material, order of first appearance; metres.
+
+    pictures: those that lie inside the file, as PNG, by the name that materials use.
+    up_axis: as the file says, in COLLADA's words; None when it does not.
+    """
+
+    parts: tuple[MaterialPart, ...]
+    findings: tuple[Finding, ...] = ()
+    pictures: Mapping[str, bytes] = field(default_factory=dict)
+    up_axis: str | None = None
+
+
 def group_by_material(
     placed: Iterable[tuple[SurfaceMaterial, TriangleMesh]],
 ) -> tuple[MaterialPart, ...]:
@@ -56,16 +70,17 @@ def _joined(meshes: list[TriangleMesh]) -> TriangleMesh:
     uv: Array | None = None
     normals: Array | None = None
     if any(mesh.uv is not None for mesh in meshes):
-        blank = [np.zeros((len(mesh.faces), 3, 2)) for mesh in meshes]
         uv = np.concatenate(
-            [b if m.uv is None else m.uv for b, m in zip(blank, meshes, strict=True)]
+            [m.uv if m.uv is not None else np.zeros((len(m.faces), 3, 2)) for m in meshes]
         )
     if any(mesh.normals is not None for mesh in meshes):
-        normals = np.concatenate([m.normals if m.normals is not None else _flat(m) for m in meshes])
+        normals = np.concatenate(
+            [m.normals if m.normals is not None else corner_normals(m) for m in meshes]
+        )
     return TriangleMesh(joined.vertices, joined.faces, uv, normals)
 
 
-def _flat(mesh: TriangleMesh) -> Array:
+def corner_normals(mesh: TriangleMesh) -> Array:
     """(m, 3, 3) face normals at every corner: how a part without normals is drawn."""
     return np.repeat(face_normals(mesh)[:, None, :], 3, axis=1)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from assetbuild.errors import StepError
-from assetbuild.mesh.hull import convex_hull, hull_planes
+from assetbuild.mesh.hull import beyond, convex_hull, hull_planes
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.pose import Array
 
@@ -23,8 +23,7 @@ def grown_to(parts: Sequence[TriangleMesh], surface: Array, reach: float) -> lis
     reach of its planes. Parts without volume are left out.
     """
     hulls = [hull for hull in map(_hull_or_none, parts) if hull is not None]
-    beyond = [hull_planes(hull) for hull in hulls]
-    away = np.stack([_outside(planes, surface) for planes in beyond], axis=1)
+    away = np.stack([beyond(hull_planes(hull), surface) for hull in hulls], axis=1)
     bare = away.min(axis=1) > 0.0
     grown = []
     for number, hull in enumerate(hulls):
@@ -106,11 +105,6 @@ def _hull_corners(points: Array) -> Array:
 
     hull = ConvexHull(points - points.mean(axis=0), qhull_options="Qt")
     return points[np.sort(hull.vertices)]
-
-
-def _outside(planes: Array, points: Array) -> Array:
-    """(n,) how far points lie beyond the farthest plane; at most 0 inside."""
-    return np.asarray((points @ planes[:, :3].T + planes[:, 3]).max(axis=1), dtype=np.float64)
 
 
 def _hull_or_none(part: TriangleMesh) -> TriangleMesh | None:

@@ -6,18 +6,16 @@ and take gigabytes on others. The caller gets the cause and can go on with anoth
 
 from __future__ import annotations
 
-import io
+import math
+import multiprocessing
 import os
 import resource
-import select
 import signal
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import NoReturn
-
-import numpy as np
+from multiprocessing.connection import Connection, wait
 
 from assetbuild.mesh.triangles import TriangleMesh
 
@@ -43,8 +41,12 @@ class NativeError(Exception):
         super().__init__(message)
 
 
+Answer = list[TriangleMesh] | tuple[str, str]
+"""The meshes, or (cause, message)."""
+
+
 def run_apart(
-    work: Callable[[], Sequence[TriangleMesh]],
+    work: Callable[[], Iterable[TriangleMesh]],
     limits: NativeLimits,
     *,
     stop_when: Callable[[bytes], bool] | None = None,
@@ -54,54 +56,47 @@ def run_apart(
     stop_when: told each line that it prints, in order and all of them, however fast it runs; True
     ends it (cause `stopped`). Raises NativeError.
     """
-    result_in, result_out = os.pipe()
+    fork = multiprocessing.get_context("fork")
+    result_in, result_out = fork.Pipe(duplex=False)
     said_in, said_out = os.pipe()
-    pid = os.fork()
-    if pid == 0:
-        os.close(result_in)
-        os.close(said_in)
-        _become_worker(work, limits, result_out, said_out)
-    os.close(result_out)
+    process = fork.Process(target=_become_worker, args=(work, limits, result_out, said_out))
+    process.start()
+    result_out.close()
     os.close(said_out)
     try:
-        data, said, why = _collect(pid, result_in, said_in, limits, stop_when)
+        answer, said = _collect(result_in, said_in, limits, stop_when)
     finally:
-        os.close(result_in)
+        result_in.close()
         os.close(said_in)
-        with suppress(OSError):
-            os.kill(pid, signal.SIGKILL)
-        _, status, used = os.wait4(pid, 0)
-    if why:
-        raise NativeError(*why)
-    if os.WIFSIGNALED(status) or not data:
-        raise _death(status, used.ru_utime + used.ru_stime, said, limits)
-    return _decoded(data)
+        process.kill()
+        process.join()
+    if answer is None:
+        answer = _death(process.exitcode or 0, said, limits)
+    if isinstance(answer, tuple):
+        raise NativeError(*answer)
+    return answer
 
 
 def _become_worker(
-    work: Callable[[], Sequence[TriangleMesh]], limits: NativeLimits, result: int, said: int
-) -> NoReturn:
-    code = 70
+    work: Callable[[], Iterable[TriangleMesh]], limits: NativeLimits, result: Connection, said: int
+) -> None:
+    os.dup2(said, 1)
+    os.dup2(said, 2)
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGXCPU):
+        signal.signal(number, signal.SIG_DFL)
+    _set_limits(limits)
     try:
-        os.dup2(said, 1)
-        os.dup2(said, 2)
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, signal.SIG_DFL)
-        _set_limits(limits)
-        _write_all(result, _encoded(work()))
-        code = 0
+        result.send(list(work()))
     except MemoryError:
-        os.write(said, b"\nMemoryError")
-    except BaseException as error:
-        os.write(said, f"\n{type(error).__name__}: {error}"[:500].encode())
-    finally:
-        os._exit(code)  # no exit handlers: those of native libraries hang after a fork
+        result.send(_too_large(limits))
+    except Exception as error:
+        result.send(("error", f"{type(error).__name__}: {error}"[:200]))
 
 
 def _set_limits(limits: NativeLimits) -> None:
     with open("/proc/self/statm", encoding="ascii") as file:  # noqa: PTH123 - a plain read
         mapped = int(file.read().split()[0]) * resource.getpagesize()
-    cpu = max(1, int(np.ceil(limits.cpu_s)))
+    cpu = max(1, math.ceil(limits.cpu_s))
     memory = mapped + limits.memory_mb * 1024 * 1024
     for kind, soft, hard in (
         (resource.RLIMIT_AS, memory, memory),
@@ -114,75 +109,52 @@ def _set_limits(limits: NativeLimits) -> None:
 
 
 def _collect(
-    pid: int,
-    result: int,
+    result: Connection,
     said: int,
     limits: NativeLimits,
     stop_when: Callable[[bytes], bool] | None,
-) -> tuple[bytes, bytes, tuple[str, str] | None]:
-    """What it wrote and printed, until both ends are closed; and why it had to be ended."""
+) -> tuple[Answer | None, bytes]:
+    """The answer, if it gave one or has to be ended, and the last of what it printed."""
     deadline = time.monotonic() + WALL_PER_CPU * limits.cpu_s + WALL_EXTRA_S
-    data, text, line = bytearray(), bytearray(), b""
-    open_ends = {result, said}
+    answer: Answer | None = None
+    text, line = b"", b""
+    open_ends: list[Connection | int] = [result, said]
     while open_ends:
-        left = deadline - time.monotonic()
-        ready, _, _ = select.select(list(open_ends), [], [], max(0.0, left))
+        ready = wait(open_ends, max(0.0, deadline - time.monotonic()))
         if not ready:
-            return bytes(data), bytes(text), ("time", f"no end after {limits.cpu_s:g} s")
-        for end in ready:
-            piece = os.read(end, CHUNK)
+            return ("time", f"no end after {limits.cpu_s:g} s"), text
+        if result in ready:
+            open_ends.remove(result)
+            with suppress(EOFError, OSError):  # it died: `said` and its exit code tell why
+                answer = result.recv()
+        if said in ready:
+            piece = os.read(said, CHUNK)
             if not piece:
-                open_ends.discard(end)
-            elif end == result:
-                data += piece
-            else:
-                text = (text + piece)[-4 * CHUNK :]
-                *lines, line = (line + piece).split(b"\n")
-                line = line[-CHUNK:]
-                for told in lines:
-                    if stop_when is not None and stop_when(told):
-                        return bytes(data), bytes(text), ("stopped", told.decode(errors="replace"))
-    return bytes(data), bytes(text), None
+                open_ends.remove(said)
+            text = (text + piece)[-4 * CHUNK :]
+            *lines, line = (line + piece).split(b"\n")
+            line = line[-CHUNK:]
+            for told in lines:
+                if stop_when is not None and stop_when(told):
+                    return ("stopped", told.decode(errors="replace")), text
+    return answer, text
 
 
-def _death(status: int, cpu_s: float, said: bytes, limits: NativeLimits) -> NativeError:
+def _death(exit_code: int, said: bytes, limits: NativeLimits) -> tuple[str, str]:
+    """(cause, message) of a process that gave no answer. exit_code: minus the signal's number."""
     words = said.decode(errors="replace").strip().splitlines()
     last = words[-1].strip()[:200] if words else ""
     if b"MemoryError" in said or b"bad_alloc" in said:
-        return NativeError("memory", f"needs more than {limits.memory_mb} MB")
-    if os.WIFSIGNALED(status):
-        number = os.WTERMSIG(status)
-        if number == signal.SIGXCPU or (number == signal.SIGKILL and cpu_s >= limits.cpu_s):
-            return NativeError("time", f"no end after {limits.cpu_s:g} CPU s")
-        if number == signal.SIGKILL:  # no library sends it
-            return NativeError("memory", "was killed by the system, which ran out of memory")
-        name = signal.Signals(number).name
-        return NativeError("crash", f"crashed ({name})" + (f": {last}" if last else ""))
-    return NativeError("error", last or f"ended with code {os.WEXITSTATUS(status)}")
+        return _too_large(limits)
+    if exit_code == -signal.SIGXCPU:
+        return "time", f"no end after {limits.cpu_s:g} CPU s"
+    if exit_code == -signal.SIGKILL:  # no library sends it
+        return "memory", "was killed by the system, which ran out of memory"
+    if exit_code < 0:
+        name = signal.Signals(-exit_code).name
+        return "crash", f"crashed ({name})" + (f": {last}" if last else "")
+    return "error", last or f"ended with code {exit_code}"
 
 
-def _encoded(meshes: Sequence[TriangleMesh]) -> bytes:
-    counts = np.array([(len(m.vertices), len(m.faces)) for m in meshes], dtype=np.int64)
-    file = io.BytesIO()
-    for array in (
-        counts.reshape(-1, 2),
-        np.concatenate([np.zeros((0, 3)), *(m.vertices for m in meshes)]),
-        np.concatenate([np.zeros((0, 3), dtype=np.int64), *(m.faces for m in meshes)]),
-    ):
-        np.save(file, array, allow_pickle=False)
-    return file.getvalue()
-
-
-def _decoded(data: bytes) -> list[TriangleMesh]:
-    file = io.BytesIO(data)
-    counts, vertices, faces = (np.load(file, allow_pickle=False) for _ in range(3))
-    ends = np.cumsum(counts, axis=0)
-    return [
-        TriangleMesh(vertices[v - dv : v], faces[f - df : f])
-        for (v, f), (dv, df) in zip(ends.tolist(), counts.tolist(), strict=True)
-    ]
-
-
-def _write_all(end: int, data: bytes) -> None:
-    while data:
-        data = data[os.write(end, data) :]
+def _too_large(limits: NativeLimits) -> tuple[str, str]:
+    return "memory", f"needs more than {limits.memory_mb} MB"

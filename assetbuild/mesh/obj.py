@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +15,8 @@ from assetbuild.mesh.triangles import Indices, TriangleMesh, fan_triangles
 from assetbuild.mesh.weld import first_seen
 from assetbuild.robot.pose import Array
 
+WIDTHS = {b"v": 3, b"vt": 2, b"vn": 3}
+"""Numbers that are read of each element: positions, texture coordinates, normals."""
 CHUNK = 4096
 """Lines that one format call writes: fast, and the format string stays small."""
 
@@ -51,7 +54,7 @@ def read_triangles(data: bytes, subject: str = "mesh") -> TriangleMesh:
     if own is not None:
         return own
     obj = parse_obj(data, subject)
-    meshes = [obj.mesh_of(group) for group in obj.groups]
+    meshes = [mesh for _, mesh in obj.parts]
     if len(meshes) == 1:
         return meshes[0]
     corners = [mesh.faces for mesh in meshes] or [np.zeros((0, 3), dtype=np.int64)]
@@ -97,41 +100,18 @@ def _numbers(block: bytes, width: int) -> Array | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
-    """The triangles of one `usemtl`; indices (m, 3) from 0, -1 = the corner has none."""
-
-    material: str | None
-    faces: Indices
-    uv: Indices
-    normals: Indices
-
-
-@dataclass(frozen=True, eq=False)
 class Obj:
-    """An OBJ file: tables shared by its groups, which come in order of first appearance.
+    """An OBJ file. parts: (material, mesh over all positions) of each `usemtl`, by appearance.
 
     libraries: names of the MTL files. skipped: counts of elements that are not surfaces.
     has_colours: do vertices carry colours after their positions?
     """
 
     positions: Array
-    texture: Array
-    directions: Array
-    groups: tuple[Group, ...]
+    parts: tuple[tuple[str | None, TriangleMesh], ...]
     libraries: tuple[str, ...] = ()
     skipped: Mapping[str, int] = field(default_factory=dict)
     has_colours: bool = False
-
-    def mesh_of(self, group: Group) -> TriangleMesh:
-        """One group as a mesh over all positions; texture, normals only where all corners agree."""
-        has_uv = len(group.faces) > 0 and bool((group.uv >= 0).all())
-        has_normals = len(group.faces) > 0 and bool((group.normals >= 0).all())
-        return TriangleMesh(
-            self.positions,
-            group.faces,
-            self.texture[group.uv] if has_uv else None,
-            self.directions[group.normals] if has_normals else None,
-        )
 
 
 def parse_obj(data: bytes, subject: str) -> Obj:
@@ -139,7 +119,7 @@ def parse_obj(data: bytes, subject: str) -> Obj:
 
     Raises StepError naming `subject`, the line and the defect.
     """
-    tables: dict[bytes, list[bytes]] = {b"v": [], b"vt": [], b"vn": []}
+    tables: dict[bytes, list[bytes]] = {key: [] for key in WIDTHS}
     faces: dict[str | None, list[tuple[int, bytes, int]]] = {}
     seen: dict[str, int] = {}
     libraries: list[str] = []
@@ -158,15 +138,10 @@ def parse_obj(data: bytes, subject: str) -> Obj:
             libraries.append(rest.decode("utf-8", "replace").strip())
         elif key in (b"l", b"p", b"curv", b"surf"):
             seen[key.decode()] = seen.get(key.decode(), 0) + 1
-    positions = _table(tables[b"v"], 3, data, b"v", subject)
-    texture = _table(tables[b"vt"], 2, data, b"vt", subject) if tables[b"vt"] else np.zeros((0, 2))
-    directions = (
-        _table(tables[b"vn"], 3, data, b"vn", subject) if tables[b"vn"] else np.zeros((0, 3))
-    )
-    sizes = (len(positions), len(texture), len(directions))
-    groups = tuple(_group(name, rows, sizes, subject) for name, rows in faces.items())
+    read = [_table(tables[key], width, data, key, subject) for key, width in WIDTHS.items()]
+    parts = tuple((name, _surface(rows, read, subject)) for name, rows in faces.items())
     has_colours = bool(tables[b"v"]) and len(tables[b"v"][0].split()) >= 6
-    return Obj(positions, texture, directions, groups, tuple(libraries), seen, has_colours)
+    return Obj(read[0], parts, tuple(libraries), seen, has_colours)
 
 
 def _lines(pattern: str, rows: NDArray[np.float64] | Indices) -> str:
@@ -189,15 +164,10 @@ def _table(rows: Sequence[bytes], width: int, data: bytes, key: bytes, subject: 
     """The first `width` numbers of each row; the rest (weights, colours) is ignored."""
     if not rows:
         return np.zeros((0, width))
-    columns = len(rows[0].split())
-    if columns >= width:
-        try:
-            # Equal columns everywhere, the usual case: one pass in C.
-            values = np.array(b" ".join(rows).split(), dtype=np.float64)
-        except ValueError:
-            values = np.zeros(0)
-        if len(values) == columns * len(rows) and _same_columns(rows, columns):
-            return np.ascontiguousarray(values.reshape(-1, columns)[:, :width])
+    with suppress(ValueError):  # the loop below says what is wrong, and where
+        values = np.loadtxt(rows, usecols=range(width), comments=None, ndmin=2)
+        if len(values) == len(rows):
+            return values
     out = np.zeros((len(rows), width))
     for number, row in enumerate(rows):
         try:
@@ -213,11 +183,6 @@ def _table(rows: Sequence[bytes], width: int, data: bytes, key: bytes, subject: 
     return out
 
 
-def _same_columns(rows: Sequence[bytes], columns: int) -> bool:
-    spaces = columns - 1
-    return all(row.count(b" ") == spaces or len(row.split()) == columns for row in rows)
-
-
 def _line_of(data: bytes, key: bytes, number: int) -> int:
     """Line, from 1, of element `number` (from 0) of a kind."""
     count = -1
@@ -229,12 +194,14 @@ def _line_of(data: bytes, key: bytes, number: int) -> int:
     return 0
 
 
-def _group(
-    material: str | None,
-    rows: Sequence[tuple[int, bytes, int]],
-    sizes: tuple[int, int, int],
-    subject: str,
-) -> Group:
+def _surface(
+    rows: Sequence[tuple[int, bytes, int]], tables: Sequence[Array], subject: str
+) -> TriangleMesh:
+    """The faces of one material; texture and normals only where all corners have them.
+
+    rows: (line, words, positions read so far). tables: of positions, texture and normals.
+    """
+    sizes = [len(table) for table in tables]
     words = [row.split() for _, row, _ in rows]
     counts = np.array([len(w) for w in words], dtype=np.int64)
     if (counts < 3).any():
@@ -257,7 +224,12 @@ def _group(
                 f"there are {size}"
             )
     fans = fan_triangles(counts)
-    return Group(material, corners[fans, 0] - 1, corners[fans, 1] - 1, corners[fans, 2] - 1)
+    faces, *others = (corners[fans, column] - 1 for column in range(3))
+    uv, normals = (
+        table[index] if len(index) and (index >= 0).all() else None
+        for table, index in zip(tables[1:], others, strict=True)
+    )
+    return TriangleMesh(tables[0], faces, uv, normals)
 
 
 def _corners(words: Sequence[bytes]) -> Indices | None:
@@ -265,9 +237,6 @@ def _corners(words: Sequence[bytes]) -> Indices | None:
     text = b" ".join(words)
     out = np.zeros((len(words), 3), dtype=np.int64)
     try:
-        if b"/" not in text:
-            out[:, 0] = np.array(words, dtype=np.int64)
-            return out
         slashes = words[0].count(b"/")
         if all(word.count(b"/") == slashes for word in words):
             filled = text.replace(b"//", b"/0/").replace(b"/", b" ").split()
@@ -291,7 +260,7 @@ def _resolve_negative(
     corners: Indices,
     rows: Sequence[tuple[int, bytes, int]],
     counts: Indices,
-    sizes: tuple[int, int, int],
+    sizes: Sequence[int],
 ) -> None:
     """Negative indices count back from the elements read so far; in place."""
     so_far = np.repeat(np.array([seen for _, _, seen in rows], dtype=np.int64), counts)

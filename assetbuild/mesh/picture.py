@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from assetbuild.errors import StepError
+from assetbuild.errors import StepError, one_line
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -32,9 +32,9 @@ def png_of(data: bytes, name: str) -> bytes:
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # told below, by us
             image: Image.Image = Image.open(io.BytesIO(data), formats=FORMATS)
     except Image.DecompressionBombError as error:
-        raise _too_large(name, " ".join(str(error).split())[:120]) from error
+        raise _too_large(name, one_line(error, 120)) from error
     except Exception as error:  # pillow's readers raise many kinds on broken files
-        raise ValueError(_one_line(error)) from error
+        raise ValueError(f"{type(error).__name__}: {one_line(error, 120)}") from error
     return encoded(image, name)
 
 
@@ -53,7 +53,7 @@ def encoded(image: Image.Image, name: str) -> bytes:
     try:
         pixels = _pixels(image)
     except Exception as error:  # as above: a picture that is cut off is found only here
-        raise ValueError(_one_line(error)) from error
+        raise ValueError(f"{type(error).__name__}: {one_line(error, 120)}") from error
     # From the bare pixels, because `save` copies what else the source file held.
     out = io.BytesIO()
     Image.fromarray(pixels).save(out, format="PNG", compress_level=6)
@@ -77,7 +77,3 @@ def _too_large(name: str, what: str) -> StepError:
         f"the picture `{name}` is too large: {what}",
         hint=f"at most {PIXELS} pixels are read, 8192 x 8192: scale it down in the source",
     )
-
-
-def _one_line(error: object) -> str:
-    return f"{type(error).__name__}: " + " ".join(str(error).split())[:120]

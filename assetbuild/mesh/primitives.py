@@ -3,18 +3,32 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import astuple
 
 import numpy as np
 
 from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
-from assetbuild.robot.pose import Array
+from assetbuild.mesh.triangles import TriangleMesh, unit_vectors
+from assetbuild.robot.model import Box, Capsule, Cylinder, Primitive, Sphere
+from assetbuild.robot.pose import Array, vec3
 
-Primitive = Box | Sphere | Cylinder | Capsule
-
+BY_NAME: dict[str, type[Primitive]] = {
+    kind.__name__: kind for kind in (Box, Sphere, Cylinder, Capsule)
+}
 SEGMENTS = 64
 """Corners of a tessellated circle: the polygon misses 0.12 % of the radius."""
+
+
+def sizes_of(primitive: Primitive) -> tuple[float, ...]:
+    """Edges of a box, else radius and length, m."""
+    return primitive.size if isinstance(primitive, Box) else astuple(primitive)
+
+
+def resized(kind: type[Primitive], sizes: Sequence[float] | Array) -> Primitive:
+    """A primitive by its sizes, in the order of `sizes_of`."""
+    numbers = [float(size) for size in sizes]
+    return Box(vec3(numbers)) if issubclass(kind, Box) else kind(*numbers)
 
 
 def signed_distance(primitive: Primitive, points: Array) -> Array:
@@ -43,7 +57,7 @@ def distance_slopes(primitive: Primitive, points: Array) -> tuple[Array, Array]:
     one of its neighbours'.
     """
     if isinstance(primitive, Sphere):
-        return _unit_rows(points), np.full((len(points), 1), -1.0)
+        return unit_vectors(points), np.full((len(points), 1), -1.0)
     if isinstance(primitive, Box):
         towards = _towards(np.abs(points) - np.asarray(primitive.size) / 2.0)
         return towards * np.sign(points), -0.5 * towards
@@ -51,24 +65,19 @@ def distance_slopes(primitive: Primitive, points: Array) -> tuple[Array, Array]:
     height = np.abs(up) - primitive.length / 2.0
     if isinstance(primitive, Capsule):
         to_axis = np.hstack([across, np.sign(up) * np.maximum(height, 0.0)])
-        slope = _unit_rows(to_axis)
+        slope = unit_vectors(to_axis)
         return slope, np.column_stack([np.full(len(points), -1.0), -0.5 * np.abs(slope[:, 2])])
     radial = np.linalg.norm(across, axis=1, keepdims=True)
     towards = _towards(np.hstack([radial - primitive.radius, height]))
-    sideways, upwards = towards[:, :1] * _unit_rows(across), towards[:, 1:] * np.sign(up)
+    sideways, upwards = towards[:, :1] * unit_vectors(across), towards[:, 1:] * np.sign(up)
     return np.hstack([sideways, upwards]), towards * (-1.0, -0.5)
 
 
 def _towards(beyond: Array) -> Array:
     """The slope of `_outside`, (n, k): outside to the nearest corner, inside to a face."""
-    outside = _unit_rows(np.maximum(beyond, 0.0))
+    outside = unit_vectors(np.maximum(beyond, 0.0))
     face = np.eye(beyond.shape[1])[np.argmax(beyond, axis=1)]
     return np.where((beyond > 0.0).any(axis=1, keepdims=True), outside, face)
-
-
-def _unit_rows(rows: Array) -> Array:
-    length = np.linalg.norm(rows, axis=1, keepdims=True)
-    return np.asarray(rows / np.where(length > 0.0, length, 1.0))
 
 
 def volume_of(primitive: Primitive) -> float:

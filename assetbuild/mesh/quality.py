@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from assetbuild.mesh.triangles import Indices, TriangleMesh
-from assetbuild.mesh.volume import area, face_areas
+from assetbuild.mesh.volume import face_areas
 from assetbuild.robot.pose import Array
 
 SAMPLES = 6000
@@ -25,6 +25,15 @@ class Distance:
     mean_m: float
     p99_m: float
     max_m: float
+
+    @classmethod
+    def of(cls, there: Array, back: Array) -> Distance:
+        """From the distances of samples of each surface to the other, m."""
+        return cls(
+            mean_m=float(there.mean() + back.mean()) / 2.0,
+            p99_m=float(max(np.quantile(there, 0.99), np.quantile(back, 0.99))),
+            max_m=float(max(there.max(), back.max())),
+        )
 
 
 def surface_samples(mesh: TriangleMesh, count: int, seed: int) -> tuple[Array, Indices]:
@@ -126,14 +135,4 @@ def surface_distance(a: TriangleMesh, b: TriangleMesh, *, samples: int = SAMPLES
     """Two-sided distance between surfaces from `samples` points on each, seeds 0 and 1."""
     from_a = NearestSurface(b).distance(surface_samples(a, samples, 0)[0])
     from_b = NearestSurface(a).distance(surface_samples(b, samples, 1)[0])
-    return Distance(
-        mean_m=float(from_a.mean() + from_b.mean()) / 2.0,
-        p99_m=float(max(np.quantile(from_a, 0.99), np.quantile(from_b, 0.99))),
-        max_m=float(max(from_a.max(), from_b.max())),
-    )
-
-
-def area_ratio(changed: TriangleMesh, original: TriangleMesh) -> float:
-    """Area of one surface / area of the other; 0.0 when the original has none."""
-    whole = area(original)
-    return area(changed) / whole if whole > 0.0 else 0.0
+    return Distance.of(from_a, from_b)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import io
 import posixpath
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
 
-from assetbuild.errors import StepError
+from assetbuild.errors import StepError, one_line
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.companions import picture_of_map, relative_name
 from assetbuild.mesh.dae import SKIPPED, read_dae
@@ -18,6 +18,7 @@ from assetbuild.mesh.gltf import read_gltf
 from assetbuild.mesh.material import (
     MaterialPart,
     Rgba,
+    SourceMesh,
     SurfaceMaterial,
     colours_finding,
     group_by_material,
@@ -50,20 +51,6 @@ NO_MTL = Rule(
 )
 
 
-@dataclass(frozen=True, eq=False)
-class SourceMesh:
-    """What a mesh file holds: parts by material, order of first appearance; metres.
-
-    pictures: those that lie inside the file, as PNG, by the name that materials use.
-    up_axis: what the file says when that is not Z.
-    """
-
-    parts: tuple[MaterialPart, ...]
-    findings: tuple[Finding, ...] = ()
-    pictures: Mapping[str, bytes] = field(default_factory=dict)
-    up_axis: str | None = None
-
-
 def read_mesh(
     data: bytes,
     format: Format,
@@ -74,6 +61,7 @@ def read_mesh(
 ) -> SourceMesh:
     """The surfaces of a mesh file, checked: finite, indices in range, not empty.
 
+    Its `up_axis` is None where that is Z already.
     up_axis: "ignore" takes the numbers as they are, which is what URDF viewers do and what most
     files with a false Y_UP need; "honour" turns X_UP and Y_UP to Z_UP.
     companions: other files that it names, by `relative_name`: the MTL files of an OBJ, the
@@ -82,26 +70,23 @@ def read_mesh(
     """
     if not data:
         raise StepError(f"{subject}: the file is empty")
-    stated: str | None = None
-    pictures: Mapping[str, bytes] = {}
     if format == "dae":
-        dae = read_dae(data, subject)
-        parts, stated, findings = dae.parts, dae.up_axis, list(dae.findings)
+        mesh = read_dae(data, subject)
     elif format == "obj":
-        parts, findings = _read_obj(data, companions or {}, subject)
+        mesh = _read_obj(data, companions or {}, subject)
     elif format in ("glb", "gltf"):
-        stated = "Y_UP"  # by definition
-        parts, pictures, findings = read_gltf(data, format, companions or {}, subject)
+        mesh = read_gltf(data, format, companions or {}, subject)
     elif format == "ply":
-        parts, findings = _read_ply(data, subject)
+        mesh = _read_ply(data, subject)
     else:
-        parts, findings = _read_stl(data, subject), []
-    if stated is not None and stated in TO_Z_UP:
-        parts, finding = _turned(parts, stated, up_axis, subject)
-        findings.append(finding)
-    _refuse_unusable(parts, subject)
-    up = stated if stated in TO_Z_UP else None
-    return SourceMesh(parts, tuple(findings), pictures, up)
+        mesh = SourceMesh((MaterialPart(SurfaceMaterial(), read_stl(data, subject)),))
+    if mesh.up_axis is not None and mesh.up_axis in TO_Z_UP:
+        parts, finding = _turned(mesh.parts, mesh.up_axis, up_axis, subject)
+        mesh = replace(mesh, parts=parts, findings=(*mesh.findings, finding))
+    else:
+        mesh = replace(mesh, up_axis=None)
+    _refuse_unusable(mesh.parts, subject)
+    return mesh
 
 
 def _turned(
@@ -139,13 +124,7 @@ def _refuse_unusable(parts: tuple[MaterialPart, ...], subject: str) -> None:
             raise StepError(f"{subject}: vertex {first} is not a finite number")
 
 
-def _read_stl(data: bytes, subject: str) -> tuple[MaterialPart, ...]:
-    return (MaterialPart(SurfaceMaterial(), read_stl(data, subject)),)
-
-
-def _read_obj(
-    data: bytes, companions: Mapping[str, bytes], subject: str
-) -> tuple[tuple[MaterialPart, ...], list[Finding]]:
+def _read_obj(data: bytes, companions: Mapping[str, bytes], subject: str) -> SourceMesh:
     obj = parse_obj(data, subject)
     found: dict[str, SurfaceMaterial] = {}
     missing = []
@@ -156,11 +135,11 @@ def _read_obj(
         else:
             missing.append(stated)
     placed = []
-    for group in obj.groups:
-        material = SurfaceMaterial(name=group.material)
-        placed.append((found.get(group.material or "", material), obj.mesh_of(group)))
-    findings = list(_obj_findings(sorted(missing), obj.skipped, subject))
-    return group_by_material(placed), [*findings, *colours_finding(obj.has_colours, subject)]
+    for material, mesh in obj.parts:
+        placed.append((found.get(material or "", SurfaceMaterial(name=material)), mesh))
+    findings = _obj_findings(sorted(missing), obj.skipped, subject)
+    coloured = colours_finding(obj.has_colours, subject)
+    return SourceMesh(group_by_material(placed), (*findings, *coloured))
 
 
 def _obj_findings(
@@ -216,7 +195,7 @@ def _colour(
     return None if rgb is None else (*rgb, alpha)
 
 
-def _read_ply(data: bytes, subject: str) -> tuple[tuple[MaterialPart, ...], list[Finding]]:
+def _read_ply(data: bytes, subject: str) -> SourceMesh:
     import trimesh
 
     try:
@@ -225,13 +204,12 @@ def _read_ply(data: bytes, subject: str) -> tuple[tuple[MaterialPart, ...], list
         polygons = np.asarray(read.get("faces", ()), dtype=np.int64)
         vertices = np.asarray(read.get("vertices", ()), dtype=np.float64).reshape(-1, 3)
     except Exception as error:  # trimesh's reader raises many kinds on broken files
-        raise StepError(f"{subject}: not readable as PLY: {_one_line(error)}") from error
+        raise StepError(
+            f"{subject}: not readable as PLY: {type(error).__name__}: {one_line(error)}"
+        ) from error
     corners = polygons.shape[1] if polygons.ndim == 2 else 3
     fans = fan_triangles(np.full(len(polygons), corners))
     mesh = TriangleMesh(vertices, polygons.reshape(-1)[fans].reshape(-1, 3))
     colours = read.get("vertex_colors") is not None or read.get("face_colors") is not None
-    return (MaterialPart(SurfaceMaterial(), mesh),), list(colours_finding(colours, subject))
-
-
-def _one_line(error: object) -> str:
-    return f"{type(error).__name__}: " + " ".join(str(error).split())[:200]
+    part = MaterialPart(SurfaceMaterial(), mesh)
+    return SourceMesh((part,), tuple(colours_finding(colours, subject)))

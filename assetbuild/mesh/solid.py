@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from assetbuild.mesh.hull import hull_planes
-from assetbuild.mesh.primitives import Primitive, signed_distance, tessellate
+from assetbuild.errors import StepError
+from assetbuild.mesh.hull import beyond, convex_hull, hull_planes
+from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.triangles import TriangleMesh, face_normals
 from assetbuild.mesh.volume import is_closed
+from assetbuild.robot.model import Primitive
 from assetbuild.robot.pose import IDENTITY, Array, Pose
 
 RAYS = ((0.31, 0.67, 0.67), (-0.8, 0.36, 0.48), (0.1, -0.2, -0.97))
@@ -21,8 +24,8 @@ CROSSINGS = 64
 """Most surfaces that one ray is followed through."""
 
 
-CHUNK = 512
-"""Points tested against all planes at once: a table of 512 x 24,000 numbers is 100 MB."""
+Distance = Callable[[Array], Array]
+"""Points (n, 3) of a body's frame to (n,) signed distances in m, negative inside."""
 
 
 class Solid:
@@ -77,32 +80,46 @@ class Solid:
 
 @dataclass(frozen=True, eq=False)
 class ConvexPiece:
-    """One convex piece: a hull mesh, or a primitive with its pose."""
+    """One convex piece: a hull mesh in the common frame, or a primitive with its pose."""
 
-    hull: TriangleMesh | None = None
-    primitive: Primitive | None = None
+    solid: TriangleMesh | Primitive
     X_frame_piece: Pose = IDENTITY
 
     def distance(self, points: Array) -> Array:
         """(n,) signed: exact sign; outside a hull it is a lower bound of the distance. m."""
-        if self.primitive is not None:
-            return signed_distance(self.primitive, self.X_frame_piece.inverse().apply(points))
-        if self.hull is None:
-            raise ValueError("a piece is a hull or a primitive")
-        planes = hull_planes(self.hull)
-        chunks = [
-            (points[k : k + CHUNK] @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-            for k in range(0, len(points), CHUNK)
-        ]
-        return np.concatenate([np.zeros(0), *chunks])
+        if isinstance(self.solid, TriangleMesh):
+            return beyond(hull_planes(self.solid), points)
+        return signed_distance(self.solid, self.X_frame_piece.inverse().apply(points))
 
     def surface(self) -> TriangleMesh:
         """Its triangles in the common frame."""
-        if self.primitive is not None:
-            return tessellate(self.primitive).placed(self.X_frame_piece)
-        if self.hull is None:
-            raise ValueError("a piece is a hull or a primitive")
-        return self.hull
+        if isinstance(self.solid, TriangleMesh):
+            return self.solid
+        return tessellate(self.solid).placed(self.X_frame_piece)
+
+
+def distance_to(solid: Primitive | Array, X_body_solid: Pose) -> Distance:
+    """Signed distance from a primitive, or from the convex hull of points (n, 3).
+
+    Outside an edge of a hull the nearest plane is told, which is less than the distance; of points
+    in one plane, which have no hull, the distance from their axis-aligned box.
+    """
+    X_solid_body = X_body_solid.inverse()
+    if not isinstance(solid, np.ndarray):
+        return lambda points: signed_distance(solid, X_solid_body.apply(points))
+    try:
+        planes = hull_planes(convex_hull(solid))
+    except StepError:  # flat: no inside
+        lower, upper = solid.min(axis=0), solid.max(axis=0)
+        return lambda points: _beyond_box(lower, upper, X_solid_body.apply(points))
+    return lambda points: beyond(planes, X_solid_body.apply(points))
+
+
+def _beyond_box(lower: Array, upper: Array, points: Array) -> Array:
+    """(n,) distance of each point from a box without inside; zero in it."""
+    apart = np.maximum(np.maximum(lower - points, points - upper), 0.0)
+    distance: Array = np.linalg.norm(apart, axis=1)
+    return distance
 
 
 def sobol(count: int, lower: Array, upper: Array, seed: int = 0) -> Array:

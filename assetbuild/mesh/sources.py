@@ -2,105 +2,79 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from dataclasses import dataclass
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+import numpy as np
 
-from assetbuild.mesh.cover import Probe
-from assetbuild.mesh.primitives import Primitive
-from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
-from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3
+from assetbuild.mesh.primitives import BY_NAME, resized, sizes_of
+from assetbuild.robot.model import Primitive
+from assetbuild.robot.pose import IDENTITY, Array, Pose, Vec3
 
-
-class PrimitiveSource(BaseModel):
-    """A primitive as plain data, tagged so that equal numbers of another kind differ."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    type: Literal["Box", "Sphere", "Cylinder", "Capsule"]
-    size: Vec3 | None = None
-    radius: float | None = Field(None, gt=0)
-    length: float | None = Field(None, ge=0)
-
-    @model_validator(mode="after")
-    def _complete(self) -> PrimitiveSource:
-        needed = {"Box": {"size"}, "Sphere": {"radius"}}.get(self.type, {"radius", "length"})
-        given = {name for name in ("size", "radius", "length") if getattr(self, name) is not None}
-        if given != needed:
-            raise ValueError(f"a {self.type} has {sorted(needed)}, not {sorted(given)}")
-        return self
-
-    @property
-    def geometry(self) -> Primitive:
-        """The primitive of the robot model."""
-        if self.size is not None:
-            return Box(self.size)
-        radius, length = self.radius or 0.0, self.length or 0.0
-        if self.type == "Sphere":
-            return Sphere(radius)
-        return Cylinder(radius, length) if self.type == "Cylinder" else Capsule(radius, length)
+SEGMENT = 25
+"""Points along the axis of a probe."""
 
 
-class PlacedSource(BaseModel):
+@dataclass(frozen=True)
+class PlacedSource:
     """One source shape: a mesh (its input folder) or a primitive, with its pose.
 
-    xyz, quat: of the shape in the output frame, m and wxyz.
+    kind: the class of a primitive by name, so that equal sizes of another kind differ; sizes: its
+    own, as `sizes_of` lists them, m. pose: of the shape in the output frame.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     folder: str | None = None
-    primitive: PrimitiveSource | None = None
-    xyz: Vec3 = (0.0, 0.0, 0.0)
-    quat: Quat = (1.0, 0.0, 0.0, 0.0)
+    kind: str | None = None
+    sizes: tuple[float, ...] = ()
+    pose: Pose = IDENTITY
 
-    @model_validator(mode="after")
-    def _one(self) -> PlacedSource:
-        if (self.folder is None) == (self.primitive is None):
+    def __post_init__(self) -> None:
+        if (self.folder is None) == (self.kind is None):
             raise ValueError("a source is either a mesh folder or a primitive")
-        return self
 
     @classmethod
-    def of_mesh(cls, folder: str, pose: Pose | None = None) -> PlacedSource:
-        """The converted mesh in the input folder `folder`; no pose = the output frame."""
-        at = pose or IDENTITY
-        return cls(folder=folder, xyz=at.xyz, quat=at.quat)
+    def of_mesh(cls, folder: str, pose: Pose = IDENTITY) -> PlacedSource:
+        """The converted mesh in the input folder `folder`."""
+        return cls(folder=folder, pose=pose)
 
     @classmethod
-    def of_primitive(cls, geometry: Primitive, pose: Pose | None = None) -> PlacedSource:
-        """A primitive of the source; no pose = the output frame."""
-        at = pose or IDENTITY
-        values = {name: getattr(geometry, name) for name in geometry.__dataclass_fields__}
-        plain = PrimitiveSource.model_validate({"type": type(geometry).__name__, **values})
-        return cls(primitive=plain, xyz=at.xyz, quat=at.quat)
+    def of_primitive(cls, geometry: Primitive, pose: Pose = IDENTITY) -> PlacedSource:
+        """A primitive of the source."""
+        return cls(kind=type(geometry).__name__, sizes=sizes_of(geometry), pose=pose)
 
     @property
-    def pose(self) -> Pose:
-        """X_frame_shape."""
-        return Pose(self.xyz, self.quat)
+    def primitive(self) -> Primitive | None:
+        """The primitive of the robot model, if it is one."""
+        return None if self.kind is None else resized(BY_NAME[self.kind], self.sizes)
 
 
-class ProbeSource(BaseModel):
-    """A place that pieces must leave open, or follow closely. start, end: output frame, m."""
+@dataclass(frozen=True)
+class Probe:
+    """A capsule, or a ball when both ends are one, in the frame of the mesh: a place. m.
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    max_outside: how far pieces may stick out of the mesh there; None: none may enter.
+    """
 
     start: Vec3
     end: Vec3
-    radius: float = Field(0.0, ge=0)
-    max_outside: float | None = Field(None, ge=0)
-    """m; None: nothing may enter."""
+    radius: float = 0.0
+    max_outside: float | None = None
 
-    @property
-    def probe(self) -> Probe:
-        """As the metrics take it."""
-        return Probe(self.start, self.end, self.radius)
+    def distance(self, points: Array) -> Array:
+        """(n,) signed distances of points (n, 3) to the probe, m."""
+        start, along = np.asarray(self.start), np.subtract(self.end, self.start)
+        length = float(along @ along)
+        share = np.clip((points - start) @ along / length, 0.0, 1.0) if length else np.zeros(1)
+        nearest = start + np.multiply.outer(share, along)
+        return np.asarray(np.linalg.norm(points - nearest, axis=1) - self.radius)
+
+    def axis(self) -> Array:
+        """(SEGMENT, 3) points from end to end."""
+        return np.linspace(self.start, self.end, SEGMENT)
 
 
-class Likeness(BaseModel):
+@dataclass(frozen=True)
+class Likeness:
     """Another mesh has the same shape: p = signs * p_other + shift, per axis."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     signs: Vec3
     shift: Vec3

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from assetbuild.robot.pose import Array, Pose, Vec3, vec3
+from assetbuild.robot.pose import Array, Pose, Vec3
 
 Indices = NDArray[np.int64]
 
@@ -83,13 +83,10 @@ class TriangleMesh:
         moved = (self.vertices * diagonal if straight else self.vertices @ a.T) + b
         normals = self.normals
         if normals is not None:
-            normals = unit_vectors(normals @ np.linalg.inv(a))
+            # Times the sign: those of a mirrored surface are outward, and `flipped` turns them.
+            normals = sign * unit_vectors(normals @ np.linalg.inv(a))
         out = replace(self, vertices=moved, normals=normals)
-        if sign > 0.0:
-            return out
-        # Mirrored: the normals are outward already; `flipped` turns them, so turn them back.
-        turned = out.flipped()
-        return replace(turned, normals=None if turned.normals is None else -turned.normals)
+        return out if sign > 0.0 else out.flipped()
 
     def placed(self, pose: Pose) -> TriangleMesh:
         """The mesh given in the child frame of `pose`, in its parent frame."""
@@ -134,9 +131,3 @@ def fan_triangles(counts: Indices) -> Indices:
     first = np.repeat(starts, fans)
     step = np.arange(int(fans.sum())) - np.repeat(np.cumsum(fans) - fans, fans)
     return np.stack([first, first + step + 1, first + step + 2], axis=1).astype(np.int64)
-
-
-def bounds_of(mesh: TriangleMesh) -> tuple[Vec3, Vec3]:
-    """(lower, upper) as plain floats, m."""
-    lower, upper = mesh.bounds
-    return vec3(lower), vec3(upper)

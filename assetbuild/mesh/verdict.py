@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.cover import Quality, Reference, blocked_by, outside_in
 from assetbuild.mesh.solid import ConvexPiece
-from assetbuild.mesh.sources import ProbeSource
+from assetbuild.mesh.sources import Probe
 
 MISSING = 0.5
 """Share of the volume without collision that no tolerance explains: a method went wrong."""
@@ -57,7 +57,7 @@ def verdict(
     *,
     how: str,
     tolerances: Tolerances,
-    places: Sequence[ProbeSource],
+    places: Sequence[Probe],
     max_hulls: int | None,
 ) -> Iterator[Finding]:
     """All findings about the pieces of one mesh. how: the method in words."""
@@ -155,11 +155,11 @@ def _places(
     subject: str,
     reference: Reference,
     pieces: Sequence[ConvexPiece],
-    places: Sequence[ProbeSource],
+    places: Sequence[Probe],
 ) -> Iterator[Finding]:
     for number, place in enumerate(places):
         if place.max_outside is None:
-            count = sum(blocked_by(piece, place.probe) for piece in pieces)
+            count = sum(blocked_by(piece, place) for piece in pieces)
             if count:
                 yield CLOSED(
                     subject,
@@ -168,7 +168,7 @@ def _places(
                     data={"probe": number + 1, "pieces": count},
                 )
             continue
-        found = outside_in(reference, pieces, place.probe)
+        found = outside_in(reference, pieces, place)
         if found > place.max_outside:
             yield REGION(
                 subject,

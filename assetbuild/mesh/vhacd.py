@@ -44,10 +44,7 @@ def vhacd_parts(
     max_hulls is a budget that V-HACD nearly always uses up and never exceeds.
     """
 
-    def work() -> list[TriangleMesh]:
-        return list(_parts(mesh, options, max_hulls, max_vertices))
-
-    return run_apart(work, limits)
+    return run_apart(lambda: _parts(mesh, options, max_hulls, max_vertices), limits)
 
 
 def _parts(

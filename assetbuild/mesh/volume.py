@@ -27,18 +27,6 @@ def signed_volume(mesh: TriangleMesh) -> float:
     return float(_cone_volumes(mesh)[0].sum())
 
 
-def centroid(mesh: TriangleMesh) -> Array:
-    """(3,) centre of the enclosed volume, m; of the surface when the volume is zero."""
-    cones, about = _cone_volumes(mesh)
-    total = float(cones.sum())
-    if total != 0.0 and is_closed(mesh):
-        tips = (mesh.corners - about).sum(axis=1) / 4.0
-        return np.asarray(about + cones @ tips / total, dtype=np.float64)
-    areas = face_areas(mesh)
-    middle = mesh.corners.mean(axis=1)
-    return np.asarray(areas @ middle / max(float(areas.sum()), 1e-300), dtype=np.float64)
-
-
 def solid_moments(mesh: TriangleMesh) -> tuple[float, Array, Array]:
     """Volume m3, centroid (3,) m, and inertia (3, 3) m5 about it, of a closed mesh of density 1.
 

@@ -35,7 +35,7 @@ from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Shapes, Tree
+from assetbuild.robot.model import SourceShapes, Tree
 from assetbuild.samples.state_ranges import StateRanges
 from assetbuild.source.export import lint_export
 from assetbuild.source.plan import Description, SourceFiles, description_of, open_source
@@ -102,7 +102,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
 
     if geometry is None:
         return outline
-    geometry.shapes = decode(Shapes, shapes)
+    geometry.shapes = decode(SourceShapes, shapes)
     assembled = assemble(loaded, decode(Tree, links), geometry, edited["shapes.json"], sides, p)
     lint_meshes(edited["links.json"], edited["shapes.json"], geometry, p)
     outline.subjects = geometry.subjects
@@ -179,7 +179,7 @@ def _geometry(
     meshes, shapes = p.ask(read.meshes), p.ask(read.robot["shapes.json"])
     if meshes is None or shapes is None:
         return None
-    drawn = decode(Shapes, shapes)
+    drawn = decode(SourceShapes, shapes)
     files = read.files
     if files is None:
         files = source.meshes(json.loads(meshes), description.path)

@@ -11,7 +11,7 @@ from assetbuild.geometry.plan import Geometry
 from assetbuild.kinds import Edit
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Mesh, Shapes, Tree
+from assetbuild.robot.model import MeshFile, SourceShapes, Tree
 
 Key = tuple[str | int, ...]
 
@@ -38,10 +38,10 @@ def apply_edits(
             return None
         _check_patterns(loaded, edit, key, decode(Tree, links))
         inputs = dict(robot)
-        for index, shape in enumerate(edit.meshes(decode(Shapes, shapes))):
+        for index, shape in enumerate(edit.meshes(decode(SourceShapes, shapes))):
             if geometry is None:
                 return None
-            assert isinstance(shape.geometry, Mesh)  # noqa: S101 # that is what it asked for
+            assert isinstance(shape.geometry, MeshFile)  # noqa: S101 # that is what it asked for
             node = geometry.converted(shape.geometry)
             inputs[f"mesh/{index}/parts/"] = node["parts/"]
             inputs[f"mesh/{index}/mesh.json"] = node["mesh.json"]

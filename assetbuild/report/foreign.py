@@ -81,7 +81,7 @@ def _urdf_facts(path: Path) -> Facts:
         packages = named_packages(path.read_bytes())
         ports.run(ReadUrdf(file=path.name, base="floating", packages=packages))
         robot = RobotFiles(ports.folder)
-        facts = robot_facts(merge_fixed_joints(robot.links, True, ())[0], robot.shapes, None)
+        facts = robot_facts(merge_fixed_joints(robot.links, True, ())[0], robot.source_shapes, None)
     del facts["robot", "robot", "base"]  # a URDF does not say
     return facts
 

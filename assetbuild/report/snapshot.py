@@ -19,7 +19,7 @@ import numpy as np
 from assetbuild.errors import UsageError
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.inertia import principal_moments, total_mass
-from assetbuild.robot.model import Control, Mesh, Shape, Shapes, Tree
+from assetbuild.robot.model import Control, Mesh, MeshFile, Placed, Shapes, SourceShapes, Tree
 from assetbuild.simulators.readings import FALL, HEIGHT, fall_m
 
 Value = float | str | tuple[float, ...] | None
@@ -90,7 +90,7 @@ def _motion_facts(tree: Tree, control: Control, checks: Mapping[str, Any]) -> Fa
     return facts
 
 
-def robot_facts(tree: Tree, shapes: Shapes, control: Control | None) -> Facts:
+def robot_facts(tree: Tree, shapes: Shapes | SourceShapes, control: Control | None) -> Facts:
     """Of the robot model; without control (a bare URDF) nothing is said of drives and time."""
     facts: Facts = {
         ("robot", "robot", "base"): tree.base,
@@ -116,12 +116,12 @@ def robot_facts(tree: Tree, shapes: Shapes, control: Control | None) -> Facts:
     return facts
 
 
-def _collision_facts(tree: Tree, shapes: Shapes, facts: Facts) -> None:
+def _collision_facts(tree: Tree, shapes: Shapes | SourceShapes, facts: Facts) -> None:
     sizes: dict[str, list[str]] = {}
     kinds: dict[str, dict[str, int]] = {body.name: {} for body in tree.bodies}
     for shape in shapes.of("collision"):
         of_body = kinds[tree.placement(shape.link)[0]]
-        kind = type(shape.geometry).__name__.lower()
+        kind = type(shape.geometry).__name__.lower().removesuffix("file")
         of_body[kind] = of_body.get(kind, 0) + 1
         sizes.setdefault(tree.placement(shape.link)[0], []).append(_size_text(shape))
     for body, found in kinds.items():
@@ -129,11 +129,13 @@ def _collision_facts(tree: Tree, shapes: Shapes, facts: Facts) -> None:
         facts["body", body, "collision sizes, m"] = _shortened("; ".join(sizes.get(body, [])))
 
 
-def _size_text(shape: Shape) -> str:
+def _size_text(shape: Placed) -> str:
     """Size and place of one piece; of a mesh its name, which holds part of its digest."""
     geometry = shape.geometry
     if isinstance(geometry, Mesh):
         size = geometry.mesh
+    elif isinstance(geometry, MeshFile):
+        size = geometry.path
     else:
         numbers = np.ravel([np.asarray(value) for value in vars(geometry).values()])
         size = " x ".join(f"{value:.4g}" for value in numbers)

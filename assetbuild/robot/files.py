@@ -6,7 +6,7 @@ from functools import cached_property
 from pathlib import Path
 
 from assetbuild.robot.codec import decode_file
-from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.robot.model import Control, Shapes, SourceShapes, Tree
 from assetbuild.robot.source import SourceControl
 
 
@@ -31,8 +31,13 @@ class RobotFiles:
 
     @cached_property
     def shapes(self) -> Shapes:
-        """Visual and collision shapes with their materials."""
+        """Visual and collision shapes with their materials, as `assemble` writes them."""
         return decode_file(Shapes, self.folder / "shapes.json")
+
+    @cached_property
+    def source_shapes(self) -> SourceShapes:
+        """The same as the source describes them, which is what stands there before `assemble`."""
+        return decode_file(SourceShapes, self.folder / "shapes.json")
 
     @cached_property
     def control(self) -> Control:

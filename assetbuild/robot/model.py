@@ -199,18 +199,29 @@ class Capsule:
     length: float
 
 
-@dataclass(frozen=True)
-class Mesh:
-    """mesh: before `assemble` the path of a source file, afterwards the name of a `MeshAsset`.
+Primitive = Box | Sphere | Cylinder | Capsule
 
-    scale: per axis; it is baked into the asset by the conversion, so it is 1 afterwards.
+
+@dataclass(frozen=True)
+class MeshFile:
+    """A mesh as a source names it. path: below the source's root; scale: per axis.
+
+    `assemble` puts `Mesh`es in the places of all of them.
     """
 
-    mesh: str
+    path: str
     scale: Vec3 = (1.0, 1.0, 1.0)
 
 
-Geometry = Box | Sphere | Cylinder | Capsule | Mesh
+@dataclass(frozen=True)
+class Mesh:
+    """mesh: name of a `MeshAsset`, whose vertices are in metres whatever its source's scale."""
+
+    mesh: str
+
+
+SourceGeometry = Primitive | MeshFile
+Geometry = Primitive | Mesh
 
 
 @dataclass(frozen=True)
@@ -223,20 +234,34 @@ class Material:
 
 
 @dataclass(frozen=True)
-class Shape:
-    """One piece of geometry.
+class Placed:
+    """One piece of geometry at its place.
 
     name: unique among the shapes of the robot.
     link: the source link that carries it (see `Tree.placement`).
-    material: name of one of `Shapes.materials`; None = the format's default. Collision has none.
+    material: name of one of the robot's materials; None = the format's default. Collision has none.
     """
 
     name: str
     link: str
     role: Role
-    geometry: Geometry
+    geometry: Primitive | MeshFile | Mesh
     X_link_shape: Pose = IDENTITY
     material: str | None = None
+
+
+@dataclass(frozen=True)
+class SourceShape(Placed):
+    """As the source describes it, edits included: what the build has not converted yet."""
+
+    geometry: SourceGeometry
+
+
+@dataclass(frozen=True)
+class Shape(Placed):
+    """As `assemble` writes it, and as all targets and checks read it."""
+
+    geometry: Geometry
 
 
 @dataclass(frozen=True)
@@ -251,6 +276,18 @@ class MeshAsset:
     vertices: int
     faces: int
     convex: bool = False
+
+
+@dataclass(frozen=True)
+class SourceShapes:
+    """All geometry that a source describes."""
+
+    shapes: tuple[SourceShape, ...] = ()
+    materials: tuple[Material, ...] = ()
+
+    def of(self, role: Role) -> tuple[SourceShape, ...]:
+        """The shapes of one role, in order."""
+        return tuple(shape for shape in self.shapes if shape.role == role)
 
 
 @dataclass(frozen=True)

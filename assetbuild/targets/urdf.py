@@ -204,10 +204,8 @@ def _add_geometry(parent: ET.Element, geometry: Geometry, file: str) -> None:
             ET.SubElement(parent, "sphere", radius=repr(radius))
         case Cylinder(radius, length):
             ET.SubElement(parent, "cylinder", radius=repr(radius), length=repr(length))
-        case Mesh(scale=scale):
-            element = ET.SubElement(parent, "mesh", filename=file)
-            if scale != (1.0, 1.0, 1.0):
-                element.set("scale", _words(scale))
+        case Mesh():
+            ET.SubElement(parent, "mesh", filename=file)
         case Capsule():
             raise TypeError("a capsule is written as its pieces")
 

@@ -121,7 +121,7 @@ def pieces_of(model: mujoco.MjModel, body: str) -> list[ConvexPiece]:
             mujoco.mjtGeom.mjGEOM_CYLINDER: lambda s: Cylinder(s[0], 2 * s[1]),
         }[mujoco.mjtGeom(int(geom.type[0]))](size)
         pose = Pose(tuple(geom.pos.tolist()), tuple(geom.quat.tolist()))
-        found.append(ConvexPiece(None, solid, pose))
+        found.append(ConvexPiece(solid, pose))
     return found
 
 

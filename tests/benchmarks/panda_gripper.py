@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from links import load_link
 
-from assetbuild.collision import PlacedSource, ProbeSource
+from assetbuild.collision import PlacedSource, Probe
 from assetbuild.collision.auto import PRESETS, Auto
 from assetbuild.collision.hull import Hull
 from assetbuild.mesh.cover import Reference, blocked_by
@@ -33,7 +33,7 @@ SHARE = 0.6
 """Of the deepest ball: the probe."""
 
 
-def deepest(reference: Reference) -> ProbeSource:
+def deepest(reference: Reference) -> Probe:
     """The largest ball between the mesh and its hull that lies wholly inside the hull."""
     points = sobol(2**13, *reference.mesh.bounds)
     points = points[~reference.solid.contains(points)]
@@ -42,7 +42,7 @@ def deepest(reference: Reference) -> ProbeSource:
     )
     best = int(np.argmax(room))
     x, y, z = (float(v) for v in np.round(points[best], 4))
-    return ProbeSource(start=(x, y, z), end=(x, y, z), radius=round(SHARE * float(room[best]), 4))
+    return Probe(start=(x, y, z), end=(x, y, z), radius=round(SHARE * float(room[best]), 4))
 
 
 def gripper() -> TriangleMesh:
@@ -53,11 +53,11 @@ def gripper() -> TriangleMesh:
     return cleaned(merged([load_link("panda_hand"), finger.placed(left), finger.placed(right)]))
 
 
-GAP = ProbeSource(start=(0.0, -0.03, 0.1), end=(0.0, 0.03, 0.1), radius=0.008)
+GAP = Probe(start=(0.0, -0.03, 0.1), end=(0.0, 0.03, 0.1), radius=0.008)
 """Between the pads, 10 mm clear of either."""
 
 
-def cases() -> Iterator[tuple[str, Reference, ProbeSource]]:
+def cases() -> Iterator[tuple[str, Reference, Probe]]:
     """(name, mesh, the place that must stay open)."""
     for link in ("panda_finger", "panda_hand"):
         reference = Reference(load_link(link))
@@ -65,7 +65,7 @@ def cases() -> Iterator[tuple[str, Reference, ProbeSource]]:
     yield "panda_gripper", Reference(gripper()), GAP
 
 
-def picture(cuts: dict[str, Sequence[ConvexPiece]], probe: ProbeSource, r: Reference) -> str:
+def picture(cuts: dict[str, Sequence[ConvexPiece]], probe: Probe, r: Reference) -> str:
     """Cuts through the probe, x to the right and z up: mesh grey, pieces blue, probe red."""
     low, high = r.mesh.bounds
     step = r.diagonal / 200

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from links import LINKS, load_link
 
-from assetbuild.collision import PlacedSource, hulls
+from assetbuild.collision import PlacedSource
 from assetbuild.collision.auto import PRESETS, Auto
 from assetbuild.collision.hull import Hull
 from assetbuild.mesh.coacd import CoAcdOptions, coacd_parts
@@ -43,13 +43,14 @@ def _vhacd(count: int) -> Method:
     def run(mesh: TriangleMesh) -> Sequence[ConvexPiece]:
         options = VHacdOptions()
         parts = vhacd_parts(mesh, options, max_hulls=count, max_vertices=64, limits=LIMITS)
-        return hulls(parts)
+        return tuple(map(ConvexPiece, parts))
 
     return run
 
 
 def _coacd(mesh: TriangleMesh) -> Sequence[ConvexPiece]:
-    return hulls(coacd_parts(mesh, COACD, max_hulls=None, max_vertices=64, limits=LIMITS))
+    parts = coacd_parts(mesh, COACD, max_hulls=None, max_vertices=64, limits=LIMITS)
+    return tuple(map(ConvexPiece, parts))
 
 
 METHODS: dict[str, Method] = {

@@ -6,13 +6,22 @@ import math
 from pathlib import Path
 
 import pytest
-from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, write_robot_ports
+from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, write_source_ports
 
 from assetbuild.body.lint_bodies import LintBodies
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.inertia import InertiaBounds
-from assetbuild.robot.model import Body, Inertial, Joint, Limits, Shape, Shapes, Sphere, Tree
+from assetbuild.robot.model import (
+    Body,
+    Inertial,
+    Joint,
+    Limits,
+    SourceShape,
+    SourceShapes,
+    Sphere,
+    Tree,
+)
 
 BRICK = box_inertial(1.0, (0.1, 0.1, 0.1))
 
@@ -24,7 +33,7 @@ def body(mass: float, xx: float, yy: float, zz: float, xy: float = 0.0) -> Inert
 def lint(inertial: Inertial | None, tmp_path: Path, kind: str = "continuous") -> list[Finding]:
     joint = Joint("j", kind, "base", "arm")  # type: ignore[arg-type] # a literal
     tree = Tree("arm", "floating", (Body("base", BRICK), Body("arm", inertial)), (joint,))
-    inputs = write_robot_ports(tmp_path / "in", TinyRobot(tree, tree))
+    inputs = write_source_ports(tmp_path / "in", TinyRobot(tree, tree))
     return run_step(LintBodies(), inputs, tmp_path / "out")
 
 
@@ -34,7 +43,7 @@ def test_crossed_limits_are_an_error_in_what_is_simulated(
 ):
     joint = Joint("j", "revolute", "base", "arm", limits=Limits(-1.0, upper, 1.0, 1.0))
     tree = Tree("arm", "floating", (Body("base", BRICK), Body("arm", BRICK)), (joint,))
-    inputs = write_robot_ports(tmp_path / "in", TinyRobot(tree, tree))
+    inputs = write_source_ports(tmp_path / "in", TinyRobot(tree, tree))
     findings = run_step(LintBodies(), inputs, tmp_path / "out")
     assert [f.rule for f in findings] == rules
     assert all(f.severity == "error" for f in findings)
@@ -42,7 +51,7 @@ def test_crossed_limits_are_an_error_in_what_is_simulated(
 
 @pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()])
 def test_good_robots_have_no_findings(robot: TinyRobot, tmp_path: Path):
-    inputs = write_robot_ports(tmp_path / "in", robot)
+    inputs = write_source_ports(tmp_path / "in", robot)
     assert run_step(LintBodies(), inputs, tmp_path / "out") == []
 
 
@@ -80,8 +89,8 @@ def test_a_body_with_a_shape_is_no_denser_than_osmium(tmp_path: Path):
         inertial = body(mass, *(0.4 * mass * 0.02**2,) * 3)
         joint = Joint("j", "continuous", "base", "arm")
         tree = Tree("arm", "floating", (Body("base", BRICK), Body("arm", inertial)), (joint,))
-        shapes = Shapes((Shape("arm", "arm", "visual", Sphere(0.02)),))
-        inputs = write_robot_ports(tmp_path / f"{density}", TinyRobot(tree, tree, shapes))
+        shapes = SourceShapes((SourceShape("arm", "arm", "visual", Sphere(0.02)),))
+        inputs = write_source_ports(tmp_path / f"{density}", TinyRobot(tree, tree, shapes))
         found = run_step(LintBodies(), inputs, tmp_path / "out")
         assert [(f.rule, f.severity) for f in found] == expected
 
@@ -93,7 +102,7 @@ def test_a_massless_link_between_two_joints_is_told_and_no_error(tmp_path: Path)
     )
     bodies = (Body("base", BRICK), Body("between"), Body("arm", BRICK))
     tree = Tree("arm", "floating", bodies, joints)
-    inputs = write_robot_ports(tmp_path / "in", TinyRobot(tree, tree))
+    inputs = write_source_ports(tmp_path / "in", TinyRobot(tree, tree))
     (finding,) = run_step(LintBodies(), inputs, tmp_path / "out")
     assert (finding.rule, finding.severity) == ("inertia.between", "info")
     assert finding.subject == "link between"

@@ -5,18 +5,28 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, write_robot_ports
+from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, write_source_ports
 
 from assetbuild.body.lint_links import LintLinks
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Body, Box, Inertial, Joint, Limits, Mimic, Shape, Shapes, Tree
+from assetbuild.robot.model import (
+    Body,
+    Box,
+    Inertial,
+    Joint,
+    Limits,
+    Mimic,
+    SourceShape,
+    SourceShapes,
+    Tree,
+)
 
 BRICK = box_inertial(1.0, (0.1, 0.1, 0.1))
 
 
-def lint(tree: Tree, tmp_path: Path, shapes: Shapes | None = None) -> list[Finding]:
-    robot = TinyRobot(tree, tree, shapes or Shapes())
-    return run_step(LintLinks(), write_robot_ports(tmp_path / "in", robot), tmp_path / "out")
+def lint(tree: Tree, tmp_path: Path, shapes: SourceShapes | None = None) -> list[Finding]:
+    robot = TinyRobot(tree, tree, shapes or SourceShapes())
+    return run_step(LintLinks(), write_source_ports(tmp_path / "in", robot), tmp_path / "out")
 
 
 def arm(
@@ -30,7 +40,7 @@ def arm(
 
 @pytest.mark.parametrize("robot", [tiny_quadruped(), pendulum()])
 def test_good_robots_have_no_warning(robot: TinyRobot, tmp_path: Path):
-    inputs = write_robot_ports(tmp_path / "in", robot)
+    inputs = write_source_ports(tmp_path / "in", robot)
     told = run_step(LintLinks(), inputs, tmp_path / "out")
     assert [f for f in told if f.severity != "info"] == []
 
@@ -87,11 +97,11 @@ def test_a_long_slide_is_no_turn(tmp_path: Path):
 
 
 def test_a_link_seen_but_not_felt(tmp_path: Path):
-    visual = Shape("arm_visual", "arm", "visual", Box((0.1, 0.1, 0.1)))
-    (finding,) = lint(arm(), tmp_path, Shapes((visual,)))
+    visual = SourceShape("arm_visual", "arm", "visual", Box((0.1, 0.1, 0.1)))
+    (finding,) = lint(arm(), tmp_path, SourceShapes((visual,)))
     assert (finding.rule, finding.severity) == ("link.no_collision", "info")
-    solid = Shape("arm_collision", "arm", "collision", Box((0.1, 0.1, 0.1)))
-    assert lint(arm(), tmp_path / "b", Shapes((visual, solid))) == []
+    solid = SourceShape("arm_collision", "arm", "collision", Box((0.1, 0.1, 0.1)))
+    assert lint(arm(), tmp_path / "b", SourceShapes((visual, solid))) == []
 
 
 def test_mass_properties_are_no_errors_before_merging(tmp_path: Path):

@@ -14,7 +14,7 @@ from assetbuild.checks.coverage import Coverage, _length
 from assetbuild.findings import Finding
 from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.primitives import tessellate
-from assetbuild.mesh.solids import distance_to
+from assetbuild.mesh.solid import distance_to
 from assetbuild.mesh.triangles import merged
 from assetbuild.robot.model import Box, Capsule, Geometry, Mesh, MeshAsset, Shape, Shapes
 from assetbuild.robot.pose import Pose, Vec3

@@ -36,8 +36,8 @@ JOINT = joint("j", "clean", "open", "fixed", "", axis=None)
 def t_bar() -> TriangleMesh:
     """A T of two boxes, a manifold: CoACD's part."""
     boxes = [
-        ConvexPiece(None, Box((0.4, 0.1, 0.1)), Pose((0.0, 0.0, 0.2))),
-        ConvexPiece(None, Box((0.1, 0.1, 0.3))),
+        ConvexPiece(Box((0.4, 0.1, 0.1)), Pose((0.0, 0.0, 0.2))),
+        ConvexPiece(Box((0.1, 0.1, 0.3))),
     ]
     return union_of(boxes)[1]
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import shutil
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from tiny import run_step
 
-from assetbuild.collision import Likeness, PlacedSource, ProbeSource
+from assetbuild.collision import Likeness, PlacedSource, Probe
 from assetbuild.collision import auto as ladder
 from assetbuild.collision.auto import Auto
 from assetbuild.collision.coacd import CoAcd
@@ -42,7 +43,7 @@ TIGHT = {"max_outside": 0.1, "max_missing": 0.02, "max_overcover": 0.05, "vhacd"
 
 def solid(*boxes: tuple[tuple[float, float, float], tuple[float, float, float]]) -> TriangleMesh:
     """The union of boxes (size, centre)."""
-    return cleaned(union_of([ConvexPiece(None, Box(s), Pose(at)) for s, at in boxes])[1])
+    return cleaned(union_of([ConvexPiece(Box(s), Pose(at)) for s, at in boxes])[1])
 
 
 L_SHAPE = solid(((2, 1, 1), (1, 0.5, 0.5)), ((1, 2, 1), (0.5, 1, 0.5)))
@@ -51,7 +52,7 @@ GRIPPER = solid(
     ((0.2, 0.2, 0.8), (-0.4, 0, 0.4)),
     ((0.2, 0.2, 0.8), (0.4, 0, 0.4)),
 )
-GAP = ProbeSource(start=(0, -1, 0.5), end=(0, 1, 0.5), radius=0.2)
+GAP = Probe(start=(0, -1, 0.5), end=(0, 1, 0.5), radius=0.2)
 
 
 def fit(tmp_path: Path, method, mesh: TriangleMesh, run: str = "out"):
@@ -121,7 +122,7 @@ def test_a_hull_closes_the_gripper_and_auto_keeps_it_open(tmp_path):
 
 
 def test_a_region_may_be_tighter_than_the_rest(tmp_path):
-    region = GAP.model_copy(update={"max_outside": 0.01})
+    region = replace(GAP, max_outside=0.01)
     _, findings = fit(tmp_path, Hull(sources=MESH, probes=(region,)), GRIPPER)
     assert findings["collision.region"].data["found_m"] == pytest.approx(0.3, abs=0.05)
 

@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 from tiny import run_step
 
-from assetbuild.collision import CollisionMethod, PlacedSource, PrimitiveSource
+from assetbuild.collision import CollisionMethod, PlacedSource
 from assetbuild.collision.coacd import CoAcd
 from assetbuild.collision.explicit import Explicit, ExplicitPiece
 from assetbuild.collision.hull import Hull
@@ -245,17 +245,16 @@ def test_an_index_out_of_range_names_the_line(tmp_path):
         run_step(Hull(sources=MESH), tmp_path / "in", tmp_path)
 
 
-def test_a_primitive_source_says_what_it_lacks():
-    assert PrimitiveSource(type="Box", size=(1, 2, 3)).geometry == Box((1.0, 2.0, 3.0))
-    with pytest.raises(ValidationError, match="a Box has"):
-        PrimitiveSource(type="Box", radius=1.0)
-    with pytest.raises(ValidationError, match="either a mesh folder or a primitive"):
+def test_a_source_is_a_mesh_or_a_primitive():
+    for solid in (Box((1.0, 2.0, 3.0)), Sphere(0.1), Cylinder(0.1, 0.2), Capsule(0.1, 0.2)):
+        assert PlacedSource.of_primitive(solid).primitive == solid
+    with pytest.raises(ValueError, match="either a mesh folder or a primitive"):
         PlacedSource()
 
 
 def test_equal_numbers_of_another_kind_are_another_key():
     one, other = (PlacedSource.of_primitive(k(0.1, 0.2)) for k in (Cylinder, Capsule))
-    assert one.model_dump() != other.model_dump()
+    assert Hull(sources=(one,)).model_dump() != Hull(sources=(other,)).model_dump()
 
 
 def test_the_volume_of_a_ball_fitted_by_a_box_is_not_the_enclosing_box(tmp_path):
@@ -269,8 +268,8 @@ def test_the_volume_of_a_ball_fitted_by_a_box_is_not_the_enclosing_box(tmp_path)
 def two_bars() -> TriangleMesh:
     """A T of two boxes, as one solid: 0.4 x 0.1 x 0.1 m on a post of 0.1 x 0.1 x 0.3 m."""
     pieces = [
-        ConvexPiece(None, Box((0.4, 0.1, 0.1)), Pose((0.0, 0.0, 0.2))),
-        ConvexPiece(None, Box((0.1, 0.1, 0.3)), Pose((0.0, 0.0, 0.0))),
+        ConvexPiece(Box((0.4, 0.1, 0.1)), Pose((0.0, 0.0, 0.2))),
+        ConvexPiece(Box((0.1, 0.1, 0.3)), Pose((0.0, 0.0, 0.0))),
     ]
     return union_of(pieces)[1]
 
@@ -288,8 +287,8 @@ def test_two_boxes_are_found_in_a_t(tmp_path):
     [("capsule", "sphere"), pytest.param(("sphere", "capsule"), marks=pytest.mark.slow)],
 )
 def test_a_shin_is_a_capsule_and_its_foot_a_sphere(tmp_path, shape):
-    foot = ConvexPiece(None, Sphere(0.023), Pose((0.0, 0.0, -0.21)))
-    shin = ConvexPiece(None, Capsule(0.012, 0.2), Pose((0.0, 0.0, -0.1)))
+    foot = ConvexPiece(Sphere(0.023), Pose((0.0, 0.0, -0.21)))
+    shin = ConvexPiece(Capsule(0.012, 0.2), Pose((0.0, 0.0, -0.1)))
     method = FitPrimitive(sources=MESH, max_hulls=2, shape=shape)
     pieces, _, findings, _ = fit(tmp_path, method, union_of([foot, shin])[1])
     found = {type(piece.geometry): piece for piece in pieces}

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
+from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_source_ports
 
 from assetbuild.compose.compose_parts import ComposeParts, PartOn
 from assetbuild.errors import RecipeError
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Shapes, Tree
+from assetbuild.robot.model import SourceShapes, Tree
 from assetbuild.robot.mount import At, Mount
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.tree import forward_kinematics, sample_positions
@@ -24,12 +24,12 @@ ARM = PartOn(folder="arm_", prefix="arm_", at=AT)
 
 
 def put(folder: Path, robot: TinyRobot, file: str) -> None:
-    write_robot_ports(folder, robot)
+    write_source_ports(folder, robot)
     lines = {f"link {body.name}": 7 for body in robot.links.bodies}
     (folder / "source_map.json").write_text(json.dumps({"file": file, "lines": lines}))
 
 
-def composed(tmp_path: Path, *parts: PartOn) -> tuple[Tree, Shapes, dict, list]:
+def composed(tmp_path: Path, *parts: PartOn) -> tuple[Tree, SourceShapes, dict, list]:
     put(tmp_path / "base", tiny_quadruped(), "dog.urdf")
     for part in parts:
         put(tmp_path / part.folder, pendulum(), "arm.urdf")
@@ -37,7 +37,7 @@ def composed(tmp_path: Path, *parts: PartOn) -> tuple[Tree, Shapes, dict, list]:
     out = tmp_path / "out"
     return (
         decode(Tree, (out / "links.json").read_bytes()),
-        decode(Shapes, (out / "shapes.json").read_bytes()),
+        decode(SourceShapes, (out / "shapes.json").read_bytes()),
         json.loads((out / "source_map.json").read_text()),
         findings,
     )

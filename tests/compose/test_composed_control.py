@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 from mjcfs import Reading, hard_arm, read
-from tiny import pendulum, run_step, tiny_quadruped, write_robot_ports
+from tiny import pendulum, run_step, tiny_quadruped, write_source_ports
 
 from assetbuild.compose.compose_parts import ComposeParts, PartOn
 from assetbuild.compose.composed_control import KeyOf, PartControl
@@ -112,8 +112,8 @@ def test_options_that_are_not_taken_are_named(tmp_path: Path):
 
 def test_two_drives_of_one_name_are_refused(tmp_path: Path):
     """A prefix makes names that the base may have already."""
-    write_robot_ports(tmp_path / "base", tiny_quadruped())
-    write_robot_ports(tmp_path / "arm_", pendulum())
+    write_source_ports(tmp_path / "base", tiny_quadruped())
+    write_source_ports(tmp_path / "arm_", pendulum())
     tendon = MjcfOnly("tendon", '<fixed name="arm_t"/>')
     for folder, name in (("base", "arm_t"), ("arm_", "t")):
         (tmp_path / folder / "source_map.json").write_text('{"file": "x", "lines": {}}')
@@ -126,8 +126,8 @@ def test_two_drives_of_one_name_are_refused(tmp_path: Path):
 
 
 def test_the_surface_that_most_shapes_of_a_part_have_comes_along(tmp_path: Path):
-    write_robot_ports(tmp_path / "base", tiny_quadruped())
-    write_robot_ports(tmp_path / "arm_", pendulum())
+    write_source_ports(tmp_path / "base", tiny_quadruped())
+    write_source_ports(tmp_path / "arm_", pendulum())
     slippery = Contact(friction=(0.1, 0.0, 0.0))
     said = SourceControl(Control(contact=slippery, contacts=(("bob", slippery),)))
     for folder in ("base", "arm_"):
@@ -145,7 +145,7 @@ def test_a_part_that_floats_alone_is_held_and_its_place_in_its_world_told(tmp_pa
     text += '<body name="c"><joint name="j"/><geom size=".1"/></body></body></worldbody></mujoco>'
     duck = read(text, tmp_path / "read")
     assert duck.links.base == "floating"
-    write_robot_ports(tmp_path / "base", pendulum())
+    write_source_ports(tmp_path / "base", pendulum())
     (tmp_path / "base" / "source_map.json").write_text('{"file": "x", "lines": {}}')
     (tmp_path / "duck_").mkdir()
     for name in ("links.json", "shapes.json", "source_control.json"):

@@ -33,6 +33,7 @@ from assetbuild.robot.model import (
     Mimic,
     Shape,
     Shapes,
+    SourceShapes,
     Sphere,
     Tree,
 )
@@ -423,8 +424,9 @@ def test_the_real_go1_stands_on_its_soles_by_pinocchio_on_the_source(run, go1_ro
     for step in (read, MergeFixedJoints(merge=True, keep_bodies=())):
         list(step.run(ports))
     tree = decode(Tree, (ports.outputs / "tree.json").read_bytes())
-    shapes = decode(Shapes, (ports.outputs / "shapes.json").read_bytes())
-    soles = tuple(s for s in shapes.of("collision") if s.link.endswith("_foot"))
+    shapes = decode(SourceShapes, (ports.outputs / "shapes.json").read_bytes())
+    feet = (s for s in shapes.of("collision") if s.link.endswith("_foot"))
+    soles = tuple(Shape(**vars(foot)) for foot in feet)
 
     said = recipe(keyframes={"home": {"joints": HOME}})
     control, findings = run(tree, Shapes(soles), said)

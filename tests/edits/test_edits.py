@@ -12,7 +12,7 @@ import pytest
 import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
-from tiny import box_inertial, box_obj, pendulum, run_step, tiny_quadruped
+from tiny import as_source, box_inertial, box_obj, pendulum, run_step, tiny_quadruped
 
 from assetbuild.errors import RecipeError
 from assetbuild.geometry.convert_mesh import ConvertMesh
@@ -32,20 +32,20 @@ from assetbuild.robot.model import (
     Inertial,
     Joint,
     Limits,
-    Mesh,
+    MeshFile,
     Mimic,
-    Shape,
-    Shapes,
+    SourceShape,
+    SourceShapes,
     Sphere,
     Tree,
 )
 from assetbuild.robot.pose import IDENTITY, Pose, rotation_of
 
-EMPTY = Shapes()
+EMPTY = SourceShapes()
 
 
 def edited(tmp_path: Path, name: str, tree: Tree, shapes=EMPTY, meshes=(), **fields):
-    """(Tree, Shapes, findings) after one edit; meshes: (shape, OBJ bytes) it reads, in order."""
+    """(Tree, SourceShapes, findings) after an edit; meshes: (shape, OBJ bytes) it reads."""
     inputs, outputs = tmp_path / "in", tmp_path / "out"
     inputs.mkdir(exist_ok=True)
     (inputs / "links.json").write_bytes(encode(tree))
@@ -59,7 +59,7 @@ def edited(tmp_path: Path, name: str, tree: Tree, shapes=EMPTY, meshes=(), **fie
     findings = run_step(step, inputs, outputs)
     assert all(f.rule == f"edit.{name}" for f in findings)
     made = decode(Tree, (outputs / "links.json").read_bytes())
-    return made, decode(Shapes, (outputs / "shapes.json").read_bytes()), findings
+    return made, decode(SourceShapes, (outputs / "shapes.json").read_bytes()), findings
 
 
 def one(inertial: Inertial | None) -> Tree:
@@ -139,8 +139,8 @@ def test_balance_inertia_leaves_a_good_link_alone_and_says_so(tmp_path):
 # --- inertia from geometry -------------------------------------------------------------------
 
 
-def shown_by(geometry, pose: Pose = IDENTITY) -> Shapes:
-    return Shapes((Shape("a_visual", "a", "visual", geometry, pose),))
+def shown_by(geometry, pose: Pose = IDENTITY) -> SourceShapes:
+    return SourceShapes((SourceShape("a_visual", "a", "visual", geometry, pose),))
 
 
 PRIMITIVES = [Box((0.1, 0.2, 0.3)), Sphere(0.2), Cylinder(0.1, 0.5), Capsule(0.1, 0.5)]
@@ -173,7 +173,7 @@ def test_moments_of_a_mesh_equal_trimeshs_and_do_not_depend_on_its_side(tmp_path
 def test_a_mesh_gets_the_mass_and_the_place_it_is_given(tmp_path):
     pose = Pose((1.0, 0.0, 0.0), (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))  # x of the box along y
     tree, _, (finding,) = edited(
-        tmp_path, "inertia_from_geometry", one(BOX), shown_by(Mesh("box.obj"), pose),
+        tmp_path, "inertia_from_geometry", one(BOX), shown_by(MeshFile("box.obj"), pose),
         [("a_visual", box_obj((0.1, 0.2, 0.3)))], link="a", mass=3.0,
     )  # fmt: skip
     expected = box_inertial(3.0, (0.2, 0.1, 0.3))
@@ -189,7 +189,7 @@ def test_an_open_mesh_has_no_volume_unless_its_hull_is_meant(tmp_path):
     faces = [line for line in lines if line.startswith("f ")]
     text = "\n".join([*(line for line in lines if line not in faces), *faces[1:]])
     fields = {"link": "a", "density": 1000.0}
-    arguments = (one(None), shown_by(Mesh("m.obj")), [("a_visual", text.encode())])
+    arguments = (one(None), shown_by(MeshFile("m.obj")), [("a_visual", text.encode())])
     with pytest.raises(RecipeError, match="is open") as caught:
         edited(tmp_path, "inertia_from_geometry", *arguments, **fields)
     assert "open: hull" in caught.value.hint
@@ -201,7 +201,7 @@ def test_an_open_mesh_has_no_volume_unless_its_hull_is_meant(tmp_path):
 
 def test_a_flat_mesh_has_no_volume_and_the_hint_is_of_this_edit(tmp_path):
     sheet = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n"
-    arguments = (one(None), shown_by(Mesh("m.obj")), [("a_visual", sheet)])
+    arguments = (one(None), shown_by(MeshFile("m.obj")), [("a_visual", sheet)])
     with pytest.raises(RecipeError, match="spans no volume") as caught:
         edited(tmp_path, "inertia_from_geometry", *arguments, link="a", density=1000.0, open="hull")
     assert caught.value.hint == "take `from: collision`, or state it: edit `set_inertia`"
@@ -214,7 +214,7 @@ def test_rename_moves_every_mention(tmp_path):
     robot = tiny_quadruped()
     links, joints = robot.links.bodies, robot.links.joints
     tree, shapes, findings = edited(
-        tmp_path, "rename", robot.links, robot.shapes,
+        tmp_path, "rename", robot.links, as_source(robot.shapes),
         links={"(.*)": r"r_\1"}, joints={"(.*)_joint": r"\1"},
     )  # fmt: skip
     assert [b.name for b in tree.bodies] == [f"r_{b.name}" for b in links]

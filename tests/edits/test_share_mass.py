@@ -15,7 +15,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding
 from assetbuild.robot.inertia import least_second_moment
-from assetbuild.robot.model import Body, Control, Joint, Limits, Shapes, Tree
+from assetbuild.robot.model import Body, Control, Joint, Limits, Shapes, SourceShapes, Tree
 from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.targets.mjcf import Mjcf
 
@@ -42,7 +42,7 @@ def hip(offset: float = 0.0, kind: str = "revolute") -> Tree:
 
 
 def shared(tree: Tree, link: str = "yaw|roll") -> tuple[Tree, tuple[Finding, ...]]:
-    done = ShareMass(link=link).edit(tree, Shapes(), Files(Path(), Path()))
+    done = ShareMass(link=link).edit(tree, SourceShapes(), Files(Path(), Path()))
     return done.tree, done.findings
 
 

@@ -10,7 +10,17 @@ from tiny import box_obj, run_step
 from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse, called
 from assetbuild.kinds import ConvertedMesh, MeshPart, Piece, Pieces
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Box, Material, Mesh, Shape, Shapes, Sphere
+from assetbuild.robot.model import (
+    Box,
+    Material,
+    Mesh,
+    MeshFile,
+    Shape,
+    Shapes,
+    SourceShape,
+    SourceShapes,
+    Sphere,
+)
 from assetbuild.robot.pose import Pose
 
 RAISED = Pose((0.0, 0.0, 1.0))
@@ -25,7 +35,7 @@ def converted(folder: Path, *parts: tuple[bytes, MeshPart]) -> None:
     (folder / "mesh.json").write_bytes(encode(mesh))
 
 
-def assembled(tmp_path: Path, source: Shapes, step: Assemble) -> tuple[Shapes, Path]:
+def assembled(tmp_path: Path, source: SourceShapes, step: Assemble) -> tuple[Shapes, Path]:
     (tmp_path / "in").mkdir(exist_ok=True)
     (tmp_path / "in" / "shapes.json").write_bytes(encode(source))
     run_step(step, tmp_path / "in", tmp_path / "out")
@@ -35,8 +45,11 @@ def assembled(tmp_path: Path, source: Shapes, step: Assemble) -> tuple[Shapes, P
 
 def test_a_mesh_that_two_links_share_is_one_file(tmp_path: Path):
     converted(tmp_path / "in/visual/leg", (box_obj((1.0, 1.0, 1.0)), MeshPart("0.obj", 8, 12)))
-    source = Shapes(
-        tuple(Shape(f"{n}_v", n, "visual", Mesh("m/leg.dae"), RAISED) for n in ("left", "right"))
+    source = SourceShapes(
+        tuple(
+            SourceShape(f"{n}_v", n, "visual", MeshFile("m/leg.dae"), RAISED)
+            for n in ("left", "right")
+        )
     )
     uses = tuple(
         VisualUse(shape=f"{n}_v", folder="visual/leg", stem="leg") for n in ("left", "right")
@@ -56,9 +69,9 @@ def test_a_part_keeps_its_own_colour_and_else_takes_the_description_s(tmp_path: 
         (box_obj((2.0, 1.0, 1.0)), MeshPart("1.obj", 8, 12)),
     )
     silver = Material("silver", (0.7, 0.7, 0.8, 1.0))
-    shape = Shape("a", "arm", "visual", Mesh("arm.dae"), material="silver")
+    shape = SourceShape("a", "arm", "visual", MeshFile("arm.dae"), material="silver")
     step = Assemble(visuals=(VisualUse(shape="a", folder="visual/arm", stem="arm"),), collisions=())
-    shapes, _ = assembled(tmp_path, Shapes((shape,), (silver, Material("unused"))), step)
+    shapes, _ = assembled(tmp_path, SourceShapes((shape,), (silver, Material("unused"))), step)
     assert [s.name for s in shapes.shapes] == ["arm_visual1", "arm_visual2"]
     assert [s.material for s in shapes.shapes] == ["材质", "silver"]
     assert [(m.name, m.rgba) for m in shapes.materials] == [("材质", RED), ("silver", silver.rgba)]
@@ -68,7 +81,7 @@ def test_two_colours_of_one_name_stay_two_materials(tmp_path: Path):
     for name, rgba in (("a", RED), ("b", (0.0, 1.0, 0.0, 1.0))):
         part = MeshPart("0.obj", 8, 12, "paint", rgba)
         converted(tmp_path / "in/visual" / name, (box_obj((1.0, 1.0, 1.0)), part))
-    source = Shapes(tuple(Shape(n, n, "visual", Mesh(f"{n}.dae")) for n in "ab"))
+    source = SourceShapes(tuple(SourceShape(n, n, "visual", MeshFile(f"{n}.dae")) for n in "ab"))
     uses = tuple(VisualUse(shape=n, folder=f"visual/{n}", stem=n) for n in "ab")
     shapes, _ = assembled(tmp_path, source, Assemble(visuals=uses, collisions=()))
     assert [m.name for m in shapes.materials] == ["paint", "paint_2"]
@@ -83,7 +96,7 @@ def test_pieces_are_placed_in_the_frame_of_their_shape(tmp_path: Path):
     offset = Pose((0.5, 0.0, 0.0))
     pieces = Pieces((Piece(Mesh("0.obj"), offset, 8, 12), Piece(Sphere(0.1))))
     (folder / "pieces.json").write_bytes(encode(pieces))
-    source = Shapes((Shape("s", "foot", "collision", Mesh("f.stl"), RAISED),))
+    source = SourceShapes((SourceShape("s", "foot", "collision", MeshFile("f.stl"), RAISED),))
     use = CollisionUse(link="foot", shape="s", pieces="collision/hull", stem="foot")
     shapes, _ = assembled(tmp_path, source, Assemble(visuals=(), collisions=(use,)))
     assert [s.name for s in shapes.shapes] == ["foot_collision1", "foot_collision2"]
@@ -93,7 +106,7 @@ def test_pieces_are_placed_in_the_frame_of_their_shape(tmp_path: Path):
 
 
 def test_a_primitive_of_the_source_is_kept_as_it_is(tmp_path: Path):
-    source = Shapes((Shape("s", "trunk", "collision", Box((1.0, 2.0, 3.0)), RAISED),))
+    source = SourceShapes((SourceShape("s", "trunk", "collision", Box((1.0, 2.0, 3.0)), RAISED),))
     use = CollisionUse(link="trunk", shape="s")
     shapes, _ = assembled(tmp_path, source, Assemble(visuals=(), collisions=(use,)))
     assert shapes.shapes == (
@@ -102,9 +115,9 @@ def test_a_primitive_of_the_source_is_kept_as_it_is(tmp_path: Path):
 
 
 def test_links_that_hit_nothing_are_told(tmp_path: Path):
-    shapes = tuple(Shape(n, n, "collision", Sphere(0.1)) for n in ("foot", "rotor"))
+    shapes = tuple(SourceShape(n, n, "collision", Sphere(0.1)) for n in ("foot", "rotor"))
     (tmp_path / "in").mkdir()
-    (tmp_path / "in" / "shapes.json").write_bytes(encode(Shapes(shapes)))
+    (tmp_path / "in" / "shapes.json").write_bytes(encode(SourceShapes(shapes)))
     step = Assemble(visuals=(), collisions=(CollisionUse(link="foot", shape="foot"),))
     (finding,) = run_step(step, tmp_path / "in", tmp_path / "out")
     assert finding.rule == "collision.none"
@@ -114,7 +127,7 @@ def test_links_that_hit_nothing_are_told(tmp_path: Path):
 
 def test_collision_made_of_what_is_seen_leaves_that_its_name(tmp_path: Path):
     """Shapes of an MJCF keep their names; two geoms of one name are refused by MuJoCo."""
-    source = Shapes((Shape("lid", "box", "visual", Box((1.0, 1.0, 1.0))),))
+    source = SourceShapes((SourceShape("lid", "box", "visual", Box((1.0, 1.0, 1.0))),))
     step = Assemble(
         visuals=(VisualUse(shape="lid", named=True),),
         collisions=(CollisionUse(link="box", shape="lid", named=True),),

@@ -17,7 +17,7 @@ from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.geometry.jobs import check_files, collision_jobs, equal_shapes
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.recipe.loader import LoadedRecipe
-from assetbuild.robot.model import Body, Box, Joint, Mesh, Shape, Shapes, Tree
+from assetbuild.robot.model import Body, Box, Joint, MeshFile, SourceShape, SourceShapes, Tree
 from assetbuild.robot.pose import Pose, quat_of_rpy
 
 TURNED = Pose((1.0, 0.0, 0.0), quat_of_rpy(0.0, 0.0, math.pi / 2.0))
@@ -27,11 +27,11 @@ LINKS = Tree(
     (Body("base"), Body("arm")),
     (Joint("j", "revolute", "base", "arm", Pose((0.0, 0.0, 0.3))),),
 )
-SHAPES = Shapes(
+SHAPES = SourceShapes(
     (
-        Shape("base_mesh", "base", "collision", Mesh("base.stl"), TURNED),
-        Shape("base_box", "base", "collision", Box((1.0, 1.0, 1.0))),
-        Shape("arm_mesh", "arm", "visual", Mesh("arm.stl")),
+        SourceShape("base_mesh", "base", "collision", MeshFile("base.stl"), TURNED),
+        SourceShape("base_box", "base", "collision", Box((1.0, 1.0, 1.0))),
+        SourceShape("arm_mesh", "arm", "visual", MeshFile("arm.stl")),
     )
 )
 
@@ -98,7 +98,7 @@ def test_a_file_of_the_users_is_an_input_whose_name_is_not_in_the_key(tmp_path):
     piece = "{type: mesh, file: pad.stl, scale: [1, 1, 2]}"
     rule = f"{{method: explicit, pieces: [{piece}, {piece}]}}"
     *_, arm = jobs(tmp_path, f"  links:\n    arm: {rule}\n")
-    assert [(mesh.path.name, mesh.scale) for mesh in arm.own] == [("pad.stl", (1.0, 1.0, 2.0))]
+    assert arm.own == (MeshFile(str(tmp_path / "pad.stl"), (1.0, 1.0, 2.0)),)
     assert [piece.file for piece in arm.step().pieces] == ["own/0", "own/0"]
 
 
@@ -136,8 +136,8 @@ class Answers:
     def __init__(self, matches: dict[str, object] | None) -> None:
         self.matches, self.shapes, self.inputs = matches, SHAPES, {}
 
-    def converted(self, mesh: Mesh) -> Node:
-        return Node(f"convert_mesh {mesh.mesh}", ConvertMesh(format="stl"), {})
+    def converted(self, mesh: MeshFile) -> Node:
+        return Node(f"convert_mesh {mesh.path}", ConvertMesh(format="stl"), {})
 
     def add(self, label: str, step: Step, inputs: dict[str, Ref]) -> Node:
         self.inputs = inputs
@@ -155,8 +155,8 @@ def test_a_mirrored_mesh_takes_the_result_of_the_other_link(tmp_path):
     base, _, arm = all_jobs
     known = Answers(MIRRORED)
     twins = equal_shapes(all_jobs, known, known)
-    assert set(twins) == {id(arm)}
-    assert twins[id(arm)].job is base
+    assert set(twins) == {arm}
+    assert twins[arm].job is base
     assert sorted(known.inputs)[0] == "shapes/0/mesh.json"
     assert equal_shapes(all_jobs, known, Answers(None)) is None  # not compared yet
 
@@ -184,10 +184,10 @@ def test_a_primitive_of_one_mesh_is_shared_by_all_links_that_turn_it(tmp_path):
             Joint(side, "revolute", side, f"tip_{side}", Pose(xyz)) for side, xyz in ends.items()
         ),
     )
-    shapes = Shapes(
+    shapes = SourceShapes(
         (
-            Shape("l", "left", "collision", Mesh("hip.stl")),
-            Shape("r", "right", "collision", Mesh("hip.stl"), turned),
+            SourceShape("l", "left", "collision", MeshFile("hip.stl")),
+            SourceShape("r", "right", "collision", MeshFile("hip.stl"), turned),
         )
     )
     left, right = collision_jobs(recipe, tree, SimpleNamespace(shapes=shapes))

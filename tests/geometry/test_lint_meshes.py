@@ -11,7 +11,15 @@ from assetbuild.findings import Finding
 from assetbuild.geometry.lint_meshes import LintMeshes
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.robot.codec import encode
-from assetbuild.robot.model import Body, Box, Geometry, Mesh, Shape, Shapes, Tree
+from assetbuild.robot.model import (
+    Body,
+    Box,
+    MeshFile,
+    SourceGeometry,
+    SourceShape,
+    SourceShapes,
+    Tree,
+)
 from assetbuild.robot.pose import Pose, quat_of_rpy
 
 LONG = ((-0.1, 0.0, -0.1), (0.1, 1.0, 0.1))
@@ -25,7 +33,7 @@ def lint(
     *,
     says: str | None = "Y_UP",
     turned: bool = False,
-    collision: tuple[Geometry, Pose] | None = None,
+    collision: tuple[SourceGeometry, Pose] | None = None,
     com: tuple[float, float, float] = (0.0, 0.0, 0.0),
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0),
     pose: Pose = Pose(),  # noqa: B008 # it is frozen
@@ -34,14 +42,14 @@ def lint(
     bounds = [sorted((a * s, b * s)) for a, b, s in zip(lower, upper, scale, strict=True)]
     low, high = (tuple(side[k] for side in bounds) for k in (0, 1))
     record = ConvertedMesh((), 12, 1.0, low, high, True, 1.0, says, turned)
-    shapes = [Shape("rod_visual", "rod", "visual", Mesh("m/rod.dae", scale), pose)]
+    shapes = [SourceShape("rod_visual", "rod", "visual", MeshFile("m/rod.dae", scale), pose)]
     if collision is not None:
-        shapes.append(Shape("rod_collision", "rod", "collision", *collision))
+        shapes.append(SourceShape("rod_collision", "rod", "collision", *collision))
     tree = Tree("r", "fixed", (Body("rod", ball_inertial(1.0, 0.1, com)),), ())
     inputs = tmp_path / "in"
     (inputs / "meshes").mkdir(parents=True)
     (inputs / "links.json").write_bytes(encode(tree))
-    (inputs / "shapes.json").write_bytes(encode(Shapes(tuple(shapes))))
+    (inputs / "shapes.json").write_bytes(encode(SourceShapes(tuple(shapes))))
     (inputs / "meshes/0.json").write_bytes(encode(record))
     return run_step(LintMeshes(shapes=("rod_visual",)), inputs, tmp_path / "out")
 
@@ -71,7 +79,7 @@ def test_without_collision_the_centre_of_mass_tells(tmp_path: Path):
         {"says": None, "collision": (UP, MIDDLE)},
         {"turned": True, "collision": (UP, MIDDLE)},
         {"com": (0.0, 0.5, 0.0)},
-        {"com": (0.0, 0.5, 0.0), "collision": (Mesh("broken.stl"), MIDDLE)},
+        {"com": (0.0, 0.5, 0.0), "collision": (MeshFile("broken.stl"), MIDDLE)},
         {"com": (0.0, 0.0, 0.0)},  # what exporters write who know none
         {"collision": (UP, MIDDLE), "pose": Pose(quat=quat_of_rpy(1.5707963267948966, 0.0, 0.0))},
     ],

@@ -26,9 +26,7 @@ def bracket(sign: float) -> TriangleMesh:
     Built from the mirrored boxes, so that the triangles are not the mirrored ones.
     """
     boxes = [((1, 0.2, 0.2), (0.5, 0, 0)), ((0.2, 0.8, 0.2), (0.1, 0.4, 0)), ((0.2, 0.2, 0.5), (0.9, 0, 0.25))]  # fmt: skip # noqa: E501 # a table
-    return union_of([ConvexPiece(None, Box(s), Pose((sign * x, y, z))) for s, (x, y, z) in boxes])[
-        1
-    ]
+    return union_of([ConvexPiece(Box(s), Pose((sign * x, y, z))) for s, (x, y, z) in boxes])[1]
 
 
 def matches(tmp_path: Path, *meshes: TriangleMesh):

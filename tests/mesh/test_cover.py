@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from assetbuild.mesh.cover import (
-    Probe,
     Reference,
     blocked_by,
     measure,
@@ -19,6 +18,7 @@ from assetbuild.mesh.cover import (
 from assetbuild.mesh.hull import convex_hull, polygon_count
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
+from assetbuild.mesh.sources import Probe
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.weld import cleaned
 from assetbuild.robot.model import Box, Capsule, Sphere
@@ -28,7 +28,7 @@ UNIT = tessellate(Box((1.0, 1.0, 1.0)))
 
 
 def box(size, at=(0.0, 0.0, 0.0)) -> ConvexPiece:
-    return ConvexPiece(None, Box(size), Pose(at))
+    return ConvexPiece(Box(size), Pose(at))
 
 
 def open_box() -> TriangleMesh:
@@ -139,7 +139,7 @@ def test_a_ball_counts_its_polygons_and_keeps_the_cap():
 
 def test_a_capsule_of_ours_covers_its_own_mesh():
     solid = Capsule(0.1, 0.4)
-    quality = measure(Reference(tessellate(solid)), [ConvexPiece(None, solid)])
+    quality = measure(Reference(tessellate(solid)), [ConvexPiece(solid)])
     assert quality.iou > 0.999
     assert quality.max_m < 1e-3
 

@@ -74,11 +74,12 @@ f -4//1 -2//-1 \\
 l 1 2
 """
     obj = parse_obj(text, "mesh")
-    assert [g.material for g in obj.groups] == ["red paint", "blue"]
-    assert obj.groups[0].faces.tolist() == [[0, 1, 2], [0, 2, 3]]
-    assert obj.groups[1].faces.tolist() == [[0, 2, 3]]
-    assert obj.mesh_of(obj.groups[1]).uv is None
-    assert obj.mesh_of(obj.groups[1]).normals[0].tolist() == [[0, 0, 1]] * 3
+    (red, red_mesh), (blue, blue_mesh) = obj.parts
+    assert (red, blue) == ("red paint", "blue")
+    assert red_mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert blue_mesh.faces.tolist() == [[0, 2, 3]]
+    assert blue_mesh.uv is None
+    assert blue_mesh.normals[0].tolist() == [[0, 0, 1]] * 3
     assert obj.libraries == ("parts.mtl",)
     assert obj.skipped == {"l": 1}
 

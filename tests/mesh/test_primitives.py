@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from assetbuild.mesh.fit import resized, sizes_of
 from assetbuild.mesh.fit_many import Cloud
-from assetbuild.mesh.primitives import Primitive, distance_slopes, signed_distance
-from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
+from assetbuild.mesh.primitives import distance_slopes, resized, signed_distance, sizes_of
+from assetbuild.robot.model import Box, Capsule, Cylinder, Primitive, Sphere
 
 STEP = 1e-6
 POINTS = np.random.default_rng(0).uniform(-1.0, 1.0, (200, 3))
@@ -24,7 +23,8 @@ def test_slopes_are_those_of_the_distance(primitive: Primitive):
     sizes = np.asarray(sizes_of(primitive))
     for number, step in enumerate(STEP * np.eye(len(sizes))):
         wide, narrow = (
-            signed_distance(resized(primitive, sizes + side * step), POINTS) for side in (1, -1)
+            signed_distance(resized(type(primitive), sizes + side * step), POINTS)
+            for side in (1, -1)
         )
         assert by_size[:, number] == pytest.approx((wide - narrow) / (2 * STEP), abs=1e-6)
 

@@ -12,7 +12,7 @@ import pytest
 from mjcfs import TET, Reading, hard_arm, read
 
 from assetbuild.errors import SourceError
-from assetbuild.robot.model import Capsule, Contact, Limits, Mesh, Mimic, Place, Sensor
+from assetbuild.robot.model import Capsule, Contact, Limits, MeshFile, Mimic, Place, Sensor
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.tree import forward_kinematics
 
@@ -190,7 +190,7 @@ def test_a_turned_and_moved_mesh_lands_where_mujoco_puts_it(tmp_path: Path):
     )
     reading = read(text, tmp_path, tet_obj=TET)
     shape = reading.shapes.shapes[0]
-    assert isinstance(shape.geometry, Mesh)
+    assert isinstance(shape.geometry, MeshFile)
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]]) * shape.geometry.scale
     model = mujoco.MjModel.from_xml_string(text, {"tet.obj": TET.encode()})
     turn = np.zeros(9)
@@ -204,7 +204,7 @@ def test_an_unevenly_scaled_mesh_keeps_its_scale(tmp_path: Path):
     head = '<asset><mesh file="tet.obj" scale="1 -2 3" refpos="1 1 1"/></asset>'
     text = robot('<body name="a"><geom type="mesh" mesh="tet"/></body>', head=head)
     shape = read(text, tmp_path, tet_obj=TET).shapes.shapes[0]
-    assert shape.geometry == Mesh("arm/tet.obj", (1.0, -2.0, 3.0))
+    assert shape.geometry == MeshFile("arm/tet.obj", (1.0, -2.0, 3.0))
     assert shape.X_link_shape.xyz == pytest.approx((-1.0, 2.0, -3.0))
 
 

@@ -18,7 +18,17 @@ from tiny import run_step
 from assetbuild.errors import SourceError
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Box, Capsule, Cylinder, Limits, Mesh, Mimic, Shapes, Sphere, Tree
+from assetbuild.robot.model import (
+    Box,
+    Capsule,
+    Cylinder,
+    Limits,
+    MeshFile,
+    Mimic,
+    SourceShapes,
+    Sphere,
+    Tree,
+)
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 
 FILE = "pkg/urdf/robot.urdf"
@@ -28,7 +38,7 @@ PACKAGES = {"robot_pkg": "pkg"}
 @dataclass
 class Reading:
     tree: Tree
-    shapes: Shapes
+    shapes: SourceShapes
     meshes: list[dict[str, object]]
     lines: dict[str, int]
     findings: list[Finding]
@@ -49,7 +59,7 @@ def read(
     findings = run_step(step, inputs, outputs)
     return Reading(
         decode(Tree, (outputs / "links.json").read_bytes()),
-        decode(Shapes, (outputs / "shapes.json").read_bytes()),
+        decode(SourceShapes, (outputs / "shapes.json").read_bytes()),
         json.loads((outputs / "meshes.json").read_text()),
         json.loads((outputs / "source_map.json").read_text())["lines"],
         findings,
@@ -87,11 +97,11 @@ def test_joints_say_what_the_file_says(every_kind: Reading):
 
 def test_shapes_have_stable_names_and_their_own_geometry(every_kind: Reading):
     assert [(s.name, s.geometry) for s in every_kind.shapes.shapes] == [
-        ("base_visual", Mesh("pkg/meshes/base.dae", (0.001, 0.001, -0.001))),
-        ("base_visual_1", Mesh("pkg/meshes/lid.stl")),
+        ("base_visual", MeshFile("pkg/meshes/base.dae", (0.001, 0.001, -0.001))),
+        ("base_visual_1", MeshFile("pkg/meshes/lid.stl")),
         ("base_collision", Box((1.0, 2.0, 3.0))),
         ("base_collision_1", Capsule(0.1, 0.5)),
-        ("arm_visual", Mesh("pkg/meshes/base.dae")),
+        ("arm_visual", MeshFile("pkg/meshes/base.dae")),
         ("arm_visual_1", Sphere(0.1)),
         ("finger_visual", Cylinder(0.1, 0.2)),
     ]
@@ -411,7 +421,7 @@ def test_go1_is_read_whole(go1_root: Path, tmp_path: Path):
     )
     findings = run_step(step, inputs, outputs)
     tree = decode(Tree, (outputs / "links.json").read_bytes())
-    shapes = decode(Shapes, (outputs / "shapes.json").read_bytes())
+    shapes = decode(SourceShapes, (outputs / "shapes.json").read_bytes())
     xml = ET.parse(path).getroot()  # noqa: S314 # the real robot, which we trust here
     masses = [float(m) for m in re.findall(r'<mass value="([^"]+)"', path.read_text())]
     assert sum(b.inertial.mass_kg for b in tree.bodies if b.inertial) == pytest.approx(sum(masses))

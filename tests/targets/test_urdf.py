@@ -13,7 +13,7 @@ from tiny import TinyRobot, examples, pendulum, robots, run_step, tiny_quadruped
 
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Limits, Material, Shapes, Tree
+from assetbuild.robot.model import Limits, Material, Shapes, SourceShapes, Tree
 from assetbuild.robot.tree import depth_first, held_by_world
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 from assetbuild.targets.urdf import Urdf
@@ -25,7 +25,7 @@ def emit(robot: TinyRobot, tmp_path: Path, name: str = "a") -> tuple[Path, list[
     return tmp_path / f"{name}_out" / "urdf", findings
 
 
-def read_back(folder: Path, base: str = "floating") -> tuple[Tree, Shapes]:
+def read_back(folder: Path, base: str = "floating") -> tuple[Tree, SourceShapes]:
     inputs, outputs = folder.parent / "again_in", folder.parent / "again_out"
     inputs.mkdir()
     (inputs / "robot.urdf").write_bytes((folder / "bot.urdf").read_bytes())
@@ -33,7 +33,7 @@ def read_back(folder: Path, base: str = "floating") -> tuple[Tree, Shapes]:
     for mesh in json.loads((outputs / "meshes.json").read_text()):
         assert (folder / mesh["path"]).is_file()
     tree = decode(Tree, (outputs / "links.json").read_bytes())
-    return tree, decode(Shapes, (outputs / "shapes.json").read_bytes())
+    return tree, decode(SourceShapes, (outputs / "shapes.json").read_bytes())
 
 
 def xml(folder: Path) -> ET.Element:

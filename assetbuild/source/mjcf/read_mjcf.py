@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
-from assetbuild.robot.model import Base, Contact, Control, Shapes, Tree
+from assetbuild.robot.model import Base, Contact, Control, SourceShapes, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import depth_first
@@ -39,7 +39,7 @@ class ReadMjcf(Step):
     Raises SourceError with file and line for what is no robot of rigid bodies on joints.
     """
 
-    version = "5"
+    version = "6"
     tools = ("lxml", "mujoco")
     outputs = ("links.json", "shapes.json", "source_control.json")
     isolated = True
@@ -50,7 +50,7 @@ class ReadMjcf(Step):
     """What the root is; None = as the source says."""
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Writes Tree, Shapes and SourceControl."""
+        """Writes Tree, SourceShapes and SourceControl."""
         root = _source(files.inputs)
         compiled = compile_source(root, _meshes(root, files.inputs / "files"))
         links = read_links(compiled, self.base)
@@ -72,7 +72,7 @@ class ReadMjcf(Step):
                 *details.mjcf_only, *geoms.mjcf_only, *sections.mjcf_only, *drives.mjcf_only
             ),
         )  # fmt: skip
-        shapes = Shapes(tuple(geoms.shapes), tuple(geoms.materials.values()))
+        shapes = SourceShapes(tuple(geoms.shapes), tuple(geoms.materials.values()))
         source = SourceControl(control, tuple(links.kept), _commands(sections, drives, links))
         name = root.get("model") or "robot"
         (files.outputs / "links.json").write_bytes(encode(_tree(name, links, drives)))

@@ -12,12 +12,12 @@ from assetbuild.robot.model import (
     Capsule,
     Contact,
     Cylinder,
-    Geometry,
     Material,
-    Mesh,
+    MeshFile,
     MjcfOnly,
     Role,
-    Shape,
+    SourceGeometry,
+    SourceShape,
     Sphere,
 )
 from assetbuild.robot.pose import Pose, Vec3, normalised_quat, rotation_of, vec3
@@ -54,7 +54,7 @@ VISIBLE_COLLISION = Rule(
 class Geoms:
     """What the geoms of an MJCF amount to. contacts: by shape, of all that touch."""
 
-    shapes: list[Shape] = field(default_factory=list)
+    shapes: list[SourceShape] = field(default_factory=list)
     materials: dict[str, Material] = field(default_factory=dict)
     contacts: dict[str, Contact] = field(default_factory=dict)
     mjcf_only: list[MjcfOnly] = field(default_factory=list)
@@ -99,7 +99,7 @@ class _Reader:
         if kind not in (SPHERE, CAPSULE, CYLINDER, BOX, MESH):
             self._only_mjcf(geom, said, body, index)
             return
-        geometry: Geometry
+        geometry: SourceGeometry
         if kind == MESH:
             place = self.source.places.geom(name)
             X_link_geom = self.links.in_link(body, pose_at(place.pos, place.quat))
@@ -109,7 +109,7 @@ class _Reader:
             X_link_geom = self.links.in_link(body, self.source.pose_of("geom", name))
             geometry = _primitive(kind, vec3(self.full.geom_size[index]))
         material = self._material(said, index) if role == "visual" else None
-        self.geoms.shapes.append(Shape(name, body, role, geometry, X_link_geom, material))
+        self.geoms.shapes.append(SourceShape(name, body, role, geometry, X_link_geom, material))
         if touches:
             self.geoms.contacts[name] = contact_of(self.full, index)
             if int(said.get("group", "0")) < 3:
@@ -141,7 +141,7 @@ class _Reader:
 
     # --- meshes and looks ---------------------------------------------------------------------
 
-    def _mesh(self, geom: _Element, name: str) -> tuple[Mesh, Pose]:
+    def _mesh(self, geom: _Element, name: str) -> tuple[MeshFile, Pose]:
         """The mesh file with a scale, and where it stands in the geom.
 
         MuJoCo: vertex = S Rᵀ (v - p) with `scale`, `refquat`, `refpos`. With one scale s for all
@@ -166,7 +166,7 @@ class _Reader:
             finding = DROPPED(f"mesh {element.get('file')}", message, hint, data=data)
             if finding not in self.geoms.findings:
                 self.geoms.findings.append(finding)
-        return Mesh(str(element.get("file")), vec3(scale)), Pose(vec3(offset), turn)
+        return MeshFile(str(element.get("file")), vec3(scale)), Pose(vec3(offset), turn)
 
     def _colour(self, index: int) -> tuple[float, float, float, float]:
         """As MuJoCo draws it: the geom's own colour unless that is the default."""
@@ -235,7 +235,7 @@ _PLACING = keys("pos quat fromto euler axisangle xyaxes zaxis size mass density 
 _LOST_OF_MESH = keys("maxhullvert smoothnormal octree_maxdepth")
 
 
-def _primitive(kind: int, size: Vec3) -> Geometry:
+def _primitive(kind: int, size: Vec3) -> SourceGeometry:
     """MJCF counts half edges and half lengths."""
     if kind == SPHERE:
         return Sphere(size[0])

@@ -17,12 +17,12 @@ from assetbuild.robot.model import (
     Box,
     Capsule,
     Cylinder,
-    Geometry,
     Inertial,
     Material,
-    Mesh,
-    Shape,
-    Shapes,
+    MeshFile,
+    SourceGeometry,
+    SourceShape,
+    SourceShapes,
     Sphere,
 )
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of_rpy, vec3
@@ -73,7 +73,7 @@ class FileUse:
 class Geometries:
     """What the shapes of all links amount to. lines: of `shape ...`, `material ...`."""
 
-    shapes: Shapes
+    shapes: SourceShapes
     meshes: tuple[FileUse, ...]
     findings: tuple[Finding, ...]
     lines: dict[str, int] = field(default_factory=dict)
@@ -128,7 +128,7 @@ def read_shapes(
         with problems.kept():
             palette.define(name, node)
     uses: dict[str, FileUse] = {}
-    drafts: list[tuple[Shape, str]] = []
+    drafts: list[tuple[SourceShape, str]] = []
     lines: dict[str, int] = {}
     for link, node in links:
         for role in ROLES:
@@ -141,13 +141,13 @@ def read_shapes(
                         palette.findings.append(_drawn_as_nothing(element))
                         continue
                     geometry = _read_geometry(element.need("geometry"), paths, uses)
-                    shape = Shape(
+                    shape = SourceShape(
                         f"{link}_{role}{suffix}", link, role, geometry, read_origin(element)
                     )
                     drafts.append((shape, name))
                     lines[f"shape {shape.name}"] = element.line
     shapes = tuple(palette.paint(shape, name) for shape, name in drafts)
-    found = Shapes(shapes, tuple(palette.materials.values()))
+    found = SourceShapes(shapes, tuple(palette.materials.values()))
     meshes = tuple(uses[path] for path in sorted(uses))
     return Geometries(found, meshes, tuple(palette.findings), lines | palette.lines)
 
@@ -172,7 +172,7 @@ def _drawn_as_nothing(visual: Node) -> Finding:
     )
 
 
-def _read_geometry(node: Node, paths: Paths, uses: dict[str, FileUse]) -> Geometry:
+def _read_geometry(node: Node, paths: Paths, uses: dict[str, FileUse]) -> SourceGeometry:
     children = node.all("*")
     if len(children) != 1:
         raise node.error(f"<geometry> needs one shape, found {len(children)}")
@@ -184,7 +184,7 @@ def _read_geometry(node: Node, paths: Paths, uses: dict[str, FileUse]) -> Geomet
             endings = ", ".join(f"`.{name}`" for name in FORMATS)
             raise shape.error(f"mesh filename `{uri}` is of no known format", f"known: {endings}")
         uses.setdefault(path, FileUse(path, uri, shape.subject, shape.line))
-        return Mesh(path, _scale(shape))
+        return MeshFile(path, _scale(shape))
     if shape.tag == "box":
         return Box(_box_size(shape))
     if shape.tag == "sphere":
@@ -239,7 +239,7 @@ class _Palette:
             self._add(look, node)
         return look.name
 
-    def paint(self, shape: Shape, name: str) -> Shape:
+    def paint(self, shape: SourceShape, name: str) -> SourceShape:
         """The shape with its material; call when every visual has been seen."""
         if name and name not in self.materials:
             self._tell_undefined(name, shape.link)

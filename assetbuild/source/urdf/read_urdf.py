@@ -53,7 +53,7 @@ class ReadUrdf(Step):
     """
 
     tools = ("lxml",)
-    version = "5"
+    version = "6"
     outputs = ("links.json", "shapes.json", "meshes.json", "source_map.json", "source.urdf")
     isolated = True
     preload = ("lxml.etree",)

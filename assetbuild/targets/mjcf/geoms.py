@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from functools import partial
 from xml.etree.ElementTree import Element
 
-from assetbuild.errors import StepError
 from assetbuild.robot.model import (
     Box,
     Capsule,
@@ -139,9 +138,7 @@ def _geometry(shape: Shape) -> tuple[str, str | None]:
             return "cylinder", numbers((radius, length / 2))
         case Capsule(radius, length):
             return "capsule", numbers((radius, length / 2))
-        case Mesh(scale=scale):
-            if scale != (1.0, 1.0, 1.0):
-                raise StepError(f"shape {shape.name}: the scale of its mesh was not baked in")
+        case Mesh():
             return "mesh", None
 
 

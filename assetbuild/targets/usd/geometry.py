@@ -101,7 +101,7 @@ def define_shape(stage: Usd.Stage, names: PrimPaths, shape: Shape) -> Usd.Prim:
         prim = (UsdGeom.Mesh if collides else UsdGeom.Xform).Define(stage, path).GetPrim()
         asset = f"{LIBRARY}/{names.assets[geometry.mesh]}" + ("/mesh" if collides else "")
         prim.GetReferences().AddReference(f"./{GEOMETRIES}", asset)
-        place(prim, pose, geometry.scale)
+        place(prim, pose)
     else:
         prim = define_primitive(stage, path, geometry, pose)
     label(prim, shape.name)
