@@ -26,7 +26,8 @@ def chain(*links: str, limits: str = LIMIT) -> str:
 def edits_for(urdf: str, folder: Path) -> list[dict[str, dict[str, object]]]:
     (folder / "bot.urdf").write_text(urdf)
     write(propose(folder / "bot.urdf", folder / "bot.yaml", {}), force=True)
-    return [dict(edit) for edit in load_recipe(folder / "bot.yaml").recipe.edits]
+    edits = load_recipe(folder / "bot.yaml").recipe.edits
+    return [edit.model_dump(by_alias=True, exclude_unset=True) for edit in edits]
 
 
 def test_a_sound_robot_needs_none(tmp_path: Path):
