@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from assetbuild.engine import null
 from assetbuild.engine.digest import digest_file
 from assetbuild.engine.folders import cache_root
-from assetbuild.pipeline import Outcome
+from assetbuild.pipeline.building import Outcome
 
 
 def remember(argv: Sequence[str], outcomes: Sequence[Outcome], summary: str) -> None:

@@ -29,7 +29,7 @@ def run(arguments: argparse.Namespace) -> int:
     from assetbuild.cli.build import build_and_print
     from assetbuild.cli.public import shown_figures
     from assetbuild.errors import UsageError
-    from assetbuild.pipeline import Request
+    from assetbuild.pipeline.building import Request
     from assetbuild.pipeline.smoking import lacks, make_environments
 
     if arguments.out is not None and len(arguments.recipes) > 1:
@@ -47,16 +47,14 @@ def run(arguments: argparse.Namespace) -> int:
         for recipe in arguments.recipes
     ]
     outcomes = build_and_print(requests)
-    for outcome in outcomes:
-        if outcome.report is None:
-            continue
+    reports = [outcome.report for outcome in outcomes if outcome.report is not None]
+    for report in reports:
         for name in consumers:
-            result = outcome.report.checks.get(f"smoke_{name}")
+            result = report.checks.get(f"smoke_{name}")
             if result is not None:
                 figures = ", ".join(f"{k} {v}" for k, v in sorted(result.figures.items()))
-                told = f"{result.status}; {shown_figures(name, figures)}"
-                print(f"{outcome.report.robot} in {name}: {told}")
-    missing = lacks(outcomes, consumers)
+                print(f"{report.robot} in {name}: {result.status}; {shown_figures(name, figures)}")
+    missing = list(lacks(reports, consumers))
     for line in missing:
         print(f"error: {line}", file=sys.stderr)
     return max([outcome.exit_code for outcome in outcomes] + ([1] if missing else []))

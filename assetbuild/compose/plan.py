@@ -17,7 +17,8 @@ from assetbuild.compose.merging import (
     left_out,
     poses_in_source_keys,
 )
-from assetbuild.engine.graph import Planner, Ref
+from assetbuild.engine.graph import Ref
+from assetbuild.engine.planner import Planner
 from assetbuild.errors import did_you_mean
 from assetbuild.geometry.jobs import file_of
 from assetbuild.geometry.plan import Geometry

@@ -1,15 +1,18 @@
 """What belongs to a running process: when it dies, however it dies, it is free.
 
 A claim is an advisory lock of the kernel on the folder or file itself, so nothing has to be
-unlocked after a kill.
+unlocked after a kill. Child processes end with their parent.
 """
 
 from __future__ import annotations
 
+import ctypes
 import fcntl
 import os
 import secrets
 import shutil
+import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -17,6 +20,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 LONGEST_PAUSE_S = 0.1
+PR_SET_PDEATHSIG = 1
 
 
 def claim_new_folder(parent: Path, prefix: str = "") -> tuple[Path, int]:
@@ -134,3 +138,12 @@ def _lock_file(path: Path) -> int | None:
         raise
     os.close(descriptor)
     return None
+
+
+def die_with_parent(parent: int, how: signal.Signals) -> None:
+    """Ask the kernel to send a signal when the parent dies; leave at once if it has died."""
+    if sys.platform == "linux":
+        libc = ctypes.CDLL(None, use_errno=True)
+        libc.prctl(PR_SET_PDEATHSIG, int(how), 0, 0, 0)
+    if os.getppid() != parent:
+        os._exit(1)

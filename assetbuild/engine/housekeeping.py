@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from assetbuild.engine.claims import is_claimed, remove_abandoned
-from assetbuild.engine.session import Made, made_from_json
+from assetbuild.engine.made import made_from_json, missing_output
 from assetbuild.engine.store import BEGAN, LAYOUT, LostObjectError, Store
 
 UNITS = {"": 1, "K": 1000, "M": 1000**2, "G": 1000**3, "T": 1000**4}
@@ -115,11 +115,10 @@ def check(store: Store) -> Checked:
                 Path(entry.path).replace(store.root / "quarantine" / entry.name)
     torn = incomplete = 0
     for entry in _files(store.root / "ac"):
-        raw = store.action(entry.name.removesuffix(".json"))
-        made = made_from_json(raw) if raw is not None else None
+        made = made_from_json(store.action(entry.name.removesuffix(".json")))
         if made is None:
             torn += 1
-        elif not all(store.has(d) for d in _closure(store, made)):
+        elif missing_output(store, made):
             incomplete += 1
         else:
             continue
@@ -170,6 +169,8 @@ class _Choice:
             objects = _objects_of(store, Path(path).stem)
             made |= objects or set()
             young = used >= protected_from
+            if objects is None and young:
+                continue  # a build that runs now is writing it
             if objects is None or not self._keep(objects, size, young=young):
                 self.dropped.append(Path(path))
         sources = found.keys() - made
@@ -186,19 +187,12 @@ class _Choice:
 
 
 def _objects_of(store: Store, key: str) -> set[str] | None:
-    """Everything that an action made, folders with their members; None when it is torn."""
-    raw = store.action(key)
-    made = made_from_json(raw) if raw is not None else None
-    return None if made is None else _closure(store, made)
-
-
-def _closure(store: Store, made: Made) -> set[str]:
-    found = set(made.outputs.values())
-    for name, digest in made.outputs.items():
-        if name.endswith("/"):
-            with suppress(LostObjectError):
-                found |= {member for member, _ in store.tree(digest).values()}
-    return found
+    """Everything that an action made, folders with their members; None when it lost something."""
+    made = made_from_json(store.action(key))
+    try:
+        return None if made is None else set(store.sizes(made.outputs))
+    except LostObjectError:
+        return None
 
 
 def _trim(home: Path, names: tuple[str, ...], allowed: int) -> None:

@@ -117,8 +117,8 @@ class Store:
             self._accept(beside, digest)
         return digest
 
-    def put_tree(self, folder: Path, *, move: bool = False) -> str:
-        """Store every file below a folder; the digest of the listing.
+    def put_tree(self, folder: Path) -> str:
+        """Move every file below a folder into the store, as `put_file`; the listing's digest.
 
         Symbolic links and special files raise ValueError: they have no content of their own.
         """
@@ -126,7 +126,7 @@ class Store:
         for path in files_below(folder):
             size = path.stat().st_size
             name = path.relative_to(folder).as_posix()
-            listing[name] = (self.put_file(path, move=move), size)
+            listing[name] = (self.put_file(path, move=True), size)
         return self.put_listing(listing)
 
     def put_listing(self, listing: Mapping[str, tuple[str, int]]) -> str:
@@ -190,6 +190,22 @@ class Store:
             if not is_plain_path(name) or not _is_digest(member):
                 raise LostObjectError(digest, f"it lists `{name}`, which no tree may hold")
         return listing
+
+    def sizes(self, outputs: Mapping[str, str]) -> dict[str, int]:
+        """Size in bytes of each object that outputs (name -> digest) are made of, by its digest.
+
+        Those of folders come with all their members. LostObjectError when one of the outputs
+        itself is missing; members may be.
+        """
+        found: dict[str, int] = {}
+        for name, digest in outputs.items():
+            try:
+                found[digest] = self._object(digest).stat().st_size
+            except OSError as error:
+                raise LostObjectError(digest, error.strerror or str(error)) from None
+            if name.endswith("/"):
+                found |= dict(self.tree(digest).values())
+        return found
 
     def restore(self, digest: str, dest: Path) -> None:
         """Copy an object to `dest`, verified on the way; `dest` is replaced at once.

@@ -9,7 +9,6 @@ runs is killed.
 
 from __future__ import annotations
 
-import ctypes
 import errno
 import gc
 import importlib
@@ -28,13 +27,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
+from assetbuild.engine.claims import die_with_parent
+
 BOOT = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1])['sys_path']; "
     "from assetbuild.engine import worker; worker.main()"
 )
 """Program text of a worker; its one argument is a JSON object. Nothing comes from the cwd."""
 
-PR_SET_PDEATHSIG = 1
 NO_SPACE = os.EX_IOERR
 """Exit status of a step's process that could not write its result: the disk is full."""
 
@@ -54,15 +54,6 @@ def main() -> None:
     gc.collect()
     gc.freeze()
     Zygote(requests, replies, fresh=_threads_survive_fork()).serve()
-
-
-def die_with_parent(parent: int, how: signal.Signals) -> None:
-    """Ask the kernel to send a signal when the parent dies; leave at once if it has died."""
-    if sys.platform == "linux":
-        libc = ctypes.CDLL(None, use_errno=True)
-        libc.prctl(PR_SET_PDEATHSIG, int(how), 0, 0, 0)
-    if os.getppid() != parent:
-        os._exit(1)
 
 
 def _redirect(log: str) -> None:

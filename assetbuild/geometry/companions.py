@@ -8,7 +8,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import PurePosixPath
 from typing import get_args
 
-from assetbuild.engine.graph import Planner, Ref
+from assetbuild.engine.graph import Ref
+from assetbuild.engine.planner import Planner
 from assetbuild.geometry.mesh_companions import MeshCompanions
 from assetbuild.mesh.companions import Naming
 from assetbuild.source.plan import Source

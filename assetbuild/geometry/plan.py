@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import PurePosixPath
 
-from assetbuild.engine.graph import Node, Planner, Ref
+from assetbuild.engine.graph import Node, Ref
+from assetbuild.engine.planner import Planner
 from assetbuild.geometry.assemble import Assemble, CollisionUse, TextureUse, VisualUse
 from assetbuild.geometry.companions import Companions
 from assetbuild.geometry.convert_mesh import ConvertMesh

@@ -11,9 +11,9 @@ from pathlib import Path
 
 from assetbuild import __version__
 from assetbuild.engine.digest import digest_bytes
-from assetbuild.engine.execute import NodeResult
 from assetbuild.engine.graph import Graph
 from assetbuild.engine.keys import tool_version
+from assetbuild.engine.make import NodeResult
 from assetbuild.engine.publish import (
     PROVENANCE,
     discard,
@@ -83,7 +83,7 @@ def bundle_files(
     for part in loaded.parts:
         materials += _materials(part.recipe, part_lock(part))
     materials += _named(loaded, files_read(loaded, graph, session))
-    recipe_digest = session.source_digest(loaded.path)
+    recipe_digest = session.sources.digest(loaded.path)
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     run = {
         "finishedOn": now,
@@ -105,7 +105,7 @@ def files_read(loaded: LoadedRecipe, graph: Graph, session: Session) -> dict[str
     paths = [*loaded.files, *(Path(ref.output) for ref in graph.sources if not ref.is_tree)]
     pinned = [each for each in (loaded, *loaded.parts) if each.recipe.source.moving]
     paths += [lock_path(each.path) for each in pinned]
-    return {str(path): session.source_digest(path) for path in paths}
+    return {str(path): session.sources.digest(path) for path in paths}
 
 
 def _tools(graph: Graph) -> list[dict[str, object]]:
@@ -163,7 +163,7 @@ def _licence_files(
         if ref.node:
             digest, size = session.tree(results[ref.node][ref.output])[ref.member]
         else:
-            digest, size = session.source_digest(Path(ref.output)), Path(ref.output).stat().st_size
+            digest, size = session.sources.digest(Path(ref.output)), Path(ref.output).stat().st_size
         files.append(BundleFile(f"LICENSES/{path}", "licence", digest, size))
     return files
 
@@ -268,7 +268,7 @@ def _lies_there(files: list[BundleFile], out: Path, session: Session) -> bool:
         if not same_provenance(ours, theirs):
             return False
         wanted[PROVENANCE] = digest_bytes(theirs)
-    return lies_there(out, wanted, session.stat_cache.digest)
+    return lies_there(out, wanted, session.sources.stat_cache.digest)
 
 
 def _place(file: BundleFile, path: Path, session: Session) -> None:

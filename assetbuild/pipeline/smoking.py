@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from assetbuild.errors import MachineError
 from assetbuild.kinds import Check, load_plugin
 from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.report.document import Report
 from assetbuild.simulators.consumers import ConsumerCheck
-
-if TYPE_CHECKING:
-    from assetbuild.pipeline import Outcome
 
 
 def check_of(consumer: str) -> type[ConsumerCheck]:
@@ -44,15 +41,11 @@ def asking(loaded: LoadedRecipe, consumers: Sequence[str]) -> LoadedRecipe:
     )
 
 
-def lacks(outcomes: Sequence[Outcome], consumers: Sequence[str]) -> list[str]:
+def lacks(reports: Sequence[Report], consumers: Sequence[str]) -> Iterator[str]:
     """Consumers that were asked for and did not run, with the reason."""
-    return list(_lacks(outcomes, consumers))
-
-
-def _lacks(outcomes: Sequence[Outcome], consumers: Sequence[str]) -> Iterator[str]:
-    for outcome in outcomes:
-        for consumer in consumers if outcome.report else ():
-            result = outcome.report.checks.get(f"smoke_{consumer}") if outcome.report else None
+    for report in reports:
+        for consumer in consumers:
+            result = report.checks.get(f"smoke_{consumer}")
             if result is None or result.status == "skip":
                 why = result.note if result else "its check did not run"
-                yield f"{outcome.loaded.recipe.robot}: {consumer} was not asked: {why}"
+                yield f"{report.robot}: {consumer} was not asked: {why}"

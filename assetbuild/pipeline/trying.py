@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from assetbuild.engine.execute import Listener
+from assetbuild.engine.rounds import settle
 from assetbuild.findings import Finding
 from assetbuild.kinds import lacking
-from assetbuild.pipeline import OnEvent
 from assetbuild.pipeline.judging import judged
 from assetbuild.pipeline.opening import open_session
-from assetbuild.pipeline.rounds import settle
 from assetbuild.plan import plan
 from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.loader import LoadedRecipe, load_recipe
@@ -26,7 +27,7 @@ BROKEN = 0.05
 """Relative error of a fall above which something is wrong with the asset."""
 
 
-def try_urdf(propose: Callable[[Path], None], on_event: OnEvent) -> Report:
+def try_urdf(propose: Callable[[Path], None], on_event: Listener) -> Report:
     """Findings and checks in MuJoCo, with the recipe that `propose` writes to a path.
 
     Every mesh collides as its hull: a decomposition takes minutes and changes no joint. Nothing is
@@ -37,7 +38,8 @@ def try_urdf(propose: Callable[[Path], None], on_event: OnEvent) -> Report:
         propose(recipe)
         loaded = _in_mujoco(load_recipe(recipe, None))
         with open_session(loaded) as session:
-            done = settle(lambda p: plan(loaded, None, p, drawn=False), session, on_event)
+            add = functools.partial(plan, loaded, None, drawn=False)
+            done = settle(add, session, on_event=on_event)
             if done.errors:
                 raise done.errors[0]
             return judged(loaded, done.outline, done.results, session)

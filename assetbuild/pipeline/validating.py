@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from assetbuild.engine.execute import Listener
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import AssetBuildError, SourceError, UsageError
 from assetbuild.findings import Finding, worst_first
-from assetbuild.pipeline import OnEvent
 from assetbuild.robot.codec import decode
 from assetbuild.robot.mirror import Tolerances, mirror_findings, parts_of, twins
 from assetbuild.robot.model import Control, Tree
@@ -46,7 +46,7 @@ class Wish:
 
     simulate: bool
     propose: Callable[[Path, Path], None]
-    on_event: OnEvent
+    on_event: Listener
 
 
 def validate(path: Path, wish: Wish) -> list[Validated]:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from assetbuild.engine.digest import digest_file
-from assetbuild.engine.execute import execute
-from assetbuild.engine.session import Resolver
+from assetbuild.engine.rounds import known_part, settle
 from assetbuild.errors import OutOfDateError, UsageError
 from assetbuild.pipeline.bundling import bundle_files
 from assetbuild.pipeline.judging import judged
-from assetbuild.pipeline.opening import opened, planned
+from assetbuild.pipeline.opening import opened
+from assetbuild.plan import plan
 
 OWN = ("manifest.json", "provenance.json")
 """Files that no manifest lists."""
@@ -83,18 +84,17 @@ def against_recipe(bundle: Path, recipe: Path, variant: str | None) -> Iterator[
     """
     loaded, lock, session = opened(recipe, variant)
     with session:
-        graph, outline, whole = planned(loaded, lock, session)
-        resolver = Resolver(graph.nodes, session)
-        if not whole or any(resolver.made(label) is None for label in graph.nodes):
+        known = functools.partial(known_part, session=session)
+        done = settle(functools.partial(plan, loaded, lock), session, part=known)
+        if not done.whole or done.results.keys() != done.graph.nodes.keys():
             raise OutOfDateError(
                 f"the store does not hold what {recipe} makes now",
                 hint="run `assetbuild build` first, or `assetbuild cache pull`",
             )
-        results = execute(graph, session)
-        report = judged(loaded, outline, results, session)
-        files = bundle_files(loaded, lock, outline, report, session, results, graph)
+        report = judged(loaded, done.outline, done.results, session)
+        files = bundle_files(loaded, lock, done.outline, report, session, done.results, done.graph)
         made = {file.path: file.sha256 for file in files if file.path != "provenance.json"}
-        wanted = session.source_digest(loaded.path)
+        wanted = session.sources.digest(loaded.path)
     statement = json.loads((bundle / "provenance.json").read_bytes())
     if recipe_of(statement) != wanted:
         yield f"built from another text of the recipe: {recipe.name}"

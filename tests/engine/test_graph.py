@@ -5,8 +5,10 @@ import json
 import pytest
 from steps_for_tests import Mix, Split
 
+from assetbuild.engine.drawing import network, to_dot
 from assetbuild.engine.execute import execute
-from assetbuild.engine.graph import GraphError, Node, Planner, Ref, checked_graph
+from assetbuild.engine.graph import GraphError, Node, Ref, checked_graph
+from assetbuild.engine.planner import Planner
 from assetbuild.errors import SourceError, StepError
 
 
@@ -70,7 +72,7 @@ def test_a_graph_is_ordered_and_drawn(planner, tmp_path):
     graph = planner.graph()
     assert list(graph.nodes) == ["first", "second"]
     assert graph.predecessors("second") == ("first",)
-    assert '"go1.urdf" -> "first" [label="in"];' in graph.to_dot()
+    assert '"go1.urdf" -> "first" [label="in"];' in to_dot(network(graph, {}))
     assert graph.to_text().splitlines()[1] == "second <- first:out"
     assert json.dumps(graph.to_json())
 

@@ -18,8 +18,8 @@ import json, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[3])
 from steps_for_tests import Mix, MixInChild, Slow, Split
-from assetbuild.engine.execute import execute, restore
-from assetbuild.engine.graph import Planner
+from assetbuild.engine.execute import execute
+from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 folder, pids = Path(sys.argv[1]), sys.argv[2]

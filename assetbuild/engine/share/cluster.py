@@ -10,14 +10,15 @@ from __future__ import annotations
 import json
 import logging
 import secrets
-from collections.abc import Mapping
 from typing import Any
 from urllib.parse import urlsplit
 
 from assetbuild.engine.children import CancelledError
 from assetbuild.engine.graph import Node
 from assetbuild.engine.keys import Parts, key_of
-from assetbuild.engine.session import Made, Session
+from assetbuild.engine.made import Made
+from assetbuild.engine.processes import Processes
+from assetbuild.engine.session import Session
 from assetbuild.engine.share.remote import Remote
 from assetbuild.engine.wire import error_from_json, step_to_json
 from assetbuild.errors import MachineError, UsageError
@@ -42,12 +43,18 @@ def scheduler_address(executor: str) -> str:
 
 
 class Cluster:
-    """A connection to a scheduler. `run` may be called from many threads.
+    """A connection to a scheduler: isolated steps run on its workers, all others here.
 
-    remote: must be written to. MachineError when nobody answers at the address.
+    remote: must be written to. sandbox: as of `Processes`. `run` may be called from many threads.
+    MachineError when nobody answers at the address.
     """
 
-    def __init__(self, executor: str, remote: Remote) -> None:
+    memory_mb = 1 << 40
+    """The workers' matter, not this machine's."""
+
+    def __init__(
+        self, executor: str, remote: Remote, session: Session, *, sandbox: bool = False
+    ) -> None:
         address = scheduler_address(executor)
         try:
             import distributed
@@ -58,7 +65,8 @@ class Cluster:
             ) from None
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         self._remote = remote
-        self._closed = False
+        self._session = session
+        self._sandbox = sandbox
         connect: Any = distributed.Client  # Any: distributed has hardly any types
         try:
             self._client = connect(address, timeout=CONNECT_S, set_as_default=False)
@@ -67,19 +75,35 @@ class Cluster:
                 f"no scheduler answers at {address}: {error or 'it took too long'}",
                 hint="start one by `dask scheduler`, see docs/how-to/cluster.md",
             ) from None
+        self._here = Processes(session, sandbox=sandbox)
+
+    def __enter__(self) -> Cluster:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     @property
     def places(self) -> int:
         """Steps that all workers together run at once; at least 1, as workers may still come."""
         return max(1, sum(int(count) for count in self._client.nthreads().values()))
 
-    def run(self, node: Node, parts: Parts, session: Session) -> Made:
+    @property
+    def closed(self) -> bool:
+        """Is nothing started any more?"""
+        return self._here.closed
+
+    def run(self, node: Node, parts: Parts) -> Made:
         """Run a step on some worker; its results are in the store afterwards. AssetBuildError."""
-        key = key_of(parts)
+        if node.step.network or not node.step.isolated:
+            return self._here.run(node, parts)
+        session, key = self._session, key_of(parts)
         inputs = {str(name): str(digest) for name, digest in _dict(parts["inputs"]).items()}
-        objects = _objects(inputs, session)
-        for digest in objects:
+        for digest in inputs.values():
             session.object(digest)  # a source comes into the store first
+        objects = session.store.sizes(inputs)
+        for digest in objects:
+            session.object(digest)
         if not self._remote.send(objects, session.store):
             raise _cache_failed(node)
         spec = {
@@ -90,7 +114,7 @@ class Cluster:
             "inputs": inputs,
             "objects": objects,
             "remote": self._remote.address,
-            "sandbox": session.sandbox,
+            "sandbox": self._sandbox,
         }
         answer = self._answer(node, json.dumps(spec))
         if "error" in answer:
@@ -117,7 +141,7 @@ class Cluster:
                 hint="look at the logs of the workers: were they out of memory?",
             ) from None
         except FutureCancelledError:
-            if self._closed:
+            if self.closed:
                 raise CancelledError from None
             raise MachineError(f"the scheduler gave up step `{node.label}`") from None
         except (OSError, TimeoutError, ImportError, ValueError) as error:
@@ -127,19 +151,9 @@ class Cluster:
         return answer
 
     def close(self) -> None:
-        """Give up what is not finished."""
-        self._closed = True
+        """Give up what is not finished; nothing is started any more."""
+        self._here.close()
         self._client.close(timeout=1)
-
-
-def _objects(inputs: Mapping[str, str], session: Session) -> dict[str, int]:
-    """Digest -> size in bytes of each input, and of each member of those that are folders."""
-    found: dict[str, int] = {}
-    for name, digest in inputs.items():
-        found[digest] = session.object(digest).stat().st_size
-        if name.endswith("/"):
-            found |= dict(session.tree(digest).values())
-    return found
 
 
 def _cache_failed(node: Node) -> MachineError:
