@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _answer(arguments: argparse.Namespace, done: Any, session: Any) -> None:  # Any: imported late
     """In words, as data, or as a picture in which the steps are marked."""
-    from assetbuild.engine import drawing
+    from assetbuild.pipeline import drawing
     from assetbuild.pipeline.mapping import reached_first, seconds_of
 
     seconds = seconds_of(done, session)

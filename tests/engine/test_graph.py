@@ -5,11 +5,11 @@ import json
 import pytest
 from steps_for_tests import Mix, Split
 
-from assetbuild.engine.drawing import network, to_dot
 from assetbuild.engine.execute import execute
 from assetbuild.engine.graph import GraphError, Node, Ref, checked_graph
 from assetbuild.engine.planner import Planner
 from assetbuild.errors import SourceError, StepError
+from assetbuild.pipeline.drawing import network, to_dot
 
 
 @pytest.fixture

@@ -3,23 +3,33 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 
 import networkx
 import pytest
 from defusedxml import ElementTree
-from steps_for_tests import Mix
+from engine.steps_for_tests import Mix
 
-from assetbuild.engine import drawing
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
+from assetbuild.engine.store import Store
+from assetbuild.pipeline import drawing
 
 SVG = "{http://www.w3.org/2000/svg}"
 SECONDS = {"convert": 2.0, "thin": 5.0, "hulls": 1.0, "urdf": 4.0}
 
 
 @pytest.fixture
-def net(session: Session, source):
+def session(tmp_path: Path):
+    with Session(Store(tmp_path / "store")) as session:
+        yield session
+
+
+@pytest.fixture
+def net(session: Session, tmp_path: Path):
     """robot -> convert -> thin | hulls -> urdf, and a step on its own."""
+    source = tmp_path / "source.txt"
+    source.touch()
     planner = Planner(session)
     convert = planner.add("convert", Mix(), {"in": planner.source(source)})
     thin = planner.add("thin", Mix(salt=1), {"in": convert["out"], "again": convert["out"]})
