@@ -9,7 +9,7 @@ from queue import SimpleQueue
 from typing import Literal
 
 from assetbuild.engine.graph import Graph
-from assetbuild.engine.make import Maker, NodeResult, Runner
+from assetbuild.engine.make import Maker, NodeResult
 from assetbuild.engine.processes import Processes
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step
@@ -41,13 +41,13 @@ Listener = Callable[[Event], None]
 def execute(
     graph: Graph,
     session: Session,
-    runner: Runner | None = None,
+    runner: Processes | None = None,
     *,
     jobs: int | None = None,
     keep_going: bool = False,
     memory_mb: int | None = None,
     on_event: Listener | None = None,
-    maker: Callable[[Runner], Maker] | None = None,
+    maker: Callable[[Processes], Maker] | None = None,
 ) -> dict[str, NodeResult]:
     """Make every node; a result for each, in the order of the graph.
 

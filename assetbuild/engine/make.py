@@ -6,15 +6,15 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 from assetbuild.engine.explain import Change, changes_text, why_it_runs
 from assetbuild.engine.graph import Graph, Node
 from assetbuild.engine.keys import Parts
 from assetbuild.engine.made import Made
-from assetbuild.engine.processes import ATTEMPTS
+from assetbuild.engine.processes import ATTEMPTS, Processes
 from assetbuild.engine.resolver import Resolver
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import LostObjectError
@@ -25,33 +25,6 @@ Status = Literal["ran", "cached", "failed", "blocked"]
 HEALING_ROUNDS = 3
 
 
-class Runner(Protocol):
-    """Where steps run: on this machine (`Processes`), or on others too (`share.cluster`)."""
-
-    @property
-    def places(self) -> int:
-        """Steps that may run at once."""
-        ...
-
-    @property
-    def memory_mb(self) -> int:
-        """Memory that the steps which run at once may declare together."""
-        ...
-
-    @property
-    def closed(self) -> bool:
-        """Is nothing started any more?"""
-        ...
-
-    def run(self, node: Node, parts: Parts) -> Made:
-        """Run a step with these key parts; its outputs are in the store. AssetBuildError."""
-        ...
-
-    def close(self) -> None:
-        """Kill all that runs; nothing is started any more."""
-        ...
-
-
 @dataclass(frozen=True)
 class NodeResult:
     """What became of one node.
@@ -59,7 +32,7 @@ class NodeResult:
     key: empty when it was never computed (blocked). outputs: name -> digest.
     seconds: wall clock of its step when it ran just now, else 0. cpu_seconds: of its child
     process. saved_seconds: what a cached step took when it last ran. child: in a child process.
-    reason: why it ran, or what blocked it, as text; changes: the same as data.
+    reason: why it ran, or what blocked it.
     log: what the step printed, and the traceback of a bug; None when there is nothing.
     """
 
@@ -74,7 +47,6 @@ class NodeResult:
     child: bool = False
     error: AssetBuildError | None = None
     reason: str = ""
-    changes: tuple[Change, ...] = ()
     log: Path | None = None
 
     def __getitem__(self, output: str) -> str:
@@ -85,7 +57,7 @@ class NodeResult:
 class Maker:
     """Makes nodes of one graph. `make` may be called from many threads."""
 
-    def __init__(self, graph: Graph, session: Session, runner: Runner) -> None:
+    def __init__(self, graph: Graph, session: Session, runner: Processes) -> None:
         self.graph = graph
         self.session = session
         self.runner = runner
@@ -125,23 +97,18 @@ class Maker:
                 child=node.step.isolated,
                 error=self._with_log(error, label),
                 reason=changes_text(changes),
-                changes=changes,
                 log=self._log(label),
             )
 
     def ran(self, label: str, key: str, made: Made, changes: tuple[Change, ...] = ()) -> NodeResult:
         """The result of a step that ran just now."""
-        return NodeResult(
-            label=label,
+        return replace(
+            _cached(label, key, made),
             status="ran",
-            key=key,
-            outputs=dict(made.outputs),
-            findings=made.findings,
             seconds=made.seconds,
             cpu_seconds=made.cpu_seconds,
-            child=made.child,
+            saved_seconds=0.0,
             reason=changes_text(changes) + ("; run again after a crash" * (made.attempts > 1)),
-            changes=changes,
             log=self._log(label),
         )
 

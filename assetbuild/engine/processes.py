@@ -12,7 +12,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from assetbuild.engine.children import Children, Ended, step_environment
+from assetbuild.engine.children import Children, Ended, last_line, step_environment
 from assetbuild.engine.graph import Node
 from assetbuild.engine.keys import Parts
 from assetbuild.engine.made import Made
@@ -188,7 +188,7 @@ def was_killed_by_chance(ended: Ended, log: Path) -> bool:
         return False
     if os.WTERMSIG(ended.status) in (signal.SIGXCPU, signal.SIGXFSZ):
         return False
-    return not _tells_of_memory(_tail(log))
+    return not _tells_of_memory(last_line(log))
 
 
 def _tells_of_memory(text: str) -> bool:
@@ -209,7 +209,7 @@ def how_it_ended(node: Node, ended: Ended, log: Path) -> str:
         if number == signal.SIGXCPU:
             allowed = limits.wall_s * max(1, limits.cpus)
             return f"{name} used more than {allowed:g} s of processor time and was stopped"
-        tail = _tail(log)
+        tail = last_line(log)
         if _tells_of_memory(tail):
             return f"{name} ran over its memory limit of {limits.memory_mb} MB"
         told = f": {tail}" if tail else ""
@@ -220,10 +220,3 @@ def how_it_ended(node: Node, ended: Ended, log: Path) -> str:
     if status == NO_SPACE:
         return f"no space left on the disk of the store while {name} ran"
     return f"{name} ended without a result (exit status {status})"
-
-
-def _tail(log: Path) -> str:
-    with suppress(OSError):
-        lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-        return lines[-1].strip()[:300] if lines else ""
-    return ""

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from assetbuild.engine.execute import Event, execute
 from assetbuild.engine.graph import Graph, Node
-from assetbuild.engine.make import Maker, NodeResult, Runner
+from assetbuild.engine.make import Maker, NodeResult
+from assetbuild.engine.processes import Processes
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 from assetbuild.errors import AssetBuildError
@@ -58,7 +59,7 @@ def run_again(
     results: Mapping[str, NodeResult],
     keep: Path,
     *,
-    runner: Runner | None = None,
+    runner: Processes | None = None,
     jobs: int | None = None,
     on_event: Callable[[Event], None] | None = None,
 ) -> tuple[Difference, ...]:

@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 
 from assetbuild.engine.execute import Listener, execute, first_error
 from assetbuild.engine.graph import Graph, Node, joined
-from assetbuild.engine.make import NodeResult, Runner
+from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.processes import Processes
 from assetbuild.engine.resolver import Resolver
@@ -52,7 +52,7 @@ def planned(add: Callable[[Planner], T], session: Session) -> Settled[T]:
 def settle(
     add: Callable[[Planner], T],
     session: Session,
-    runner: Runner | None = None,
+    runner: Processes | None = None,
     *,
     jobs: int | None = None,
     on_event: Listener | None = None,
@@ -65,7 +65,7 @@ def settle(
 def settle_all(
     plans: Mapping[str, Callable[[Planner], T]],
     session: Session,
-    runner: Runner | None = None,
+    runner: Processes | None = None,
     *,
     jobs: int | None = None,
     keep_going: bool = False,

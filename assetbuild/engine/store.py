@@ -113,7 +113,8 @@ class Store:
                 self._accept(path, digest)
                 return digest
             beside = self._tmp / secrets.token_hex(8)
-            digest = _copy(path, beside)
+            with path.open("rb", buffering=0) as file:
+                digest = _copy(file, beside)
             self._accept(beside, digest)
         return digest
 
@@ -221,7 +222,7 @@ class Store:
                 except FileNotFoundError:
                     raise LostObjectError(digest, "it is not there") from None
                 with source:
-                    if _copy_open(source, beside) != digest:
+                    if _copy(source, beside) != digest:
                         self._quarantine(digest)
                 beside.replace(dest)
         finally:
@@ -356,13 +357,8 @@ def _is_digest(text: str) -> bool:
     return len(text) == 64 and not set(text) - set("0123456789abcdef")
 
 
-def _copy(source: Path, dest: Path) -> str:
+def _copy(source: Any, dest: Path) -> str:  # Any: an unbuffered binary file
     """Copy a file's content and hash it in the same pass."""
-    with source.open("rb", buffering=0) as file:
-        return _copy_open(file, dest)
-
-
-def _copy_open(source: Any, dest: Path) -> str:  # Any: an unbuffered binary file
     state = hashlib.sha256()
     with dest.open("wb") as out:
         while chunk := source.read(CHUNK):

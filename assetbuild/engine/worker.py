@@ -2,7 +2,7 @@
 
 It speaks JSON lines. A request on its standard input is `{"id", "job", "module", "wall_s"}`: the
 path of a job file, and the module of its step. It answers `{"ready"}` once; then, per job,
-`{"id", "pid"}` and `{"id", "status", "wall_s", "cpu_s", "max_rss_mb", "over"}`. A crash of a step
+`{"id", "pid"}` and `{"id", "status", "wall_s", "cpu_s", "over"}`. A crash of a step
 loses that step only. When the input ends, because the parent closed it or died, everything that
 runs is killed.
 """
@@ -207,7 +207,6 @@ class Zygote:
                 status=status,
                 wall_s=round(time.monotonic() - run.started, 4),
                 cpu_s=round(used.ru_utime + used.ru_stime, 4),
-                max_rss_mb=used.ru_maxrss // 1024,
                 over=run.over,
             )
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import functools
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from assetbuild.engine.execute import Listener
-from assetbuild.engine.make import NodeResult, Runner
+from assetbuild.engine.make import NodeResult
 from assetbuild.engine.processes import Processes
 from assetbuild.engine.publish import check_replaceable
 from assetbuild.engine.rebuild import Difference, run_again
@@ -149,7 +148,7 @@ def _jobs(requests: Sequence[Request], say: Callable[[str], None]) -> list[_Job]
 def _build(
     jobs: Sequence[_Job],
     session: Session,
-    runner: Runner,
+    runner: Processes,
     request: Request,
     on_event: Listener,
     say: Callable[[str], None],
@@ -212,9 +211,7 @@ def default_out(loaded: LoadedRecipe) -> Path:
     return Path("build") / f"{loaded.recipe.robot}{suffix}"
 
 
-def _runner(
-    request: Request, session: Session, remote: Remote | None
-) -> AbstractContextManager[Runner]:
+def _runner(request: Request, session: Session, remote: Remote | None) -> Processes:
     """Where the steps run. UsageError; MachineError when this machine or the cluster cannot."""
     sandbox = request.sandbox != "off"
     if sandbox:

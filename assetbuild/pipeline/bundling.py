@@ -24,7 +24,7 @@ from assetbuild.engine.publish import (
 )
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import machine_error
-from assetbuild.errors import StepError
+from assetbuild.errors import StepError, UsageError
 from assetbuild.lock import GitPin, Lock, lock_path
 from assetbuild.plan import Outline, part_lock
 from assetbuild.recipe.loader import LoadedRecipe
@@ -248,7 +248,7 @@ def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tupl
     try:
         for file in files:
             _place(file, staging / file.path, session)
-        published = publish(staging, out, _digests_of(out))
+        published = publish(staging, out, _manifest_or_none(out))
     except OSError as error:
         raise machine_error(error, out) from error
     finally:
@@ -280,10 +280,19 @@ def _place(file: BundleFile, path: Path, session: Session) -> None:
         session.store.restore(file.sha256, path)
 
 
-def _digests_of(bundle: Path) -> dict[str, str] | None:
-    """Path -> sha256 of the bundle that lies there now; None when it has no readable manifest."""
+def manifest_of(bundle: Path) -> dict[str, str]:
+    """Path -> SHA-256 as the manifest says. UsageError when it is no bundle."""
     try:
-        raw = json.loads((bundle / "manifest.json").read_bytes())
-        return {str(row["path"]): str(row["sha256"]) for row in raw["files"]}
-    except (OSError, ValueError, KeyError, TypeError):
+        manifest = json.loads((bundle / "manifest.json").read_bytes())
+        return {str(row["path"]): str(row["sha256"]) for row in manifest["files"]}
+    except (FileNotFoundError, NotADirectoryError):
+        raise UsageError(f"`{bundle}` has no manifest.json, so it is no bundle") from None
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OSError) as error:
+        raise UsageError(f"{bundle / 'manifest.json'}: not a manifest: {error}") from None
+
+
+def _manifest_or_none(bundle: Path) -> dict[str, str] | None:
+    try:
+        return manifest_of(bundle)
+    except UsageError:
         return None

@@ -9,27 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild.engine.digest import digest_file
+from assetbuild.engine.publish import OWN_FILES
 from assetbuild.engine.rounds import known_part, settle
-from assetbuild.errors import OutOfDateError, UsageError
-from assetbuild.pipeline.bundling import bundle_files
+from assetbuild.errors import OutOfDateError
+from assetbuild.pipeline.bundling import bundle_files, manifest_of
 from assetbuild.pipeline.judging import judged
 from assetbuild.pipeline.opening import opened
 from assetbuild.plan import plan
 
-OWN = ("manifest.json", "provenance.json")
-"""Files that no manifest lists."""
 STATEMENT, PREDICATE = "https://in-toto.io/Statement/v1", "https://slsa.dev/provenance/v1"
-
-
-def manifest_of(bundle: Path) -> dict[str, str]:
-    """Path -> SHA-256 as the manifest says. UsageError when it is no bundle."""
-    try:
-        manifest = json.loads((bundle / "manifest.json").read_bytes())
-        return {str(row["path"]): str(row["sha256"]) for row in manifest["files"]}
-    except (FileNotFoundError, NotADirectoryError):
-        raise UsageError(f"`{bundle}` has no manifest.json, so it is no bundle") from None
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OSError) as error:
-        raise UsageError(f"{bundle / 'manifest.json'}: not a manifest: {error}") from None
 
 
 def against_manifest(bundle: Path, wanted: Mapping[str, str]) -> Iterator[str]:
@@ -37,7 +25,7 @@ def against_manifest(bundle: Path, wanted: Mapping[str, str]) -> Iterator[str]:
     found = {p.relative_to(bundle).as_posix() for p in bundle.rglob("*") if _is_entry(p)}
     for path in sorted(wanted.keys() - found):
         yield f"missing: {path}"
-    for path in sorted(found - wanted.keys() - set(OWN)):
+    for path in sorted(found - wanted.keys() - set(OWN_FILES)):
         yield f"not in the manifest: {path}"
     for path in sorted(wanted.keys() & found):
         if not (bundle / path).is_file() or (bundle / path).is_symlink():

@@ -42,15 +42,11 @@ def scheduler_address(executor: str) -> str:
     return address
 
 
-class Cluster:
+class Cluster(Processes):
     """A connection to a scheduler: isolated steps run on its workers, all others here.
 
-    remote: must be written to. sandbox: as of `Processes`. `run` may be called from many threads.
-    MachineError when nobody answers at the address.
+    remote: must be written to. MachineError when nobody answers at the address.
     """
-
-    memory_mb = 1 << 40
-    """The workers' matter, not this machine's."""
 
     def __init__(
         self, executor: str, remote: Remote, session: Session, *, sandbox: bool = False
@@ -65,8 +61,6 @@ class Cluster:
             ) from None
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         self._remote = remote
-        self._session = session
-        self._sandbox = sandbox
         connect: Any = distributed.Client  # Any: distributed has hardly any types
         try:
             self._client = connect(address, timeout=CONNECT_S, set_as_default=False)
@@ -75,13 +69,7 @@ class Cluster:
                 f"no scheduler answers at {address}: {error or 'it took too long'}",
                 hint="start one by `dask scheduler`, see docs/how-to/cluster.md",
             ) from None
-        self._here = Processes(session, sandbox=sandbox)
-
-    def __enter__(self) -> Cluster:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+        super().__init__(session, sandbox=sandbox)
 
     @property
     def places(self) -> int:
@@ -89,14 +77,14 @@ class Cluster:
         return max(1, sum(int(count) for count in self._client.nthreads().values()))
 
     @property
-    def closed(self) -> bool:
-        """Is nothing started any more?"""
-        return self._here.closed
+    def memory_mb(self) -> int:
+        """The workers' matter, not this machine's."""
+        return 1 << 40
 
     def run(self, node: Node, parts: Parts) -> Made:
         """Run a step on some worker; its results are in the store afterwards. AssetBuildError."""
         if node.step.network or not node.step.isolated:
-            return self._here.run(node, parts)
+            return super().run(node, parts)
         session, key = self._session, key_of(parts)
         inputs = {str(name): str(digest) for name, digest in _dict(parts["inputs"]).items()}
         for digest in inputs.values():
@@ -114,7 +102,7 @@ class Cluster:
             "inputs": inputs,
             "objects": objects,
             "remote": self._remote.address,
-            "sandbox": self._sandbox,
+            "sandbox": self.sandbox,
         }
         answer = self._answer(node, json.dumps(spec))
         if "error" in answer:
@@ -152,7 +140,7 @@ class Cluster:
 
     def close(self) -> None:
         """Give up what is not finished; nothing is started any more."""
-        self._here.close()
+        super().close()
         self._client.close(timeout=1)
 
 

@@ -16,14 +16,20 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from assetbuild.engine.digest import canonical_json
 from assetbuild.engine.made import Made, made_from_json
 from assetbuild.engine.store import LostObjectError, Store
 from assetbuild.errors import UsageError
+
+if TYPE_CHECKING:
+    from assetbuild.engine.share.remote_http import HttpExchange, HttpPlace
+    from assetbuild.engine.share.remote_s3 import S3Place
+
+    Exchange = HttpExchange | S3Place
+    """A few requests to one place; each within its time, each body within its size."""
 
 ENTRY_FORMAT = 1
 ENTRY_BYTES = 16 << 20
@@ -58,41 +64,7 @@ class Budget:
     errors: int = TOLERATED_ERRORS
 
 
-class Exchange(Protocol):
-    """A few requests to one place; each within its time, each body within its size."""
-
-    def get(self, name: str, limit: int) -> bytes | None:
-        """A small body; None when there is none of this name."""
-        ...
-
-    def save(self, name: str, size: int, dest: Path) -> None:
-        """Write a body of exactly `size` bytes to a file."""
-        ...
-
-    def has(self, name: str) -> bool:
-        """Is it there already?"""
-        ...
-
-    def put(self, name: str, body: bytes | Path) -> None:
-        """Upload bytes or a file."""
-        ...
-
-    def close(self) -> None:
-        """No more requests."""
-        ...
-
-
-class Place(Protocol):
-    """Where the cache is. name: for messages, without credentials."""
-
-    name: str
-
-    def exchange(self) -> Exchange:
-        """For one thread."""
-        ...
-
-
-def place_of(url: str, request_s: float) -> Place:
+def place_of(url: str, request_s: float) -> HttpPlace | S3Place:
     """The place that an address names. UsageError; MachineError when a library is missing."""
     parts = urlsplit(url)
     if parts.scheme in ("http", "https") and parts.hostname:
