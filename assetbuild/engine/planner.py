@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TypeVar
 
 from assetbuild.engine.graph import Graph, GraphError, Node, Ref, check_inputs, checked_graph
 from assetbuild.engine.resolver import Resolver
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step
-from assetbuild.engine.store import Listing, LostObjectError
-
-T = TypeVar("T")
+from assetbuild.engine.store import LostObjectError
 
 
 class Planner:
@@ -69,17 +66,10 @@ class Planner:
 
         StepError when the node was built and has no such member.
         """
-        return self._answer(ref, self.session.read)
-
-    def ask_tree(self, ref: Ref) -> Listing | None:
-        """The members of a folder: relative path -> (digest, size in bytes), or None."""
-        return self._answer(ref, self.session.tree)
-
-    def _answer(self, ref: Ref, read: Callable[[str], T]) -> T | None:
         digest = self._resolver.digest(ref)
         if digest is not None:
             try:
-                return read(digest)
+                return self.session.read(digest)
             except LostObjectError:
                 self.session.forget()
         self.questions.append(ref)
