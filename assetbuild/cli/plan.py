@@ -7,7 +7,12 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from assetbuild.engine.rounds import Settled
+    from assetbuild.engine.session import Session
+    from assetbuild.plan import Outline
 
 HELP = "print the graph of a recipe, what a change reaches, what a build waits for"
 
@@ -45,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _answer(arguments: argparse.Namespace, done: Any, session: Any) -> None:  # Any: imported late
+def _answer(arguments: argparse.Namespace, done: Settled[Outline], session: Session) -> None:
     """In words, as data, or as a picture in which the steps are marked."""
     from assetbuild.pipeline import drawing
     from assetbuild.pipeline.mapping import reached_first, seconds_of

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from assetbuild.engine.explain import Change, changes_text, why_it_runs
 from assetbuild.engine.graph import Graph, Node
@@ -31,7 +31,7 @@ class NodeResult:
 
     key: empty when it was never computed (blocked). outputs: name -> digest.
     seconds: wall clock of its step when it ran just now, else 0. cpu_seconds: of its child
-    process. saved_seconds: what a cached step took when it last ran. child: in a child process.
+    process. saved_seconds: what a cached step took when it last ran.
     reason: why it ran, or what blocked it.
     log: what the step printed, and the traceback of a bug; None when there is nothing.
     """
@@ -44,7 +44,6 @@ class NodeResult:
     seconds: float = 0.0
     cpu_seconds: float = 0.0
     saved_seconds: float = 0.0
-    child: bool = False
     error: AssetBuildError | None = None
     reason: str = ""
     log: Path | None = None
@@ -94,7 +93,6 @@ class Maker:
                 status="failed",
                 key=key,
                 seconds=round(time.monotonic() - began, 4),
-                child=node.step.isolated,
                 error=self._with_log(error, label),
                 reason=changes_text(changes),
                 log=self._log(label),
@@ -174,7 +172,7 @@ class Maker:
                 if result.key != key:
                     raise StepError(f"step `{maker}` changed while it was made again")
             known = self.resolver.key(label)
-            inputs: Any = known[1]["inputs"] if known else {}  # Any: JSON, name -> digest
+            inputs = known[1]["inputs"] if known else {}
             refs = self.graph.nodes[label].inputs
             if any(self.resolver.digest(refs[name]) != inputs[name] for name in inputs):
                 raise StepError(
@@ -203,5 +201,4 @@ def _cached(label: str, key: str, made: Made) -> NodeResult:
         outputs=dict(made.outputs),
         findings=made.findings,
         saved_seconds=made.seconds,
-        child=made.child,
     )

@@ -86,8 +86,7 @@ class Processes:
                 shutil.rmtree(folder, ignore_errors=True)
 
     def _run(self, node: Node, parts: Parts, folder: Path) -> Made:
-        inputs: Any = parts["inputs"]  # Any: JSON, name -> digest
-        staged = stage(self._session, inputs, folder / "inputs")
+        staged = stage(self._session, parts["inputs"], folder / "inputs")
         (folder / "outputs").mkdir()
         began = time.monotonic()
         if node.step.isolated or self._is_confined(node):

@@ -56,10 +56,10 @@ def settle(
     *,
     jobs: int | None = None,
     on_event: Listener | None = None,
-    part: Callable[[Graph], Graph] | None = None,
+    may_run: Callable[[Node], bool] | None = None,
 ) -> Settled[T]:
     """`settle_all` of one plan."""
-    return settle_all({"": add}, session, runner, jobs=jobs, on_event=on_event, part=part)[""]
+    return settle_all({"": add}, session, runner, jobs=jobs, on_event=on_event, may_run=may_run)[""]
 
 
 def settle_all(
@@ -70,12 +70,13 @@ def settle_all(
     jobs: int | None = None,
     keep_going: bool = False,
     on_event: Listener | None = None,
-    part: Callable[[Graph], Graph] | None = None,
+    may_run: Callable[[Node], bool] | None = None,
 ) -> dict[str, Settled[T]]:
     """Rounds until the plans have all answers, or a step failed; several plans are one graph.
 
     plans: by the names that `joined` gives to their graphs; a single one keeps its labels.
-    part: what of the graph may run; then it ends as well when that answers nothing more.
+    may_run: of the steps that the store does not know yet; None = all of them. Otherwise it ends
+    as well when they answer nothing more.
     """
     results: dict[str, NodeResult] = {}
     with nullcontext(runner) if runner else Processes(session) as place:
@@ -83,14 +84,14 @@ def settle_all(
             done = {name: planned(add, session) for name, add in plans.items()}
             graph = joined({name: each.graph for name, each in done.items()})
             now = execute(
-                part(graph) if part else graph,
+                _part(graph, session, may_run) if may_run else graph,
                 session,
                 place,
                 jobs=jobs,
                 keep_going=keep_going,
                 on_event=on_event,
             )
-            is_stuck = part is not None and now.keys() <= results.keys()
+            is_stuck = may_run is not None and now.keys() <= results.keys()
             results = _with_earlier(now, results)
             is_whole = all(each.whole for each in done.values())
             if is_whole or is_stuck or first_error(results):
@@ -120,10 +121,12 @@ def _own(results: dict[str, NodeResult], name: str, plans: int) -> dict[str, Nod
     return {k.removeprefix(prefix): r for k, r in results.items() if k.startswith(prefix)}
 
 
-def known_part(
-    graph: Graph, session: Session, may_run: Callable[[Node], bool] = lambda _: False
-) -> Graph:
-    """What of a graph the store has already, and the nodes that may run besides."""
+def nothing(_: Node) -> bool:
+    """No step may run: what the store and the shared cache know is all."""
+    return False
+
+
+def _part(graph: Graph, session: Session, may_run: Callable[[Node], bool]) -> Graph:
     resolver = Resolver(graph.nodes, session)
     kept: dict[str, Node] = {}
     for label, node in graph.nodes.items():  # each after the nodes it reads

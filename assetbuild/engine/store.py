@@ -229,17 +229,9 @@ class Store:
             beside.unlink(missing_ok=True)
 
     def restore_tree(self, digest: str, dest: Path) -> None:
-        """Copy a tree to the folder `dest`, which is absent or empty, verified; at once."""
-        listing = self.tree(digest)
-        beside = dest.with_name(f".{dest.name[:200]}.{secrets.token_hex(4)}.tmp")
-        try:
-            with machine_errors(self.root.parent):
-                beside.mkdir(parents=True)
-                for name, (member, _) in sorted(listing.items()):
-                    self.restore(member, beside / name)
-                beside.replace(dest)
-        finally:
-            shutil.rmtree(beside, ignore_errors=True)
+        """Copy the files of a tree below the folder `dest`, each as `restore` does."""
+        for name, (member, _) in sorted(self.tree(digest).items()):
+            self.restore(member, dest / name)
 
     def _quarantine(self, digest: str) -> None:
         """Set a corrupt object aside and say that it is lost."""

@@ -6,7 +6,7 @@ import functools
 from pathlib import Path
 
 from assetbuild.engine.graph import Node
-from assetbuild.engine.rounds import known_part, settle
+from assetbuild.engine.rounds import settle
 from assetbuild.findings import Finding
 from assetbuild.kinds import Edit
 from assetbuild.pipeline.judging import findings_of, located, locator, where_of
@@ -45,8 +45,7 @@ def check(recipe: Path) -> list[Finding]:
     check_names(loaded)
     lock = pin(loaded, frozen=True, say=lambda _: None)
     with open_session(loaded) as session:
-        light = functools.partial(known_part, session=session, may_run=_is_light)
-        done = settle(functools.partial(plan, loaded, lock), session, part=light)
+        done = settle(functools.partial(plan, loaded, lock), session, may_run=_is_light)
         for label, result in done.results.items():
             if result.error:
                 raise located(result.error, "", where_of(loaded, done.outline, label))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.engine.resolver import Resolver
-from assetbuild.engine.rounds import known_part, settle
+from assetbuild.engine.rounds import nothing, settle
 from assetbuild.engine.share.remote import Remote
 from assetbuild.pipeline.opening import looked_at, opened
 from assetbuild.plan import plan
@@ -42,6 +42,5 @@ def pull(recipe: Path, variant: str | None, remote: Remote) -> Shared:
     loaded, lock, session = opened(recipe, variant)
     with session:
         session.remote = remote
-        known = functools.partial(known_part, session=session)
-        done = settle(functools.partial(plan, loaded, lock), session, part=known)
+        done = settle(functools.partial(plan, loaded, lock), session, may_run=nothing)
     return Shared(len(done.graph.nodes), len(done.results), done.whole)

@@ -10,7 +10,7 @@ from typing import Any
 
 from assetbuild.engine.digest import digest_file
 from assetbuild.engine.publish import OWN_FILES
-from assetbuild.engine.rounds import known_part, settle
+from assetbuild.engine.rounds import nothing, settle
 from assetbuild.errors import OutOfDateError
 from assetbuild.pipeline.bundling import bundle_files, manifest_of
 from assetbuild.pipeline.judging import judged
@@ -72,8 +72,7 @@ def against_recipe(bundle: Path, recipe: Path, variant: str | None) -> Iterator[
     """
     loaded, lock, session = opened(recipe, variant)
     with session:
-        known = functools.partial(known_part, session=session)
-        done = settle(functools.partial(plan, loaded, lock), session, part=known)
+        done = settle(functools.partial(plan, loaded, lock), session, may_run=nothing)
         if not done.whole or done.results.keys() != done.graph.nodes.keys():
             raise OutOfDateError(
                 f"the store does not hold what {recipe} makes now",

@@ -85,8 +85,7 @@ class Cluster(Processes):
         """Run a step on some worker; its results are in the store afterwards. AssetBuildError."""
         if node.step.network or not node.step.isolated:
             return super().run(node, parts)
-        session, key = self._session, key_of(parts)
-        inputs = {str(name): str(digest) for name, digest in _dict(parts["inputs"]).items()}
+        session, key, inputs = self._session, key_of(parts), parts["inputs"]
         for digest in inputs.values():
             session.object(digest)  # a source comes into the store first
         objects = session.store.sizes(inputs)
@@ -106,7 +105,7 @@ class Cluster(Processes):
         }
         answer = self._answer(node, json.dumps(spec))
         if "error" in answer:
-            raise error_from_json(_dict(answer["error"]))
+            raise error_from_json(answer["error"])
         made = session.fetched(key)
         if made is None:
             raise _cache_failed(node)
@@ -149,9 +148,3 @@ def _cache_failed(node: Node) -> MachineError:
         f"the shared cache failed while step `{node.label}` ran on a worker",
         hint="inputs and results go through it; can this machine and the workers write to it?",
     )
-
-
-def _dict(value: object) -> dict[str, Any]:  # Any: JSON
-    if not isinstance(value, dict):
-        raise TypeError("not an object")
-    return value
