@@ -1,5 +1,11 @@
 """What is said about a robot, as data: rule, severity, subject, numbers, next move.
 
+A `Rule` is declared once, beside the code that finds it, and makes its findings:
+
+    SAG = Rule("stand.sag", "warning", "the base sinks more than allowed", "raise kp")
+    ...
+    yield SAG("robot", f"base height changed by {sag:.3g} m", data={"sag_m": sag})
+
 Findings are cached with the result of the step that made them and replayed on a warm build,
 so they carry the name of what they speak of (`subject`), not its line: the report looks the
 line up in the source map of the day.
@@ -20,7 +26,7 @@ SEVERITIES: tuple[Severity, ...] = get_args(Severity)
 class Finding:
     """One statement about the robot.
 
-    rule: stable id, `family.name`; each has an entry in docs/reference/rules.md.
+    rule: stable id, `family.name`; each has an entry in docs/reference/rules/.
     subject: `link trunk`, `joint FR_hip_joint`, `mesh meshes/trunk.dae`, `actuator ...`,
         `recipe collision.links`: the key into the source map.
     where: `file:line`, filled in by the report; empty inside steps.
@@ -42,6 +48,50 @@ class Finding:
     def to_json(self) -> dict[str, object]:
         """Plain data in the field order of `report.json`."""
         return asdict(self) | {"data": {k: self.data[k] for k in sorted(self.data)}}
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """What the code can find, declared beside it as a constant; calling it makes the finding.
+
+    id: `family.name`; a last part `*` stands for what the call names: see `named`.
+    severity: the usual one, or several of which the first is the usual one.
+    meaning, remedy: a cell each of docs/reference/rules/<family>.md, in Markdown.
+    """
+
+    id: str
+    severity: Severity | tuple[Severity, ...]
+    meaning: str
+    remedy: str
+
+    @property
+    def severities(self) -> tuple[Severity, ...]:
+        """All that its findings can have, the usual one first."""
+        return (self.severity,) if isinstance(self.severity, str) else self.severity
+
+    def named(self, part: str) -> Rule:
+        """The rule with `part` in place of its `*`: `equal.mjcf.*` -> `equal.mjcf.mass`."""
+        if not self.id.endswith("*"):
+            raise ValueError(f"rule `{self.id}` has no `*` that a name could replace")
+        return replace(self, id=self.id.removesuffix("*") + part)
+
+    def __call__(
+        self,
+        subject: str,
+        message: str,
+        hint: str = "",
+        *,
+        severity: Severity | None = None,
+        where: str = "",
+        data: Mapping[str, Scalar | tuple[Scalar, ...]] | None = None,
+    ) -> Finding:
+        """A finding of this rule, of its usual severity unless another declared one is given."""
+        severity = severity or self.severities[0]
+        if severity not in self.severities:
+            raise ValueError(f"rule `{self.id}` does not declare the severity `{severity}`")
+        if self.id.endswith("*"):
+            raise ValueError(f"rule `{self.id}` has a part without a name: `named` gives it one")
+        return Finding(self.id, severity, subject, message, hint, where, data or {})
 
 
 def finding_from_json(raw: Mapping[str, object]) -> Finding:

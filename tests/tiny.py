@@ -262,8 +262,8 @@ def _quadruped_control(joints: tuple[Joint, ...]) -> Control:
         actuators,
         (_stance("home", joints, 0.8), _stance("crouch", joints, 1.2)),
         pairs,
-        Contact((0.8, 0.02, 0.01), 3),
-        simulation=Simulation(0.005, 4),
+        Contact(friction=(0.8, 0.02, 0.01)),
+        simulation=Simulation(),
     )
 
 

@@ -13,7 +13,7 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict
 
-from assetbuild.findings import Finding, Scalar, Severity
+from assetbuild.findings import Finding, Rule, Scalar, Severity
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.chains import Chain, find_chains, is_massless, weighs
 from assetbuild.robot.inertia import (
@@ -30,6 +30,64 @@ ROUNDING = 1e-9
 
 SINGULAR = 1e-12
 """Relative: a least principal moment below this is a zero that rounding made positive."""
+
+MISSING = Rule(
+    "inertia.missing",
+    ("warning", "error"),
+    "a moving link has no inertial (an error on the bodies that will be simulated)",
+    "give it one",
+)
+BETWEEN = Rule(
+    "inertia.between",
+    "info",
+    "a massless link between two joints: in MJCF one body has several joints",
+    "for USD the edit `share_mass`",
+)
+MASS = Rule(
+    "inertia.mass",
+    ("error", "warning"),
+    "the mass is not positive (a warning in the source)",
+    "give the real mass",
+)
+POSITIVE = Rule(
+    "inertia.positive",
+    ("error", "warning"),
+    "a principal moment is not positive (a warning in the source)",
+    "give the real tensor",
+)
+TRIANGLE = Rule(
+    "inertia.triangle",
+    ("error", "warning"),
+    "a principal moment exceeds the sum of the others, which MuJoCo refuses (a warning in the "
+    "source, and up to 1 %)",
+    "check whether the tensor was taken about the centre of mass",
+)
+PSEUDO = Rule(
+    "inertia.pseudo",
+    ("warning", "info"),
+    "all of the mass lies in a plane (info in the source)",
+    "give the body thickness",
+)
+RADIUS = Rule(
+    "inertia.radius",
+    ("warning", "info"),
+    "the inertia is that of a ball of more than 0.5 m radius: much for the mass, though every "
+    "simulator takes it",
+    "check the units",
+)
+DENSE = Rule(
+    "inertia.dense",
+    ("warning", "info", "error"),
+    "the inertia is less than that of the densest matter (an error where MuJoCo refuses it: "
+    "under 1e-15 kg m²)",
+    "`inertia_from_geometry`",
+)
+MASS_SMALL = Rule(
+    "inertia.mass_small",
+    ("warning", "info"),
+    "a moving body weighs less than 1 g (info in the source)",
+    "merge it, or give its real mass",
+)
 
 
 class Bounds(BaseModel):
@@ -101,19 +159,17 @@ def inertia_findings(
 
 def _of_this(finding: Finding, *, moves: bool, shows: bool) -> Finding | None:
     """As grave as it is for a body that moves or not, and has a shape or not."""
-    if finding.rule == "inertia.dense" and not shows and finding.severity != "error":
+    if finding.rule == DENSE.id and not shows and finding.severity != "error":
         return replace(finding, severity="info")  # it has no size to doubt
     if moves:
         return finding
-    if finding.rule == "inertia.radius":  # what never turns may be as lazy as it likes
+    if finding.rule == RADIUS.id:  # what never turns may be as lazy as it likes
         return replace(finding, severity=_note(finding.severity))
-    return finding if finding.rule != "inertia.mass_small" else None
+    return finding if finding.rule != MASS_SMALL.id else None
 
 
 def _carried(subject: str) -> Finding:
-    return Finding(
-        "inertia.missing",
-        "warning",
+    return MISSING(
         subject,
         "it is kept as a body but has no mass; some engines invent one",
         "let it be merged, or give it a small mass and inertia",
@@ -122,9 +178,7 @@ def _carried(subject: str) -> Finding:
 
 def _between(subject: str, chain: Chain) -> Finding:
     joints = tuple(joint.name for joint in chain.joints)
-    return Finding(
-        "inertia.between",
-        "info",
+    return BETWEEN(
         subject,
         f"a massless link between the joints of `{chain.body}` ({', '.join(joints)}): "
         "exact in URDF and MJCF, but PhysX wants mass on every body",
@@ -135,12 +189,11 @@ def _between(subject: str, chain: Chain) -> Finding:
 
 def _missing(subject: str, worst: Severity) -> Finding:
     message = "it moves but has no <inertial>: no simulator can accelerate it"
-    return Finding(
-        "inertia.missing",
-        worst,
+    return MISSING(
         subject,
         message,
         "give it a mass: edit `inertia_from_geometry`, or `set_inertia`",
+        severity=worst,
     )
 
 
@@ -151,19 +204,20 @@ def _judge(subject: str, inertial: Inertial, bounds: Bounds, worst: Severity) ->
     if mass <= 0.0:
         message = f"mass is {mass:g} kg"
         hint = "give it its real one: edit `set_mass`, or `inertia_from_geometry` with a density"
-        yield Finding("inertia.mass", worst, subject, message, hint, data=data)
+        yield MASS(subject, message, hint, severity=worst, data=data)
         return
     if mass < bounds.small_mass_kg:
-        yield Finding(
-            "inertia.mass_small", _note(worst), subject,
+        yield MASS_SMALL(
+            subject,
             f"mass is only {mass:g} kg",
             "merge it into a neighbour, or give it its real mass",
+            severity=_note(worst),
             data={"mass_kg": mass, "bound_kg": bounds.small_mass_kg},
-        )  # fmt: skip
+        )
     broken = _broken(subject, tensor, moments, bounds, worst, data)
     if broken:
         yield broken
-    if not broken or broken.rule != "inertia.positive":
+    if not broken or broken.rule != POSITIVE.id:
         yield from _size(subject, inertial, bounds, worst, moments)
 
 
@@ -180,20 +234,20 @@ def _broken(
     if a <= SINGULAR * abs(c):
         message = f"principal moments {shown} are not all positive"
         hint = "a product with the wrong sign, or a dummy? edit `inertia_from_geometry`"
-        return Finding("inertia.positive", worst, subject, message, hint, data=data)
+        return POSITIVE(subject, message, hint, severity=worst, data=data)
     violation = triangle_violation(tensor)
     if violation > ROUNDING:
         severity = worst if violation > bounds.triangle_slack else "warning"
         message = f"principal moments A + B < C by {100 * violation:.3g} % of C: {shown}"
         hint = "was it taken about the centre of mass? MuJoCo refuses it: edit `balance_inertia`"
         extra = {**data, "violation": violation}
-        return Finding("inertia.triangle", severity, subject, message, hint, data=extra)
+        return TRIANGLE(subject, message, hint, severity=severity, data=extra)
     least = least_second_moment(tensor)
     if least <= ROUNDING * c:
         message = f"its pseudo-inertia is singular: all mass lies in a plane, moments {shown}"
         hint = "a real part has thickness; randomised or identified masses can turn invalid"
         extra = {**data, "least_second_moment_kg_m2": least}
-        return Finding("inertia.pseudo", _note(worst), subject, message, hint, data=extra)
+        return PSEUDO(subject, message, hint, severity=_note(worst), data=extra)
     return None
 
 
@@ -208,9 +262,7 @@ def _size(
     yield from _dense(subject, inertial, bounds, worst, moments, radius)
     if radius <= bounds.radius_m * (1.0 + ROUNDING):
         return
-    yield Finding(
-        "inertia.radius",
-        "warning",
+    yield RADIUS(
         subject,
         f"its inertia is that of a ball of {radius:.3g} m radius with {inertial.mass_kg:g} kg",
         "are the units kg m² (not kg mm² or g cm²), and the tensor about the centre of mass?",
@@ -231,13 +283,12 @@ def _dense(
     if not refused and inertial.mass_kg <= bounds.density_kg_m3 * ball:
         return
     also = f"; MuJoCo refuses moments below {bounds.least_moment_kg_m2:g} kg m²" if refused else ""
-    yield Finding(
-        "inertia.dense",
-        worst if refused else _note(worst),
+    yield DENSE(
         subject,
         f"{inertial.mass_kg:g} kg with the inertia of a ball of {radius:.3g} m radius: denser than "
         f"any matter{also}",
         "is it a dummy value? `inertia_from_geometry` computes it from the shapes",
+        severity=worst if refused else _note(worst),
         data={"radius_m": radius, "mass_kg": inertial.mass_kg, "principal_kg_m2": moments},
     )
 

@@ -10,7 +10,7 @@ from pydantic import Field
 from assetbuild.body.inertia_rules import Bounds, inertia_findings
 from assetbuild.body.limit_rule import crossed_limits
 from assetbuild.engine.step import Files, Step
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import decode
 from assetbuild.robot.mimic import led_range
 from assetbuild.robot.model import Joint, Shapes, Tree
@@ -18,6 +18,44 @@ from assetbuild.robot.tree import PLACEHOLDER_KG
 
 CONTRADICTION = 0.01
 """Share of a range by which a mimic joint may be led over its limits: rounding in the source."""
+
+MIMIC_LIMITS = Rule(
+    "joint.mimic_limits",
+    "warning",
+    "a mimic joint is driven beyond its own limits: PhysX blows up on it, MuJoCo holds both "
+    "joints back",
+    "`set_limits` to the range that its leader asks for; check the sign of the multiplier",
+)
+LOCKED = Rule(
+    "joint.locked",
+    "warning",
+    "lower = upper: the joint cannot move; in the MJCF an equality holds it",
+    "set the limits, or make the joint fixed",
+)
+RANGE = Rule(
+    "joint.range",
+    "warning",
+    "a revolute joint turns by more than 2 pi",
+    "check whether degrees were written for radians",
+)
+EFFORT_ZERO = Rule(
+    "joint.effort_zero",
+    "warning",
+    "the effort limit is 0, which simulators take literally",
+    "give it in the actuator table",
+)
+VELOCITY_ZERO = Rule(
+    "joint.velocity_zero",
+    "warning",
+    "the velocity limit is 0, which simulators take literally",
+    "give it in the actuator table",
+)
+NO_COLLISION = Rule(
+    "link.no_collision",
+    "info",
+    "a link with mass and visual geometry has no collision geometry",
+    "`collision: {from: visual}`",
+)
 
 
 class LintLinks(Step):
@@ -52,29 +90,27 @@ def _range(joint: Joint) -> Iterator[Finding]:
     if lower == upper:
         message = f"both limits are {lower:g} {unit}: taken by their word, the joint is locked"
         hint = "if it is meant to move, give it a range: edit `set_limits`; else make it `fixed`"
-        yield Finding("joint.locked", "warning", subject, message, hint, data=data)
+        yield LOCKED(subject, message, hint, data=data)
     elif lower > upper:
         yield from crossed_limits(joint, "warning")
     elif joint.kind == "revolute" and upper - lower > 2 * math.pi * (1 + 1e-6):
         message = f"range {upper - lower:.4g} rad is more than one turn"
         hint = "right for some arms; else were degrees written for radians?"
-        yield Finding("joint.range", "warning", subject, message, hint, data=data)
+        yield RANGE(subject, message, hint, data=data)
 
 
 def _drive(joint: Joint) -> Iterator[Finding]:
     """A limit of 0 means "unknown" in most exports; a simulator takes it by its word."""
     newton = "N" if joint.kind == "prismatic" else "N m"
     per_second = "m/s" if joint.kind == "prismatic" else "rad/s"
-    for name, value, unit in (
-        ("effort", joint.limits.effort, newton),
-        ("velocity", joint.limits.velocity, per_second),
+    for rule, name, value, unit in (
+        (EFFORT_ZERO, "effort", joint.limits.effort, newton),
+        (VELOCITY_ZERO, "velocity", joint.limits.velocity, per_second),
     ):
         if value == 0.0 and joint.mimic is None:
-            yield Finding(
-                rule=f"joint.{name}_zero",
-                severity="warning",
-                subject=f"joint {joint.name}",
-                message=f"{name} limit is 0 {unit}: taken by its word, it cannot move",
+            yield rule(
+                f"joint {joint.name}",
+                f"{name} limit is 0 {unit}: taken by its word, it cannot move",
                 hint=f"give `{name}` in the recipe's actuator table",
                 data={name: value},
             )
@@ -89,9 +125,7 @@ def _led(tree: Tree, joint: Joint) -> Iterator[Finding]:
     if joint.mimic is None or over <= CONTRADICTION * max(led[1] - led[0], upper - lower):
         return
     unit = "m" if joint.kind == "prismatic" else "rad"
-    yield Finding(
-        "joint.mimic_limits",
-        "warning",
+    yield MIMIC_LIMITS(
         f"joint {joint.name}",
         f"mimics `{joint.mimic.joint}` from {led[0]:.4g} to {led[1]:.4g} {unit}, but its limits "
         f"are {lower:g} to {upper:g}: PhysX blows up on the contradiction, MuJoCo holds both back",
@@ -106,10 +140,8 @@ def _without_collision(tree: Tree, shapes: Shapes) -> Iterator[Finding]:
     for body in tree.bodies:
         heavy = body.inertial is not None and body.inertial.mass_kg >= PLACEHOLDER_KG
         if heavy and body.name in seen - solid:
-            yield Finding(
-                rule="link.no_collision",
-                severity="info",
-                subject=f"link {body.name}",
-                message="it has mass and a visual, but no collision geometry in the source",
+            yield NO_COLLISION(
+                f"link {body.name}",
+                "it has mass and a visual, but no collision geometry in the source",
                 hint="`from: visual` in the recipe's collision rule makes one from what is seen",
             )

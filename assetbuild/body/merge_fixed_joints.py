@@ -7,11 +7,24 @@ from collections.abc import Iterator
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import RecipeError, did_you_mean
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Tree
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import Merged, merge_fixed_joints
+
+FIXED_JOINTS = Rule(
+    "merge.fixed_joints",
+    "info",
+    "links became frames of another body",
+    "`keep_bodies` keeps a link as a body",
+)
+PLACEHOLDER_ROOT = Rule(
+    "merge.placeholder_root",
+    "info",
+    "the root was a placeholder; its name and frame were replaced",
+    "use the new name of the root",
+)
 
 
 class MergeFixedJoints(Step):
@@ -59,11 +72,9 @@ class MergeFixedJoints(Step):
 def _placeholder(fact: Merged, links: Tree) -> Finding:
     inertial = links.by_body[fact.placeholder].inertial
     mass = inertial.mass_kg if inertial else 0.0
-    return Finding(
-        rule="merge.placeholder_root",
-        severity="info",
-        subject=f"link {fact.placeholder}",
-        message=f"a root of {mass:g} kg names a place only: the body is called `{fact.body}` and "
+    return PLACEHOLDER_ROOT(
+        f"link {fact.placeholder}",
+        f"a root of {mass:g} kg names a place only: the body is called `{fact.body}` and "
         f"has its frame; `{fact.placeholder}` lives on as a frame",
         hint=f"use `{fact.body}` where a tool asks for the root body",
         data={"body": fact.body, "mass_kg": mass},
@@ -73,11 +84,9 @@ def _placeholder(fact: Merged, links: Tree) -> Finding:
 def _merged(facts: tuple[Merged, ...], tree: Tree) -> Finding:
     links = tuple(link for fact in facts for link in fact.links)
     names = ", ".join(f"`{link}`" for link in links[:6]) + (", ..." if len(links) > 6 else "")
-    return Finding(
-        rule="merge.fixed_joints",
-        severity="info",
-        subject="robot",
-        message=f"fixed joints hold {len(links)} links to their neighbours: {names}; they became "
+    return FIXED_JOINTS(
+        "robot",
+        f"fixed joints hold {len(links)} links to their neighbours: {names}; they became "
         f"frames, {len(tree.bodies)} bodies remain",
         hint="name a link in `fixed_joints.keep_bodies` to keep it as a body of its own",
         data={"bodies": len(tree.bodies), "links": links},

@@ -14,12 +14,28 @@ from typing import Self
 from xml.etree.ElementTree import Element
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Capsule, Role, Shapes
+
+VISUAL = Rule(
+    "count.visual",
+    "error",
+    "a link has fewer visual shapes than the source states",
+    "report it: this is a bug",
+)
+COLLISION = Rule(
+    "count.collision",
+    "error",
+    "a link has no collision shape though its rule asks for one",
+    "report it: this is a bug",
+)
+TEXTURE = Rule(
+    "count.texture", "error", "the MJCF does not show a texture", "report it: this is a bug"
+)
 
 
 class Counts(Check):
@@ -71,7 +87,7 @@ class Counts(Check):
         wanted, shown = _textures(shapes), _shown(mjcf, files.inputs / "mjcf/assets")
         for texture in sorted(wanted - shown):
             message = f"the texture `{texture}` is not shown by the MJCF"
-            yield Finding("count.texture", "error", "robot", message, _BUG)
+            yield TEXTURE("robot", message, _BUG)
         write_figures(
             files,
             {
@@ -93,9 +109,7 @@ class Counts(Check):
             roles = ("collision", "visual") if from_ == "auto" else (from_,)
             expected = next((n for role in roles if (n := stated[role][link])), 0)
             if method != "none" and expected and not built[link]:
-                yield Finding(
-                    "count.collision",
-                    "error",
+                yield COLLISION(
                     f"link {link}",
                     f"the source states {expected} shapes for collision, and none was built",
                     _BUG,
@@ -139,9 +153,7 @@ def _shows_nothing(element: Element) -> bool:
 def _visuals(stated: Counter[str], built: Counter[str]) -> Iterator[Finding]:
     for link, expected in stated.items():
         if built[link] < expected:
-            yield Finding(
-                "count.visual",
-                "error",
+            yield VISUAL(
                 f"link {link}",
                 f"the source states {expected} visual shapes, {built[link]} were built",
                 _BUG,

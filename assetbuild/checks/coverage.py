@@ -14,7 +14,7 @@ import numpy as np
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.mesh.holes import holes
 from assetbuild.mesh.hull import convex_hull
@@ -31,6 +31,20 @@ MOST_POINTS = 4000
 """Of a body's visual vertices, evenly spread over their list: enough for a percentile."""
 LEFT = 0.1
 """A hole of which less than this is left is filled."""
+
+SHIFT = Rule(
+    "coverage.shift",
+    "warning",
+    "collision geometry is beside the visual geometry of its body",
+    "compare their origins",
+)
+HOLE = Rule(
+    "coverage.hole",
+    "info",
+    "the visual geometry of a body has an opening that its collision closes (a mesh counts as "
+    "its hull)",
+    "more pieces, and `keep_open` where something must pass",
+)
 
 
 @dataclass(frozen=True)
@@ -95,9 +109,7 @@ class Coverage(Check):
             limit = max(self.max_shift, self.max_shift_share * fit.size_m)
             if largest > limit and fit.over_m > 0.5 * largest:
                 axis = "xyz"[int(np.argmax(np.abs(fit.shift_m)))]
-                yield Finding(
-                    "coverage.shift",
-                    "warning",
+                yield SHIFT(
                     f"link {name}",
                     f"its collision geometry lies {_length(largest)} along {axis} from its "
                     "visual geometry",
@@ -128,9 +140,7 @@ def _filled(
         largest = filled[0]
         x, y, z = (1e3 * v for v in largest.middle_m)
         u, v, w = largest.direction
-        yield Finding(
-            "coverage.hole",
-            "info",
+        yield HOLE(
             f"link {body}",
             f"collision fills a hole of {1e4 * largest.area_m2:.3g} cm² at ({x:.3g}, {y:.3g}, "
             f"{z:.3g}) mm, seen along ({u:.3g}, {v:.3g}, {w:.3g})",

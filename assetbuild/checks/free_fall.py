@@ -7,12 +7,21 @@ from typing import Self
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
 from assetbuild.simulators import experiments, mujoco
+
+LOAD = Rule("free_fall.load", "error", "MuJoCo refuses the MJCF", "see `mjcf.load`")
+WRONG_DROP = Rule(
+    "free_fall.drop",
+    ("warning", "error"),
+    "the robot does not fall by g/2 t (t + dt) (an error above 5 %)",
+    "check whether a part is fixed to the world",
+)
+FIXED_BASE = Rule("free_fall.fixed_base", "info", "a fixed base is not dropped", "nothing")
 
 
 class FreeFall(Check):
@@ -45,15 +54,13 @@ class FreeFall(Check):
         tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
         if tree.base == "fixed":
             write_figures(files, {"skipped": "fixed base"})
-            yield Finding(
-                "free_fall.fixed_base", "info", "robot", "a fixed base does not fall: not dropped"
-            )
+            yield FIXED_BASE("robot", "a fixed base does not fall: not dropped")
             return
         try:
             model = mujoco.load(files.inputs / "mjcf" / f"{self.robot}.xml", visuals=False).model
         except StepError as error:
             write_figures(files, {"skipped": "the MJCF does not load"})
-            yield Finding("free_fall.load", "error", "robot", f"nothing to drop: {error.message}")
+            yield LOAD("robot", f"nothing to drop: {error.message}")
             return
         fall = mujoco.free_fall(model, self.seconds)
         write_figures(
@@ -72,11 +79,10 @@ class FreeFall(Check):
 
     def _judge(self, fall: experiments.FreeFall) -> Iterator[Finding]:
         if not fall.finite:
-            yield Finding(
-                "free_fall.drop",
-                "error",
+            yield WRONG_DROP(
                 "robot",
                 "the simulation became unstable in free fall",
+                severity="error",
                 hint="look for tiny inertias and for a large timestep",
             )
             return
@@ -84,12 +90,11 @@ class FreeFall(Check):
         error = max(abs(fall.drop_m - fall.expected_m), fall.sideways_m)
         if error > self.tolerance * fall.expected_m + 1e-9:
             broken = error > self.broken * fall.expected_m
-            yield Finding(
-                "free_fall.drop",
-                "error" if broken else "warning",
+            yield WRONG_DROP(
                 "robot",
                 f"fell {fall.drop_m:.6g} m and {fall.sideways_m:.3g} m sideways in "
                 f"{fall.seconds:g} s, expected {fall.expected_m:.6g} m",
+                severity="error" if broken else "warning",
                 hint="is part of the robot fixed to the world, or gravity compensated?",
                 data={
                     "drop_m": fall.drop_m,

@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
@@ -27,6 +27,58 @@ from assetbuild.robot.pose import Array
 EXPLICIT = frozenset({"ideal_pd", "dc_motor"})
 """Models whose gains a controller applies once a step, instead of the integrator."""
 SMALL_ERROR_RAD = 0.1
+
+TORQUE = Rule(
+    "gains.torque",
+    ("warning", "error"),
+    "holding the pose needs more than 80 % of the effort limit (an error above 100 %)",
+    "another pose, or check the limit",
+)
+SAG = Rule(
+    "gains.sag",
+    "warning",
+    "the robot's own weight moves the joint off its target, by more than 0.25 rad",
+    "raise kp",
+)
+SATURATED = Rule(
+    "gains.saturated",
+    "info",
+    "0.1 rad of error already asks for more than the effort limit",
+    "lower kp where a policy commands positions",
+)
+UNSTABLE = Rule(
+    "gains.unstable",
+    ("warning", "error"),
+    "the drive diverges at this timestep (an error), or is within a factor of two of it",
+    "lower the gains or the timestep; give the rotor's inertia",
+)
+UNDERDAMPED = Rule(
+    "gains.underdamped",
+    "warning",
+    "the joint rings: its damping ratio is below 0.1, with kd and damping summed",
+    "raise kd",
+)
+OVERDAMPED = Rule(
+    "gains.overdamped",
+    "warning",
+    "the joint creeps: its damping ratio is above 10, with kd and damping summed",
+    "lower kd",
+)
+DAMPED_TWICE = Rule(
+    "gains.damped_twice",
+    "info",
+    "kd of the drive and damping of the joint are both set, and add up",
+    "set one to 0",
+)
+INHERITED = Rule(
+    "gains.inherited", "warning", "gains come from the source's MJCF", "state them in `actuators`"
+)
+CUSTOMARY = Rule(
+    "gains.customary",
+    "info",
+    "gains are outside the customary range for this kind of robot",
+    "nothing, if it is on purpose",
+)
 
 
 @dataclass(frozen=True)
@@ -177,28 +229,23 @@ def _judge_strength(
     (way, unit), (torque, sag) = units, limits
     if one.load is not None and one.load > torque:
         cannot = one.load > 1.0
-        yield Finding(
-            "gains.torque",
-            "error" if cannot else "warning",
+        yield TORQUE(
             subject,
             f"{'cannot hold' if cannot else 'hardly holds'} its pose: {one.holding:.3g} of "
             f"{actuator.effort:g} {unit}",
+            severity="error" if cannot else "warning",
             hint="choose a pose with the feet under the hips, or check the effort limit",
             data={"holding": one.holding, "load": one.load},
         )
     if one.sag is not None and one.sag > sag:
-        yield Finding(
-            "gains.sag",
-            "warning",
+        yield SAG(
             subject,
             f"gives way by {one.sag:.3g} {way} under the robot's weight at kp {actuator.kp:.3g}",
             hint="raise kp; a policy learns around it, a viewer shows a crouch",
             data={"sag": one.sag, "limit": sag},
         )
     if actuator.effort is not None and one.per_tenth_rad > actuator.effort:
-        yield Finding(
-            "gains.saturated",
-            "info",
+        yield SATURATED(
             subject,
             f"saturates at {actuator.effort / actuator.kp:.3g} {way} of error: it is a switch "
             "more than a spring",
@@ -213,12 +260,11 @@ def _judge_stability(
     if one.margin is None or one.margin >= margin:
         return
     diverges = one.margin <= 1.0
-    yield Finding(
-        "gains.unstable",
-        "error" if diverges else "warning",
+    yield UNSTABLE(
         subject,
         f"{'diverges' if diverges else 'is close to diverging'} at a timestep of {timestep:g} s: "
         f"{one.margin:.3g} times its gains are the limit",
+        severity="error" if diverges else "warning",
         hint="lower the gains or the timestep, give the motor's rotor_inertia, or `model: pd`",
         data={"margin": one.margin, "kp_dt2_over_I": one.stiffness},
     )
@@ -230,9 +276,8 @@ def _judge_damping(
     ratio, (least, most) = one.damping_ratio, allowed
     if ratio is not None and not least <= ratio <= most:
         low = ratio < least
-        yield Finding(
-            "gains.underdamped" if low else "gains.overdamped",
-            "warning",
+        rule = UNDERDAMPED if low else OVERDAMPED
+        yield rule(
             subject,
             f"damping ratio {ratio:.3g} at {one.frequency_hz:.3g} Hz: it "
             f"{'rings' if low else 'creeps to its target'}",
@@ -240,9 +285,7 @@ def _judge_damping(
             data={"damping_ratio": ratio, "frequency_hz": one.frequency_hz},
         )
     if actuator.kd and actuator.damping > 0.2 * actuator.kd:
-        yield Finding(
-            "gains.damped_twice",
-            "info",
+        yield DAMPED_TWICE(
             subject,
             f"the drive's kd {actuator.kd:.3g} and the joint's damping {actuator.damping:.3g} "
             "add up",
@@ -253,9 +296,7 @@ def _judge_damping(
 
 def _inherited(found: Mapping[str, Effective]) -> Finding:
     frequencies = [one.frequency_hz for one in found.values()]
-    return Finding(
-        "gains.inherited",
-        "warning",
+    return INHERITED(
         "robot",
         f"{len(found)} drives keep the gains of the source's MJCF ({min(frequencies):.3g} to "
         f"{max(frequencies):.3g} Hz at this pose): such files are often tuned for a viewer",
@@ -292,9 +333,7 @@ def _customary(
             outside.append(name)
     if outside:
         shown = ", ".join(outside[:4]) + (", ..." if len(outside) > 4 else "")
-        yield Finding(
-            "gains.customary",
-            "info",
+        yield CUSTOMARY(
             "robot",
             f"{len(outside)} of {len(found)} drives have gains outside what is customary for a "
             f"{kind}: {shown}",

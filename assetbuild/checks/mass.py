@@ -17,7 +17,7 @@ import numpy as np
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.mesh.corners import corners_by_body
 from assetbuild.mesh.hull import convex_hull
@@ -34,6 +34,31 @@ SLENDER = 2.5
 """Middle over least principal moment, of body and of hull, from which an axis is meant."""
 BROKEN = 5.0
 """Times the tolerance of the total mass that is no tolerance any more."""
+
+TOTAL = Rule(
+    "mass.total",
+    ("warning", "error"),
+    "the robot's mass differs from its datasheet (an error above five tolerances)",
+    "find the body; `edits: set_mass`",
+)
+DENSITY = Rule(
+    "mass.density",
+    "warning",
+    "a body is far lighter or heavier than matter of its size",
+    "check for a factor of ten, and the units of the mesh",
+)
+CENTER = Rule(
+    "mass.center",
+    "warning",
+    "a centre of mass is outside the geometry of its body",
+    "check the frame in which it is given",
+)
+AXES = Rule(
+    "mass.axes",
+    "warning",
+    "the mass is long where the geometry is short",
+    "check the axes of the tensor",
+)
 
 
 @dataclass(frozen=True)
@@ -101,20 +126,17 @@ class Mass(Check):
             return
         error = abs(total - self.expected_kg) / self.expected_kg
         if error > self.tolerance:
-            yield Finding(
-                "mass.total",
-                "error" if error > BROKEN * self.tolerance else "warning",
+            yield TOTAL(
                 "robot",
                 f"the robot has {total:.4g} kg, its datasheet says {self.expected_kg:.4g} kg",
+                severity="error" if error > BROKEN * self.tolerance else "warning",
                 hint="look for a body with too little or too much below; `edits: set_mass`",
                 data={"total_kg": total, "datasheet_kg": self.expected_kg, "relative": error},
             )
 
     def _judge(self, name: str, row: Filled) -> Iterator[Finding]:
         if not self.lightest <= row.density <= self.heaviest:
-            yield Finding(
-                "mass.density",
-                "warning",
+            yield DENSITY(
                 f"link {name}",
                 f"{row.mass_kg:.4g} kg in a hull of {1e3 * row.volume_m3:.3g} litres: "
                 f"{row.density:.4g} kg/m³",
@@ -122,18 +144,14 @@ class Mass(Check):
                 data={"density_kg_m3": row.density, "mass_kg": row.mass_kg},
             )
         if row.outside_m > 0.1 * row.size_m:
-            yield Finding(
-                "mass.center",
-                "warning",
+            yield CENTER(
                 f"link {name}",
                 f"the centre of mass is {1e3 * row.outside_m:.3g} mm outside of the geometry",
                 hint="was it given in another frame? `edits: set_inertia`",
                 data={"outside_m": row.outside_m, "size_m": row.size_m},
             )
         if row.angle_rad is not None and row.angle_rad > self.max_angle:
-            yield Finding(
-                "mass.axes",
-                "warning",
+            yield AXES(
                 f"link {name}",
                 f"the mass is long in a direction {math.degrees(row.angle_rad):.0f} degrees away "
                 "from that of the geometry",

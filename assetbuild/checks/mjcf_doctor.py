@@ -9,11 +9,19 @@ from collections.abc import Iterator
 from typing import ClassVar, Self
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding, Severity
+from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 
 LEVELS: dict[str, Severity] = {"ERROR": "error", "WARN": "warning", "INFO": "info"}
+
+FOUND = Rule(
+    "doctor.*",
+    ("info", "warning", "error"),
+    "what mjcf-doctor reports, with its codes and severities (`validate.linters: [mjcf_doctor]`)",
+    "`mjcf-doctor check -v mjcf/scene.xml` explains it",
+)
+BROKEN = Rule("doctor.broken", "warning", "mjcf-doctor gave no report", "read its own message")
 
 
 class MjcfDoctor(Check):
@@ -39,20 +47,17 @@ class MjcfDoctor(Check):
         findings = _findings(done.stdout)
         write_figures(files, {"findings": len(findings or ())})
         if findings is None:
-            yield Finding(
-                "doctor.broken",
-                "warning",
+            yield BROKEN(
                 "robot",
                 f"mjcf-doctor gave no report (exit {done.returncode})",
                 hint=done.stderr.strip().splitlines()[-1] if done.stderr.strip() else "",
             )
             return
         for found in findings:
-            yield Finding(
-                rule=f"doctor.{found['code']}",
+            yield FOUND.named(found["code"])(
+                "robot",
+                f"mjcf-doctor: {found['subject']}: {found['message']}",
                 severity=LEVELS.get(found["level"], "info"),
-                subject="robot",
-                message=f"mjcf-doctor: {found['subject']}: {found['message']}",
             )
 
 

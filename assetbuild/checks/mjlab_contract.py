@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
@@ -16,6 +16,14 @@ from assetbuild.simulators import mujoco
 COLLISION = re.compile(r".*_collision\d*")
 SENSORS = ("imu_ang_vel", "imu_lin_vel", "root_angmom")
 """What mjlab's velocity task reads."""
+
+LOAD = Rule("mjlab.load", "error", "MuJoCo refuses the bare MJCF", "see `mjcf.load`")
+CONTRACT = Rule(
+    "mjlab.contract",
+    "error",
+    "the bare MJCF breaks what mjlab asks for",
+    "report it: this is a bug",
+)
 
 
 class MjlabContract(Check):
@@ -39,7 +47,7 @@ class MjlabContract(Check):
             ).model
         except StepError as error:
             write_figures(files, {"skipped": "it does not load"})
-            yield Finding("mjlab.load", "error", "robot", f"MuJoCo refuses it: {error.message}")
+            yield LOAD("robot", f"MuJoCo refuses it: {error.message}")
             return
         broken = [*_foreign(model), *_names(model), *_task(model, tree)]
         for path in sorted((files.inputs / "mjlab/python").glob("*.py")):
@@ -49,12 +57,8 @@ class MjlabContract(Check):
                 broken.append(f"{path.name}:{error.lineno}: {error.msg}")
         write_figures(files, {"sensors": int(model.nsensor), "sites": int(model.nsite)})
         for message in broken:
-            yield Finding(
-                "mjlab.contract",
-                "error",
-                "robot",
-                message,
-                hint="mjlab would refuse or misread it: please report it",
+            yield CONTRACT(
+                "robot", message, hint="mjlab would refuse or misread it: please report it"
             )
 
 

@@ -14,7 +14,7 @@ from itertools import combinations
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.simulators import mujoco
 
@@ -33,7 +33,29 @@ SOLVERS = {1: "CG", 2: "Newton"}
 INTEGRATORS = {0: "Euler", 1: "RK4", 3: "implicitfast"}
 NET_FORCE = 3
 """Reduction of a contact sensor that MJX (JAX) does not do."""
+
 Pair = tuple[int, int]
+
+LOAD = Rule("mjx.load", "error", "MuJoCo refuses the mjx model", "see `mjcf.load`")
+UNSUPPORTED_PAIR = Rule(
+    "mjx.pair",
+    "error",
+    "two shapes may touch, and MJX has no contact for them",
+    "use a capsule in place of a cylinder, or exclude the pairs",
+)
+MARGIN = Rule(
+    "mjx.margin",
+    "error",
+    "a mesh has a contact margin, which MJX refuses",
+    "leave `contact.margin` at 0",
+)
+SLOW_PAIR = Rule(
+    "mjx.slow_pair",
+    "info",
+    "mujoco_warp solves these pairs by its general routine",
+    "spheres and capsules are fast",
+)
+OPTION = Rule("mjx.option", "error", "MJX does not have this option", "change it under `mjx`")
 
 
 class MjxPairs(Check):
@@ -52,7 +74,7 @@ class MjxPairs(Check):
             model = mujoco.load(files.inputs / "mjx" / "scene_mjx.xml", visuals=False).model
         except StepError as error:
             write_figures(files, {"skipped": "it does not load"})
-            yield Finding("mjx.load", "error", "robot", f"MuJoCo refuses it: {error.message}")
+            yield LOAD("robot", f"MuJoCo refuses it: {error.message}")
             return
         write_figures(files, figures(model))
         yield from judge(model)
@@ -108,9 +130,7 @@ def _judge_pairs(model: mujoco.Model) -> Iterator[Finding]:
         if {"mesh", "hfield"} & set(kinds) and any(model.geom_margin[g] for g in pair):
             margins.append(pair)
     for (a, b), found in refused.items():
-        yield Finding(
-            "mjx.pair",
-            "error",
+        yield UNSUPPORTED_PAIR(
             f"shape {_name(model, found[0][1])}",
             f"MJX has no contact of {a} and {b}: {len(found)} pairs, such as "
             f"{_name(model, found[0][0])} and {_name(model, found[0][1])}",
@@ -118,9 +138,7 @@ def _judge_pairs(model: mujoco.Model) -> Iterator[Finding]:
             data={"pairs": len(found), "kinds": f"{a}-{b}"},
         )
     if margins:
-        yield Finding(
-            "mjx.margin",
-            "error",
+        yield MARGIN(
             f"shape {_name(model, margins[0][1])}",
             f"MJX takes no margin on a mesh: {len(margins)} pairs have one",
             hint="leave `contact.margin` at 0, or use a primitive",
@@ -129,9 +147,7 @@ def _judge_pairs(model: mujoco.Model) -> Iterator[Finding]:
     if slow:
         total = sum(map(len, slow.values()))
         shown = ", ".join(f"{len(found)} {a}-{b}" for (a, b), found in slow.items())
-        yield Finding(
-            "mjx.slow_pair",
-            "info",
+        yield SLOW_PAIR(
             "robot",
             f"mujoco_warp takes its general routine for {total} pairs: {shown}",
             hint="spheres and capsules have a closed form with planes and boxes",
@@ -154,12 +170,8 @@ def _judge_options(model: mujoco.Model) -> Iterator[Finding]:
         if is_contact and int(model.sensor_intprm[i, 1]) == NET_FORCE:
             said.append(f"net force of contact sensor {mujoco.name_of(model, 'sensor', i)}")
     for what in said:
-        yield Finding(
-            "mjx.option",
-            "error",
-            "robot",
-            f"MJX does not do this: {what}",
-            hint="change it in the recipe's `mjx`",
+        yield OPTION(
+            "robot", f"MJX does not do this: {what}", hint="change it in the recipe's `mjx`"
         )
 
 

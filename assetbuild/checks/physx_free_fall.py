@@ -66,22 +66,20 @@ class PhysxFreeFall(Check):
 
     def _judge(self, fall: FreeFall, failure: str) -> Iterator[Finding]:
         if not fall.finite:
-            yield Finding(
-                "physx.free_fall",
-                "error",
+            yield physx.FREE_FALL(
                 "robot",
                 f"did not fall: {failure or 'nothing finite came out'}",
+                severity="error",
                 hint="see `physx.load` and `physx.finite`",
             )
             return
         error = max(abs(fall.drop_m - fall.expected_m), fall.sideways_m)
         if error > self.tolerance * fall.expected_m + 1e-6:
-            yield Finding(
-                "physx.free_fall",
-                "error" if error > self.broken * fall.expected_m else "warning",
+            yield physx.FREE_FALL(
                 "robot",
                 f"fell {fall.drop_m:.6g} m and {fall.sideways_m:.3g} m sideways in "
                 f"{fall.seconds:g} s, expected {fall.expected_m:.6g} m",
+                severity="error" if error > self.broken * fall.expected_m else "warning",
                 hint="is a body damped, welded, or outside of the articulation?",
                 data={
                     "drop_m": fall.drop_m,

@@ -17,7 +17,7 @@ import numpy as np
 
 from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
@@ -33,6 +33,45 @@ NO_CAUSE = (
 FULL_TURN = 2.0 * math.pi
 ROUNDED_UP = math.radians(1e-3)
 """PhysX holds 6.28319, which many write for 2π; `usd.limit_clamped` starts beyond."""
+
+ROOT = Rule(
+    "physx.root",
+    "error",
+    "a fixed root is elsewhere in PhysX than in the robot",
+    "report it: this is a bug",
+)
+BASE = Rule(
+    "physx.base",
+    "error",
+    "a floating base is welded, or a fixed one is not",
+    "report it: this is a bug",
+)
+COUNT = Rule(
+    "physx.count.*",
+    "error",
+    "PhysX holds more or fewer bodies, coordinates or shapes",
+    "report it: this is a bug",
+)
+MISSING_LINK = Rule(
+    "physx.missing_link", "error", "PhysX does not hold a body", "report it: this is a bug"
+)
+MISSING_JOINT = Rule(
+    "physx.missing_joint", "error", "PhysX does not hold a joint", "report it: this is a bug"
+)
+START = Rule(
+    "physx.start",
+    "error",
+    "a joint starts outside its limits, where PhysX goes to NaN",
+    "correct the keyframe `home`",
+)
+DIFFERS = Rule(
+    "physx.*",
+    "error",
+    "mass, com, inertia, limits, gains, effort, velocity, armature, friction, damping or drive "
+    "differ from the robot's",
+    "report it with both numbers: this is a bug",
+)
+DRIFT = Rule("physx.drift", "error", "a fixed base moved", "report it: this is a bug")
 
 
 class PhysxReadback(Check):
@@ -71,11 +110,8 @@ class PhysxReadback(Check):
         held = outcomes["load"].held
         if held is None:
             write_figures(files, {"loaded": False})
-            yield Finding(
-                "physx.load",
-                "error",
-                "robot",
-                f"PhysX does not load it: {outcomes['load'].failure or 'it holds nothing'}",
+            yield physx.LOAD(
+                "robot", f"PhysX does not load it: {outcomes['load'].failure or 'it holds nothing'}"
             )
             return
         book = Book()
@@ -151,10 +187,10 @@ class Book:
 
     findings: list[Finding] = field(default_factory=list)
 
-    def differ(self, kind: str, subject: str, message: str, **data: float) -> None:
+    def differ(self, rule: Rule, subject: str, message: str, **data: float) -> None:
         """Note one error."""
         finite = {key: value for key, value in data.items() if math.isfinite(value)}
-        self.findings.append(Finding(f"physx.{kind}", "error", subject, message, data=finite))
+        self.findings.append(rule(subject, message, data=finite))
 
     def number(
         self, kind: str, subject: str, what: str, found: float | None, expected: float | None
@@ -164,9 +200,9 @@ class Book:
             return
         shown = f"{what} is {_text(found)} in PhysX, {_text(expected)} in the robot"
         if found is None or expected is None:
-            self.differ(kind, subject, shown)
+            self.differ(DIFFERS.named(kind), subject, shown)
         elif not abs(found - expected) <= NUMBER * abs(expected) + 1e-12:
-            self.differ(kind, subject, shown, found=found, expected=expected)
+            self.differ(DIFFERS.named(kind), subject, shown, found=found, expected=expected)
 
 
 def _text(value: float | None) -> str:
@@ -176,12 +212,12 @@ def _text(value: float | None) -> str:
 def _compare(held: physx.Held, tree: Tree, shapes: Shapes, control: Control, book: Book) -> None:
     """Everything that PhysX holds against the robot."""
     if held.articulations != 1:
-        book.differ("articulation", "robot", f"PhysX holds {held.articulations} articulations")
+        book.differ(physx.ARTICULATION, "robot", f"PhysX holds {held.articulations} articulations")
     for name in held.loose:
-        book.differ("loose_body", f"link {name}", "PhysX holds it outside of the articulation")
+        book.differ(physx.LOOSE_BODY, f"link {name}", "PhysX holds it outside of the articulation")
     if held.fixed_base != (tree.base == "fixed"):
         base = "fixed" if held.fixed_base else "floating"
-        book.differ("base", "robot", f"its base is {base} in PhysX, {tree.base} in the robot")
+        book.differ(BASE, "robot", f"its base is {base} in PhysX, {tree.base} in the robot")
     if tree.base == "fixed":
         _compare_root(held, tree, book)
     for kind, found, expected in (
@@ -191,7 +227,7 @@ def _compare(held: physx.Held, tree: Tree, shapes: Shapes, control: Control, boo
     ):
         if found != expected:
             book.differ(
-                f"count.{kind}",
+                COUNT.named(kind),
                 "robot",
                 f"{found} {kind} in PhysX, the robot has {expected}",
                 found=found,
@@ -201,7 +237,7 @@ def _compare(held: physx.Held, tree: Tree, shapes: Shapes, control: Control, boo
     for joint in tree.moving_joints:
         theirs = held.joints.get(joint.name)
         if theirs is None:
-            book.differ("missing_joint", f"joint {joint.name}", "PhysX holds no such joint")
+            book.differ(MISSING_JOINT, f"joint {joint.name}", "PhysX holds no such joint")
         else:
             _compare_joint(theirs, joint, control.by_joint.get(joint.name), book)
 
@@ -215,7 +251,7 @@ def _compare_root(held: physx.Held, tree: Tree, book: Book) -> None:
     turned = float(np.abs(found.rotation - expected.rotation).max())
     if not (moved <= NUMBER * max(1.0, *map(abs, expected.xyz)) and turned <= TENSOR):
         book.differ(
-            "root",
+            ROOT,
             f"link {tree.root}",
             f"its fixed root stands {moved:.3g} m off in PhysX, turned by {turned:.3g} (the "
             "largest difference of a direction cosine)",
@@ -228,20 +264,25 @@ def _compare_links(held: physx.Held, tree: Tree, book: Book) -> None:
     for body in tree.bodies:
         found, subject = held.links.get(body.name), f"link {body.name}"
         if found is None:
-            book.differ("missing_link", subject, "PhysX holds no such body")
+            book.differ(MISSING_LINK, subject, "PhysX holds no such body")
             continue
         if body.inertial is None or body.is_massless:
             continue  # `usd.mass_missing` says what PhysX does then
         book.number("mass", subject, "mass", found.mass_kg, body.inertial.mass_kg)
         off = float(np.abs(found.com_m - np.array(body.inertial.com_m)).max())
         if not off <= NUMBER * max(1.0, float(np.abs(body.inertial.com_m).max())):
-            book.differ("com", subject, f"centre of mass is {off:.3g} m off in PhysX", off_m=off)
+            book.differ(
+                DIFFERS.named("com"),
+                subject,
+                f"centre of mass is {off:.3g} m off in PhysX",
+                off_m=off,
+            )
         expected = matrix_of(body.inertial.inertia_com_kg_m2)
         error = float(np.abs(found.inertia - expected).max())
         largest = float(np.abs(expected).max())
         if not error <= TENSOR * largest:
             book.differ(
-                "inertia",
+                DIFFERS.named("inertia"),
                 subject,
                 f"inertia differs by {error:.3g} kg m² in PhysX, of {largest:.3g}",
                 error=error,
@@ -258,7 +299,7 @@ def _compare_joint(
     high = math.inf if found.upper is None else found.upper
     if not low - 1e-5 <= found.position <= high + 1e-5:
         book.differ(
-            "start",
+            START,
             subject,
             f"starts at {found.position:.5g} in PhysX, outside of {low:.5g}..{high:.5g}",
             position=found.position,
@@ -318,11 +359,9 @@ def _not_finite(
     overlaps: Mapping[tuple[str, str], float],
 ) -> Finding:
     said, hint = cause or ("", overlap_hint(overlaps) or NO_CAUSE)
-    return Finding(
-        rule="physx.finite",
-        severity="error",
-        subject="robot",
-        message=f"{where}: {outcome.failure or 'its state is not finite'}"
+    return physx.NOT_FINITE(
+        "robot",
+        f"{where}: {outcome.failure or 'its state is not finite'}"
         f"{f'; it is {said}' if said else ''}",
         hint=hint,
         data={"overlaps": len(overlaps)},
@@ -335,9 +374,7 @@ def _judge_motion(tree: Tree, outcome: physx.Outcome, where: str) -> Iterator[Fi
     if outcome.motion is not None and tree.base == "fixed":
         drift = float(np.abs(outcome.motion.root - outcome.motion.root[0]).max())
         if drift > 0.0:
-            yield Finding(
-                "physx.drift",
-                "error",
+            yield DRIFT(
                 "robot",
                 f"{where}: its fixed base drifted by {drift:.3g} m",
                 hint="the articulation root must be on the joint with the world",

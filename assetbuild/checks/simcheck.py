@@ -9,11 +9,19 @@ from collections.abc import Iterator
 from typing import Any, ClassVar, Self
 
 from assetbuild.engine.step import Files, Limits
-from assetbuild.findings import Finding, Severity
+from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 
 LEVELS: dict[str, Severity] = {"error": "error", "warning": "warning", "info": "info"}
+
+FOUND = Rule(
+    "simcheck.*",
+    ("info", "warning", "error"),
+    "what simcheck reports, with its checks and severities (`validate.linters: [simcheck]`)",
+    "`simcheck explain CHECK`",
+)
+BROKEN = Rule("simcheck.broken", "warning", "simcheck gave no report", "read its own message")
 
 
 class Simcheck(Check):
@@ -47,20 +55,17 @@ class Simcheck(Check):
         passed = sum(result["status"] == "pass" for result in results)
         write_figures(files, {"checks": len(results), "passed": passed})
         if not results:
-            yield Finding(
-                "simcheck.broken",
-                "warning",
+            yield BROKEN(
                 "robot",
                 f"simcheck gave no report (exit {done.returncode})",
                 hint=done.stderr.strip().splitlines()[-1] if done.stderr.strip() else "",
             )
         for result in results:
             for found in result["findings"]:
-                yield Finding(
-                    rule=f"simcheck.{result['id']}",
+                yield FOUND.named(result["id"])(
+                    "robot",
+                    f"simcheck: {found['message']}",
                     severity=LEVELS.get(found["severity"], "info"),
-                    subject="robot",
-                    message=f"simcheck: {found['message']}",
                     data={"target": str(found.get("target", ""))},
                 )
 

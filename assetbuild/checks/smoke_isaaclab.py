@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding, Severity
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.trials import SmokeBounds
-from assetbuild.simulators.consumers import ConsumerCheck
+from assetbuild.simulators.consumers import FAILED, NOT_FINITE, SINKS, ConsumerCheck
 from assetbuild.simulators.environments import Environment
 
 VARIABLE = "ASSETBUILD_ISAACLAB"
@@ -66,7 +66,7 @@ class SmokeIsaacLab(ConsumerCheck):
         answer, failure = self.answer("_isaaclab_child.py", job)
         if answer is None:
             write_figures(files, {"failure": failure})
-            yield _finding("smoke.failed", f"does not take the bundle: {failure}")
+            yield _finding(FAILED, f"does not take the bundle: {failure}")
             return
         shown = {name: answer[name] for name in ("generation", "finite")}
         write_figures(files, shown | {"height_m": round(float(str(answer["height_m"])), 3)})
@@ -80,11 +80,11 @@ def judged(
 ) -> Iterator[Finding]:
     """What is wrong with an answer."""
     if not answer["finite"]:
-        yield _finding("smoke.finite", "positions are not finite")
+        yield _finding(NOT_FINITE, "positions are not finite")
     elif base == "floating" and answer["height_m"] < bounds.low * answer["start_m"]:
         message = f"the root sinks from {answer['start_m']:.3f} to {answer['height_m']:.3f} m"
-        yield _finding("smoke.height", message, "warning")
+        yield _finding(SINKS, message)
 
 
-def _finding(rule: str, message: str, severity: Severity = "error") -> Finding:
-    return Finding(rule, severity, "robot", f"Isaac Lab: {message}", "see the checks of PhysX")
+def _finding(rule: Rule, message: str) -> Finding:
+    return rule("robot", f"Isaac Lab: {message}", "see the checks of PhysX")

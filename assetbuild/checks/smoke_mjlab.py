@@ -9,12 +9,26 @@ from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Self
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding, Severity
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.trials import SmokeBounds
-from assetbuild.simulators.consumers import ConsumerCheck
+from assetbuild.simulators.consumers import FAILED, NOT_FINITE, SINKS, ConsumerCheck
 from assetbuild.simulators.environments import Environment
+
+FELL = Rule(
+    "smoke.fell",
+    "warning",
+    "more than a quarter of the robots fall while they should stand",
+    "see the checks `stand` and `gains`",
+)
+EFFORT = Rule(
+    "smoke.effort", "error", "a drive exceeds its effort limit", "report it: this is a bug"
+)
+WEIGHTS = Rule("smoke.weights", "error", "training changes no weight", "check the rewards")
+INERTIA = Rule(
+    "smoke.inertia", "error", "no real body can have a randomized inertia", "narrow `randomize`"
+)
 
 
 class SmokeMjlab(ConsumerCheck):
@@ -56,11 +70,9 @@ class SmokeMjlab(ConsumerCheck):
         answer, failure = self.answer("_mjlab_child.py", job)
         if answer is None:
             write_figures(files, {"failure": failure})
-            yield Finding(
-                rule="smoke.failed",
-                severity="error",
-                subject="robot",
-                message=f"mjlab does not take the bundle: {failure}",
+            yield FAILED(
+                "robot",
+                f"mjlab does not take the bundle: {failure}",
                 hint="the message is mjlab's; `<bundle>/python/*_mjlab.py` is what it read",
             )
             return
@@ -91,22 +103,22 @@ def judged(
     """What is wrong with an answer; separate, so that it can be tried on bad ones."""
     if not answer["finite"] or not answer["weights_finite"]:
         what = "observations or rewards" if not answer["finite"] else "the policy's weights"
-        yield _finding("smoke.finite", f"{what} are not finite", "a gain or timestep too large?")
+        yield _finding(NOT_FINITE, f"{what} are not finite", "a gain or timestep too large?")
     if answer["fell"] > bounds.fallen * answer["envs"]:
         message = f"{answer['fell']} of {answer['envs']} robots fall under zero actions"
-        yield _finding("smoke.fell", message, "see the checks `stand` and `gains`", "warning")
+        yield _finding(FELL, message, "see the checks `stand` and `gains`")
     elif answer["walks"] and answer["height_m"] < bounds.low * answer["start_m"]:
         message = f"the root sinks from {answer['start_m']:.3f} to {answer['height_m']:.3f} m"
-        yield _finding("smoke.height", message, "see the checks `stand` and `gains`", "warning")
+        yield _finding(SINKS, message, "see the checks `stand` and `gains`")
     if answer["effort_share"] > effort_factor * 1.001:
         message = f"a drive makes {answer['effort_share']:.2f} times its effort limit"
-        yield _finding("smoke.effort", message, "tell us: the module's limit does not hold")
+        yield _finding(EFFORT, message, "tell us: the module's limit does not hold")
     if answer["weights_moved"] <= 0.0:
-        yield _finding("smoke.weights", "training changes no weight", "look at the rewards")
+        yield _finding(WEIGHTS, "training changes no weight", "look at the rewards")
     if answer.get("inconsistent"):
         message = f"{answer['inconsistent']} of {answer['drawn']} random inertias are no matter's"
-        yield _finding("smoke.inertia", message, "look at `randomize` in the recipe")
+        yield _finding(INERTIA, message, "look at `randomize` in the recipe")
 
 
-def _finding(rule: str, message: str, hint: str, severity: Severity = "error") -> Finding:
-    return Finding(rule, severity, "robot", f"mjlab: {message}", hint)
+def _finding(rule: Rule, message: str, hint: str) -> Finding:
+    return rule("robot", f"mjlab: {message}", hint)

@@ -10,11 +10,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import write_figures
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Tree
-from assetbuild.simulators.consumers import ConsumerCheck
+from assetbuild.simulators.consumers import FAILED, NOT_FINITE, ConsumerCheck
 from assetbuild.simulators.environments import Environment
 from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
 
@@ -22,7 +22,15 @@ SAME = 2e-6
 """Relative: Newton holds float32, and USD states angles in degrees."""
 WITH_GAINS = frozenset({"pd", "velocity"})
 """Models whose drive the simulator integrates; others have none in one of the files."""
+
 Reading = Mapping[str, Any]  # Any: JSON of the child
+
+READING = Rule(
+    "smoke.reading",
+    "error",
+    "what the trainer reads from the USD or the MJCF differs from the robot",
+    "report it: this is a bug",
+)
 
 
 class SmokeNewton(ConsumerCheck):
@@ -66,17 +74,15 @@ class SmokeNewton(ConsumerCheck):
 def judged(kind: str, reading: Reading, tree: Tree, control: Control) -> Iterator[Finding]:
     """What Newton holds of one file, beside the robot; separate, to be tried on bad readings."""
     if "failure" in reading:
-        yield Finding(
-            rule="smoke.failed",
-            severity="error",
-            subject="robot",
-            message=f"Newton does not take the {kind.upper()}: {reading['failure']}",
+        yield FAILED(
+            "robot",
+            f"Newton does not take the {kind.upper()}: {reading['failure']}",
             hint="the message is Newton's",
         )
         return
     if not reading["finite"]:
         message = f"Newton: the {kind.upper()} steps to numbers that are not finite"
-        yield Finding("smoke.finite", "error", "robot", message, "a gain or timestep too large?")
+        yield NOT_FINITE("robot", message, "a gain or timestep too large?")
     bodies = body_identifiers(tree) if kind == "usd" else {n: n for n in tree.by_body}
     for body in tree.bodies:
         mass = body.inertial.mass_kg if body.inertial else 0.0
@@ -119,11 +125,9 @@ def _differs(
 
 
 def _finding(kind: str, subject: str, what: str, name: str) -> Finding:
-    return Finding(
-        rule="smoke.reading",
-        severity="error",
-        subject=subject,
-        message=f"Newton reads the {kind.upper()} otherwise: {what}",
+    return READING(
+        subject,
+        f"Newton reads the {kind.upper()} otherwise: {what}",
         hint="it trains another robot than MuJoCo and PhysX do",
         data={"format": kind, "value": name},
     )

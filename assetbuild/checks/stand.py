@@ -8,7 +8,7 @@ from typing import Self
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
@@ -19,6 +19,53 @@ FAR = 10.0
 """Times `sole`: feet so far from the floor at the start are an error; a reset drops the robot."""
 EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor"})
 """Actuator models whose PD law this check applies itself, from kp and kd of the table."""
+
+LOAD = Rule("stand.load", "error", "there is no scene, keyframe or floor", "correct the recipe")
+NOT_FINITE = Rule(
+    "stand.finite", "error", "the simulation became unstable", "lower kd or the timestep"
+)
+FALL = Rule("stand.fall", "error", "the robot fell over", "raise kp, check the effort limits")
+SAG = Rule("stand.sag", "warning", "the base sinks more than allowed", "raise kp")
+TILT = Rule(
+    "stand.tilt",
+    "warning",
+    "the base tilts more than allowed",
+    "move the feet under the centre of mass",
+)
+DRIFT = Rule(
+    "stand.drift",
+    "warning",
+    "the base drifts more than allowed",
+    "move the feet under the centre of mass",
+)
+START = Rule(
+    "stand.start",
+    ("warning", "error"),
+    "the soles are not on the floor at the start (an error above 10 mm)",
+    "`base: on_ground`",
+)
+CONTACT = Rule(
+    "stand.contact",
+    ("warning", "error"),
+    "something other than a foot touches the floor (an error if it still does at the end), or "
+    "nothing does",
+    "raise the pose, or name the link in `feet`",
+)
+NO_FEET = Rule(
+    "stand.feet", "error", "`feet` matches no collision shape", "give the feet collision geometry"
+)
+OVERLAP = Rule(
+    "stand.overlap",
+    "warning",
+    "shapes of the robot are inside each other",
+    "exclude the pair, or shrink one of them",
+)
+TORQUE = Rule(
+    "stand.torque",
+    "warning",
+    "standing needs nearly all of the effort limit",
+    "check effort and pose",
+)
 
 
 class Stand(Check):
@@ -67,13 +114,11 @@ class Stand(Check):
             stood = mujoco.stand(model, self.keyframe, self.seconds, _external(control))
         except StepError as error:
             write_figures(files, {"skipped": error.message})
-            yield Finding("stand.load", "error", "robot", f"cannot stand: {error.message}")
+            yield LOAD("robot", f"cannot stand: {error.message}")
             return
         write_figures(files, _figures(stood))
         if not stood.finite:
-            yield Finding(
-                "stand.finite",
-                "error",
+            yield NOT_FINITE(
                 "robot",
                 f"the simulation became unstable while standing at `{self.keyframe}`",
                 hint="lower kd or the timestep; look for tiny inertias and overlapping shapes",
@@ -102,30 +147,25 @@ class Stand(Check):
             name = min(lowest, key=lambda link: lowest[link], default=None)
             lowest = {name: lowest[name]} if name is not None else {}
         elif not lowest:
-            yield Finding(
-                "stand.feet",
-                "error",
+            yield NO_FEET(
                 "robot",
                 f"no link that matches `{self.feet}` has a collision shape to stand on",
                 hint="give the feet collision geometry, or correct validate.stand.feet",
             )
         for link, gap in sorted(lowest.items()):
             if abs(gap) > self.sole:
-                yield Finding(
-                    "stand.start",
-                    "error" if abs(gap) > FAR * self.sole else "warning",
+                yield START(
                     f"link {link}",
                     f"at `{self.keyframe}` its sole is {abs(gap) * 1e3:.3g} mm "
                     f"{'above' if gap > 0 else 'inside'} the floor",
+                    severity="error" if abs(gap) > FAR * self.sole else "warning",
                     hint="use `base: on_ground`, and make the legs of the keyframe equal",
                     data={"gap_m": gap, "tolerance_m": self.sole},
                 )
 
     def _judge_base(self, stood: mujoco.Stand) -> Iterator[Finding]:
         if stood.sag_m > self.fall * stood.height_m or stood.tilt_rad > self.fall:
-            yield Finding(
-                "stand.fall",
-                "error",
+            yield FALL(
                 "robot",
                 f"fell: after {self.seconds:g} s the base is {abs(stood.sag_m):.3g} m "
                 f"{'lower' if stood.sag_m >= 0.0 else 'higher'} and tilted "
@@ -134,10 +174,10 @@ class Stand(Check):
                 data={"sag_m": stood.sag_m, "tilt_rad": stood.tilt_rad},
             )
         for rule, value, limit, unit, what, hint in (
-            ("stand.sag", abs(stood.sag_m), self.max_sag, "m", "base height changed", "raise kp"),
-            ("stand.tilt", stood.tilt_rad, self.max_tilt, "rad", "base tilted", "raise kp"),
+            (SAG, abs(stood.sag_m), self.max_sag, "m", "base height changed", "raise kp"),
+            (TILT, stood.tilt_rad, self.max_tilt, "rad", "base tilted", "raise kp"),
             (
-                "stand.drift",
+                DRIFT,
                 stood.drift_m,
                 self.max_drift,
                 "m",
@@ -146,9 +186,7 @@ class Stand(Check):
             ),
         ):
             if value > limit:
-                yield Finding(
-                    rule,
-                    "warning",
+                yield rule(
                     "robot",
                     f"{what} by {value:.3g} {unit} in {self.seconds:g} s, more than {limit:g}",
                     hint=hint,
@@ -161,22 +199,19 @@ class Stand(Check):
         for link in sorted(ever):
             if not self._is_foot(link):
                 when = "at the end" if link in at_end else "for a moment"
-                yield Finding(
-                    "stand.contact",
-                    "error" if link in at_end else "warning",
+                yield CONTACT(
                     f"link {link}",
                     f"touched the floor {when}, and is no foot",
+                    severity="error" if link in at_end else "warning",
                     hint="raise the keyframe, or name it in validate.stand.feet",
                 )
         if not at_end:
-            yield Finding("stand.contact", "error", "robot", "nothing touches the floor at the end")
+            yield CONTACT("robot", "nothing touches the floor at the end", severity="error")
 
     def _judge_overlaps(self, stood: mujoco.Stand, link_of: Mapping[str, str]) -> Iterator[Finding]:
         for (a, b), depth in stood.overlapping.items():
             if depth > self.sole:
-                yield Finding(
-                    "stand.overlap",
-                    "warning",
+                yield OVERLAP(
                     f"link {link_of.get(a, a)}",
                     f"its shape {a} is {depth * 1e3:.3g} mm inside {b} at the start",
                     hint="exclude the pair, or make the shapes smaller",
@@ -186,9 +221,7 @@ class Stand(Check):
     def _judge_loads(self, stood: mujoco.Stand) -> Iterator[Finding]:
         for joint, load in stood.load.items():
             if load >= self.saturated:
-                yield Finding(
-                    "stand.torque",
-                    "warning",
+                yield TORQUE(
                     f"actuator {joint}",
                     f"needs all of its effort limit to stand ({load:.0%})",
                     hint="check the effort limit and the pose",

@@ -10,7 +10,7 @@ from typing import NamedTuple, Self
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
@@ -28,9 +28,77 @@ LARGEST_DOFS = 300
 FINER = 4
 """Steps in place of one: they tell drives that outrun the timestep from a pose that falls."""
 
+LOAD = Rule("trials.load", "error", "the scene does not load", "see `mjcf.load`")
+LARGE = Rule(
+    "trials.large",
+    "info",
+    "there are more than 300 degrees of freedom, so `validate` simulates nothing",
+    "remove the cloth or the other robots",
+)
+DEAD = Rule(
+    "trials.dead",
+    "error",
+    "a joint hardly moves when its drive is told to",
+    "check whether kp is in degrees, and the effort limit",
+)
+ENERGY = Rule(
+    "trials.energy",
+    "warning",
+    "free motion does not conserve energy at this timestep",
+    "a smaller timestep",
+)
+TIMESTEP = Rule(
+    "trials.timestep",
+    "warning",
+    "the drives move differently at a quarter of the timestep",
+    "a smaller timestep or kp",
+)
+OVERLAP = Rule(
+    "trials.overlap",
+    "warning",
+    "two bodies touch in almost all random poses, or are inside each other where the robot starts",
+    "exclude the pair, or use smaller shapes; in the second case another pose helps, too",
+)
+BALANCE = Rule(
+    "trials.balance",
+    "warning",
+    "at home the centre of mass is not above the feet",
+    "move the feet of the keyframe",
+)
+UNSTABLE = Rule(
+    "trials.unstable",
+    "error",
+    "after a drop the simulation went to infinity",
+    "a smaller timestep; look for tiny inertias",
+)
+RESTLESS = Rule(
+    "trials.rest",
+    "warning",
+    "two seconds after a drop the joints still move",
+    "more kd; a smaller timestep or the rotors' armature, where the finding says so",
+)
+SUNK = Rule(
+    "trials.sunk",
+    "warning",
+    "two seconds after a drop a contact is too deep",
+    "adjust the contact softness or the timestep",
+)
+SHAKEN = Rule(
+    "trials.shaken",
+    "error",
+    "the random targets of an untrained policy drive the simulation to infinity",
+    "a smaller timestep, armature, smaller kp",
+)
+DRIFT = Rule(
+    "trials.drift",
+    "warning",
+    "the settled base drifts",
+    "a pose that stands by itself, more kd or kp; a smaller timestep, where the finding says so",
+)
+
 
 class _Row(NamedTuple):
-    rule: str
+    rule: Rule
     value: float
     limit: float
     what: str
@@ -83,7 +151,7 @@ class Trials(Check):
             model = mujoco.load(files.inputs / "mjcf" / "scene.xml", visuals=False).model
         except StepError as error:
             write_figures(files, {"skipped": error.message})
-            yield Finding("trials.load", "error", "robot", f"nothing to try: {error.message}")
+            yield LOAD("robot", f"nothing to try: {error.message}")
             return
         outside = {a.joint: a for a in control.actuators if a.model in EXTERNAL}
         mujoco_motion.drive_as(model, outside)
@@ -95,7 +163,7 @@ class Trials(Check):
         """All experiments on a compiled model, our own or foreign; those on the floor need one."""
         if int(model.nv) > LARGEST_DOFS:
             message = f"{model.nv} degrees of freedom, more than {LARGEST_DOFS}: nothing is tried"
-            yield Finding("trials.large", "info", "robot", message)
+            yield LARGE("robot", message)
             return
         yield from self._drives(model, figures)
         yield from self._numerics(model, figures)
@@ -111,9 +179,7 @@ class Trials(Check):
         ]
         for joint, answer in answers.items():
             if answer.moved < min(self.dead, 0.2 * answer.asked):
-                yield Finding(
-                    "trials.dead",
-                    "error",
+                yield DEAD(
                     f"actuator {joint}",
                     f"told to swing by {answer.asked:.3g}, the joint moved by {answer.moved:.3g}",
                     hint="is kp in other units, the effort limit too small, or kd far too large?",
@@ -125,9 +191,7 @@ class Trials(Check):
         figures["energy_drift"] = drift if math.isfinite(drift) else "unstable"
         if not drift <= self.energy:
             told = f"changed by {drift:.2%}" if math.isfinite(drift) else "went to infinity"
-            yield Finding(
-                "trials.energy",
-                "warning",
+            yield ENERGY(
                 "robot",
                 f"in one second of free motion the energy {told}",
                 hint="a smaller timestep; look for tiny inertias far from the others",
@@ -141,9 +205,7 @@ class Trials(Check):
             joint: error if math.isfinite(error) else "unstable" for joint, error in errors.items()
         }
         if worst is not None and not errors[worst] <= self.timestep:
-            yield Finding(
-                "trials.timestep",
-                "warning",
+            yield TIMESTEP(
                 f"actuator {worst}",
                 f"moves otherwise at a quarter of the timestep: by {errors[worst]:.3g} rad or m",
                 hint="a smaller `simulation.timestep`, a smaller kp, or the real armature",
@@ -158,9 +220,7 @@ class Trials(Check):
         ]
         for (a, b), share in pairs.items():
             if share >= self.always:
-                yield Finding(
-                    "trials.overlap",
-                    "warning",
+                yield OVERLAP(
                     f"link {a}",
                     f"runs into {b} in {share:.0%} of {self.poses} random poses",
                     hint=f"`collision.exclude.pairs: [[{a}, {b}]]`, or smaller shapes",
@@ -169,9 +229,7 @@ class Trials(Check):
         always = {frozenset(pair) for pair, share in pairs.items() if share >= self.always}
         for (a, b), depth in mujoco_trials.overlaps_at_home(model).items():
             if depth >= DEEP_M and frozenset((a, b)) not in always:
-                yield Finding(
-                    "trials.overlap",
-                    "warning",
+                yield OVERLAP(
                     f"link {a}",
                     f"lies {depth * 1e3:.3g} mm in {b} where it starts: PhysX throws them apart",
                     hint=f"another pose, `collision.exclude.pairs: [[{a}, {b}]]`, or smaller "
@@ -194,21 +252,15 @@ class Trials(Check):
 
     def _rows(self, settled: Settled) -> tuple[_Row, ...]:
         return (
-            _Row("trials.rest", settled.speed, self.speed, "its fastest joint moves at", "rad/s"),
-            _Row(
-                "trials.sunk", settled.penetration_m, self.penetration, "a contact is deep by", "m"
-            ),
-            _Row(
-                "trials.drift", settled.drift_m, self.drift, "in 1000 steps its base wandered", "m"
-            ),
+            _Row(RESTLESS, settled.speed, self.speed, "its fastest joint moves at", "rad/s"),
+            _Row(SUNK, settled.penetration_m, self.penetration, "a contact is deep by", "m"),
+            _Row(DRIFT, settled.drift_m, self.drift, "in 1000 steps its base wandered", "m"),
         )
 
     def _judge_settled(self, settled: Settled, finer: Settled | None) -> Iterator[Finding]:
         """finer: the same at a finer timestep, where something is wrong."""
         if not settled.finite:
-            yield Finding(
-                "trials.unstable",
-                "error",
+            yield UNSTABLE(
                 "robot",
                 f"dropped from {self.drop:g} m, the simulation went to infinity",
                 hint="a smaller timestep; look for tiny inertias and overlapping shapes",
@@ -219,9 +271,7 @@ class Trials(Check):
         for row, again in zip(rows, self._rows(finer) if finer else rows, strict=True):
             if row.value > row.limit:
                 hasty = finer is not None and finer.finite and again.value <= row.limit
-                yield Finding(
-                    row.rule,
-                    "warning",
+                yield row.rule(
                     "robot",
                     f"two seconds after a drop from {self.drop:g} m {row.what} {row.value:.3g} "
                     f"{row.unit}" + (f", at 1/{FINER} of the timestep not" if hasty else ""),
@@ -244,9 +294,7 @@ class Trials(Check):
             return
         calmer = mujoco_policy.shake(model, finer=FINER)
         hasty = calmer is not None and calmer.seconds is None
-        yield Finding(
-            "trials.shaken",
-            "error",
+        yield SHAKEN(
             f"joint {shaken.joint}",
             "an untrained policy's random targets drive the simulation to infinity after "
             f"{shaken.seconds:.2g} s, this joint foremost"
@@ -263,9 +311,7 @@ class Trials(Check):
         where = (
             f"{1e3 * abs(under.margin_m):.3g} mm {'outside of' if under.margin_m < 0 else 'inside'}"
         )
-        yield Finding(
-            "trials.balance",
-            "warning",
+        yield BALANCE(
             "robot",
             f"at home the centre of mass is {where} its feet",
             hint="move the feet of the keyframe under the centre of mass",

@@ -9,12 +9,19 @@ from typing import Any, ClassVar
 import numpy as np
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.codec import decode
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Body, Control, Joint, Tree
 from assetbuild.robot.tree import forward_kinematics, held_by_world, sample_positions
+
+DIFFERS = Rule(
+    "urdf.reload.*",
+    "error",
+    "yourdfpy reads something else from the written URDF",
+    "report it: this is a bug",
+)
 
 
 class UrdfReload(Check):
@@ -175,4 +182,4 @@ def _meshes(
 
 def _off(kind: str, subject: str, message: str, **data: float) -> Finding:
     hint = "this is a fault of assetbuild: please report it with the recipe"
-    return Finding(f"urdf.reload.{kind}", "error", subject, message, hint, data=data)
+    return DIFFERS.named(kind)(subject, message, hint, data=data)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.codec import decode
 from assetbuild.robot.inertia import matrix_of
@@ -41,10 +41,18 @@ from assetbuild.robot.tree import forward_kinematics
 if TYPE_CHECKING:
     from pxr import Usd
 
+
 NUMBER, DIRECTION, TENSOR, POSE = 2e-7, 1e-6, 1e-6, 1e-9
 DEGREE = math.pi / 180.0
 UNDERFLOW = 1e-37
 """Numbers below lose digits in float32, or all of them."""
+
+DIFFERS = Rule(
+    "equal.usd.*",
+    "error",
+    "the stage differs from the robot",
+    "report it with both numbers: this is a bug",
+)
 
 
 class UsdEqual(Check):
@@ -116,9 +124,7 @@ class Book:
 
     def differ(self, kind: str, subject: str, message: str, **data: float) -> None:
         """Note one error."""
-        self.findings.append(
-            Finding(f"equal.usd.{kind}", "error", subject, message, data=dict(sorted(data.items())))
-        )
+        self.findings.append(DIFFERS.named(kind)(subject, message, data=dict(sorted(data.items()))))
 
     def compare(
         self,

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding, Severity
+from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Shapes, Tree
@@ -23,6 +23,57 @@ if TYPE_CHECKING:
     from pxr import Usd
 
 VARIANT_SET = "Physics"
+
+MATERIAL_BINDING = Rule(
+    "usd.material_binding",
+    "error",
+    "a prim is bound to a material that is not on the stage",
+    "report it: a material was lost on the way to USD",
+)
+UNREADABLE = Rule("usd.unreadable", "error", "the stage does not open", "report it: this is a bug")
+UNRESOLVED = Rule(
+    "usd.unresolved",
+    "error",
+    "a reference does not resolve after the bundle is moved",
+    "report it: this is a bug",
+)
+DEFAULT_PRIM = Rule(
+    "usd.default_prim", "error", "there is no default prim", "report it: this is a bug"
+)
+NO_VARIANT = Rule(
+    "usd.variant", "error", "no physics variant is selected", "report it: this is a bug"
+)
+VALIDATION = Rule(
+    "usd.validation",
+    ("error", "warning", "info"),
+    "a validator of OpenUSD reports an issue",
+    "read its message",
+)
+VALIDATION_SKIPPED = Rule(
+    "usd.validation_skipped",
+    "info",
+    "this OpenUSD has no validators",
+    "install usd-core 25.2 or newer",
+)
+ARTICULATION = Rule(
+    "usd.articulation",
+    "error",
+    "there is not exactly one articulation root",
+    "report it: this is a bug",
+)
+BASE = Rule(
+    "usd.base",
+    "error",
+    "a floating base is welded, or a fixed one is not",
+    "report it: this is a bug",
+)
+NO_DRIVE = Rule("usd.drive", "error", "a driven joint has no drive", "report it: this is a bug")
+COUNT = Rule(
+    "usd.count.*",
+    "error",
+    "bodies, joints, shapes or materials were lost",
+    "report it: this is a bug",
+)
 
 
 class UsdValid(Check):
@@ -55,9 +106,7 @@ class UsdValid(Check):
             stage = _open(main)
             if stage is None:
                 write_figures(files, {})
-                yield Finding(
-                    "usd.unreadable", "error", "robot", f"`{main.name}` cannot be opened as USD"
-                )
+                yield UNREADABLE("robot", f"`{main.name}` cannot be opened as USD")
                 return
             yield from _variant(stage)
             yield from _validation(stage)
@@ -161,15 +210,11 @@ def _references(main: Path, folder: Path) -> Iterator[Finding]:
     hint = "references must be relative and stay inside of the asset's folder"
     for path in sorted(unresolved):
         named = path.replace(f"{folder}/", "")
-        yield Finding(
-            "usd.unresolved", "error", "robot", f"`{named}` is not found after a move", hint
-        )
+        yield UNRESOLVED("robot", f"`{named}` is not found after a move", hint)
     paths = [layer.realPath for layer in layers] + list(assets)
     for path in sorted(paths):
         if not Path(path).resolve().is_relative_to(folder):
-            yield Finding(
-                "usd.unresolved", "error", "robot", f"`{Path(path).name}` lies outside", hint
-            )
+            yield UNRESOLVED("robot", f"`{Path(path).name}` lies outside", hint)
 
 
 def _open(main: Path) -> Usd.Stage | None:
@@ -184,15 +229,13 @@ def _open(main: Path) -> Usd.Stage | None:
 def _variant(stage: Usd.Stage) -> Iterator[Finding]:
     prim = stage.GetDefaultPrim()
     if not prim:
-        yield Finding("usd.default_prim", "error", "robot", "the stage has no default prim")
+        yield DEFAULT_PRIM("robot", "the stage has no default prim")
         return
     variants = prim.GetVariantSet(VARIANT_SET)
     names, selected = variants.GetVariantNames(), variants.GetVariantSelection()
     if not variants.HasAuthoredVariantSelection() or selected not in names or selected == "none":
         shown = f"`{selected}`" if selected else "nothing"
-        yield Finding(
-            "usd.variant",
-            "error",
+        yield NO_VARIANT(
             "robot",
             f"variant set `{VARIANT_SET}` selects {shown}: the robot opens without physics",
             f"select one of {', '.join(f'`{n}`' for n in names if n != 'none') or 'none given'}",
@@ -204,12 +247,8 @@ def _validation(stage: Usd.Stage) -> Iterator[Finding]:
     try:
         from pxr import UsdValidation
     except ImportError:
-        yield Finding(
-            "usd.validation_skipped",
-            "info",
-            "robot",
-            "this usd-core has no UsdValidation",
-            "install usd-core 25.2 or later",
+        yield VALIDATION_SKIPPED(
+            "robot", "this usd-core has no UsdValidation", "install usd-core 25.2 or later"
         )
         return
     kinds = UsdValidation.ValidationErrorType
@@ -218,11 +257,10 @@ def _validation(stage: Usd.Stage) -> Iterator[Finding]:
     for error in UsdValidation.ValidationContext(metadata).Validate(stage):
         sites = [site.GetPrim().GetPath() for site in error.GetSites() if site.IsPrim()]
         prims = ", ".join(str(path) for path in sites)
-        yield Finding(
-            rule="usd.validation",
+        yield VALIDATION(
+            "robot",
+            f"{error.GetName()}: {error.GetMessage()}",
             severity=severities.get(error.GetType(), "info"),
-            subject="robot",
-            message=f"{error.GetName()}: {error.GetMessage()}",
             data={"prims": prims},
         )
 
@@ -238,11 +276,9 @@ def _counts(found: Contents, tree: Tree, shapes: Shapes, control: Control) -> It
     }
     for kind, count in found.counts().items():
         if count != expected[kind]:
-            yield Finding(
-                rule=f"usd.count.{kind}",
-                severity="error",
-                subject="robot",
-                message=f"{count} {kind} in USD, the robot has {expected[kind]}",
+            yield COUNT.named(kind)(
+                "robot",
+                f"{count} {kind} in USD, the robot has {expected[kind]}",
                 data={"found": count, "expected": expected[kind]},
             )
 
@@ -250,9 +286,7 @@ def _counts(found: Contents, tree: Tree, shapes: Shapes, control: Control) -> It
 def _drives(found: Contents, control: Control) -> Iterator[Finding]:
     for actuator in control.actuators:
         if actuator.model != "passive" and actuator.joint not in found.driven:
-            yield Finding(
-                "usd.drive",
-                "error",
+            yield NO_DRIVE(
                 f"actuator {actuator.joint}",
                 f"`{actuator.model}` in the recipe, but the joint has no drive in USD",
                 "PhysX ignores gains and effort limit of a joint without DriveAPI",
@@ -264,30 +298,19 @@ def _base(found: Contents, tree: Tree) -> Iterator[Finding]:
     roots, welds = found.articulations, found.world_joints
     if len(roots) != 1:
         names = ", ".join(f"`{name_of(p)}`" for p in roots) or "none"
-        yield Finding(
-            "usd.articulation", "error", "robot", f"needs one articulation root, there are: {names}"
-        )
+        yield ARTICULATION("robot", f"needs one articulation root, there are: {names}")
         return
     if tree.base == "floating":
         for joint in welds:
-            yield Finding(
-                "usd.base",
-                "error",
+            yield BASE(
                 "robot",
                 f"`{name_of(joint)}` welds the floating base to the world",
                 "remove the joint: the robot would hang in the air",
             )
         if name_of(roots[0]) != tree.root:
-            yield Finding(
-                "usd.base",
-                "error",
-                "robot",
-                f"the articulation root is `{name_of(roots[0])}`, not the base",
-            )
+            yield BASE("robot", f"the articulation root is `{name_of(roots[0])}`, not the base")
     elif roots[0] not in welds or name_of_end(roots[0]) != tree.root:
-        yield Finding(
-            "usd.base",
-            "error",
+        yield BASE(
             "robot",
             "the fixed base is not held by an articulation root on the joint to the world",
             "on the link itself, PhysX would let the base drift",
@@ -301,9 +324,7 @@ def _bindings(stage: Usd.Stage) -> Iterator[Finding]:
             for target in prim.GetRelationship(name).GetTargets():
                 found = stage.GetPrimAtPath(target)
                 if not found or not found.IsActive():
-                    yield Finding(
-                        "usd.material_binding",
-                        "error",
+                    yield MATERIAL_BINDING(
                         f"shape {name_of(prim)}",
                         f"is bound to the material `{target}`, which is not there",
                     )
@@ -319,6 +340,6 @@ def lint_file(path: Path) -> Iterator[Finding]:
     """What can be said about any USD file: does it open, and what do the validators object to?"""
     stage = _open(path)
     if stage is None:
-        yield Finding("usd.unreadable", "error", "robot", f"`{path.name}` cannot be opened as USD")
+        yield UNREADABLE("robot", f"`{path.name}` cannot be opened as USD")
         return
     yield from _validation(stage)

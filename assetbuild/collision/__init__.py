@@ -17,7 +17,7 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, Piece, Pieces
 from assetbuild.mesh.cover import Probe, Quality, Reference, blocked_by, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
@@ -52,6 +52,13 @@ AS_GOOD_IOU = 0.01
 """A reused result may be worse by this much, the error of sampled volumes."""
 AS_GOOD = 0.01
 """Of the diagonal: the same for distances."""
+
+LIBRARY_FAILED = Rule(
+    "collision.library_failed",
+    "warning",
+    "V-HACD or CoACD crashed, or exceeded its time or memory limit; the next method was used",
+    "raise the limit, or repair the mesh",
+)
 
 
 class CollisionMethod(Step):
@@ -208,11 +215,9 @@ class CollisionMethod(Step):
             "time": "raise `cpu_limit`, or give the link another method",
             "memory": "raise `memory_limit_mb`, or give the link another method",
         }
-        return Finding(
-            rule="collision.library_failed",
-            severity="warning",
-            subject=self.subject,
-            message=f"{library}: {failure}; `{instead}` was used instead",
+        return LIBRARY_FAILED(
+            self.subject,
+            f"{library}: {failure}; `{instead}` was used instead",
             hint=hints.get(failure.cause, "give the link another method, or repair its mesh"),
             data={"library": library, "cause": failure.cause, "instead": instead},
         )

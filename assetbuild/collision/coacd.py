@@ -5,12 +5,19 @@ from __future__ import annotations
 from pydantic import Field
 
 from assetbuild.collision import CollisionMethod, Fitted, hulls
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.coacd import coacd_parts
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.vhacd import vhacd_parts
 from assetbuild.recipe.collision import CoAcdOptions, VHacdOptions
+
+MORE_HULLS = Rule(
+    "collision.more_hulls",
+    "warning",
+    "the library made more pieces than it was asked for",
+    "another method, or more `max_hulls`",
+)
 
 
 class CoAcd(CollisionMethod):
@@ -63,11 +70,9 @@ class CoAcd(CollisionMethod):
         if self.max_hulls is None or made <= self.max_hulls:
             return ()
         return (
-            Finding(
-                rule="collision.more_hulls",
-                severity="warning",
-                subject=self.subject,
-                message=f"{made} pieces, {self.max_hulls} were asked for: parts that do not "
+            MORE_HULLS(
+                self.subject,
+                f"{made} pieces, {self.max_hulls} were asked for: parts that do not "
                 "touch are not joined",
                 hint="raise `max_hulls`, or use `vhacd`, which keeps to it",
                 data={"pieces": made, "max_hulls": self.max_hulls},

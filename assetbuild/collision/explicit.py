@@ -9,7 +9,7 @@ from pydantic import Field
 
 from assetbuild.collision import CollisionMethod, PlacedSource, write_pieces
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.cover import Reference, measure
 from assetbuild.mesh.hull import convex_hull, refuse_flat
 from assetbuild.mesh.solid import ConvexPiece
@@ -22,6 +22,20 @@ from assetbuild.robot.pose import Pose, quat_of_rpy
 
 CONVEX = 0.99
 """Volume / volume of the hull: below it a mesh is told not to be convex."""
+
+OPEN_PIECE = Rule(
+    "collision.open_piece",
+    "warning",
+    "a mesh of `explicit` is not watertight; its convex hull collides",
+    "close the mesh",
+)
+NOT_CONVEX = Rule(
+    "collision.not_convex",
+    "warning",
+    "a mesh of `explicit` is not convex; its hull collides, and the finding states which share "
+    "of the hull it fills",
+    "cut it into convex pieces",
+)
 
 
 class Explicit(CollisionMethod):
@@ -68,22 +82,18 @@ class Explicit(CollisionMethod):
     def _told(self, number: int, mesh: TriangleMesh, hull: TriangleMesh) -> Iterator[Finding]:
         """What a simulator will not do with this piece as it is."""
         if not is_closed(mesh):
-            yield Finding(
-                rule="collision.open_piece",
-                severity="warning",
-                subject=self.subject,
-                message=f"piece {number} is not watertight: its convex hull collides",
+            yield OPEN_PIECE(
+                self.subject,
+                f"piece {number} is not watertight: its convex hull collides",
                 hint="close the mesh if the hull is not what was meant",
                 data={"piece": number},
             )
             return
         share = abs(signed_volume(mesh)) / signed_volume(hull)
         if share < CONVEX:
-            yield Finding(
-                rule="collision.not_convex",
-                severity="warning",
-                subject=self.subject,
-                message=f"piece {number} is not convex: it fills {100 * share:.0f} % of its hull, "
+            yield NOT_CONVEX(
+                self.subject,
+                f"piece {number} is not convex: it fills {100 * share:.0f} % of its hull, "
                 "and the hull is what collides",
                 hint="cut it into convex pieces, one file each, or give the link `method: auto`",
                 data={"piece": number, "share_of_hull": round(share, 4)},

@@ -13,7 +13,7 @@ from assetbuild.compose.composed_control import KeyOf, PartControl, joined, name
 from assetbuild.compose.composed_masks import meeting_masks
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import RecipeError, did_you_mean
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import (
     Body,
@@ -30,6 +30,28 @@ from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of_rpy
 from assetbuild.robot.randomize import homogeneous_box
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import depth_first
+
+LEFT_OUT = Rule(
+    "compose.left_out",
+    "info",
+    "a part states something about a whole model (`visual`, `usd`, `simulation`, the `<option>` "
+    "of its MJCF, keyframes that the base lacks), and the base's recipe overrides it",
+    "state it in the base's recipe",
+)
+PART = Rule(
+    "compose.part",
+    "info",
+    "another robot was mounted: its links, mass and mount, whether it floats alone, and where "
+    "its root is in its own MJCF",
+    "nothing",
+)
+SCENERY = Rule(
+    "compose.scenery",
+    "info",
+    "cameras and lights in the world of a part's MJCF are attached to its root now, as MuJoCo "
+    "attaches them",
+    "remove them from the part's MJCF",
+)
 
 
 class PartOn(BaseModel):
@@ -131,11 +153,9 @@ def _whole(
 def _told_left_out(part: PartOn, keys: tuple[str, ...]) -> Iterator[Finding]:
     if keys:
         listed = ", ".join(f"`{key}`" for key in keys)
-        yield Finding(
-            rule="compose.left_out",
-            severity="info",
-            subject="recipe compose",
-            message=f"of the part `{part.prefix}` {listed} are not taken: the base's hold",
+        yield LEFT_OUT(
+            "recipe compose",
+            f"of the part `{part.prefix}` {listed} are not taken: the base's hold",
             hint="say in the base's recipe what the whole needs",
             data={"keys": keys},
         )
@@ -145,11 +165,9 @@ def _told_scenery(said: PartControl, part: PartOn) -> Iterator[Finding]:
     names = said.scenery()
     if names:
         listed = ", ".join(f"`{part.prefix}{name}`" for name in names)
-        yield Finding(
-            rule="compose.scenery",
-            severity="info",
-            subject="recipe compose",
-            message=f"cameras and lights in the world of the part `{part.prefix}` stand on its "
+        yield SCENERY(
+            "recipe compose",
+            f"cameras and lights in the world of the part `{part.prefix}` stand on its "
             f"root now, and move with it: {listed}",
             hint="take them out of the part's MJCF if they belong to a scene",
             data={"count": len(names)},
@@ -280,11 +298,9 @@ def _told(part: PartOn, tree: Tree, X_world_root: Pose) -> Finding:
         turn = ", ".join(f"{v:.4g}" for v in X_world_root.quat)
         held += f"; in its own world its root stands at ({where}) m, turned by ({turn}) wxyz"
         hint = "`at` places the root itself: add that pose to it to place the part's world"
-    return Finding(
-        rule="compose.part",
-        severity="info",
-        subject=f"link {part.prefix}{tree.root}",
-        message=f"{len(tree.bodies)} links with {mass:g} kg stand on `{part.link}`{plate}{held}",
+    return PART(
+        f"link {part.prefix}{tree.root}",
+        f"{len(tree.bodies)} links with {mass:g} kg stand on `{part.link}`{plate}{held}",
         hint=hint,
         data={"links": len(tree.bodies), "mass_kg": mass, "mount_kg": part.mount_mass},
     )

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from assetbuild.errors import RecipeError
-from assetbuild.robot.model import Actuator, Camera, MjcfOnly, Place, Sensor, Simulation
+from assetbuild.robot.model import Actuator, Camera, MjcfOnly, Place, Sensor
 from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat, vec3
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.opaque import keys, words
@@ -23,7 +23,8 @@ REFERENCES = keys(
 """Attributes that name something of the robot, in the elements that `MjcfOnly` holds."""
 OF_THE_BASE = ("option", "root", "freejoint")
 """What a part says for itself alone: how it is simulated, and where it stands in its own world."""
-DEFAULTS = Simulation()
+TIMESTEP_S = 0.002
+"""MuJoCo's own, where nothing is stated."""
 _LIKE_MUJOCO = {"integrator": "Euler", "cone": "pyramidal", "impratio": "1"}
 
 
@@ -164,10 +165,10 @@ class PartControl:
 
     def left_out(self, base: SourceControl | None) -> tuple[str, ...]:
         """Of how the part is simulated what is neither the base's nor MuJoCo's own."""
-        timestep = base.control.simulation.timestep if base else DEFAULTS.timestep
+        timestep = base.control.simulation.timestep if base else TIMESTEP_S
         own, bases = _options(self.said), _options(base)
         found = []
-        if self.said.control.simulation.timestep not in (timestep, DEFAULTS.timestep):
+        if self.said.control.simulation.timestep not in (timestep, TIMESTEP_S):
             found.append("option timestep")
         for key, value in own.items():
             if value not in (bases.get(key), _LIKE_MUJOCO.get(key)):

@@ -16,15 +16,24 @@ from functools import partial
 from xml.etree import ElementTree
 
 from assetbuild.errors import RecipeError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Contact, MjcfOnly
 from assetbuild.robot.source import SourceControl
 
 FLOOR = 1
 """Both masks of a shape that says nothing of them."""
 BITS = 31
+
 Masks = tuple[int, int]
 """contype and conaffinity."""
+
+MASKS = Rule(
+    "compose.masks",
+    "info",
+    "contact masks of two MJCFs used the same bits for different things, or none that make the "
+    "parts touch; they were changed",
+    "nothing",
+)
 
 
 @dataclass
@@ -47,7 +56,7 @@ class _Side:
 
         def changed(contact: Contact) -> Contact:
             mask, partners = function((contact.mask, contact.partners))
-            return replace(contact, mask=mask, partners=partners)
+            return contact.model_copy(update={"mask": mask, "partners": partners})
 
         control = self.said.control
         self.said = replace(
@@ -94,9 +103,7 @@ def _told(side: _Side) -> Finding:
         what.append(f"{side.moved} bits mean something else in another part: they became others")
     if side.joined:
         what.append("a bit was added, so that it touches the parts before it")
-    return Finding(
-        "compose.masks",
-        "info",
+    return MASKS(
         "recipe compose",
         f"contact masks of the part `{side.prefix}`: " + "; ".join(what),
         "which of its own shapes touch, and which touch the floor, is as before",

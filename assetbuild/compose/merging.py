@@ -11,15 +11,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from assetbuild.recipe.actuators import ActuatorRow, Motor
 from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.compose import Part
 from assetbuild.recipe.models import FixedJoints, Keyframe, Recipe
 from assetbuild.recipe.names import anchored, but_not
-from assetbuild.recipe.randomize import Randomize
-from assetbuild.recipe.sensing import IMU_NAMES, Feet, Imu, Sensor
 from assetbuild.recipe.sides import Side
-from assetbuild.recipe.surface import Contact, Surface
+from assetbuild.robot.actuator_table import ActuatorRow, Motor
+from assetbuild.robot.contact import Contact, Surface
+from assetbuild.robot.ranges import Randomize
+from assetbuild.robot.sensing import IMU_NAMES, Feet, Imu, Sensor
 
 Value = TypeVar("Value")
 HOME = "home"

@@ -5,9 +5,34 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.recipe.models import ActuatorRow
 from assetbuild.robot.model import Actuator, Joint, Tree
+
+NO_ACTUATOR = Rule(
+    "actuator.none",
+    "warning",
+    "there is no actuator table, or all of its rows are `passive`: nothing drives the robot",
+    "add `actuators`, with `effort` and gains",
+)
+ZERO_LIMIT = Rule(
+    "actuator.zero_limit",
+    "warning",
+    "a limit of 0 in the source is taken as unlimited",
+    "give it in the row or the motor",
+)
+OVERRIDES = Rule(
+    "actuator.overrides",
+    "info",
+    "a row states damping, friction, effort or velocity other than the source does",
+    "nothing, where the recipe knows better",
+)
+TUNED = Rule(
+    "actuator.tuned",
+    "info",
+    "gains that were computed from a frequency and a damping ratio",
+    "nothing; copy them if you want to fix them",
+)
 
 
 def row_findings(
@@ -28,11 +53,9 @@ def _tuned_findings(
         mine = [a for a in actuators if re.fullmatch(row.joints, a.joint)]
         kp, kd = [a.kp for a in mine], [a.kd for a in mine]
         moved = "the armature alone" if row.inertia == "armature" else "what moves at `home`"
-        yield Finding(
-            rule="actuator.tuned",
-            severity="info",
-            subject=f"recipe actuators.{index}",
-            message=f"`{row.joints}`: kp {min(kp):.4g} to {max(kp):.4g}, kd {min(kd):.4g} to "
+        yield TUNED(
+            f"recipe actuators.{index}",
+            f"`{row.joints}`: kp {min(kp):.4g} to {max(kp):.4g}, kd {min(kd):.4g} to "
             f"{max(kd):.4g} from frequency and damping ratio on {moved}",
             data={"kp_min": min(kp), "kp_max": max(kp), "kd_min": min(kd), "kd_max": max(kd)},
         )
@@ -49,11 +72,9 @@ def _override_findings(
             other = [(was, now) for was, now in pairs if was is not None and was != now]
             if other:
                 source, own = ([pair[i] for pair in other] for i in (0, 1))
-                yield Finding(
-                    rule="actuator.overrides",
-                    severity="info",
-                    subject=f"recipe actuators.{index}",
-                    message=f"`{row.joints}`: {name} {_span(own)} in place of the source's "
+                yield OVERRIDES(
+                    f"recipe actuators.{index}",
+                    f"`{row.joints}`: {name} {_span(own)} in place of the source's "
                     f"{_span(source)} ({len(other)} joints)",
                     data={"own": _span(own), "source": _span(source), "joints": len(other)},
                 )
@@ -84,20 +105,16 @@ def actuator_findings(
     """
     passive = bool(actuators) and all(a.model == "passive" for a in actuators)
     if passive and has_table and not only_mjcf:
-        yield Finding(
-            rule="actuator.none",
-            severity="warning",
-            subject="robot",
-            message=f"all {len(actuators)} moving joints are passive: nothing drives the robot",
+        yield NO_ACTUATOR(
+            "robot",
+            f"all {len(actuators)} moving joints are passive: nothing drives the robot",
             hint="give the rows of `actuators:` an `effort` and gains",
             data={"joints": len(actuators)},
         )
     elif passive and not has_table:
-        yield Finding(
-            rule="actuator.none",
-            severity="warning",
-            subject="robot",
-            message=f"no actuator table: the source's drives ({only_mjcf}) stand in the MJCF "
+        yield NO_ACTUATOR(
+            "robot",
+            f"no actuator table: the source's drives ({only_mjcf}) stand in the MJCF "
             f"alone, elsewhere all {len(actuators)} moving joints are passive"
             if only_mjcf
             else f"no actuator table: all {len(actuators)} moving joints are passive",
@@ -108,11 +125,9 @@ def actuator_findings(
         stated = tree.by_joint[actuator.joint].limits
         for name in ("effort", "velocity"):
             if getattr(stated, name) == 0.0 and getattr(actuator, name) is None:
-                yield Finding(
-                    rule="actuator.zero_limit",
-                    severity="warning",
-                    subject=f"joint {actuator.joint}",
-                    message=f"the source's {name} limit is 0 and is taken as unlimited",
+                yield ZERO_LIMIT(
+                    f"joint {actuator.joint}",
+                    f"the source's {name} limit is 0 and is taken as unlimited",
                     hint=f"give `{name}` in the actuator row or its motor",
                     data={name: 0.0},
                 )

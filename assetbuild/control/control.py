@@ -8,10 +8,9 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from assetbuild.control.actuator_findings import actuator_findings, row_findings
 from assetbuild.control.senses import (
@@ -19,36 +18,56 @@ from assetbuild.control.senses import (
     contacts,
     placed_cameras,
     placed_sensors,
-    surface,
 )
 from assetbuild.control.source_control import Stated, join
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import did_you_mean
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import read_triangles
-from assetbuild.recipe.models import (
-    ActuatorRow,
-    Contact,
-    Exclude,
-    Keyframe,
-    Motor,
-    Recipe,
-    Simulation,
-)
+from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.names import anchored
-from assetbuild.recipe.sensing import Camera, Feet, Imu, Sensor
 from assetbuild.recipe.sides import Side, moving_by_source, side_of
 from assetbuild.robot import model
-from assetbuild.robot.actuators import MotorSpec, RowError, RowSpec, resolve
+from assetbuild.robot.actuator_table import ActuatorRow, Motor
+from assetbuild.robot.actuators import RowError, resolve
 from assetbuild.robot.chains import find_chains
 from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.contact import Contacts, Exclude
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.poses import Keyframe
+from assetbuild.robot.sensing import Camera, Feet, Imu, Sensor
+from assetbuild.robot.simulation import Simulation
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import forward_kinematics
 
 LIMIT_TOLERANCE = 1e-9
 """rad or m; a value that was rounded from the limit itself is inside."""
+
+SAME_BODY = Rule(
+    "exclude.same_body", "info", "merging put both links of a pair into one body", "remove the pair"
+)
+KEYFRAME_LIMITS = Rule(
+    "keyframe.limits", "error", "a joint value is outside its limits", "choose a value inside"
+)
+KEYFRAME_TURNS = Rule(
+    "keyframe.turns",
+    "warning",
+    "a keyframe turns a joint without limits by more than one turn",
+    "check whether degrees were written for radians",
+)
+NO_GROUND = Rule(
+    "keyframe.no_ground",
+    "warning",
+    "`on_ground` needs collision geometry, and there is none",
+    "add some, or give `base: [x, y, z]`",
+)
+FIXED_BASE = Rule(
+    "keyframe.fixed_base",
+    "warning",
+    "a keyframe places the base of a fixed robot",
+    "remove it, or `base: floating`",
+)
 
 
 class ControlStep(Step):
@@ -64,7 +83,7 @@ class ControlStep(Step):
     rows: tuple[ActuatorRow, ...] = ()
     motors: dict[str, Motor] = Field(default_factory=dict)
     keyframes: dict[str, Keyframe] = Field(default_factory=dict)
-    contact: Contact = Contact.model_validate({})
+    contact: Contacts = Contacts.model_validate({})
     simulation: Simulation = Simulation.model_validate({})
     exclude: Exclude = Exclude.model_validate({})
     feet: Feet | None = None
@@ -112,7 +131,7 @@ class ControlStep(Step):
         name = next((n for n in ("home", *self.keyframes) if n in self.keyframes), None)
         home = _joint_values(tree, name, self.keyframes[name]) if name is not None else {}
         driven = moving_by_source(self.sides, (joint.name for joint in tree.moving_joints))
-        return resolve(tree, *_specs(self.rows, self.motors), home, driven)
+        return resolve(tree, self.rows, self.motors, home, driven)
 
     def _of_parts(self, tree: model.Tree, pose: Mapping[str, float]) -> dict[str, float]:
         """The value of each joint of the parts, by pattern; 0 where none matches."""
@@ -147,20 +166,17 @@ class ControlStep(Step):
             actuators=actuators,
             keyframes=tuple(keyframes),
             excludes=_excludes(tree, shapes, self.exclude, self.sides),
-            contact=surface(self.contact),
+            contact=self.contact.common,
             contacts=contacts(shapes, self.contact, whole_parts),
             sensors=placed_sensors(tree, shapes, self.imu, self.feet, self.sensors),
             cameras=placed_cameras(tree, self.cameras),
-            simulation=model.Simulation(
-                self.simulation.timestep, self.simulation.decimation, self.simulation.gravity
-            ),
+            simulation=self.simulation,
         )
         said = files.inputs / "source_control.json"
         if said.is_file():
             source = decode(SourceControl, said.read_bytes())
-            rows, _ = _specs(self.rows, self.motors)
             poses = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}
-            stated = Stated(self.sides, rows, self.contact.links, poses)
+            stated = Stated(self.sides, self.rows, self.contact.links, poses)
             joined = join(control, source, tree, shapes, stated)
             control = joined.control
             yield from joined.findings
@@ -170,26 +186,6 @@ class ControlStep(Step):
             tree, control.actuators, has_table=bool(self.rows), only_mjcf=only_mjcf
         )
         (files.outputs / "control.json").write_bytes(encode(control))
-
-
-# --- actuators ------------------------------------------------------------------------------
-
-
-def _specs(
-    rows: tuple[ActuatorRow, ...], motors: Mapping[str, Motor]
-) -> tuple[tuple[RowSpec, ...], dict[str, MotorSpec]]:
-    return (
-        tuple(RowSpec(**_fields(row) | {"general": _general(row)}) for row in rows),
-        {name: MotorSpec(**_fields(motor)) for name, motor in motors.items()},
-    )
-
-
-def _fields(row: BaseModel) -> dict[str, Any]:  # Any: the dataclasses have the same fields
-    return {name: getattr(row, name) for name in type(row).model_fields}
-
-
-def _general(row: ActuatorRow) -> model.General | None:
-    return model.General(**_fields(row.general)) if row.general is not None else None
 
 
 # --- keyframes ------------------------------------------------------------------------------
@@ -242,11 +238,9 @@ def _limit_findings(
                 hint += f"; angles are in radians: {value:g} degrees are {math.radians(value):.4g}"
         else:
             hint = "no pattern of the keyframe matches it, so it is 0"
-        yield Finding(
-            rule="keyframe.limits",
-            severity="error",
-            subject=f"joint {joint.name}",
-            message=f"keyframe `{name}`: {value:g} {unit} is outside {lower:g}..{upper:g} {unit}",
+        yield KEYFRAME_LIMITS(
+            f"joint {joint.name}",
+            f"keyframe `{name}`: {value:g} {unit} is outside {lower:g}..{upper:g} {unit}",
             hint=hint,
             data={"keyframe": name, "value": value, "lower": lower, "upper": upper},
         )
@@ -254,11 +248,9 @@ def _limit_findings(
 
 def _turns_finding(joint: str, name: str, value: float) -> Finding:
     """No limit says that the number is degrees."""
-    return Finding(
-        rule="keyframe.turns",
-        severity="warning",
-        subject=f"joint {joint}",
-        message=f"keyframe `{name}`: {value:g} rad are {abs(value) / (2.0 * math.pi):.1f} turns",
+    return KEYFRAME_TURNS(
+        f"joint {joint}",
+        f"keyframe `{name}`: {value:g} rad are {abs(value) / (2.0 * math.pi):.1f} turns",
         hint=f"angles are in radians: {value:g} degrees would be {math.radians(value):.4g}",
         data={"keyframe": name, "value": value},
     )
@@ -272,11 +264,9 @@ def _base(
         if keyframe.base == "on_ground":
             return None, []
         return None, [
-            Finding(
-                rule="keyframe.fixed_base",
-                severity="warning",
-                subject="robot",
-                message=f"keyframe `{name}`: its `base` is not used, the robot's base is fixed",
+            FIXED_BASE(
+                "robot",
+                f"keyframe `{name}`: its `base` is not used, the robot's base is fixed",
                 hint="remove `base`, or make the robot `base: floating`",
                 data={"keyframe": name},
             )
@@ -287,11 +277,9 @@ def _base(
     if lowest is not None:
         return Pose((0.0, 0.0, 0.0 - lowest)), []
     return Pose(), [
-        Finding(
-            rule="keyframe.no_ground",
-            severity="warning",
-            subject="robot",
-            message=f"keyframe `{name}`: no collision geometry to put on the ground; z = 0",
+        NO_GROUND(
+            "robot",
+            f"keyframe `{name}`: no collision geometry to put on the ground; z = 0",
             hint="give the links collision geometry, or the keyframe `base: [x, y, z]`",
             data={"keyframe": name},
         )
@@ -394,11 +382,9 @@ def _same_body_findings(tree: model.Tree, exclude: Exclude) -> Iterator[Finding]
     for index, pair in enumerate(exclude.pairs):
         body, other = _bodies(tree, index, pair)
         if body == other:
-            yield Finding(
-                rule="exclude.same_body",
-                severity="info",
-                subject=f"link {pair[0]}",
-                message=f"excluding `{pair[0]}` and `{pair[1]}` changes nothing: "
+            yield SAME_BODY(
+                f"link {pair[0]}",
+                f"excluding `{pair[0]}` and `{pair[1]}` changes nothing: "
                 f"fixed joints merged both into `{body}`",
                 hint="remove the pair",
                 data={"other": pair[1], "body": body},

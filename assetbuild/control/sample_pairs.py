@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import decode
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Box, Capsule, Cylinder, Mesh, Shape, Shapes, Sphere, Tree
@@ -25,6 +25,13 @@ from assetbuild.robot.pose import IDENTITY, Array, Pose
 from assetbuild.robot.tree import forward_kinematics, sample_positions
 
 SEED = 0
+
+SAMPLED = Rule(
+    "exclude.sampled",
+    "info",
+    "pairs of bodies touch in every sampled pose or in none, and are excluded",
+    "more `sampled` poses, or `0`",
+)
 
 
 class SamplePairs(Step):
@@ -54,11 +61,9 @@ class SamplePairs(Step):
         never = [pair for pair in pairs if counts.get(pair, 0) == 0]
         text = json.dumps({"always": always, "never": never}, indent=1)
         (files.outputs / "sampled_pairs.json").write_text(text + "\n", encoding="utf-8")
-        yield Finding(
-            rule="exclude.sampled",
-            severity="info",
-            subject="recipe collision.exclude.sampled",
-            message=f"of {len(pairs)} pairs, {len(always)} touch in all and {len(never)} in none "
+        yield SAMPLED(
+            "recipe collision.exclude.sampled",
+            f"of {len(pairs)} pairs, {len(always)} touch in all and {len(never)} in none "
             f"of {self.samples} poses: they are excluded",
             hint="more poses find rarer contacts" if never else "",
             data={"pairs": len(pairs), "always": len(always), "never": len(never)},

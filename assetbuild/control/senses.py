@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
 
 from assetbuild.errors import did_you_mean
-from assetbuild.recipe.sensing import IMU_NAMES, Camera, Feet, Imu, Sensor
-from assetbuild.recipe.surface import Contact, Surface
+from assetbuild.quantities import stated
 from assetbuild.robot import model
 from assetbuild.robot.actuators import RowError
+from assetbuild.robot.contact import Contacts, Surface
 from assetbuild.robot.motors import Key
 from assetbuild.robot.pose import Pose, quat_multiply, quat_of_rpy
+from assetbuild.robot.sensing import IMU_NAMES, Camera, Feet, Imu, Sensor
 
 _ABOUT_X = (0.0, 1.0, 0.0, 0.0)
 
@@ -20,29 +20,14 @@ _ABOUT_X = (0.0, 1.0, 0.0, 0.0)
 # --- surfaces -------------------------------------------------------------------------------
 
 
-def surface(contact: Contact) -> model.Contact:
-    """The surface of all that no rule of `contact.links` changes."""
-    return model.Contact(
-        contact.friction,
-        contact.condim,
-        contact.priority,
-        contact.solref,
-        contact.solimp,
-        contact.margin,
-        contact.gap,
-        contact.mask,
-        contact.partners,
-    )
-
-
 def contacts(
-    shapes: model.Shapes, contact: Contact, may_idle: Collection[str] = ()
+    shapes: model.Shapes, contact: Contacts, may_idle: Collection[str] = ()
 ) -> tuple[tuple[str, model.Contact], ...]:
     """The surfaces that differ, by collision shape.
 
     RowError: a pattern without a shape, unless it is one of `may_idle`, which nobody has written.
     """
-    common, links = surface(contact), [shape.link for shape in shapes.of("collision")]
+    common, links = contact.common, [shape.link for shape in shapes.of("collision")]
     for pattern in contact.links:
         if pattern not in may_idle and not any(re.fullmatch(pattern, link) for link in links):
             raise RowError(
@@ -62,8 +47,7 @@ def changed(common: model.Contact, rules: Mapping[str, Surface], link: str) -> m
     """The surface of a link by the first rule that matches it."""
     for pattern, rule in rules.items():
         if re.fullmatch(pattern, link):
-            said = {k: getattr(rule, k) for k in type(rule).model_fields}
-            return replace(common, **{k: v for k, v in said.items() if v is not None})
+            return common.model_copy(update=stated(rule))
     return common
 
 

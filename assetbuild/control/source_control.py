@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 from xml.etree import ElementTree
 
 from assetbuild.control.senses import changed
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.recipe.sides import Side, side_of
-from assetbuild.recipe.surface import Surface
-from assetbuild.robot.actuators import RowSpec
+from assetbuild.robot.actuator_table import ActuatorRow
+from assetbuild.robot.contact import Surface
 from assetbuild.robot.model import (
     Actuator,
     Camera,
@@ -27,12 +27,29 @@ from assetbuild.robot.model import (
     Tree,
 )
 from assetbuild.robot.source import SourceControl
+from assetbuild.source.mjcf.text import DROPPED
 
 BODY_NAMES = ("body", "body1", "body2", "target")
 """Attributes that name a body, in the elements that `MjcfOnly` holds."""
 
 
 T = TypeVar("T", Sensor, Camera)
+M = TypeVar("M", Contact, Simulation)
+
+ONLY_IN_MJCF = Rule(
+    "mjcf.only",
+    "info",
+    "what only MJCF can express (sizes of sites, tendons, lights, solver options, ...) is kept "
+    "in the MJCF; URDF and USD have no place for it",
+    "nothing",
+)
+NEW_SURFACE = Rule(
+    "mjcf.new_surface",
+    "info",
+    "collision shapes that the recipe made anew get the surface that most of the source's shapes "
+    "have",
+    "`method: keep` keeps the source's shapes",
+)
 
 
 @dataclass
@@ -50,7 +67,7 @@ class Stated:
     """
 
     sides: Sequence[Side] = (Side(from_mjcf=True),)
-    rows: tuple[RowSpec, ...] = ()
+    rows: tuple[ActuatorRow, ...] = ()
     surfaces: Mapping[str, Surface] = field(default_factory=dict)
     poses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
@@ -169,11 +186,14 @@ def _simulation(own: Simulation, said: Simulation, base: Side) -> Simulation:
     """Of a composite as the base says; only an MJCF says anything itself."""
     if not base.from_mjcf:
         return own
-    return Simulation(
-        own.timestep if "simulation.timestep" in base.stated else said.timestep,
-        own.decimation,
-        own.gravity if "simulation.gravity" in base.stated else said.gravity,
-    )
+    said = said.model_copy(update={"decimation": own.decimation})  # no MJCF states one
+    return _recipe_wins("simulation", own, said, base)
+
+
+def _recipe_wins(section: str, own: M, said: M, base: Side) -> M:
+    """What the source says, but for the keys of the section that the recipe states."""
+    keys = [key for key in type(said).model_fields if f"{section}.{key}" in base.stated]
+    return said.model_copy(update={key: getattr(own, key) for key in keys})
 
 
 # --- surfaces -------------------------------------------------------------------------------
@@ -184,12 +204,9 @@ def _contacts(
 ) -> tuple[Contact, tuple[tuple[str, Contact], ...]]:
     """The common surface and those that differ; what the recipe says holds for all of them."""
     said, by_prefix = source.control, dict(source.surfaces)
-    names = {f.name for f in fields(Contact)} & {
-        key.removeprefix("contact.") for key in stated.base.stated
-    }
 
     def with_recipe(contact: Contact) -> Contact:
-        return replace(contact, **{name: getattr(own, name) for name in names})
+        return _recipe_wins("contact", own, contact, stated.base)
 
     common, by_shape = own, dict(said.contacts)
     if stated.base.from_mjcf:
@@ -215,9 +232,7 @@ def _contacts(
 
 def _new_shapes(names: list[str]) -> Finding:
     shown = ", ".join(f"`{name}`" for name in names[:6]) + (", ..." if len(names) > 6 else "")
-    return Finding(
-        "mjcf.new_surface",
-        "info",
+    return NEW_SURFACE(
         "recipe collision",
         f"{len(names)} collision shapes are not the source's: {shown}; they have the surface that "
         "most shapes of the source have",
@@ -293,12 +308,11 @@ def _unsaid(item: MjcfOnly, stated: Collection[str]) -> MjcfOnly:
 
 
 def _sensor_of_drive(item: MjcfOnly) -> Finding:
-    return Finding(
-        "mjcf.dropped",
-        "warning",
+    return DROPPED(
         "recipe actuators",
         f"a sensor of a drive that the recipe replaced was left out: {item.element}",
         "name a sensor of the joint under `sensors:`",
+        severity="warning",
         data={"element": "sensor", "count": 1},
     )
 
@@ -309,9 +323,7 @@ def _is_piece(name: str, source: str) -> bool:
 
 
 def _gone(names: list[str]) -> Finding:
-    return Finding(
-        "mjcf.dropped",
-        "info",
+    return DROPPED(
         "recipe collision",
         f"{len(names)} geoms of the source have other shapes now: what only MJCF says of "
         f"`{names[0]}` and the like was left out",
@@ -357,12 +369,11 @@ class _Bodies:
         if place.kind != "body" or place.name == "world" or place.name in self._tree.by_body:
             return True
         self._findings.append(
-            Finding(
-                "mjcf.dropped",
-                "warning",
+            DROPPED(
                 f"link {place.name}",
                 f"{what} was left out: its body `{place.name}` was merged into another",
                 f"name `{place.name}` in `fixed_joints.keep_bodies`",
+                severity="warning",
                 data={"element": what, "count": 1},
             )
         )
@@ -380,9 +391,7 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
         names = [f"`{name}`" for name in owners if name]
         shown = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
         of = f" of {_WORDS.get(place, place)} {shown}" if names else ""
-        yield Finding(
-            "mjcf.only",
-            "info",
+        yield ONLY_IN_MJCF(
             "robot",
             f"{said}{of}: in the MJCF only, URDF and USD have no place for it",
             data={"place": place, "said": said, "count": len(owners)},

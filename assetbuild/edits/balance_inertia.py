@@ -7,7 +7,7 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_inertials
 from assetbuild.recipe.models import Pattern
 from assetbuild.robot.inertia import (
@@ -21,6 +21,13 @@ from assetbuild.robot.model import Body, Inertial, Shapes, Tree
 
 ROOM = 1e-9
 """Of C: A + B = C to the last bit is lost where somebody turns the axes, as MuJoCo does."""
+
+BALANCE_INERTIA = Rule(
+    "edit.balance_inertia",
+    ("info", "warning"),
+    "the smallest principal moment was raised (a warning when no link needed it)",
+    "measure the part; remove an edit that does nothing",
+)
 
 
 class BalanceInertia(Edit):
@@ -40,11 +47,10 @@ class BalanceInertia(Edit):
         return Edited(tree, shapes, findings or (self._needless(),))
 
     def _needless(self) -> Finding:
-        return Finding(
-            rule="edit.balance_inertia",
+        return BALANCE_INERTIA(
+            "recipe edits",
+            f"no link that matches `{self.link}` violates A + B >= C",
             severity="warning",
-            subject="recipe edits",
-            message=f"no link that matches `{self.link}` violates A + B >= C",
             hint="remove the edit",
         )
 
@@ -63,11 +69,9 @@ def _balanced(body: Body) -> tuple[Inertial, Finding] | None:
         )
     raised = c - b + ROOM * c
     after = _raised(before, raised - a)
-    finding = Finding(
-        rule="edit.balance_inertia",
-        severity="info",
-        subject=f"link {body.name}",
-        message=f"smallest principal moment {a:.6g} -> {raised:.6g} kg m2, the others "
+    finding = BALANCE_INERTIA(
+        f"link {body.name}",
+        f"smallest principal moment {a:.6g} -> {raised:.6g} kg m2, the others "
         f"{b:.6g} and {c:.6g} as they were",
         data={
             "before_kg_m2": before,

@@ -10,10 +10,14 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_joints
 from assetbuild.recipe.models import Pattern
 from assetbuild.robot.model import MOVING, Joint, Limits, Mimic, Shapes, Tree
+
+FLIP_AXIS = Rule(
+    "edit.flip_axis", "info", "a joint counts in the opposite direction", "reverse its targets too"
+)
 
 
 class FlipAxis(Edit):
@@ -46,12 +50,9 @@ class FlipAxis(Edit):
         new = old
         if self.limits_ == "mirror":
             new = replace(old, lower=_negative(old.upper), upper=_negative(old.lower))
-        finding = Finding(
-            rule="edit.flip_axis",
-            severity="info",
-            subject=f"joint {joint.name}",
-            message=f"axis {_shown(joint.axis)} -> {_shown(axis)}, "
-            f"limits {_range(old)} -> {_range(new)}",
+        finding = FLIP_AXIS(
+            f"joint {joint.name}",
+            f"axis {_shown(joint.axis)} -> {_shown(axis)}, limits {_range(old)} -> {_range(new)}",
             data={
                 "before": joint.axis,
                 "after": axis,

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import RecipeError, StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, Edit, Edited, edit_inertials
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_triangles
@@ -37,6 +37,13 @@ from assetbuild.robot.model import (
     Tree,
 )
 from assetbuild.robot.pose import vec3
+
+INERTIA_FROM_GEOMETRY = Rule(
+    "edit.inertia_from_geometry",
+    "info",
+    "mass properties were computed from the shapes of the link",
+    "check the density",
+)
 
 
 class InertiaFromGeometry(Edit):
@@ -132,11 +139,9 @@ class InertiaFromGeometry(Edit):
     ) -> Finding:
         before = body.inertial or Inertial(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
         several = f" of {count} shapes, overlaps counted twice" if count > 1 else ""
-        return Finding(
-            rule="edit.inertia_from_geometry",
-            severity="info",
-            subject=f"link {body.name}",
-            message=f"mass {before.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {volume:.6g} m3"
+        return INERTIA_FROM_GEOMETRY(
+            f"link {body.name}",
+            f"mass {before.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {volume:.6g} m3"
             f"{several} at {density:.6g} kg/m3",
             data={
                 "before_kg": before.mass_kg,

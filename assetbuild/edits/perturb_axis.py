@@ -9,11 +9,18 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_joints
 from assetbuild.recipe.models import Pattern
 from assetbuild.robot.model import MOVING, Joint, Shapes, Tree
 from assetbuild.robot.pose import Vec3
+
+PERTURB_AXIS = Rule(
+    "edit.perturb_axis",
+    "info",
+    "a joint axis was turned slightly off the axes of its body",
+    "nothing",
+)
 
 
 class PerturbAxis(Edit):
@@ -34,11 +41,9 @@ class PerturbAxis(Edit):
         if joint.kind not in MOVING:
             raise RecipeError(f"perturb_axis: joint `{joint.name}` is {joint.kind}: it has no axis")
         axis = self._axis(joint.axis)
-        finding = Finding(
-            rule="edit.perturb_axis",
-            severity="info",
-            subject=f"joint {joint.name}",
-            message=f"axis turned by {self.eps:g} rad"
+        finding = PERTURB_AXIS(
+            f"joint {joint.name}",
+            f"axis turned by {self.eps:g} rad"
             if axis != joint.axis
             else "axis left as it is: parallel to no axis of its body",
             data={"before": joint.axis, "after": axis},

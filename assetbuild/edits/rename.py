@@ -10,10 +10,17 @@ from pydantic import Field, model_validator
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited
 from assetbuild.recipe.models import Pattern
 from assetbuild.robot.model import Shapes, Tree
+
+RENAMED = Rule(
+    "edit.rename",
+    "info",
+    "a link or joint has another name",
+    "use the new name in the rest of the recipe",
+)
 
 
 class Rename(Edit):
@@ -90,10 +97,6 @@ def _new_name(kind: str, name: str, rules: Mapping[str, str]) -> str:
 
 
 def _finding(kind: str, old: str, new: str) -> Finding:
-    return Finding(
-        rule="edit.rename",
-        severity="info",
-        subject=f"{kind} {new}",
-        message=f"{kind} `{old}` is called `{new}`",
-        data={"before": old, "after": new},
+    return RENAMED(
+        f"{kind} {new}", f"{kind} `{old}` is called `{new}`", data={"before": old, "after": new}
     )

@@ -6,12 +6,14 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_inertials
 from assetbuild.recipe.models import Model, Pattern, Positive, Real
 from assetbuild.robot.inertia import Tensor
 from assetbuild.robot.model import Body, Inertial, Shapes, Tree
 from assetbuild.robot.pose import Vec3
+
+SET_INERTIA = Rule("edit.set_inertia", "info", "a link has other mass properties", "nothing")
 
 
 class Moments(Model):
@@ -50,11 +52,9 @@ class SetInertia(Edit):
         com: Vec3 = old.com_m if self.com is None else self.com
         i = self.inertia
         tensor: Tensor = (i.ixx, i.iyy, i.izz, i.ixy, i.ixz, i.iyz)
-        finding = Finding(
-            rule="edit.set_inertia",
-            severity="info",
-            subject=f"link {body.name}",
-            message=f"mass {old.mass_kg:.6g} -> {mass:.6g} kg; "
+        finding = SET_INERTIA(
+            f"link {body.name}",
+            f"mass {old.mass_kg:.6g} -> {mass:.6g} kg; "
             f"ixx iyy izz {_shown(old.inertia_com_kg_m2)} -> {_shown(tensor)} kg m2",
             data={
                 "before_kg": old.mass_kg,

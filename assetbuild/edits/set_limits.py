@@ -8,12 +8,14 @@ from pydantic import Field, model_validator
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
-from assetbuild.findings import Finding, Scalar
+from assetbuild.findings import Finding, Rule, Scalar
 from assetbuild.kinds import Edit, Edited, edit_joints
 from assetbuild.recipe.models import Pattern, Positive, Real
 from assetbuild.robot.model import MOVING, Joint, Shapes, Tree
 
 FIELDS = ("lower", "upper", "effort", "velocity")
+
+SET_LIMITS = Rule("edit.set_limits", "info", "a joint has other limits", "nothing")
 
 
 class SetLimits(Edit):
@@ -60,13 +62,7 @@ class SetLimits(Edit):
             "before": tuple(getattr(old, name) for name in FIELDS),
             "after": tuple(getattr(new, name) for name in FIELDS),
         }
-        finding = Finding(
-            rule="edit.set_limits",
-            severity="info",
-            subject=f"joint {joint.name}",
-            message=", ".join(changes),
-            data=data,
-        )
+        finding = SET_LIMITS(f"joint {joint.name}", ", ".join(changes), data=data)
         return replace(joint, kind=kind, limits=new), finding
 
 

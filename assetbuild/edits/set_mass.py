@@ -8,11 +8,15 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_inertials
 from assetbuild.recipe.models import Pattern, Positive
 from assetbuild.robot.inertia import Tensor
 from assetbuild.robot.model import Body, Inertial, Shapes, Tree
+
+SET_MASS = Rule(
+    "edit.set_mass", "info", "a link has another mass; its inertia was scaled, or kept", "nothing"
+)
 
 
 class SetMass(Edit):
@@ -41,11 +45,9 @@ class SetMass(Edit):
         xx, yy, zz, xy, xz, yz = (factor * value for value in before.inertia_com_kg_m2)
         tensor: Tensor = (xx, yy, zz, xy, xz, yz)
         how = f"its inertia times {factor:.6g}" if scales else "its inertia as it was"
-        finding = Finding(
-            rule="edit.set_mass",
-            severity="info",
-            subject=f"link {body.name}",
-            message=f"mass {before.mass_kg:.6g} -> {self.mass:.6g} kg, {how}",
+        finding = SET_MASS(
+            f"link {body.name}",
+            f"mass {before.mass_kg:.6g} -> {self.mass:.6g} kg, {how}",
             data={
                 "before_kg": before.mass_kg,
                 "after_kg": self.mass,

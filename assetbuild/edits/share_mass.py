@@ -10,7 +10,7 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited
 from assetbuild.recipe.models import Pattern
 from assetbuild.robot.chains import Chain, find_chains
@@ -24,6 +24,13 @@ BALL = 1e-9
 """Moment of each new mass, as a share of the body's least: no engine takes a point of 0."""
 MEETS_M = 1e-9
 """Axes that pass a point at this distance pass through it."""
+
+SHARE_MASS = Rule(
+    "edit.share_mass",
+    "info",
+    "mass was moved to massless links between joints, where it changes no motion",
+    "nothing",
+)
 
 
 class ShareMass(Edit):
@@ -135,11 +142,9 @@ def _line(link: str, chain: Chain) -> tuple[Array, Array]:
 def _finding(tree: Tree, chain: Chain, links: list[str], shared: dict[str, Inertial]) -> Finding:
     before, after = _inertial(tree.by_body[chain.body]), shared[chain.body]
     moved = ", ".join(f"{shared[link].mass_kg:.3g} kg to {link}" for link in links)
-    return Finding(
-        rule="edit.share_mass",
-        severity="info",
-        subject=f"link {chain.body}",
-        message=f"mass {before.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {moved}, where the axes of "
+    return SHARE_MASS(
+        f"link {chain.body}",
+        f"mass {before.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {moved}, where the axes of "
         "the joints between meet; the motion is the same",
         data={
             "before_kg": before.mass_kg,

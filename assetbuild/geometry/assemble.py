@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 from pydantic import BaseModel, ConfigDict
 
 from assetbuild.engine.step import Files, Step
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, MeshPart, Pieces
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Geometry, Material, Mesh, MeshAsset, Shape, Shapes
@@ -22,6 +22,25 @@ PNG = "texture.png"
 """What `convert_texture` writes."""
 WHITE = (1.0, 1.0, 1.0, 1.0)
 """Under a texture: it is shown as it is."""
+
+TEXTURE_MISSING = Rule(
+    "texture.missing",
+    "warning",
+    "a texture of the description is not in the source",
+    "add the file",
+)
+NO_COORDINATES = Rule(
+    "texture.no_coordinates",
+    "warning",
+    "a textured material is on a primitive, or on a mesh without texture coordinates",
+    "use a mesh with texture coordinates",
+)
+NO_COLLISION = Rule(
+    "collision.none",
+    "info",
+    "links that have geometry have no collision geometry here",
+    "change the rule of the link if it should collide",
+)
 
 
 class VisualUse(BaseModel):
@@ -121,11 +140,9 @@ def _without_collision(source: Shapes, uses: tuple[CollisionUse, ...]) -> Iterat
     bare = [link for link in dict.fromkeys(s.link for s in source.shapes) if link not in covered]
     if bare:
         shown = ", ".join(f"`{link}`" for link in bare[:6]) + (", ..." if len(bare) > 6 else "")
-        yield Finding(
-            rule="collision.none",
-            severity="info",
-            subject="recipe collision",
-            message=f"{len(bare)} links with geometry have no collision geometry: {shown}",
+        yield NO_COLLISION(
+            "recipe collision",
+            f"{len(bare)} links with geometry have no collision geometry: {shown}",
             hint="their rule says `none`, or the geometry that it asks for is not in the source",
             data={"links": len(bare)},
         )
@@ -269,24 +286,22 @@ class _Palette:
             return None
         png = self._pictures.get(material.texture)
         if png is None:
-            self._tell("texture.missing", material, "is not in the source", "add the file")
+            self._tell(TEXTURE_MISSING, material, "is not in the source", "add the file")
             return None
         if not png.is_file():
             return None  # `convert_texture` says why
         if not uv:
             what = "lies on shapes without texture coordinates: they get its colour alone"
-            self._tell("texture.no_coordinates", material, what, "use a mesh with coordinates")
+            self._tell(NO_COORDINATES, material, what, "use a mesh with coordinates")
             return None
         stem = re.sub(r"[^A-Za-z0-9_]+", "_", PurePosixPath(material.texture).stem)
         return self._library.add_picture(png, stem)
 
-    def _tell(self, rule: str, material: Material, what: str, hint: str) -> None:
-        key = (rule, material.name)
+    def _tell(self, rule: Rule, material: Material, what: str, hint: str) -> None:
+        key = (rule.id, material.name)
         message = f"its texture `{material.texture}` {what}"
         subject = f"material {material.name}"
-        self._told[key] = Finding(
-            rule, "warning", subject, message, hint, data={"texture": material.texture or ""}
-        )
+        self._told[key] = rule(subject, message, hint, data={"texture": material.texture or ""})
 
     def used(self) -> tuple[Material, ...]:
         """The materials in use, in order of first use."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, MeshPart
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import obj_bytes
@@ -30,6 +30,38 @@ NO_AREA = 1e-14
 """m2: MuJoCo refuses a mesh whose surface is smaller."""
 NORMAL_DECIMALS = 6
 """A millionth of a radian is beyond any eye, and equal directions stay equal bytes."""
+
+TEXTURE = Rule(
+    "mesh.texture",
+    "warning",
+    "a texture is missing from the source, is not a picture, or has no texture coordinates; the "
+    "part is drawn in one colour",
+    "add the picture, or unwrap the mesh",
+)
+TEXTURE_ALPHA = Rule(
+    "mesh.texture_alpha",
+    "info",
+    "transparent parts of a texture are shown opaque",
+    "cut the holes into the mesh",
+)
+UNUSED_UV = Rule(
+    "mesh.uv", "info", "texture coordinates that no texture uses were left out", "nothing"
+)
+LINES_ONLY = Rule(
+    "mesh.no_area",
+    "warning",
+    "parts of a mesh are lines without area, and were left out",
+    "delete them in the source",
+)
+COLLAPSED_FACES = Rule(
+    "mesh.collapsed_faces", "info", "triangles without area were dropped", "nothing"
+)
+INSIDE_OUT = Rule(
+    "mesh.inside_out",
+    "warning",
+    "the normals of a closed part point inwards",
+    "turn its faces in the source",
+)
 
 
 class ConvertMesh(Step):
@@ -106,11 +138,9 @@ class ConvertMesh(Step):
         faces = sum(len(part.mesh.faces) for part in before)
         dropped = faces - sum(len(part.mesh.faces) for part in after)
         if dropped:
-            yield Finding(
-                rule="mesh.collapsed_faces",
-                severity="info",
-                subject=self.subject,
-                message=f"{dropped} of {faces} triangles use one point twice and are left out",
+            yield COLLAPSED_FACES(
+                self.subject,
+                f"{dropped} of {faces} triangles use one point twice and are left out",
                 data={"dropped": dropped, "faces": faces},
             )
 
@@ -118,11 +148,9 @@ class ConvertMesh(Step):
         thin = [p for p in parts if len(p.mesh.faces) and area(p.mesh) <= NO_AREA]
         if thin:
             faces = sum(len(part.mesh.faces) for part in thin)
-            yield Finding(
-                rule="mesh.no_area",
-                severity="warning",
-                subject=self.subject,
-                message=f"{len(thin)} of {len(parts)} parts are lines without any area "
+            yield LINES_ONLY(
+                self.subject,
+                f"{len(thin)} of {len(parts)} parts are lines without any area "
                 f"({faces} triangles): nobody can see them, they are left out",
                 hint="delete them in the source",
                 data={"parts": len(thin), "faces": faces},
@@ -136,34 +164,27 @@ class ConvertMesh(Step):
             for old, new in zip(before, after, strict=True)
         )
         if dropped:
-            yield Finding(
-                rule="mesh.uv",
-                severity="info",
-                subject=self.subject,
-                message=f"{dropped} parts have texture coordinates and no texture: "
+            yield UNUSED_UV(
+                self.subject,
+                f"{dropped} parts have texture coordinates and no texture: "
                 "the coordinates are left out",
                 data={"parts": dropped},
             )
 
     def _lost(self, lost: Mapping[str, str]) -> Iterator[Finding]:
         for texture, why in lost.items():
-            yield Finding(
-                rule="mesh.texture",
-                severity="warning",
-                subject=self.subject,
-                message=f"the texture `{texture}` {why}: its part is drawn in one colour",
+            yield TEXTURE(
+                self.subject,
+                f"the texture `{texture}` {why}: its part is drawn in one colour",
                 hint="paths start at the folder of the file that names the texture",
                 data={"texture": texture},
             )
 
     def _opaque(self, textures: Sequence[str]) -> Iterator[Finding]:
         for texture in textures:
-            yield Finding(
-                rule="mesh.texture_alpha",
-                severity="info",
-                subject=self.subject,
-                message=f"the texture `{texture}` has transparent parts: MJCF and USD show them "
-                "opaque",
+            yield TEXTURE_ALPHA(
+                self.subject,
+                f"the texture `{texture}` has transparent parts: MJCF and USD show them opaque",
                 hint="cut the holes into the mesh if they matter",
                 data={"texture": texture},
             )
@@ -172,11 +193,9 @@ class ConvertMesh(Step):
         for number, part in enumerate(parts):
             mesh = part.mesh
             if is_closed(mesh) and signed_volume(mesh) < 0.0:
-                yield Finding(
-                    rule="mesh.inside_out",
-                    severity="warning",
-                    subject=self.subject,
-                    message=f"part {number} is closed, but its faces point inwards",
+                yield INSIDE_OUT(
+                    self.subject,
+                    f"part {number} is closed, but its faces point inwards",
                     hint="turn its normals in the source; viewers may show it black or hollow",
                     data={"part": number, "volume_m3": signed_volume(mesh)},
                 )

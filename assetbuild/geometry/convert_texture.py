@@ -6,8 +6,15 @@ from collections.abc import Iterable
 from typing import ClassVar
 
 from assetbuild.engine.step import Files, Limits, Step
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.picture import png_of
+
+UNREADABLE = Rule(
+    "texture.unreadable",
+    "warning",
+    "a texture of the description is not a picture",
+    "save it as PNG or JPEG",
+)
 
 
 class ConvertTexture(Step):
@@ -30,11 +37,9 @@ class ConvertTexture(Step):
             png = png_of((files.inputs / "picture").read_bytes(), self.name)
         except ValueError as error:
             return [
-                Finding(
-                    rule="texture.unreadable",
-                    severity="warning",
-                    subject="robot",
-                    message=f"the texture `{self.name}` is not readable as a picture: {error}",
+                UNREADABLE(
+                    "robot",
+                    f"the texture `{self.name}` is not readable as a picture: {error}",
                     hint="save it again as PNG or JPEG",
                     data={"texture": self.name},
                 )

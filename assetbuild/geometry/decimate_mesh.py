@@ -12,7 +12,7 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.geometry.convert_mesh import describe
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
@@ -33,6 +33,22 @@ FARTHEST = 0.02
 SPEED = 3.0
 """fast-simplification's `agg`: how fast its error threshold grows. Its default of 7 costs a trunk
 of 309 components 10 % of its area at 29,000 triangles; 3 keeps it to 0.2 % for the same time."""
+
+DECIMATED = Rule(
+    "visual.decimated",
+    "info",
+    "a mesh was simplified; the finding states distance and area",
+    "raise `visual.max_faces` if it shows",
+)
+BUDGET = Rule(
+    "visual.budget",
+    "warning",
+    "simplification stopped early to keep the shape",
+    "accept it, or simplify the source by hand",
+)
+TEXTURED = Rule(
+    "visual.textured", "info", "a textured mesh was not simplified", "simplify the source by hand"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,22 +144,18 @@ class DecimateMesh(Step):
         textured = [part for part in parts if part.mesh.uv is not None]
         if textured:
             faces = sum(len(part.mesh.faces) for part in textured)
-            yield Finding(
-                rule="visual.textured",
-                severity="info",
-                subject=self.subject,
-                message=f"{len(textured)} textured parts with {faces} triangles are left as they "
+            yield TEXTURED(
+                self.subject,
+                f"{len(textured)} textured parts with {faces} triangles are left as they "
                 "are: decimation would lose their texture coordinates",
                 data={"parts": len(textured), "faces": faces},
             )
 
     def _decimated(self, before: int, after: int, found: _Attempt) -> Finding:
         p99 = 1e3 * found.distance.p99_m
-        return Finding(
-            rule="visual.decimated",
-            severity="info",
-            subject=self.subject,
-            message=f"{before} -> {after} triangles; 99 % of the surface within {p99:.2g} mm, "
+        return DECIMATED(
+            self.subject,
+            f"{before} -> {after} triangles; 99 % of the surface within {p99:.2g} mm, "
             f"area x {found.area:.4f}",
             data={
                 "from": before,
@@ -156,12 +168,9 @@ class DecimateMesh(Step):
         )
 
     def _stopped(self, before: int, after: int, found: _Attempt | None) -> Finding:
-        return Finding(
-            rule="visual.budget",
-            severity="warning",
-            subject=self.subject,
-            message=f"stopped at {after} triangles, above the goal of {self.max_faces}, "
-            "to keep the shape",
+        return BUDGET(
+            self.subject,
+            f"stopped at {after} triangles, above the goal of {self.max_faces}, to keep the shape",
             hint=f"set `visual.max_faces` to {after} to accept it",
             data={
                 "from": before,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from assetbuild.engine.step import Files, Step
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Shapes, Tree
@@ -14,6 +14,13 @@ DEFAULT_KG_M3 = 1000.0
 """SolidWorks' density of a part without a material, water's."""
 NEAR = 0.005
 """Relative: volume of the exported triangles against the CAD's own."""
+
+DEFAULT_DENSITY = Rule(
+    "inertia.default_density",
+    "warning",
+    "half of the links weigh 1000 kg/m³ times their visual volume, the CAD program's default",
+    "`set_mass`",
+)
 
 
 class LintDensity(Step):
@@ -43,9 +50,7 @@ class LintDensity(Step):
         )
         if len(suspects) >= self.fewest and 2 * len(suspects) >= len(densities):
             names = ", ".join(suspects[:6]) + (", ..." if len(suspects) > 6 else "")
-            yield Finding(
-                "inertia.default_density",
-                "warning",
+            yield DEFAULT_DENSITY(
                 "robot",
                 f"{len(suspects)} of {len(densities)} links weigh {DEFAULT_KG_M3:g} kg/m³ times "
                 f"their visual volume ({names}): the CAD's density without a material?",

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from assetbuild.engine.step import Files, Step
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.read import TO_Z_UP
 from assetbuild.robot.codec import decode
@@ -34,6 +34,14 @@ from assetbuild.robot.pose import Array, Pose
 
 CLEARLY = 0.05
 """Share of the part's size by which the other way must fit better to be worth a word."""
+
+UP_AXIS_FIT = Rule(
+    "mesh.up_axis.fit",
+    "warning",
+    "meshes would fit the collision shapes or the centre of mass of their links better with the "
+    "other up axis",
+    "name them in `source.honour_up_axis`, or take them out of it",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,11 +125,9 @@ def _finding(
     record, mesh = records[first.shape.name], _path(first.shape)
     do = "taken as it is" if record.turned else "turned to Z"
     key = "leave it out of" if record.turned else "name it in"
-    return Finding(
-        rule="mesh.up_axis.fit",
-        severity="warning",
-        subject=f"mesh {mesh}",
-        message=f"it says {record.up_axis} and would fit link `{first.shape.link}` better {do}: "
+    return UP_AXIS_FIT(
+        f"mesh {mesh}",
+        f"it says {record.up_axis} and would fit link `{first.shape.link}` better {do}: "
         f"{first.by} is off by {100 * first.now:.0f} % of its size, then {100 * first.other:.0f} %"
         f"; so it is for {len(better)} shapes, the opposite for {len(worse)}",
         hint=f"{key} `source.honour_up_axis`",

@@ -14,7 +14,7 @@ import numpy as np
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.pose import Vec3, vec3
 from assetbuild.simulators import mujoco, offscreen
 from assetbuild.simulators.mujoco import Data, Model
@@ -38,6 +38,14 @@ HULLS = ("mjVIS_CONVEXHULL",)
 """A collision mesh that is not convex is shown as what MuJoCo collides: its hull."""
 GREY = (0.72, 0.74, 0.77, 1.0)
 MOVED = (0.95, 0.50, 0.10, 1.0)
+
+NO_PICTURES = Rule(
+    "pictures.none",
+    "info",
+    "the report has no pictures: OpenGL cannot draw without a window here, or the MJCF does not "
+    "load",
+    "`assetbuild doctor`",
+)
 
 
 @dataclass(frozen=True)
@@ -77,12 +85,8 @@ class Render(Step):
             for half in (files.outputs / "images").iterdir():
                 half.unlink()
             _write_list(files, [], "")
-            yield Finding(
-                "pictures.none",
-                "info",
-                "robot",
-                f"no pictures: {problem}",
-                hint="`assetbuild doctor` says what to install",
+            yield NO_PICTURES(
+                "robot", f"no pictures: {problem}", hint="`assetbuild doctor` says what to install"
             )
 
     def _write(self, files: Files) -> None:

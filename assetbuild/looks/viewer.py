@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.engine.step import Files, Step
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.solids import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh
@@ -27,6 +27,13 @@ SPAN_M = 0.03
 """Distances between visual and collision geometry are told up to this; beyond it, all is one."""
 LIBRARY = re.compile(r'/\*\*\s*\* @license.*?"__esModule",\{value:!0\}\)\}\)\);', re.DOTALL)
 """three.js with its licence line, as trimesh ships it inside its notebook viewer (MIT)."""
+
+NO_VIEWER = Rule(
+    "viewer.none",
+    "info",
+    "the report has no 3D view: the installed trimesh does not ship three.js",
+    "install another version of trimesh",
+)
 
 
 class Viewer(Step):
@@ -54,9 +61,7 @@ class Viewer(Step):
         }
         library = three_js()
         if library is None:
-            yield Finding(
-                "viewer.none",
-                "info",
+            yield NO_VIEWER(
                 "robot",
                 "the report has no 3D view: the installed trimesh brings no three.js",
                 hint="install another version of trimesh",

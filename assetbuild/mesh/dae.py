@@ -11,7 +11,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from assetbuild.errors import StepError, Where
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.companions import relative_name
 from assetbuild.mesh.material import (
     MaterialPart,
@@ -21,6 +21,20 @@ from assetbuild.mesh.material import (
 )
 from assetbuild.mesh.triangles import Indices, TriangleMesh
 from assetbuild.robot.pose import Array
+
+SKIPPED = Rule(
+    "mesh.skipped",
+    ("info", "warning"),
+    "lines, points or empty parts were left out (a warning for skins)",
+    "nothing",
+)
+UNIT = Rule("mesh.unit", "info", "the unit of the file was applied", "nothing")
+IGNORED = Rule(
+    "mesh.ignored",
+    "warning",
+    "parts of the file that are not geometry could not be read",
+    "check the colours",
+)
 
 # Any below: pycollada has no type hints.
 
@@ -276,33 +290,28 @@ def _material(material: Any) -> SurfaceMaterial:
 def _skipped_finding(skipped: Mapping[str, int], subject: str) -> Iterator[Finding]:
     if skipped:
         names = ", ".join(f"{count} {name}" for name, count in sorted(skipped.items()))
-        yield Finding(
-            rule="mesh.skipped",
+        yield SKIPPED(
+            subject,
+            f"not surfaces, left out: {names}",
             severity="warning" if "skins" in skipped else "info",
-            subject=subject,
-            message=f"not surfaces, left out: {names}",
             data=dict(sorted(skipped.items())),
         )
 
 
 def _unit_finding(unit: float | None, subject: str) -> Iterator[Finding]:
     if unit is not None and unit != 1.0:
-        yield Finding(
-            rule="mesh.unit",
-            severity="info",
-            subject=subject,
-            message=f"the file's unit is {unit:g} m; it is applied, as viewers do",
+        yield UNIT(
+            subject,
+            f"the file's unit is {unit:g} m; it is applied, as viewers do",
             data={"unit_m": float(unit)},
         )
 
 
 def _ignored_finding(document: Any, subject: str) -> Iterator[Finding]:
     if document.errors:
-        yield Finding(
-            rule="mesh.ignored",
-            severity="warning",
-            subject=subject,
-            message=f"parts of the file were not understood: {_one_line(document.errors[0])}",
+        yield IGNORED(
+            subject,
+            f"parts of the file were not understood: {_one_line(document.errors[0])}",
             hint="shapes are complete; a colour, camera or texture may be missing",
             data={"count": len(document.errors)},
         )

@@ -7,11 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.triangles import TriangleMesh, face_normals, merged
 from assetbuild.robot.pose import Array
 
 Rgba = tuple[float, float, float, float]
+
+VERTEX_COLOURS = Rule(
+    "mesh.vertex_colours",
+    "info",
+    "colours of single vertices were left out",
+    "give the mesh a material, or a texture",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +73,8 @@ def _flat(mesh: TriangleMesh) -> Array:
 def colours_finding(has_colours: bool, subject: str) -> Iterator[Finding]:
     """Told once per mesh file with colours of single vertices, which readers leave out."""
     if has_colours:
-        yield Finding(
-            rule="mesh.vertex_colours",
-            severity="info",
-            subject=subject,
-            message="colours of single vertices or faces are left out: no target has a place "
-            "for them",
+        yield VERTEX_COLOURS(
+            subject,
+            "colours of single vertices or faces are left out: no target has a place for them",
             hint="give the mesh a material, or a texture",
         )

@@ -11,9 +11,9 @@ from typing import Any, Literal
 import numpy as np
 
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.companions import picture_of_map, relative_name
-from assetbuild.mesh.dae import read_dae
+from assetbuild.mesh.dae import SKIPPED, read_dae
 from assetbuild.mesh.gltf import read_gltf
 from assetbuild.mesh.material import (
     MaterialPart,
@@ -34,6 +34,20 @@ TO_Z_UP: Mapping[str, tuple[tuple[int, int, int], ...]] = {
     "X_UP": ((0, -1, 0), (0, 0, -1), (1, 0, 0)),
     "Y_UP": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
 }
+
+UP_AXIS = Rule(
+    "mesh.up_axis",
+    "info",
+    "the file names an up axis other than Z, which is ignored, or honoured where the recipe says "
+    "so",
+    "look at the robot; many files name the wrong axis",
+)
+NO_MTL = Rule(
+    "mesh.no_mtl",
+    "info",
+    "an OBJ names a material library that does not exist",
+    "put it beside the OBJ",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,11 +107,9 @@ def read_mesh(
 def _turned(
     parts: tuple[MaterialPart, ...], stated: str, up_axis: UpAxis, subject: str
 ) -> tuple[tuple[MaterialPart, ...], Finding]:
-    finding = Finding(
-        rule="mesh.up_axis",
-        severity="info",
-        subject=subject,
-        message=f"the file says {stated}: "
+    finding = UP_AXIS(
+        subject,
+        f"the file says {stated}: "
         + ("ignored, its numbers are taken as they are" if up_axis == "ignore" else "turned to Z"),
         hint="if it lies on its side, name it in `source.honour_up_axis`"
         if up_axis == "ignore"
@@ -155,22 +167,16 @@ def _obj_findings(
     missing: list[str], skipped: Mapping[str, int], subject: str
 ) -> Iterator[Finding]:
     if missing:
-        yield Finding(
-            rule="mesh.no_mtl",
-            severity="info",
-            subject=subject,
-            message=f"colours are not read: `{missing[0]}` is not among the inputs",
+        yield NO_MTL(
+            subject,
+            f"colours are not read: `{missing[0]}` is not among the inputs",
             hint="put it into the source; with an MJCF, which MuJoCo reads without it, ignore this",
             data={"libraries": tuple(missing)},
         )
     if skipped:
         names = ", ".join(f"{count} `{key}`" for key, count in sorted(skipped.items()))
-        yield Finding(
-            rule="mesh.skipped",
-            severity="info",
-            subject=subject,
-            message=f"not surfaces, left out: {names}",
-            data=dict(sorted(skipped.items())),
+        yield SKIPPED(
+            subject, f"not surfaces, left out: {names}", data=dict(sorted(skipped.items()))
         )
 
 

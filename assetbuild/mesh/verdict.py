@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.cover import Quality, Reference, blocked_by, outside_in
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.sources import ProbeSource
@@ -12,8 +12,41 @@ from assetbuild.mesh.sources import ProbeSource
 MISSING = 0.5
 """Share of the volume without collision that no tolerance explains: a method went wrong."""
 
+
 Tolerances = Mapping[str, tuple[float, float]]
 """Key of each stated tolerance -> (found, allowed), both in its unit."""
+
+GAP = Rule(
+    "collision.gap",
+    "info",
+    "how collision fits the mesh: how far it sticks out, which share is missing or too much, "
+    "distances, number of pieces",
+    "another method or tolerance",
+)
+TOLERANCE = Rule(
+    "collision.tolerance",
+    "warning",
+    "a tolerance of the recipe is not met; the finding states by how much",
+    "more `max_hulls`, or a wider tolerance",
+)
+CLOSED = Rule(
+    "collision.closed",
+    "error",
+    "a piece intrudes into a place that `keep_open` names",
+    "more `max_hulls`, or a smaller probe",
+)
+REGION = Rule(
+    "collision.region",
+    "warning",
+    "collision sticks out more than a region allows",
+    "more `max_hulls`, or a wider `max_outside` there",
+)
+MOSTLY_MISSING = Rule(
+    "collision.missing", "warning", "most of the mesh has no collision", "another method"
+)
+FLAT_PIECE = Rule(
+    "collision.flat_piece", "warning", "pieces without volume were left out", "another method"
+)
 
 
 def verdict(
@@ -39,11 +72,9 @@ def verdict(
 
 def _flat_pieces(subject: str, quality: Quality) -> Finding:
     made = quality.flat + quality.pieces
-    return Finding(
-        rule="collision.flat_piece",
-        severity="warning",
-        subject=subject,
-        message=f"{quality.flat} of {made} pieces are flat and left out",
+    return FLAT_PIECE(
+        subject,
+        f"{quality.flat} of {made} pieces are flat and left out",
         data={"flat": quality.flat, "pieces": made},
     )
 
@@ -53,11 +84,9 @@ def _gap(subject: str, reference: Reference, quality: Quality, how: str) -> Find
     open_note = " (the mesh is open: its inside is a majority of three rays)"
     if reference.hollow:
         open_note = " (the mesh has no inside: compared with its convex hull)"
-    return Finding(
-        rule="collision.gap",
-        severity="info",
-        subject=subject,
-        message=f"{how}: {quality.pieces} pieces, up to {outside:.2g} mm outside, "
+    return GAP(
+        subject,
+        f"{how}: {quality.pieces} pieces, up to {outside:.2g} mm outside, "
         f"{100 * quality.missing:.1f} % of the volume missing, {100 * quality.over:.1f} % too "
         f"much" + ("" if quality.closed else open_note),
         data={
@@ -80,11 +109,9 @@ def _gap(subject: str, reference: Reference, quality: Quality, how: str) -> Find
 
 
 def _mostly_missing(subject: str, quality: Quality) -> Finding:
-    return Finding(
-        rule="collision.missing",
-        severity="warning",
-        subject=subject,
-        message=f"{100 * quality.missing:.0f} % of the volume has no collision",
+    return MOSTLY_MISSING(
+        subject,
+        f"{100 * quality.missing:.0f} % of the volume has no collision",
         hint="the result may be hollow: use `hull`, or more pieces",
         data={"max_missing": round(quality.missing, 4)},
     )
@@ -102,11 +129,9 @@ def _missed(
     for key, (found, most) in over.items():
         factor, unit = units.get(key, (100.0, " %"))
         said.append(f"`{key}` is {factor * found:.3g}{unit} instead of {factor * most:.3g}{unit}")
-    yield Finding(
-        rule="collision.tolerance",
-        severity="warning",
-        subject=subject,
-        message="; ".join(said),
+    yield TOLERANCE(
+        subject,
+        "; ".join(said),
         hint=_advice(set(over), quality, max_hulls),
         data={
             f"{key}_{side}": round(value, 6)
@@ -136,22 +161,18 @@ def _places(
         if place.max_outside is None:
             count = sum(blocked_by(piece, place.probe) for piece in pieces)
             if count:
-                yield Finding(
-                    rule="collision.closed",
-                    severity="error",
-                    subject=subject,
-                    message=f"`keep_open` {number + 1} is closed by {count} pieces",
+                yield CLOSED(
+                    subject,
+                    f"`keep_open` {number + 1} is closed by {count} pieces",
                     hint="raise `max_hulls`, lower `max_outside`, or make the probe smaller",
                     data={"probe": number + 1, "pieces": count},
                 )
             continue
         found = outside_in(reference, pieces, place.probe)
         if found > place.max_outside:
-            yield Finding(
-                rule="collision.region",
-                severity="warning",
-                subject=subject,
-                message=f"collision sticks out by {1e3 * found:.3g} mm instead of "
+            yield REGION(
+                subject,
+                f"collision sticks out by {1e3 * found:.3g} mm instead of "
                 f"{1e3 * place.max_outside:.3g} mm in a region",
                 hint="raise `max_hulls`, or the region's `max_outside`",
                 data={"found_m": round(found, 6), "allowed_m": place.max_outside},

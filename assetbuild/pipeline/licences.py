@@ -4,24 +4,49 @@ from __future__ import annotations
 
 import re
 
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
+
+UNSTATED = Rule(
+    "license.unstated",
+    "warning",
+    "the recipe does not state the source's licence",
+    "add `source.license`",
+)
+NO_DERIVATIVES = Rule(
+    "license.no_derivatives",
+    "warning",
+    "the licence (CC ...-ND) does not allow you to pass on what was made from the work",
+    "keep the bundle to yourself, or ask",
+)
+NON_COMMERCIAL = Rule(
+    "license.non_commercial",
+    "info",
+    "the licence (CC ...-NC) does not allow commercial use",
+    "ask before you sell",
+)
+SHARE_ALIKE = Rule(
+    "license.share_alike",
+    "info",
+    "the licence (CC ...-SA) also applies to what is made from the work",
+    "pass the bundle on under the same licence",
+)
+NO_TEXT = Rule(
+    "license.no_text", "info", "the source comes without a licence text", "add it to the source"
+)
 
 _TERMS = {
     "ND": (
-        "license.no_derivatives",
-        "warning",
+        NO_DERIVATIVES,
         "forbids to pass on what was made from the work: converted meshes, an edited URDF",
         "keep the bundle to yourself, or ask the rights holder",
     ),
     "NC": (
-        "license.non_commercial",
-        "info",
+        NON_COMMERCIAL,
         "allows no commercial use",
         "ask the rights holder before you sell what was made with it",
     ),
     "SA": (
-        "license.share_alike",
-        "info",
+        SHARE_ALIKE,
         "asks that what was made from the work is passed on under the same licence",
         "pass the bundle on under that licence",
     ),
@@ -34,22 +59,18 @@ def licence_findings(license_id: str | None, texts: int) -> list[Finding]:
     subject, found = "recipe source", []
     if license_id is None:
         found.append(
-            Finding(
-                rule="license.unstated",
-                severity="warning",
-                subject=subject,
-                message="the recipe does not say under which licence the robot comes",
+            UNSTATED(
+                subject,
+                "the recipe does not say under which licence the robot comes",
                 hint="add `license:` with an SPDX identifier below `source`",
             )
         )
     for word in re.findall(r"[A-Za-z0-9.+-]+", license_id or ""):
         parts = word.upper().split("-")
-        for term, (rule, severity, message, hint) in _TERMS.items():
+        for term, (rule, message, hint) in _TERMS.items():
             if parts[0] == "CC" and term in parts:
                 found.append(
-                    Finding(
-                        rule,
-                        severity,  # type: ignore[arg-type] # one of the literals above
+                    rule(
                         "recipe source.license",
                         f"{word} {message}",
                         hint,
@@ -58,11 +79,9 @@ def licence_findings(license_id: str | None, texts: int) -> list[Finding]:
                 )
     if not texts:
         found.append(
-            Finding(
-                rule="license.no_text",
-                severity="info",
-                subject=subject,
-                message="the source brings no licence text, so the bundle has none",
+            NO_TEXT(
+                subject,
+                "the source brings no licence text, so the bundle has none",
                 hint="add the text to the source: most licences ask that it is passed on",
             )
         )

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.rounds import settle
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import lacking
 from assetbuild.pipeline.judging import judged
 from assetbuild.pipeline.opening import open_session
@@ -25,6 +25,13 @@ TIMESTEP_S, DROP_S, HIGH_M = 0.005, 0.5, 1.0
 GRAVITY: Vec3 = (0.0, 0.0, -9.81)
 BROKEN = 0.05
 """Relative error of a fall above which something is wrong with the asset."""
+
+UNTRIED = Rule(
+    "trials.untried",
+    ("info", "warning"),
+    "`assetbuild validate` has only read the file (a warning for a URDF)",
+    "the message says what is missing; `--package NAME=PATH` says where meshes are",
+)
 
 
 def try_urdf(propose: Callable[[Path], None], on_event: Listener) -> Report:
@@ -69,7 +76,7 @@ def _hulls(rule: CollisionRule) -> CollisionRule:
 def try_usd(file: Path) -> Iterator[Finding]:
     """Loaded, dropped without contacts, and left on a floor for two seconds."""
     if lack := lacking(physx.REQUIRES):
-        yield Finding("trials.untried", "info", "robot", f"not tried in PhysX: {lack}")
+        yield UNTRIED("robot", f"not tried in PhysX: {lack}")
         return
     air = physx.Setting(TIMESTEP_S, GRAVITY, contacts=False)
     floor = physx.Setting(TIMESTEP_S, GRAVITY, at=Pose((0.0, 0.0, HIGH_M)), floor_friction=1.0)
@@ -85,18 +92,18 @@ def try_usd(file: Path) -> Iterator[Finding]:
     held = done["fall"].held
     if held is None or held.articulations + len(held.loose) == 0:
         why = done["fall"].failure or "it holds no body that moves"
-        yield Finding("physx.load", "error", "robot", f"PhysX does not load it: {why}")
+        yield physx.LOAD("robot", f"PhysX does not load it: {why}")
         return
     for name, where in (("fall", "in free fall"), ("floor", "on a floor")):
         if not done[name].finite:
             why = done[name].failure or "its state is not finite"
-            yield Finding("physx.finite", "error", "robot", f"{where}: {why}")
+            yield physx.NOT_FINITE("robot", f"{where}: {why}")
     if held.articulations != 1:
         message = f"PhysX holds {held.articulations} articulations, not one"
-        yield Finding("physx.articulation", "warning", "robot", message)
+        yield physx.ARTICULATION("robot", message, severity="warning")
     for body in held.loose:
         message = "PhysX keeps it outside of every articulation"
-        yield Finding("physx.loose_body", "warning", f"link {body}", message)
+        yield physx.LOOSE_BODY(f"link {body}", message, severity="warning")
     if held.articulations == 1 and not held.fixed_base and done["fall"].finite:
         yield from _fell(done["fall"], air)
 
@@ -107,9 +114,7 @@ def _fell(outcome: physx.Outcome, setting: physx.Setting) -> Iterator[Finding]:
     least = fall.expected_m - 0.5 * abs(GRAVITY[2]) * fall.seconds * setting.timestep
     error = max(least - fall.drop_m, fall.drop_m - fall.expected_m, fall.sideways_m)
     if error > BROKEN * fall.expected_m:
-        yield Finding(
-            "physx.free_fall",
-            "warning",
+        yield physx.FREE_FALL(
             "robot",
             f"fell {fall.drop_m:.4g} m and {fall.sideways_m:.3g} m sideways in "
             f"{fall.seconds:g} s, expected {fall.expected_m:.4g} m",

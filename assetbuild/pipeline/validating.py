@@ -12,7 +12,8 @@ from pathlib import Path
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import AssetBuildError, SourceError, UsageError
-from assetbuild.findings import Finding, worst_first
+from assetbuild.findings import Finding, Rule, worst_first
+from assetbuild.pipeline.trying import UNTRIED
 from assetbuild.robot.codec import decode
 from assetbuild.robot.mirror import Tolerances, mirror_findings, parts_of, twins
 from assetbuild.robot.model import Control, Tree
@@ -26,6 +27,8 @@ KINDS = {
     ".usdc": "usd",
 }
 LARGEST_MB = 64
+
+UNREADABLE = Rule("urdf.unreadable", "error", "`validate` cannot read the file", "read the message")
 
 
 @dataclass(frozen=True)
@@ -150,7 +153,7 @@ def _urdf(file: Path) -> Iterator[Finding]:
                     yield _at(finding, file, lines)
             except SourceError as error:
                 where = str(error.where or "")
-                yield Finding("urdf.unreadable", "error", "robot", error.message, error.hint, where)
+                yield UNREADABLE("robot", error.message, error.hint, where=where)
                 return
             if isinstance(step, ReadUrdf):
                 lines |= _lines(ports)
@@ -171,7 +174,7 @@ def _try_urdf(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
         where = str(error.where or "")
         hint = error.hint or "`--static` only reads the file"
         message = f"not simulated: {error.message}"
-        return [Finding("trials.untried", "warning", "robot", message, hint, where)]
+        return [UNTRIED("robot", message, hint, severity="warning", where=where)]
     said = {(finding.rule, finding.subject) for finding in read}
     return [
         finding
@@ -188,7 +191,7 @@ def _try_usd(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
 
     if any(finding.severity == "error" for finding in read):
         message = "not tried in PhysX: it cannot run what stands above"
-        return [Finding("trials.untried", "info", "robot", message)]
+        return [UNTRIED("robot", message)]
     return list(try_usd(file))
 
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from assetbuild.recipe.base import Length, Model, NonNegative, Positive, Real, Share
+from assetbuild.quantities import Length, Model, NonNegative, Positive, Real, Share
 
 Preset = Literal["locomotion", "manipulation"]
 Point = tuple[Real, Real, Real]

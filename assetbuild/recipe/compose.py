@@ -6,8 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from assetbuild.recipe.base import Model, Positive, Real
-from assetbuild.recipe.names import Name, Pattern
+from assetbuild.quantities import Model, Name, Pattern, Positive, Real
 from assetbuild.recipe.source import Source
 
 Prefix = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]

@@ -6,8 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from assetbuild.recipe.base import Model, Positive
-from assetbuild.recipe.names import Pattern
+from assetbuild.quantities import Model, Pattern, Positive
 
 Integrator = Literal["Euler", "RK4", "implicit", "implicitfast"]
 Cone = Literal["pyramidal", "elliptic"]

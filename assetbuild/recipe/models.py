@@ -10,25 +10,19 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field
 
 from assetbuild.findings import Severity
-from assetbuild.recipe.actuators import ActuatorRow as ActuatorRow  # the recipe is read from here
-from assetbuild.recipe.actuators import Motor as Motor
-from assetbuild.recipe.base import Model as Model
-from assetbuild.recipe.base import NonNegative as NonNegative
-from assetbuild.recipe.base import Positive as Positive
-from assetbuild.recipe.base import Real as Real
+from assetbuild.quantities import Model as Model
+from assetbuild.quantities import Name as Name
+from assetbuild.quantities import NonNegative as NonNegative
+from assetbuild.quantities import Pattern as Pattern
+from assetbuild.quantities import Positive as Positive
+from assetbuild.quantities import Real as Real
 from assetbuild.recipe.collision import CollisionRule, Preset
 from assetbuild.recipe.compose import Part
 from assetbuild.recipe.isaaclab import IsaacLab
 from assetbuild.recipe.mjcf import Mjcf, Mjx
-from assetbuild.recipe.names import Name as Name
-from assetbuild.recipe.names import Pattern as Pattern
-from assetbuild.recipe.randomize import Randomize
-from assetbuild.recipe.sensing import Cameras, Feet, Imu, Sensors
 from assetbuild.recipe.source import PYPI_PATTERN as PYPI_PATTERN
 from assetbuild.recipe.source import Sha256 as Sha256
 from assetbuild.recipe.source import Source as Source
-from assetbuild.recipe.surface import Contact as Contact
-from assetbuild.recipe.surface import Simulation as Simulation
 from assetbuild.recipe.trials import (
     Alignment,
     DriveBounds,
@@ -39,6 +33,16 @@ from assetbuild.recipe.trials import (
     Trials,
 )
 from assetbuild.recipe.usd import Usd
+from assetbuild.robot.actuator_table import (
+    ActuatorRow as ActuatorRow,  # the recipe is read from here
+)
+from assetbuild.robot.actuator_table import Motor as Motor
+from assetbuild.robot.contact import Contacts as Contacts
+from assetbuild.robot.contact import Exclude as Exclude
+from assetbuild.robot.poses import Keyframe as Keyframe
+from assetbuild.robot.ranges import Randomize
+from assetbuild.robot.sensing import Cameras, Feet, Imu, Sensors
+from assetbuild.robot.simulation import Simulation as Simulation
 
 
 def _no_repeats(values: tuple[str, ...]) -> tuple[str, ...]:
@@ -46,12 +50,6 @@ def _no_repeats(values: tuple[str, ...]) -> tuple[str, ...]:
     if twice:
         raise ValueError(f"named twice: {', '.join(twice)}")
     return values
-
-
-def _two_names(pair: tuple[str, str]) -> tuple[str, str]:
-    if pair[0] == pair[1]:
-        raise ValueError("a pair needs two different links")
-    return pair
 
 
 def _one_name(entry: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:  # Any: as OneEdit
@@ -62,7 +60,6 @@ def _one_name(entry: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:  #
 
 Names = Annotated[tuple[str, ...], AfterValidator(_no_repeats)]
 OneEdit = Annotated[dict[str, dict[str, Any]], AfterValidator(_one_name)]  # Any: see plan/edits.py
-LinkPair = Annotated[tuple[str, str], AfterValidator(_two_names)]
 
 
 class FixedJoints(Model):
@@ -89,20 +86,6 @@ class Visual(Model):
     )
 
 
-class Exclude(Model):
-    """Pairs of bodies that never collide."""
-
-    adjacent: bool = Field(True, description="bodies that a joint connects")
-    sampled: int = Field(
-        0,
-        ge=0,
-        le=1_000_000,
-        description="random poses within the limits; pairs that touch in all or in none of them "
-        "are excluded; 0 = do not sample, 10000 is a good number",
-    )
-    pairs: tuple[LinkPair, ...] = Field((), description="pairs of source links")
-
-
 class Collision(Model):
     """Collision geometry, by source link."""
 
@@ -114,17 +97,6 @@ class Collision(Model):
         default_factory=dict, description="the first pattern that matches a link wins"
     )
     exclude: Exclude = Field(default_factory=lambda: Exclude.model_validate({}))
-
-
-class Keyframe(Model):
-    """A named pose."""
-
-    base: Literal["on_ground"] | tuple[Real, Real, Real] = Field(
-        "on_ground", description="on_ground: lowest collision point at z = 0; or x, y, z in metres"
-    )
-    joints: dict[Pattern, Real] = Field(
-        default_factory=dict, description="rad or m; joints that no pattern matches are 0"
-    )
 
 
 class FreeFall(Model):
@@ -266,7 +238,7 @@ class Recipe(Model):
     keyframes: dict[Name, Keyframe] = Field(
         default_factory=dict, description="poses by name; the first is the robot's initial state"
     )
-    contact: Contact = Field(default_factory=lambda: Contact.model_validate({}))
+    contact: Contacts = Field(default_factory=lambda: Contacts.model_validate({}))
     feet: Feet | None = Field(None, description="what the robot stands on")
     imu: Imu | None = Field(None, description="sensors `imu_ang_vel`, `imu_lin_acc`, ...")
     sensors: Sensors = Field(default_factory=dict, description="more sensors, by name")

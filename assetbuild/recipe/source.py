@@ -8,8 +8,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, model_validator
 
-from assetbuild.recipe.base import Model, Real
-from assetbuild.recipe.names import Pattern
+from assetbuild.quantities import Model, Pattern, Real
 
 
 def _inside(text: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from assetbuild.recipe.base import Model, Positive
+from assetbuild.quantities import Model, Positive
 
 
 class TotalMass(Model):

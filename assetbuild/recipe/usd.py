@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from assetbuild.recipe.base import Model, NonNegative, Positive
+from assetbuild.quantities import Model, NonNegative, Positive
 
 
 class UsdRigidBody(Model):

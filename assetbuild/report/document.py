@@ -7,11 +7,13 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from assetbuild import __version__
-from assetbuild.findings import SEVERITIES, Finding, Severity, is_consequence, worst_first
+from assetbuild.findings import SEVERITIES, Finding, Rule, Severity, is_consequence, worst_first
 from assetbuild.recipe.models import Waiver
 
 Status = Literal["pass", "fail", "skip"]
 FailOn = Literal["error", "warning", "never"]
+
+UNUSED = Rule("rules.unused", "info", "the recipe changes a rule that found nothing", "remove it")
 
 
 @dataclass(frozen=True)
@@ -104,11 +106,10 @@ def _unused(findings: Sequence[Finding], waivers: Mapping[str, Waiver]) -> list[
     found = {finding.rule for finding in findings}
     severity: Severity = "info"
     return [
-        Finding(
-            rule="rules.unused",
+        UNUSED(
+            f"recipe rules.{rule}",
+            f"the recipe changes rule `{rule}`, which found nothing",
             severity=severity,
-            subject=f"recipe rules.{rule}",
-            message=f"the recipe changes rule `{rule}`, which found nothing",
             hint="remove it, or check its spelling",
         )
         for rule in waivers

@@ -15,12 +15,11 @@ import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 from assetbuild.errors import did_you_mean
+from assetbuild.robot.actuator_table import ActuatorRow, Motor
 from assetbuild.robot.dynamics import dynamics
-from assetbuild.robot.model import Actuator, ActuatorModel, General, Joint, Tree
-from assetbuild.robot.motors import MotorSpec as MotorSpec
+from assetbuild.robot.model import Actuator, Joint, Tree
 from assetbuild.robot.motors import RowError as RowError
 from assetbuild.robot.motors import extended
 
@@ -49,29 +48,7 @@ would else ask for turns."""
 UNITS = {"prismatic": "linear", "revolute": "rotary", "continuous": "rotary"}
 
 
-NO_MOTOR = MotorSpec()
-
-
-@dataclass(frozen=True)
-class RowSpec:
-    """One row of the table. joints: pattern for whole joint names; None = the row says nothing."""
-
-    joints: str
-    model: ActuatorModel = "pd"
-    motor: str | None = None
-    unit: str | None = None
-    kp: float | None = None
-    kd: float | None = None
-    frequency: float | None = None
-    damping_ratio: float | None = None
-    inertia: str = "home"
-    damping: float | None = None
-    friction: float | None = None
-    armature: float | None = None
-    effort: float | Literal["unlimited"] | None = None
-    velocity: float | Literal["unlimited"] | None = None
-    ctrl: tuple[float, float] | Literal["limits", "reach"] | None = None
-    general: General | None = None
+NO_MOTOR = Motor.model_validate({})
 
 
 @dataclass(frozen=True)
@@ -79,8 +56,8 @@ class _Matched:
     """A row with its index in the table and its motor."""
 
     index: int
-    row: RowSpec
-    motor: MotorSpec = field(default=NO_MOTOR)
+    row: ActuatorRow
+    motor: Motor = field(default=NO_MOTOR)
 
     def error(self, key: str, message: str, hint: str = "") -> RowError:
         return RowError(
@@ -90,8 +67,8 @@ class _Matched:
 
 def resolve(
     tree: Tree,
-    rows: Sequence[RowSpec],
-    motors: Mapping[str, MotorSpec],
+    rows: Sequence[ActuatorRow],
+    motors: Mapping[str, Motor],
     home: Mapping[str, float] | None = None,
     driven: Collection[str] = (),
 ) -> tuple[Actuator, ...]:
@@ -114,7 +91,7 @@ def resolve(
     return _with_gains(tree, tuple(made), by_joint, home or {})
 
 
-def _motor_of(index: int, row: RowSpec, motors: Mapping[str, MotorSpec]) -> MotorSpec:
+def _motor_of(index: int, row: ActuatorRow, motors: Mapping[str, Motor]) -> Motor:
     if row.motor is None:
         return NO_MOTOR
     if row.motor not in motors:
@@ -137,10 +114,6 @@ def _check_gains(entry: _Matched) -> None:
         if all(getattr(row, name) is None for name in names):
             wanted = " or ".join(f"`{name}`" for name in names)
             raise entry.error("model", f"model `{row.model}` needs {wanted}", f"add {wanted}")
-    for name in ("kp", "kd", "damping", "friction", "armature"):
-        value = getattr(row, name)
-        if value is not None and not value >= 0.0:
-            raise entry.error(name, f"`{name}` is {value:g}; it must not be negative")
     if row.damping_ratio is not None and row.kp is None and row.frequency is None:
         raise entry.error("damping_ratio", "`damping_ratio` needs `kp` or `frequency` beside it")
     if row.inertia != "home" and row.frequency is None and row.damping_ratio is None:

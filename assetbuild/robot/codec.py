@@ -1,4 +1,4 @@
-"""Frozen dataclasses of `robot.model` to canonical JSON bytes and back.
+"""Frozen values of `robot.model` to canonical JSON bytes and back: dataclasses, pydantic models.
 
 Canonical: sorted keys, no spaces, floats by shortest round-trip `repr`, unions tagged with the
 class name. Equal values give equal bytes; decoding gives equal values.
@@ -11,6 +11,8 @@ import json
 import types
 from dataclasses import fields, is_dataclass
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from pydantic import BaseModel
 
 T = TypeVar("T")
 
@@ -30,8 +32,10 @@ def decode(cls: type[T], data: bytes) -> T:
 
 
 def _plain(value: object) -> object:
-    if is_dataclass(value) and not isinstance(value, type):
-        plain = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    kind: Any = type(value)  # Any: mypy holds a type to be unhashable
+    names = _names(kind)
+    if names:
+        plain = {name: _plain(getattr(value, name)) for name in names}
         return {"type": type(value).__name__, **plain}
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
@@ -53,15 +57,26 @@ def _typed(kind: Any, raw: Any) -> Any:  # Any: walks type hints, which mypy can
         if raw not in get_args(kind):
             raise TypeError(f"{raw!r} is not one of {get_args(kind)}")
         return raw
-    if is_dataclass(kind):
-        hints = _hints(kind)  # type: ignore[arg-type] # a class is hashable
-        values = {f.name: _typed(hints[f.name], raw[f.name]) for f in fields(kind)}
-        return kind(**values)  # type: ignore[operator] # a dataclass type, not an instance
+    names = _names(kind)
+    if names:
+        hints = _hints(kind)
+        values = {name: _typed(hints[name], raw[name]) for name in names}
+        # A source may say what a recipe may not: the bounds of a model are the recipe's.
+        make: Any = kind if is_dataclass(kind) else kind.model_construct  # Any: of any class
+        return make(**values)
     if kind is float and isinstance(raw, int | float) and not isinstance(raw, bool):
         return float(raw)
     if not isinstance(raw, kind):
         raise TypeError(f"expected {kind.__name__}, found {raw!r}")
     return raw
+
+
+@functools.cache
+def _names(kind: Any) -> tuple[str, ...]:
+    """The fields of a dataclass or model; none of anything else."""
+    if is_dataclass(kind):
+        return tuple(field.name for field in fields(kind))
+    return tuple(kind.model_fields) if issubclass(kind, BaseModel) else ()
 
 
 @functools.cache

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from assetbuild.findings import Finding, Scalar, Severity
+from assetbuild.findings import Finding, Rule, Scalar, Severity
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Actuator, Body, Control, Joint, Limits, Tree
 from assetbuild.robot.pose import Array, Pose
@@ -38,6 +38,52 @@ DRIVE = ("kp", "kd", "damping", "friction", "armature", "effort", "velocity")
 """What of an `Actuator` is compared; a joint that nothing drives yet has the last two."""
 PLANES = (1, 0, 2)
 """Axes of the root that may point to the side, the usual one first."""
+
+LIMITS = Rule(
+    "mirror.limits",
+    ("info", "warning"),
+    "a range is not the mirror image of its twin's (a warning when it has the sign of the other "
+    "side)",
+    "`set_limits`; `flip_axis` with `limits: keep` where an axis points the wrong way",
+)
+AXES = Rule(
+    "mirror.axes",
+    "info",
+    "an axis is not the mirror image of its twin's",
+    "correct the source, if it is a mistake",
+)
+HOME = Rule(
+    "mirror.home",
+    ("info", "warning"),
+    "the first keyframe is not its own mirror image (a warning when it has the sign of the other "
+    "side)",
+    "correct it, unless it leans on purpose",
+)
+GAINS = Rule(
+    "mirror.gains",
+    ("info", "warning"),
+    "gains, limits of effort or velocity, friction or armature differ (a warning from a factor "
+    "of two)",
+    "one row of `actuators` for both",
+)
+MASS = Rule(
+    "mirror.mass",
+    ("info", "warning"),
+    "the masses differ (a warning from a factor of two)",
+    "`set_mass`",
+)
+CENTER = Rule(
+    "mirror.center",
+    "info",
+    "a centre of mass is not the mirror image of its twin's",
+    "check its signs; `set_inertia`",
+)
+INERTIA = Rule(
+    "mirror.inertia",
+    ("info", "warning"),
+    "an inertia is not the mirror image of its twin's (a warning from a factor of four)",
+    "check the signs of its products; `set_inertia`",
+)
 
 
 @dataclass(frozen=True)
@@ -253,7 +299,7 @@ def _masses(left: Part, right: Part, flip: Array, allowed: Tolerances) -> Iterat
     apart = abs(left.mass - right.mass) / max(left.mass, right.mass)
     if apart > allowed.mass:
         yield _finding(
-            "mirror.mass",
+            MASS,
             f"link {right.name}",
             left.name,
             f"{right.mass:.4g} kg, but `{left.name}` has {left.mass:.4g} kg",
@@ -264,7 +310,7 @@ def _masses(left: Part, right: Part, flip: Array, allowed: Tolerances) -> Iterat
     away = float(np.linalg.norm(flip @ left.com - right.com))
     if away > allowed.center:
         yield _finding(
-            "mirror.center",
+            CENTER,
             f"link {right.name}",
             left.name,
             f"its centre of mass is {1e3 * away:.3g} mm from the mirror image of `{left.name}`'s",
@@ -281,7 +327,7 @@ def _inertias(left: Part, right: Part, flip: Array, allowed: Tolerances) -> Iter
     difference = float(np.linalg.norm(wanted - right.inertia)) / (max(own, other) or 1.0)
     if difference > allowed.inertia:
         yield _finding(
-            "mirror.inertia",
+            INERTIA,
             f"link {right.name}",
             left.name,
             f"its inertia (largest {_largest(right):.3g} kg m²) is {difference:.0%} off the mirror "
@@ -303,7 +349,7 @@ def _motions(left: Motion, right: Motion, flip: Array, allowed: Tolerances) -> I
     angle = float(np.arccos(abs(cosine)))
     if angle > allowed.axis:
         yield _finding(
-            "mirror.axes",
+            AXES,
             f"joint {right.name}",
             left.name,
             f"its axis is {np.degrees(angle):.3g} degrees off the mirror image of `{left.name}`'s",
@@ -349,7 +395,7 @@ def _limit_finding(left: Motion, right: Motion, message: str, slip: bool, counts
     for joint, ending in ((left, "_of_other"), (right, "")):
         if joint.limits is not None:
             data |= {f"lower{ending}": joint.limits[0], f"upper{ending}": joint.limits[1]}
-    return _finding("mirror.limits", f"joint {right.name}", left.name, message, hint, slip, data)
+    return _finding(LIMITS, f"joint {right.name}", left.name, message, hint, slip, data)
 
 
 def _home(left: Motion, right: Motion, sign: float, tolerance: float) -> Iterator[Finding]:
@@ -360,7 +406,7 @@ def _home(left: Motion, right: Motion, sign: float, tolerance: float) -> Iterato
         return
     turned = abs(wanted + right.home) <= tolerance
     yield _finding(
-        "mirror.home",
+        HOME,
         f"joint {right.name}",
         left.name,
         f"the first keyframe has it at {right.home:g} {right.unit}; as the mirror image of "
@@ -381,7 +427,7 @@ def _drives(left: Motion, right: Motion, allowed: Tolerances) -> Iterator[Findin
         if np.isfinite(large) and large - small <= allowed.gains * large:
             continue
         yield _finding(
-            "mirror.gains",
+            GAINS,
             f"actuator {right.name}",
             left.name,
             f"its {name} is {_value(own)}, but that of `{left.name}` is {_value(other)}",
@@ -392,7 +438,7 @@ def _drives(left: Motion, right: Motion, allowed: Tolerances) -> Iterator[Findin
 
 
 def _finding(
-    rule: str,
+    rule: Rule,
     subject: str,
     other: str,
     message: str,
@@ -401,7 +447,7 @@ def _finding(
     data: Mapping[str, Scalar],
 ) -> Finding:
     severity: Severity = "warning" if slip else "info"
-    return Finding(rule, severity, subject, message, hint, data={**data, "other": other})
+    return rule(subject, message, hint, severity=severity, data={**data, "other": other})
 
 
 def _turned(limits: tuple[float, float], sign: float) -> tuple[float, float]:

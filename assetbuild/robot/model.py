@@ -11,15 +11,18 @@ leaves gains alone:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
+from assetbuild.robot.actuator_table import ActuatorModel as ActuatorModel
+from assetbuild.robot.actuator_table import General as General
+from assetbuild.robot.contact import Contact as Contact
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3
+from assetbuild.robot.simulation import Simulation as Simulation
 
 Base = Literal["floating", "fixed"]
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
-ActuatorModel = Literal["pd", "ideal_pd", "dc_motor", "velocity", "motor", "general", "passive"]
 Role = Literal["visual", "collision"]
 
 MOVING: frozenset[str] = frozenset({"revolute", "continuous", "prismatic"})
@@ -259,18 +262,6 @@ class Shapes:
 
 
 @dataclass(frozen=True)
-class General:
-    """The parameters of MuJoCo's general actuator, in its own names and order."""
-
-    dyntype: str = "none"
-    gaintype: str = "fixed"
-    biastype: str = "none"
-    dynprm: tuple[float, ...] = ()
-    gainprm: tuple[float, ...] = ()
-    biasprm: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
 class Actuator:
     """What drives, brakes and limits one moving joint. Each moving joint has exactly one.
 
@@ -309,26 +300,6 @@ class Keyframe:
     name: str
     joints: tuple[tuple[str, float], ...]
     base: Pose | None = None
-
-
-@dataclass(frozen=True)
-class Contact:
-    """A surface. friction: sliding (1), torsional (m), rolling (m).
-
-    priority: the surface with the higher one decides alone. solref, solimp: MuJoCo's softness in
-    its own units, None = its default. margin, gap: m. mask, partners: bits of MuJoCo's contype
-    and conaffinity: two shapes may touch when one's mask meets the other's partners.
-    """
-
-    friction: Vec3 = (1.0, 0.005, 0.0001)
-    condim: int = 3
-    priority: int = 0
-    solref: tuple[float, float] | None = None
-    solimp: tuple[float, float, float, float, float] | None = None
-    margin: float = 0.0
-    gap: float = 0.0
-    mask: int = 1
-    partners: int = 1
 
 
 @dataclass(frozen=True)
@@ -387,15 +358,6 @@ class MjcfOnly:
 
 
 @dataclass(frozen=True)
-class Simulation:
-    """timestep: s; decimation: simulation steps per control step; gravity: m/s2."""
-
-    timestep: float = 0.002
-    decimation: int = 1
-    gravity: Vec3 = (0.0, 0.0, -9.81)
-
-
-@dataclass(frozen=True)
 class Control:
     """Everything a recipe adds to the geometry. excludes: pairs of body names, each sorted.
 
@@ -405,8 +367,8 @@ class Control:
     actuators: tuple[Actuator, ...] = ()
     keyframes: tuple[Keyframe, ...] = ()
     excludes: tuple[tuple[str, str], ...] = ()
-    contact: Contact = Contact()
-    simulation: Simulation = Simulation()
+    contact: Contact = field(default_factory=Contact)
+    simulation: Simulation = field(default_factory=Simulation)
     contacts: tuple[tuple[str, Contact], ...] = ()
     sensors: tuple[Sensor, ...] = ()
     cameras: tuple[Camera, ...] = ()

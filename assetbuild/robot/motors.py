@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 
 from assetbuild.errors import RecipeError, did_you_mean
+from assetbuild.robot.actuator_table import Motor
 
 Key = tuple[str | int, ...]
 
@@ -34,25 +34,7 @@ def _rebuild(message: str, key: Key, hint: str) -> RowError:
     return RowError(message, key=key, hint=hint)
 
 
-@dataclass(frozen=True)
-class MotorSpec:
-    """A motor with its gear. rotor_inertia: kg m2 before the gear; the rest after the gear, SI."""
-
-    rotor_inertia: float | None = None
-    gear: float | None = None
-    effort: float | None = None
-    velocity: float | None = None
-    friction: float | None = None
-    source: str = ""
-    extends: str | None = None
-
-    @property
-    def armature(self) -> float | None:
-        """Inertia that the joint feels: rotor_inertia * gear^2, kg m2; None without a rotor."""
-        return None if self.rotor_inertia is None else self.rotor_inertia * (self.gear or 1.0) ** 2
-
-
-def extended(name: str, motors: Mapping[str, MotorSpec]) -> MotorSpec:
+def extended(name: str, motors: Mapping[str, Motor]) -> Motor:
     """A motor with what it does not say taken from the one it extends, and so on.
 
     Raises RowError for a parent that is not there, or a circle.
@@ -69,6 +51,6 @@ def extended(name: str, motors: Mapping[str, MotorSpec]) -> MotorSpec:
             raise RowError(f"motors extend each other in a circle: {circle}", key=key)
         chain.append(parent)
         above = motors[parent]
-        own = {k: v for k, v in vars(motor).items() if v not in (None, "") and k != "extends"}
-        motor = replace(above, **own)
+        own = {k: v for k, v in motor if v not in (None, "") and k != "extends"}
+        motor = above.model_copy(update=own)
     return motor

@@ -55,7 +55,7 @@ def with_control(control: Control, sample: Sample) -> Control:
 def _slid(contact: Contact, sample: Sample) -> Contact:
     if sample.friction is None:
         return contact
-    return replace(contact, friction=(sample.friction, *contact.friction[1:]))
+    return contact.model_copy(update={"friction": (sample.friction, *contact.friction[1:])})
 
 
 def _scaled(actuator: Actuator, by: JointSample) -> Actuator:

@@ -9,15 +9,7 @@ import numpy as np
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
-from assetbuild.recipe.randomize import (
-    JOINT_FACTORS,
-    Randomize,
-    RandomMatter,
-    RandomPayload,
-    first_match,
-    per_axis,
-)
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.inertia import combine, move_inertial, principal_moments
 from assetbuild.robot.model import Body, Inertial, Tree
@@ -38,11 +30,26 @@ from assetbuild.robot.randomize import (
     matrices_of,
     unit_draws,
 )
+from assetbuild.robot.ranges import (
+    JOINT_FACTORS,
+    Randomize,
+    RandomMatter,
+    RandomPayload,
+    first_match,
+    per_axis,
+)
 
 WASTEFUL = 0.5
 """Share of draws that fit into the link, below which the ranges are told to be too wide."""
 NOISES = (0.1, 0.2, 0.3)
 """Of the independent noise on principal moments that the statistics put beside our draws."""
+
+ACCEPTANCE = Rule(
+    "randomize.acceptance",
+    "warning",
+    "more than half of the draws for a body leave its geometry",
+    "narrow the ranges",
+)
 
 
 class DrawSamples(Step):
@@ -196,11 +203,9 @@ def _noise_share(moments: Array, noise: float, count: int) -> float:
 def _acceptance(draws: Mapping[str, Draws]) -> Iterator[Finding]:
     for name, drawn in draws.items():
         if drawn.acceptance < WASTEFUL:
-            yield Finding(
-                rule="randomize.acceptance",
-                severity="warning",
-                subject=f"link {name}",
-                message=f"only {drawn.acceptance:.0%} of the draws are matter inside the link: "
+            yield ACCEPTANCE(
+                f"link {name}",
+                f"only {drawn.acceptance:.0%} of the draws are matter inside the link: "
                 "what is kept is no longer uniform",
                 hint="narrow `com`, `stretch` or `shear` for it in `randomize.links`",
                 data={"acceptance": round(drawn.acceptance, 4)},

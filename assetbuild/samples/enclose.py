@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from assetbuild.engine.step import Files, Step
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.corners import corners_by_body
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.inertia import matrix_of
@@ -17,6 +17,14 @@ from assetbuild.robot.randomize import Ellipsoid, Room, Rooms, bounding_ellipsoi
 
 SUSPICIOUS_GROWTH = 1.05
 """The source's own mass properties need so much more room than its geometry has: told."""
+
+NO_ROOM = Rule(
+    "randomize.room",
+    "warning",
+    "no mass distribution inside the geometry of a body has its mass properties; a larger "
+    "ellipsoid of the same form is used",
+    "check its inertia and the scale of its meshes",
+)
 
 
 class Enclose(Step):
@@ -54,11 +62,9 @@ class Enclose(Step):
 
 
 def _too_small(body: str, growth: float) -> Finding:
-    return Finding(
-        rule="randomize.room",
-        severity="warning",
-        subject=f"link {body}",
-        message=f"the ellipsoid around its geometry must be {growth:.2f} times as large before "
+    return NO_ROOM(
+        f"link {body}",
+        f"the ellipsoid around its geometry must be {growth:.2f} times as large before "
         "any matter inside it can have the stated mass, centre and inertia",
         hint="check its inertia and the scale of its meshes",
         data={"growth": round(growth, 4)},

@@ -9,8 +9,11 @@ from typing import Any
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import did_you_mean
-from assetbuild.findings import Finding
-from assetbuild.recipe.randomize import (
+from assetbuild.findings import Finding, Rule
+from assetbuild.robot.actuators import RowError
+from assetbuild.robot.codec import decode
+from assetbuild.robot.model import Body, Control, Tree
+from assetbuild.robot.ranges import (
     JOINT_FACTORS,
     Randomize,
     RandomMatter,
@@ -18,9 +21,6 @@ from assetbuild.recipe.randomize import (
     first_match,
     per_axis,
 )
-from assetbuild.robot.actuators import RowError
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Body, Control, Tree
 
 UNSTATED = "not stated"
 DRIVE = ("kp", "kd", "effort")
@@ -32,6 +32,20 @@ HEAD = """\
 # `log_cholesky` says the same as U = exp(alpha) [[A, t], [0, 1]] (Rucker and Wensing, 2022).
 # joints: the numbers of the actuator table with their ranges; delay in simulation steps.
 """
+
+IDLE = Rule(
+    "randomize.idle",
+    ("info", "warning"),
+    "a range of `kp`, `kd` or `effort` names joints without such a number in the actuator table, "
+    "so nothing is drawn (a warning where only MJCF holds their drives)",
+    "add a row to `actuators`, or use another pattern",
+)
+UNSOURCED = Rule(
+    "randomize.source",
+    "info",
+    "ranges of `randomize` do not say where they come from",
+    "add `source`",
+)
 
 
 class StateRanges(Step):
@@ -118,11 +132,10 @@ class StateRanges(Step):
                 f"{key} of {len(joints)} joints (`{joints[0]}`)" for key, joints in idle.items()
             )
             why = f": {kept} drives are MJCF's alone, as they were there" if kept else ""
-            yield Finding(
-                rule="randomize.idle",
+            yield IDLE(
+                "recipe randomize",
+                f"nothing is drawn for {shown}: the actuator table has none{why}",
                 severity="warning" if kept else "info",
-                subject="recipe randomize",
-                message=f"nothing is drawn for {shown}: the actuator table has none{why}",
                 hint="give these joints a row in `actuators`, or take them out of the pattern",
                 data={key: tuple(joints) for key, joints in idle.items()},
             )
@@ -191,11 +204,9 @@ class StateRanges(Step):
             rows.append(("friction", ranges.friction_source))
         without = tuple(key for key, source in rows if not source)
         if without:
-            yield Finding(
-                rule="randomize.source",
-                severity="info",
-                subject="recipe randomize",
-                message=f"{len(without)} of {len(rows)} ranges do not say where they come from: "
+            yield UNSOURCED(
+                "recipe randomize",
+                f"{len(without)} of {len(rows)} ranges do not say where they come from: "
                 f"{', '.join(without[:4])}",
                 hint='add `source: "CAD tolerance"`, a datasheet or a measurement',
                 data={"without": without},

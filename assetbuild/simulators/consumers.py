@@ -8,9 +8,29 @@ from typing import ClassVar, Self
 
 from assetbuild.engine.step import Limits
 from assetbuild.errors import StepError
+from assetbuild.findings import Rule
 from assetbuild.kinds import Check
 from assetbuild.recipe.models import Recipe
 from assetbuild.simulators.environments import Environment, ask
+
+FAILED = Rule(
+    "smoke.failed",
+    "error",
+    "the trainer does not accept the bundle; the message is its own",
+    "read what it names in `python/`, `mjcf/` or `usd/`",
+)
+NOT_FINITE = Rule(
+    "smoke.finite",
+    "error",
+    "observations, rewards or weights are not finite",
+    "check gains and timestep",
+)
+SINKS = Rule(
+    "smoke.height",
+    "warning",
+    "the root sinks by more than 30 %",
+    "see the checks `stand` and `gains`",
+)
 
 
 class ConsumerCheck(Check):

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from assetbuild.findings import Rule
 from assetbuild.robot.pose import IDENTITY, Array, Pose, normalised_quat, vec3
 from assetbuild.simulators._physx_scene import Names, write_world
 from assetbuild.simulators._physx_scene import Setting as Setting  # checks take it from here
@@ -41,6 +42,34 @@ _PROGRAM = (
     "from assetbuild.simulators import _physx_child; _physx_child.main()"
 )
 _KEPT = ("PATH", "LD_LIBRARY_PATH", "HOME", "TMPDIR")
+
+LOAD = Rule(
+    "physx.load", "error", "PhysX refuses the asset, or crashes on it", "read the `usd.*` findings"
+)
+NOT_FINITE = Rule(
+    "physx.finite",
+    "error",
+    "the simulation crashed, hung or went to infinity within 5 s",
+    "look for overlaps, tiny inertias and starts outside the limits",
+)
+ARTICULATION = Rule(
+    "physx.articulation",
+    ("error", "warning"),
+    "there is not exactly one articulation (a warning for a foreign USD)",
+    "check that a variant is selected, and that there is one articulation root",
+)
+LOOSE_BODY = Rule(
+    "physx.loose_body",
+    ("error", "warning"),
+    "a body is outside the articulation (a warning for a foreign USD)",
+    "attach it to the robot by a joint",
+)
+FREE_FALL = Rule(
+    "physx.free_fall",
+    ("warning", "error"),
+    "the robot does not fall by g/2 t (t + dt/N) (an error above 5 %)",
+    "check whether a body is damped or welded",
+)
 
 
 @dataclass(frozen=True)

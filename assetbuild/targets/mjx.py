@@ -16,7 +16,7 @@ from typing import Self
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
 from assetbuild.recipe.mjcf import Mjx as Options
 from assetbuild.recipe.models import Recipe
@@ -33,6 +33,25 @@ from assetbuild.targets.mjcf.files import (
 from assetbuild.targets.mjcf.opaque import with_opaque
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
+
+UNTOUCHABLE = Rule(
+    "mjx.untouchable",
+    "info",
+    "links have no collision in the mjx model, as `mjx.touching` asks",
+    "nothing",
+)
+CONDIM = Rule(
+    "mjx.condim",
+    "info",
+    "contacts of the mjx model have fewer dimensions, as `mjx.condim` asks",
+    "nothing",
+)
+HULL = Rule(
+    "mjx.hull",
+    "info",
+    "collision meshes of the mjx model are hulls with few vertices",
+    "`method: primitive` is faster and exact",
+)
 
 
 class Mjx(Target):
@@ -119,7 +138,7 @@ class Mjx(Target):
     def _cheap(self, contact: Contact) -> Contact:
         least = min(contact.condim, self.options.condim or contact.condim)
         mask = contact.mask if self.options.self_collision else 0
-        return replace(contact, condim=least, mask=mask)
+        return contact.model_copy(update={"condim": least, "mask": mask})
 
     def _capped(self, shapes: Shapes) -> tuple[str, ...]:
         """Meshes that collide with more corners than the recipe allows."""
@@ -133,9 +152,7 @@ class Mjx(Target):
     def _explain_condim(self, control: Control) -> Iterator[Finding]:
         most = max(c.condim for c in (control.contact, *(own for _, own in control.contacts)))
         if self.options.condim is not None and most > self.options.condim:
-            yield Finding(
-                "mjx.condim",
-                "info",
+            yield CONDIM(
                 "recipe mjx.condim",
                 f"contacts of condim {most} have {self.options.condim} in the mjx model: less "
                 "friction against twisting and rolling, fewer rows to solve",
@@ -144,17 +161,13 @@ class Mjx(Target):
 
     def _explain(self, left_out: tuple[str, ...], capped: tuple[str, ...]) -> Iterator[Finding]:
         if left_out:
-            yield Finding(
-                "mjx.untouchable",
-                "info",
+            yield UNTOUCHABLE(
                 "recipe mjx.touching",
                 f"{len(left_out)} links have no collision in the mjx model",
                 data={"links": len(left_out)},
             )
         if capped:
-            yield Finding(
-                "mjx.hull",
-                "info",
+            yield HULL(
                 "recipe mjx.max_vertices",
                 f"{len(capped)} collision meshes have more corners: MuJoCo takes a hull of "
                 f"{self.options.max_vertices} inside each",

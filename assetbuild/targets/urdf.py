@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import (
@@ -30,6 +30,20 @@ from assetbuild.robot.model import (
 )
 from assetbuild.robot.pose import Pose, rpy_of
 from assetbuild.robot.tree import held_by_world
+
+FIXED_AWAY = Rule(
+    "urdf.world",
+    "info",
+    "a fixed root is away from the origin: in the written URDF a fixed joint attaches it to a "
+    "link `world`",
+    "nothing; move the origin of that joint to place the robot",
+)
+LIMIT_UNSTATED = Rule(
+    "urdf.limit.unstated",
+    "warning",
+    "neither the source nor the recipe states effort or velocity, so the written URDF has none",
+    "give them in the actuator table",
+)
 
 
 class Urdf(Target):
@@ -77,9 +91,7 @@ def _held(said: Tree, written: Tree) -> Iterator[Finding]:
     if written is not said:
         where = ", ".join(f"{value:.6g}" for value in said.X_world_root.xyz)
         turn = ", ".join(f"{value:.6g}" for value in said.X_world_root.quat)
-        yield Finding(
-            "urdf.world",
-            "info",
+        yield FIXED_AWAY(
             f"link {said.root}",
             f"stands at ({where}) m in the world, turned by ({turn}) wxyz: a fixed joint "
             f"`{written.joints[0].name}` holds it to a link `{written.root}`",
@@ -258,11 +270,9 @@ def _unstated(joint: Joint, actuator: Actuator | None) -> Iterator[Finding]:
     missing = [name for name in ("effort", "velocity") if name not in _limits(joint, actuator)]
     if missing:
         words = " and ".join(f"`{name}`" for name in missing)
-        yield Finding(
-            rule="urdf.limit.unstated",
-            severity="warning",
-            subject=f"joint {joint.name}",
-            message=f"neither source nor recipe states {words}; <limit> leaves it out",
+        yield LIMIT_UNSTATED(
+            f"joint {joint.name}",
+            f"neither source nor recipe states {words}; <limit> leaves it out",
             hint="some URDF parsers refuse that: the actuator table or `edits: set_limits` give it",
             data={"missing": tuple(missing)},
         )

@@ -27,7 +27,7 @@ def row_beside(angle: np.ndarray, folder: Path, drive: Actuator = WRIST) -> Row:
     robot = pendulum()
     wrist = Body("arm", box_inertial(0.2, (0.02, 0.02, 0.2), (0.0, 0.0, 0.0)))
     tree = replace(robot.tree, bodies=(robot.tree.bodies[0], wrist))
-    weightless = Simulation(STEP, 4, (0.0, 0.0, 0.0))
+    weightless = Simulation(timestep=STEP, gravity=(0.0, 0.0, 0.0))
     control = Control((drive,), (), simulation=weightless)
     robot = replace(robot, tree=tree, links=tree, control=control)
     run_step(Mjcf(robot="r"), write_robot_ports(folder / "in", robot), folder / "out")

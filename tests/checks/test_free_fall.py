@@ -35,7 +35,7 @@ def test_quadruped_falls_as_the_integrator_must(tmp_path: Path) -> None:
 
 def test_side_wind_of_gravity_is_no_error_but_along_it(tmp_path: Path) -> None:
     robot = tiny_quadruped()
-    moon = replace(robot.control, simulation=Simulation(0.005, 4, (0.5, 0.0, -1.62)))
+    moon = replace(robot.control, simulation=Simulation(gravity=(0.5, 0.0, -1.62)))
     assert check(replace(robot, control=moon), tmp_path) == []
 
 

@@ -26,7 +26,7 @@ def arm(timestep: float = 0.002, **fields: object) -> TinyRobot:
     robot = pendulum()
     drive = Actuator("swing_joint", **({"model": "pd", "kp": 40.0, "kd": 2.0, "effort": 9.0} | fields))  # fmt: skip # noqa: E501
     key = Keyframe("home", (("swing_joint", 0.5),))
-    simulation = Simulation(timestep)
+    simulation = Simulation(timestep=timestep)
     control = replace(robot.control, actuators=(drive,), keyframes=(key,), simulation=simulation)
     return replace(robot, control=control)
 
@@ -96,7 +96,10 @@ def test_the_margin_is_where_mujoco_diverges(
     if integrator == "implicitfast":  # the margin counts kp only where kd is implicit
         drive = replace(drive, kd=3.0)
     control = replace(
-        soft.control, actuators=(drive,), keyframes=(), simulation=Simulation(0.01, 1, (0, 0, 0))
+        soft.control,
+        actuators=(drive,),
+        keyframes=(),
+        simulation=Simulation(timestep=0.01, gravity=(0, 0, 0)),
     )
     inputs = check_inputs(tmp_path / "b", replace(soft, control=control), Mjcf(robot="r"), "mjcf")
     model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/r.xml"))

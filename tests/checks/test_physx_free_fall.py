@@ -42,7 +42,7 @@ def test_quadruped_falls_as_the_solver_must(tmp_path: Path) -> None:
 
 def test_gravity_may_point_elsewhere(tmp_path: Path) -> None:
     robot = tiny_quadruped()
-    moon = replace(robot.control, simulation=Simulation(0.005, 4, (0.5, 0.0, -1.62)))
+    moon = replace(robot.control, simulation=Simulation(gravity=(0.5, 0.0, -1.62)))
     assert check(replace(robot, control=moon), tmp_path) == []
 
 

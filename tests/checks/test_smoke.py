@@ -14,8 +14,8 @@ from assetbuild.checks.smoke_isaaclab import judged as judge_isaac
 from assetbuild.checks.smoke_mjlab import SmokeMjlab, judged
 from assetbuild.checks.smoke_newton import judged as judge_newton
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.randomize import Randomize
 from assetbuild.recipe.trials import SmokeBounds
+from assetbuild.robot.ranges import Randomize
 from assetbuild.simulators.environments import MADE, Environment, ask
 from assetbuild.targets.mjlab import Mjlab
 

@@ -15,7 +15,7 @@ from assetbuild.compose.merging import (
     poses_in_source_keys,
 )
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.randomize import first_match
+from assetbuild.robot.ranges import first_match
 
 BASE_JOINTS = ("FL_hip_joint", "FR_hip_joint", "tail")
 ARM_JOINTS = ("arm_joint1", "arm_joint2")

@@ -1,46 +1,146 @@
-"""Every rule that the code can name has an entry in the reference, and every entry a rule."""
+"""Rules are declared where they are found, once, and the reference says what the code says."""
 
 from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 
-PACKAGE = Path(__file__).parents[2] / "assetbuild"
-REFERENCE = Path(__file__).parents[2] / "docs" / "reference" / "rules.md"
+import pytest
 
+from assetbuild.findings import SEVERITIES, Rule
+from assetbuild.pipeline.reference import Entry, entries_of, package_modules, rule_pages
 
-def named_in_code() -> set[str]:
-    """Rule ids and, where a part is computed, their families: `equal.mjcf.*`."""
-    found = set()
-    for path in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.keyword) and node.arg == "rule":
-                found |= rule_of(node.value)
-            elif isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
-                found |= rule_of(node.args[0]) if node.args else set()
-    return found
-
-
-def rule_of(value: ast.expr) -> set[str]:
-    if isinstance(value, ast.Constant) and isinstance(value.value, str):
-        return {value.value}
-    if isinstance(value, ast.JoinedStr):
-        parts = [p.value if isinstance(p, ast.Constant) else "*" for p in value.values]
-        return {"".join(map(str, parts))}
-    return set()
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "assetbuild"
+REFERENCE = ROOT / "docs" / "reference"
+RENEW = "python -m assetbuild.pipeline.reference docs/reference"
+TREES = {
+    path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
+    for path in sorted(PACKAGE.rglob("*.py"))
+}
 
 
-def documented() -> set[str]:
-    return set(re.findall(r"^\| `([a-z_.*]+)` \|", REFERENCE.read_text(encoding="utf-8"), re.M))
+@pytest.fixture(scope="module")
+def entries() -> tuple[Entry, ...]:
+    return entries_of(package_modules())
 
 
-def test_every_rule_of_the_code_is_documented():
-    known = documented()
-    families = {rule.removesuffix("*") for rule in known if rule.endswith("*")}
-    missing = {
-        rule
-        for rule in named_in_code()
-        if rule not in known and not any(rule.startswith(family) for family in families)
+def calls(tree: ast.AST, name: str) -> Iterator[ast.Call]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == name:
+            yield node
+
+
+def constants(tree: ast.Module) -> dict[str, ast.Call]:
+    """Rules by the name of their constant, as the text of a module declares them."""
+    return {
+        node.targets[0].id: node.value
+        for node in tree.body
+        if isinstance(node, ast.Assign)
+        and isinstance(node.value, ast.Call)
+        and getattr(node.value.func, "id", "") == "Rule"
+        and isinstance(node.targets[0], ast.Name)
     }
-    assert missing == set()
+
+
+def test_every_finding_is_made_by_a_rule():
+    made = [
+        f"{path}:{call.lineno}" for path, tree in TREES.items() for call in calls(tree, "Finding")
+    ]
+    assert [place for place in made if not place.startswith("findings.py:")] == []
+
+
+def test_every_rule_is_a_constant_of_its_module():
+    """Only so the reference finds it."""
+    for path, tree in TREES.items():
+        assert len(list(calls(tree, "Rule"))) == len(constants(tree)), path
+
+
+def test_the_reference_has_every_rule_of_the_code(entries):
+    """Children that are programs of their own are not imported: they can declare none."""
+    declared = {
+        ast.literal_eval(call.args[0])
+        for tree in TREES.values()
+        for call in constants(tree).values()
+    }
+    assert {entry.rule.id for entry in entries} == declared
+
+
+def test_every_rule_says_what_it_means_and_what_to_do(entries):
+    for rule in (entry.rule for entry in entries):
+        assert re.fullmatch(r"[a-z_]+(\.[a-z_]+)*\.([a-z_]+|\*)", rule.id)
+        assert rule.meaning.strip() and rule.remedy.strip(), rule.id
+        assert not rule.meaning.endswith(".") and not rule.remedy.endswith("."), rule.id
+        assert set(rule.severities) <= set(SEVERITIES), rule.id
+        assert len(set(rule.severities)) == len(rule.severities), rule.id
+
+
+def severities_stated(call: ast.Call) -> set[str]:
+    """Literals of `severity=`, of both sides of a condition; what is computed is left out."""
+    values = [keyword.value for keyword in call.keywords if keyword.arg == "severity"]
+    for value in values:
+        if isinstance(value, ast.IfExp):
+            values += [value.body, value.orelse]
+    return {value.value for value in values if isinstance(value, ast.Constant)}
+
+
+def test_every_severity_that_a_call_states_is_declared_and_not_the_usual_one():
+    for path, tree in TREES.items():
+        for name, declaration in constants(tree).items():
+            rule = Rule(*(ast.literal_eval(argument) for argument in declaration.args))
+            for call in calls(tree, name):
+                assert severities_stated(call) <= set(rule.severities), f"{path}:{call.lineno}"
+                assert severities_stated(call) != {rule.severities[0]}, f"{path}:{call.lineno}"
+
+
+def test_every_rule_that_the_code_compares_with_exists(entries):
+    known = {entry.rule.id for entry in entries}
+    for path, tree in TREES.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Compare) and getattr(node.left, "attr", "") == "rule":
+                named = {c.value for c in node.comparators if isinstance(c, ast.Constant)}
+                for rule in named:
+                    family = rule.rpartition(".")[0] + ".*"
+                    assert rule in known or family in known, f"{path}:{node.lineno}: {rule}"
+
+
+def test_the_committed_pages_are_what_the_code_says(entries):
+    written = dict(rule_pages(entries))
+    committed = {
+        path.relative_to(REFERENCE).as_posix(): path.read_text(encoding="utf-8")
+        for path in (REFERENCE / "rules.md", *(REFERENCE / "rules").glob("*.md"))
+    }
+    stale = {path for path in written | committed if written.get(path) != committed.get(path)}
+    assert not stale, f"{', '.join(sorted(stale))}: renew with `{RENEW}`"
+
+
+# --- rules of another package ---------------------------------------------------------------
+
+
+def a_module(name: str, **rules: Rule) -> ModuleType:
+    module = ModuleType(name, "One sentence.")
+    vars(module).update(rules)
+    return module
+
+
+SLIP = Rule("grip.slip", ("info", "error"), "a finger slides | turns", "raise the friction")
+
+
+def test_a_rule_of_another_package_gets_a_page_of_its_family():
+    pages = rule_pages(entries_of([a_module("plug", SLIP=SLIP)]))
+    row = r"| `grip.slip` | info, error | a finger slides \| turns | raise the friction |"
+    assert row in pages["rules/grip.md"]
+    assert "- `plug`: One sentence." in pages["rules/grip.md"]
+    assert "[grip](rules/grip.md)" in pages["rules.md"]
+
+
+def test_a_rule_is_declared_once_and_may_be_imported():
+    own, other = a_module("a", SLIP=SLIP), a_module("b", SLIP=SLIP)
+    (entry,) = entries_of([own, other])
+    assert entry.modules == (own, other)
+    again = Rule("grip.slip", "info", "the same", "again")
+    with pytest.raises(ValueError, match=r"`grip\.slip` is declared in a and b"):
+        entries_of([own, a_module("b", SLIP=again)])

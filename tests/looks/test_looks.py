@@ -88,8 +88,8 @@ def test_a_gain_a_friction_and_a_timestep_leave_the_pose_as_it_is(tmp_path: Path
     other = replace(
         control,
         actuators=stiffer,
-        contact=replace(control.contact, friction=(0.1, 0.0, 0.0)),
-        simulation=replace(control.simulation, timestep=1e-4),
+        contact=control.contact.model_copy(update={"friction": (0.1, 0.0, 0.0)}),
+        simulation=control.simulation.model_copy(update={"timestep": 1e-4}),
     )
     moved = replace(control, keyframes=(replace(control.keyframes[0], name="other"),))
     made = [_pose(tmp_path / str(n), c) for n, c in enumerate((control, other, moved))]

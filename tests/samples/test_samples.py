@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from tiny import run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.recipe.randomize import Randomize
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.inertia import pseudo_inertia
 from assetbuild.robot.model import Actuator, Body, Control, Inertial, MjcfOnly, Tree
 from assetbuild.robot.randomize import Rooms, Samples
+from assetbuild.robot.ranges import Randomize
 from assetbuild.samples.apply_sample import ApplySample
 from assetbuild.samples.draw_samples import DrawSamples
 from assetbuild.samples.enclose import Enclose

@@ -11,9 +11,9 @@ import pytest
 import yaml
 from tiny import run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.recipe.randomize import Randomize, claimed
 from assetbuild.robot.inertia import pseudo_inertia
 from assetbuild.robot.randomize import InertialRanges, deform
+from assetbuild.robot.ranges import Randomize, claimed
 from assetbuild.samples.state_ranges import StateRanges
 
 RANGES = {

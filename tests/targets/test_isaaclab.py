@@ -17,9 +17,9 @@ import pytest
 from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.randomize import Randomize
 from assetbuild.robot.model import Body, Joint
 from assetbuild.robot.pose import Pose
+from assetbuild.robot.ranges import Randomize
 from assetbuild.targets.isaaclab import IsaacLab
 
 # Field lists of Isaac Lab 2.3.2 and 3.0.0, as their classes declare them.

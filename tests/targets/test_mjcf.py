@@ -556,7 +556,7 @@ def test_fixed_base_scene_stands_on_default_options(tmp_path: Path) -> None:
 
 def test_contact_dimension_of_the_recipe_is_written(tmp_path: Path) -> None:
     robot = tiny_quadruped()
-    soft = replace(robot.control, contact=Contact((0.5, 0.01, 0.001), 6))
+    soft = replace(robot.control, contact=Contact(friction=(0.5, 0.01, 0.001), condim=6))
     model = compiled(replace(robot, control=soft), tmp_path)
     foot = model.geom("FR_foot_collision")
     assert (foot.condim[0], tuple(foot.friction)) == (6, (0.5, 0.01, 0.001))

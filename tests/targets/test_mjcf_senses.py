@@ -27,7 +27,14 @@ from assetbuild.robot.model import Actuator, Camera, Contact, General, Place, Se
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.targets.mjcf import Mjcf
 
-FOOT = Contact((1.0, 0.01, 0.001), 6, 1, (0.01, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0), 0.001)
+FOOT = Contact(
+    friction=(1.0, 0.01, 0.001),
+    condim=6,
+    priority=1,
+    solref=(0.01, 1.0),
+    solimp=(0.9, 0.95, 0.001, 0.5, 2.0),
+    margin=0.001,
+)
 FEET = tuple((f"{leg}_foot_collision", FOOT) for leg in ("FR", "FL", "RR", "RL"))
 SENSORS = (
     Sensor("imu_ang_vel", "gyro", Place("frame", "imu"), noise=0.1),
@@ -114,7 +121,14 @@ def test_the_check_names_what_differs(what: str, tmp_path: Path) -> None:
 
 def test_a_general_actuator_keeps_its_parameters(tmp_path: Path) -> None:
     robot = pendulum()
-    general = General("filter", "fixed", "affine", (0.1,), (30.0,), (0.0, -30.0, -2.0))
+    general = General(
+        dyntype="filter",
+        gaintype="fixed",
+        biastype="affine",
+        dynprm=(0.1,),
+        gainprm=(30.0,),
+        biasprm=(0.0, -30.0, -2.0),
+    )
     drive = Actuator("swing_joint", "general", effort=5.0, ctrl=(-1.5, 1.5), general=general)
     robot = replace(robot, control=replace(robot.control, actuators=(drive,)))
     model, findings, text = built(robot, tmp_path)

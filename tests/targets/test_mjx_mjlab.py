@@ -17,10 +17,10 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, wr
 from assetbuild.checks.mjlab_contract import MjlabContract
 from assetbuild.errors import StepError
 from assetbuild.recipe.mjcf import Mjx as Options
-from assetbuild.recipe.randomize import Randomize
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, General, Mesh, Tree
 from assetbuild.robot.pose import Pose
+from assetbuild.robot.ranges import Randomize
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
 from assetbuild.targets.mjx import Mjx
@@ -56,7 +56,7 @@ def test_mjlabs_module_puts_a_fixed_root_where_its_mjcf_has_it(tmp_path: Path) -
 
 def test_contacts_with_fewer_dimensions_are_told(tmp_path: Path) -> None:
     robot = tiny_quadruped()
-    sole = replace(robot.control.contact, condim=6, priority=1)
+    sole = robot.control.contact.model_copy(update={"condim": 6, "priority": 1})
     control = replace(robot.control, contacts=(("FR_foot_collision", sole),))
     inputs = write_robot_ports(tmp_path / "in", replace(robot, control=control))
     asked = Options.model_validate({"condim": 3})

@@ -475,7 +475,7 @@ def test_what_usd_cannot_hold_is_told(tmp_path: Path) -> None:
         replace(second, limits=Limits(-7.0, 7.0)),
         *rest,
     )
-    control = replace(robot.control, contact=replace(robot.control.contact, condim=6))
+    control = replace(robot.control, contact=robot.control.contact.model_copy(update={"condim": 6}))
     tree = replace(robot.tree, joints=joints)
     _, findings = build(replace(robot, tree=tree, control=control), tmp_path)
     told = {(f.rule, f.subject) for f in findings}

@@ -39,7 +39,7 @@ def friction_of(stage: UsdCore.Stage, path: str) -> float:
 
 
 def test_a_shape_of_its_own_surface_has_a_material_of_its_own(tmp_path: Path) -> None:
-    foot = Contact((1.2, 0.02, 0.01))
+    foot = Contact(friction=(1.2, 0.02, 0.01))
     robot = with_surfaces(tiny_quadruped(), FR_foot_collision=foot, FL_foot_collision=foot)
     stage, _ = build(robot, tmp_path)
     path = "/robot/{0}_calf/collisions/{0}_foot_collision"
@@ -50,7 +50,7 @@ def test_a_shape_of_its_own_surface_has_a_material_of_its_own(tmp_path: Path) ->
 
 
 def test_a_surface_that_was_lost_is_caught(tmp_path: Path) -> None:
-    robot = with_surfaces(tiny_quadruped(), FR_foot_collision=Contact((1.2, 0.02, 0.01)))
+    robot = with_surfaces(tiny_quadruped(), FR_foot_collision=Contact(friction=(1.2, 0.02, 0.01)))
     inputs = check_inputs(tmp_path, tiny_quadruped(), Usd(robot="robot"), "usd")
     from assetbuild.robot.codec import encode
 
@@ -61,8 +61,8 @@ def test_a_surface_that_was_lost_is_caught(tmp_path: Path) -> None:
 
 
 def test_shapes_whose_bits_never_meet_are_filtered(tmp_path: Path) -> None:
-    feet = Contact((0.8, 0.02, 0.01), mask=2, partners=4)
-    none = Contact((0.8, 0.02, 0.01), mask=0, partners=0)
+    feet = Contact(friction=(0.8, 0.02, 0.01), mask=2, partners=4)
+    none = Contact(friction=(0.8, 0.02, 0.01), mask=0, partners=0)
     robot = with_surfaces(tiny_quadruped(), FR_foot_collision=feet, trunk_collision=none)
     stage, _ = build(robot, tmp_path)
     foot = stage.GetPrimAtPath("/robot/FR_calf/collisions/FR_foot_collision")
@@ -78,8 +78,8 @@ def test_shapes_whose_bits_never_meet_are_filtered(tmp_path: Path) -> None:
 
 def test_each_value_that_physx_cannot_hold_is_told_once(tmp_path: Path) -> None:
     soft = Contact(
-        (0.8, 0.02, 0.01),
-        6,
+        friction=(0.8, 0.02, 0.01),
+        condim=6,
         priority=1,
         solref=(0.01, 1.0),
         solimp=(0.9, 0.95, 0.001, 0.5, 2.0),

@@ -14,7 +14,7 @@ from assetbuild.checks.alignment.pair import Pair
 from assetbuild.checks.alignment.row import findings_of
 from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import FreeFall as FallWish
 from assetbuild.recipe.models import Recipe
@@ -26,6 +26,14 @@ from assetbuild.simulators import mujoco, physx
 from assetbuild.simulators.physx_causes import cause_of
 
 UNMEASURED = "unmeasured: docs/how-to/isaaclab.md says how to fill in that half"
+
+LOAD = Rule("alignment.physx.load", "error", "MuJoCo refuses the MJCF", "see `mjcf.load`")
+FAILED_RUN = Rule(
+    "alignment.physx.run",
+    "error",
+    "an experiment crashed or went to infinity",
+    "see `physx.finite`",
+)
 
 
 class Alignment(Check):
@@ -70,9 +78,7 @@ class Alignment(Check):
             mujoco.load(files.inputs / "mjcf" / "scene.xml")
         except StepError as error:
             write_figures(files, {"skipped": "the MJCF does not load"})
-            yield Finding(
-                "alignment.physx.load", "error", "robot", f"nothing to compare: {error.message}"
-            )
+            yield LOAD("robot", f"nothing to compare: {error.message}")
             return
         pair = Pair(
             files, self.robot, tree, control, self.sine, self.iterations, self.fall, self.floor
@@ -87,9 +93,7 @@ class Alignment(Check):
         for name, done in broken.items():
             asked = next(each for each in experiments if each.name == name)
             cause, hint = cause_of(main, asked, tree, control) or ("", "see `physx.finite`")
-            yield Finding(
-                "alignment.physx.run",
-                "error",
+            yield FAILED_RUN(
                 "robot",
                 f"no comparison of `{name}`: {done.failure}{f'; it is {cause}' if cause else ''}",
                 hint=hint,

@@ -16,12 +16,19 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from assetbuild.checks.alignment.row import Row
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Control
 
 LEAST, MOST = 0.25, 4.0
 """Factors of the damping beyond which a range is no answer: the row itself is an error then."""
 Ranges = Mapping[str, tuple[float, float]]
+
+GAP = Rule(
+    "alignment.physx.gap",
+    "info",
+    "ranges of friction, restitution and damping that cover both MuJoCo and PhysX",
+    "`randomize` them, where a policy must work in both",
+)
 
 
 def ranges_of(
@@ -59,9 +66,7 @@ def told(ranges: Ranges) -> Iterator[Finding]:
     """One finding with all of them."""
     if ranges:
         said = ", ".join(f"{key} {low:.3g} to {high:.3g}" for key, (low, high) in ranges.items())
-        yield Finding(
-            "alignment.physx.gap",
-            "info",
+        yield GAP(
             "recipe randomize",
             f"ranges that cover MuJoCo and PhysX: {said}",
             hint="`friction` and `restitution` of `randomize`; `damping` as `kd` of its joints",

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 
 Rank = Literal["CRITICAL", "HIGH", "MEDIUM", "LOW"]
 NUMBER = (1e-5, 0.01)
@@ -25,6 +25,14 @@ SLOWER = (
 SOFT = (
     "both are what the engines do: the motor's armature on the joint makes MuJoCo's constraint "
     "harder; else randomize `friction`"
+)
+
+OFF = Rule(
+    "alignment.physx.*",
+    ("warning", "error"),
+    "a row of the comparison with MuJoCo is off (an error beyond the coarse limit); the how-to "
+    "on Isaac Lab describes the rows",
+    "read the report's table of `alignment`",
 )
 
 
@@ -84,13 +92,12 @@ def findings_of(rows: Sequence[Row]) -> Iterator[Finding]:
         worst = max(bad, key=lambda row: (row.verdict == "error", _size(row.off)))
         more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
         limit = worst.error if worst.verdict == "error" else worst.warn
-        yield Finding(
-            f"alignment.physx.{name}",
-            "error" if worst.verdict == "error" else "warning",
+        yield OFF.named(name)(
             worst.subject,
             f"{worst.rank}: MuJoCo {_text(worst.mujoco)}, PhysX {_text(worst.physx)}: "
             f"{worst.off:.3g} {worst.unit} apart, more than {limit:.3g}"
             f"{f'; {worst.because}' if worst.because else ''}{more}",
+            severity="error" if worst.verdict == "error" else "warning",
             hint=_hint(worst),
             data={"rank": worst.rank, "off": _finite(worst.off), "rows": len(bad)},
         )

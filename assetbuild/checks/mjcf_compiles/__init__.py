@@ -11,10 +11,15 @@ from pathlib import Path
 from assetbuild.checks.mjcf_compiles import lint_model, lint_xml
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.mirror import Tolerances, mirror_findings, twins
 from assetbuild.simulators.mujoco import Loaded, load
+
+LOAD = Rule("mjcf.load", "error", "MuJoCo refuses the file", "read the findings on the description")
+WARNING = Rule(
+    "mjcf.warning", "warning", "MuJoCo warned while it compiled the file", "read the warning"
+)
 
 
 class MjcfCompiles(Check):
@@ -34,9 +39,7 @@ class MjcfCompiles(Check):
             try:
                 loaded = load(path)
             except StepError as error:
-                yield Finding(
-                    "mjcf.load",
-                    "error",
+                yield LOAD(
                     "robot",
                     f"MuJoCo refuses {path.name}: {error.message}",
                     hint="an error in the source often shows here first: see the lints",
@@ -63,7 +66,7 @@ class MjcfCompiles(Check):
 def said_by_mujoco(name: str, loaded: Loaded) -> Iterator[Finding]:
     """One finding for each warning of the compiler."""
     for warning in loaded.warnings:
-        yield Finding("mjcf.warning", "warning", "robot", f"MuJoCo on {name}: {warning}")
+        yield WARNING("robot", f"MuJoCo on {name}: {warning}")
 
 
 def lint_file(path: Path) -> Iterator[Finding]:
@@ -73,7 +76,7 @@ def lint_file(path: Path) -> Iterator[Finding]:
     try:
         loaded = load(path)
     except StepError as error:
-        yield Finding("mjcf.load", "error", "robot", f"MuJoCo refuses {path.name}: {error.message}")
+        yield LOAD("robot", f"MuJoCo refuses {path.name}: {error.message}")
         return
     yield from said_by_mujoco(path.name, loaded)
     yield from lint_model.lint(loaded.model)

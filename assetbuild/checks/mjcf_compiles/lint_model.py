@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.mirror import Motion, Part
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
@@ -14,6 +14,31 @@ from assetbuild.simulators import mujoco
 RANGE_TOLERANCE = 1e-6
 """rad or m; a number that was rounded from the limit itself is inside."""
 TARGET_TOLERANCE = 1e-3
+
+NO_ACTUATOR = Rule(
+    "lint.no_actuator",
+    "info",
+    "joints move and nothing drives them",
+    "nothing, for a bare file; otherwise write `<actuator>`",
+)
+KEY_POSITION = Rule(
+    "lint.key_position",
+    "warning",
+    "a keyframe puts a joint outside its range",
+    "choose a value inside",
+)
+KEY_CTRL = Rule(
+    "lint.key_ctrl",
+    "warning",
+    "a keyframe's command is outside the drive's range",
+    "choose a value inside",
+)
+KEY_TARGET = Rule(
+    "lint.key_target",
+    "warning",
+    "a position drive pulls away from the pose of the keyframe",
+    "set `ctrl` equal to the positions",
+)
 
 
 def lint(model: mujoco.Model) -> Iterator[Finding]:
@@ -26,9 +51,7 @@ def lint(model: mujoco.Model) -> Iterator[Finding]:
 def _drives(model: mujoco.Model) -> Iterator[Finding]:
     moving = int((model.jnt_type >= 2).sum())
     if moving and not model.nu:
-        yield Finding(
-            "lint.no_actuator",
-            "info",
+        yield NO_ACTUATOR(
             "robot",
             f"{moving} joints move and nothing drives them",
             hint="fine for a file that a framework adds drives to; else write <actuator>",
@@ -44,7 +67,7 @@ def _keyframe(model: mujoco.Model, key: int) -> Iterator[Finding]:
         if model.jnt_limited[joint] and model.jnt_type[joint] >= 2:
             low, high = (float(v) for v in model.jnt_range[joint])
             if not low - RANGE_TOLERANCE <= value <= high + RANGE_TOLERANCE:
-                yield _outside("lint.key_position", model, "joint", joint, name, value, low, high)
+                yield _outside(KEY_POSITION, model, "joint", joint, name, value, low, high)
     for drive in range(model.nu):
         value = float(ctrl[drive])
         low, high = (float(v) for v in model.actuator_ctrlrange[drive])
@@ -52,18 +75,16 @@ def _keyframe(model: mujoco.Model, key: int) -> Iterator[Finding]:
             model.actuator_ctrllimited[drive]
             and not low - RANGE_TOLERANCE <= value <= high + RANGE_TOLERANCE
         ):
-            yield _outside("lint.key_ctrl", model, "actuator", drive, name, value, low, high)
+            yield _outside(KEY_CTRL, model, "actuator", drive, name, value, low, high)
         yield from _target(model, drive, name, qpos, value)
 
 
 def _outside(
-    rule: str, model: mujoco.Model, kind: str, index: int, key: str, v: float, lo: float, hi: float
+    rule: Rule, model: mujoco.Model, kind: str, index: int, key: str, v: float, lo: float, hi: float
 ) -> Finding:
-    return Finding(
-        rule=rule,
-        severity="warning",
-        subject=f"{kind} {mujoco.name_of(model, kind, index)}",
-        message=f"keyframe `{key}`: {v:g} is outside {lo:g}..{hi:g}",
+    return rule(
+        f"{kind} {mujoco.name_of(model, kind, index)}",
+        f"keyframe `{key}`: {v:g} is outside {lo:g}..{hi:g}",
         hint="choose a value inside",
         data={"keyframe": key, "value": v, "lower": lo, "upper": hi},
     )
@@ -79,9 +100,7 @@ def _target(
         return
     at = float(qpos[model.jnt_qposadr[joint]])
     if abs(at - value) > TARGET_TOLERANCE:
-        yield Finding(
-            "lint.key_target",
-            "warning",
+        yield KEY_TARGET(
             f"actuator {mujoco.name_of(model, 'actuator', drive)}",
             f"keyframe `{key}`: its target is {value:g}, the joint stands at {at:g}",
             hint="give the keyframe a `ctrl` that equals its positions",

@@ -15,12 +15,40 @@ from assetbuild.checks.mjcf_compiles.grammar import (
     OLDEST,
 )
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 
 Xml = etree._Element  # lxml's own name for the type
 FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 RANGES = ("ctrlrange", "forcerange", "actrange", "range", "actuatorfrcrange")
 MAX_INCLUDES = 64
+
+GRAMMAR = Rule(
+    "lint.grammar",
+    "warning",
+    "a word that MuJoCo 3.11 (mjlab) does not know",
+    "use the older spelling",
+)
+ABSOLUTE_PATH = Rule(
+    "lint.absolute_path",
+    "warning",
+    "a path that exists on one machine only",
+    "make it relative to the file",
+)
+RANGE = Rule(
+    "lint.range", "error", "the lower end of a range is not below the upper one", "swap them"
+)
+UNUSED_ASSET = Rule(
+    "lint.unused_asset",
+    "info",
+    "nothing uses a mesh, material, texture or height field",
+    "remove it",
+)
+FOREIGN_CLASS = Rule(
+    "lint.class",
+    "warning",
+    "a drive has the class of another joint, whose range differs",
+    "use the joint's own class",
+)
 
 
 def read(path: Path) -> Xml:
@@ -79,9 +107,7 @@ def _grammar(root: Xml) -> Iterator[Finding]:
             if owner == tag and element.get(name) in values
         ]
         for word in sorted(newer):
-            yield Finding(
-                "lint.grammar",
-                "warning",
+            yield GRAMMAR(
                 f"{_line(element)}: <{tag}>",
                 f"MuJoCo {OLDEST} does not know `{word}`, so the file does not load there",
                 hint=f"mjlab pins {OLDEST}: say it in older words, or leave it out",
@@ -93,9 +119,7 @@ def _paths(root: Xml) -> Iterator[Finding]:
     for element, name in [*folders, *((e, n) for e in root.iter() for n in FILES)]:
         value = element.get(name) if isinstance(element.tag, str) else None
         if value and (PurePosixPath(value).is_absolute() or PureWindowsPath(value).drive):
-            yield Finding(
-                "lint.absolute_path",
-                "warning",
+            yield ABSOLUTE_PATH(
                 f"{_line(element)}: <{element.tag}>",
                 f"`{value}` exists on one machine only",
                 hint="give the path from the file's own folder",
@@ -107,9 +131,7 @@ def _ranges(root: Xml) -> Iterator[Finding]:
         for name in RANGES:
             numbers = _numbers(element.get(name)) if isinstance(element.tag, str) else ()
             if len(numbers) == 2 and numbers[0] >= numbers[1] and any(numbers):
-                yield Finding(
-                    "lint.range",
-                    "error",
+                yield RANGE(
                     f"{_line(element)}: <{element.tag}>",
                     f"{name} {numbers[0]:g} to {numbers[1]:g}: the low end is not below the high",
                     hint="swap them",
@@ -139,9 +161,7 @@ def _unused(root: Xml) -> Iterator[Finding]:
             for element in asset.findall(kind):
                 name = element.get("name") or PurePosixPath(element.get("file", "")).stem
                 if name and name not in used and element.get("type") != "skybox":
-                    yield Finding(
-                        "lint.unused_asset",
-                        "info",
+                    yield UNUSED_ASSET(
                         f"{_line(element)}: <{kind}>",
                         f"nothing uses the {kind} `{name}`",
                         hint="remove it: it is compiled and carried along all the same",
@@ -169,9 +189,7 @@ def _classes(root: Xml) -> Iterator[Finding]:
                 continue
             of_drive, of_joint = _inherited(mine, "range"), _inherited(above[theirs], "range")
             if of_drive and of_joint and _numbers(of_drive) != _numbers(of_joint):
-                yield Finding(
-                    "lint.class",
-                    "warning",
+                yield FOREIGN_CLASS(
                     f"actuator {drive.get('name') or drive.get('joint')}",
                     f"{_line(drive)}: class `{own}` is for joints of range {of_drive}, but joint "
                     f"`{joint.get('name')}` has class `{theirs}` with {of_joint}",

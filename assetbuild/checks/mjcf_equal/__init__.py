@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from assetbuild.checks.mjcf_equal import senses
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.chains import axis_in_body, find_chains
@@ -38,6 +38,14 @@ from assetbuild.simulators import mujoco
 
 ROUNDING = 1e-14
 """Absolute, in SI units: where the expected value is zero."""
+
+DIFFERS = Rule(
+    "equal.mjcf.*",
+    "error",
+    "the compiled model differs from the robot",
+    "report it with both numbers: this is a bug",
+)
+LOAD = Rule("equal.mjcf.load", "error", "MuJoCo refuses the MJCF", "see `mjcf.load`")
 
 
 class MjcfEqual(Check):
@@ -68,9 +76,7 @@ class MjcfEqual(Check):
             model = mujoco.load(files.inputs / "mjcf" / f"{self.robot}.xml").model
         except StepError as error:
             write_figures(files, {"skipped": "the MJCF does not load"})
-            yield Finding(
-                "equal.mjcf.load", "error", "robot", f"nothing to compare: {error.message}"
-            )
+            yield LOAD("robot", f"nothing to compare: {error.message}")
             return
         comparison = _Comparison(model, tree, shapes, control, self.tolerance)
         yield from comparison.findings()
@@ -462,9 +468,7 @@ def _half_sizes(shape: Shape) -> tuple[float, ...]:
 
 
 def _differs(what: str, subject: str, words: str, expected: object, found: object) -> Finding:
-    return Finding(
-        f"equal.mjcf.{what}",
-        "error",
+    return DIFFERS.named(what)(
         subject,
         f"{words}: the robot has {_shown(expected)}, the MJCF {_shown(found)}",
         hint="the target did not write what the robot says: please report it",

@@ -16,7 +16,7 @@ from assetbuild.checks.mjcf_source.constants import Constants
 from assetbuild.checks.mjcf_source.motion import Motion
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
@@ -25,6 +25,10 @@ from assetbuild.simulators import mujoco
 
 SHOWN = 12
 """Most findings of one rule."""
+
+LOAD = Rule(
+    "equal.source.load", "error", "MuJoCo refuses our MJCF or the source's", "see `mjcf.load`"
+)
 
 
 class MjcfSource(Check):
@@ -76,7 +80,7 @@ class MjcfSource(Check):
         except StepError as error:
             write_figures(files, {"skipped": error.message})
             message = f"nothing to compare: {error.message}"
-            yield Finding("equal.source.load", "error", "robot", message)
+            yield LOAD("robot", message)
             return
         comparison = _Whole(source, ours, tree, frozenset(self.stated))
         if is_rough(flat):

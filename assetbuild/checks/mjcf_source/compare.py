@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco
 
@@ -19,6 +19,7 @@ ROUGH = 1e-5
 """The same where an old MuJoCo turned a full inertia to its axes, see `is_rough`."""
 ROUNDING = 1e-11
 """Absolute, SI units."""
+
 FREE, SLIDE, HINGE = 0, 2, 3
 MESH = 7
 SIZES = {0: 3, 2: 1, 3: 2, 4: 3, 5: 2, 6: 3}
@@ -27,6 +28,13 @@ ellipsoid, cylinder, box. The others are whatever the file said."""
 BODY = 1
 WRAP_JOINT = 1
 """MuJoCo's numbers of kinds of joints, geoms, objects and parts of tendons."""
+
+DIFFERS = Rule(
+    "equal.source.*",
+    "error",
+    "our MJCF differs from the MJCF that it was read from, at rest or moving",
+    "report it with both numbers: this is a bug",
+)
 
 
 @dataclass
@@ -163,9 +171,7 @@ class Comparison:
 def differs(what: str, subject: str, words: str, expected: Any, found: Any) -> Finding:
     """The finding for two values."""
     # Any: a list of numbers or a word
-    return Finding(
-        f"equal.source.{what}",
-        "error",
+    return DIFFERS.named(what)(
         subject,
         f"{words}: the source has {_shown(expected)}, our MJCF {_shown(found)}",
         hint="the robot lost something on the way from MJCF to MJCF: please report it",

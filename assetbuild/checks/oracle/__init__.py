@@ -16,13 +16,33 @@ import numpy as np
 from assetbuild.checks.oracle.sides import MujocoSide, PinocchioSide
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.codec import decode
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Inertial, Tree
 from assetbuild.robot.pose import Array, Pose, normalised_quat, vec3
 from assetbuild.robot.tree import sample_positions
+
+LOAD = Rule("oracle.load", "error", "MuJoCo refuses the MJCF", "see `mjcf.load`")
+DIFFERS = Rule(
+    "oracle.*",
+    "error",
+    "inertia, kinematics, mass matrix or gravity differ from what pinocchio computes on the source",
+    "report it: this is a bug",
+)
+UNREADABLE = Rule(
+    "oracle.unreadable",
+    "warning",
+    "pinocchio refuses the source",
+    "nothing; the other checks still run",
+)
+UNSUPPORTED = Rule(
+    "oracle.unsupported",
+    "info",
+    "planar or floating joints are not compared",
+    "nothing; the other checks still run",
+)
 
 
 class Oracle(Check):
@@ -76,7 +96,7 @@ class Oracle(Check):
         try:
             mj = MujocoSide(files.inputs / "mjcf" / f"{self.robot}.xml", tree)
         except StepError as error:
-            yield Finding("oracle.load", "error", "robot", f"nothing to compare: {error.message}")
+            yield LOAD("robot", f"nothing to compare: {error.message}")
             return
         unlike = mj.unlike(pin)
         if unlike:
@@ -192,16 +212,16 @@ def inertia_error(expected: Inertial, found: Inertial | None) -> float:
 
 def _wrong(kind: str, subject: str, message: str, **data: float) -> Finding:
     hint = "the MJCF is not the source's robot: please report it with the recipe"
-    return Finding(f"oracle.{kind}", "error", subject, message, hint, data=data)
+    return DIFFERS.named(kind)(subject, message, hint, data=data)
 
 
 def _unreadable(message: str) -> Finding:
     text = f"pinocchio cannot read the source, nothing was compared: {message}"
     hint = "the other checks still compare mass, axes and limits"
-    return Finding("oracle.unreadable", "warning", "robot", text, hint)
+    return UNREADABLE("robot", text, hint)
 
 
 def _unsupported(joint: str, kind: str) -> Finding:
     text = f"a {kind} joint is not compared with pinocchio, so nothing was"
     hint = "the other checks still compare mass, axes and limits"
-    return Finding("oracle.unsupported", "info", f"joint {joint}", text, hint)
+    return UNSUPPORTED(f"joint {joint}", text, hint)

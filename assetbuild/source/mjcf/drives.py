@@ -123,9 +123,15 @@ def _simple(
             return Actuator("", "pd", kp=kp, kd=kd, effort=effort, ctrl=ctrl)
         if kinds[2] == 1 and bias[:3] == [0.0, 0.0, -kp] and kp > 0.0 and not any(bias[3:]):
             return Actuator("", "velocity", kd=kp, effort=effort, ctrl=ctrl)
-    general = General(
-        DYN[kinds[0]], GAIN[kinds[1]], BIAS[kinds[2]], _trimmed(dyn), _trimmed(gain), _trimmed(bias)
-    )
+    said: dict[str, Any] = {  # Any: the tables' words are those of the model
+        "dyntype": DYN[kinds[0]],
+        "gaintype": GAIN[kinds[1]],
+        "biastype": BIAS[kinds[2]],
+        "dynprm": _trimmed(dyn),
+        "gainprm": _trimmed(gain),
+        "biasprm": _trimmed(bias),
+    }
+    general = General.model_construct(**said)
     return Actuator("", "general", effort=effort, ctrl=ctrl, general=general)
 
 
@@ -143,9 +149,9 @@ def _at_rest(actuator: Actuator, ref: float) -> Actuator:
     assert actuator.general is not None  # noqa: S101 # `_simple` made it
     general = actuator.general
     if general.gaintype == "affine":
-        general = replace(general, gainprm=_moved(general.gainprm, ref))
+        general = general.model_copy(update={"gainprm": _moved(general.gainprm, ref)})
     if general.biastype == "affine":
-        general = replace(general, biasprm=_moved(general.biasprm, ref))
+        general = general.model_copy(update={"biasprm": _moved(general.biasprm, ref)})
     return replace(actuator, general=general)
 
 

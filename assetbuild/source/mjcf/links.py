@@ -20,18 +20,46 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from assetbuild.errors import SourceError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.inertia import Tensor, rotate_tensor
 from assetbuild.robot.model import Base, Body, Inertial, Joint, JointKind, Limits
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, vec3
-from assetbuild.source.mjcf.text import bodies, error_at, parts
+from assetbuild.source.mjcf.text import DROPPED, bodies, error_at, parts
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
+
 Model = Any  # mujoco.MjModel: its extension module has no types
 FREE, BALL, SLIDE, HINGE = 0, 1, 2, 3
 WORLD = "world"
+
+JOINT_POS = Rule(
+    "mjcf.joint_pos",
+    "info",
+    "a joint is not at the origin of its body: the link's frame was moved to the joint, and the "
+    "old one became a frame `<body>_origin`",
+    "nothing",
+)
+JOINT_REF = Rule(
+    "mjcf.joint_ref",
+    "info",
+    "a joint of the source's MJCF has a `ref`: positions, ranges and commands are counted from "
+    "it here",
+    "subtract it in controllers that were written for the source",
+)
+BASE = Rule(
+    "mjcf.base",
+    "info",
+    "the recipe's `base` differs from the source's",
+    "omit `base` to keep the source's",
+)
+RENAMED = Rule(
+    "mjcf.renamed",
+    "info",
+    "a site has the name of a body; frames and bodies share one set of names here",
+    "use the new name",
+)
 
 
 @dataclass
@@ -214,9 +242,7 @@ def _keep_origin(links: Links, name: str) -> None:
     back = Pose(_minus((0.0, 0.0, 0.0), shift))
     links.joints.append(Joint(f"{origin}_fixed", "fixed", name, origin, back))
     links.findings.append(
-        Finding(
-            "mjcf.joint_pos",
-            "info",
+        JOINT_POS(
             f"link {name}",
             f"its joint stands at {_words(shift)} m in the body: the link's frame moved there",
             f"the old frame lives on as `{origin}`",
@@ -267,21 +293,18 @@ def _joint_kinds(body: _Element, model: Model) -> list[int]:
 
 
 def _dropped_mocap(top: _Element) -> Finding:
-    return Finding(
-        "mjcf.dropped",
-        "warning",
+    return DROPPED(
         f"link {top.get('name')}",
         f"the mocap body `{top.get('name')}` and all on it was left out",
         "it belongs to a scene; nothing moves it in a robot",
+        severity="warning",
         data={"element": "body mocap", "count": 1},
     )
 
 
 def _other_base(name: str, base: Base) -> Finding:
     now, before = ("floats", "is fixed") if base == "floating" else ("is fixed", "floats")
-    return Finding(
-        "mjcf.base",
-        "info",
+    return BASE(
         f"link {name}",
         f"the recipe says `base: {base}`: the root {now}; in the source it {before}",
         "leave `base` out to keep what the source says",
@@ -290,9 +313,7 @@ def _other_base(name: str, base: Base) -> Finding:
 
 
 def _counted_from(joint: str, ref: float, unit: str) -> Finding:
-    return Finding(
-        "mjcf.joint_ref",
-        "info",
+    return JOINT_REF(
         f"joint {joint}",
         f"its positions count from `ref` = {ref:g} {unit}: 0 here is {ref:g} {unit} in the source",
         "subtract it from positions and commands of the source's controllers",
@@ -301,9 +322,7 @@ def _counted_from(joint: str, ref: float, unit: str) -> Finding:
 
 
 def _renamed_site(site: str, name: str) -> Finding:
-    return Finding(
-        "mjcf.renamed",
-        "info",
+    return RENAMED(
         f"link {site}",
         f"a body has the name of the site `{site}`: the frame is called `{name}`",
         "bodies and frames share their names in URDF and USD",

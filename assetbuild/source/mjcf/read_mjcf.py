@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from assetbuild.engine.step import Files, Limits, Step
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Base, Contact, Control, Joint, Shapes, Tree
 from assetbuild.robot.pose import IDENTITY
@@ -19,12 +19,16 @@ from assetbuild.source.mjcf.compiled import Compiled, compile_source
 from assetbuild.source.mjcf.details import read_details
 from assetbuild.source.mjcf.drives import Drives, read_drives
 from assetbuild.source.mjcf.links import Links, read_links
-from assetbuild.source.mjcf.sections import Sections, read_sections
+from assetbuild.source.mjcf.sections import ORDER, Sections, read_sections
 from assetbuild.source.mjcf.shapes import Geoms, read_geoms
 from assetbuild.source.mjcf.text import AT
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
+
+SOURCE_WARNING = Rule(
+    "mjcf.source_warning", "warning", "MuJoCo warns about the source", "read the warning"
+)
 
 
 class ReadMjcf(Step):
@@ -140,12 +144,8 @@ def _common(geoms: Geoms) -> Contact:
 
 def _warnings(compiled: Compiled) -> Iterator[Finding]:
     for text in compiled.warnings:
-        yield Finding(
-            "mjcf.source_warning",
-            "warning",
-            "robot",
-            f"MuJoCo warns about the source: {text}",
-            "repair it in the source",
+        yield SOURCE_WARNING(
+            "robot", f"MuJoCo warns about the source: {text}", "repair it in the source"
         )
 
 
@@ -155,9 +155,7 @@ def _order(sections: Sections, drives: Drives) -> Iterator[Finding]:
     places = [order.get(joint, len(order)) for _, joint in drives.names]
     if places != sorted(places):
         names = ", ".join(name for name, _ in drives.names[:6])
-        yield Finding(
-            "mjcf.order",
-            "info",
+        yield ORDER(
             "robot",
             f"the actuators of the source ({names}, ...) do not follow its joints: ours do",
             "ask for actuators by name",

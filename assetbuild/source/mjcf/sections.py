@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import (
     Joint,
     Keyframe,
@@ -20,13 +20,20 @@ from assetbuild.robot.pose import Pose, Vec3, normalised_quat, vec3
 from assetbuild.source.mjcf.drives import Drives
 from assetbuild.source.mjcf.links import WORLD, Links, Model
 from assetbuild.source.mjcf.opaque import element_text, keys, words
-from assetbuild.source.mjcf.text import AT, Classes, error_at, where_of
+from assetbuild.source.mjcf.text import AT, DROPPED, Classes, error_at, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
 NOT_READ = ("visual", "statistic", "size", "custom", "extension", "deformable", "skin")
 """Sections without a place in a robot: how it is shown, and what belongs to programs."""
+
+ORDER = Rule(
+    "mjcf.order",
+    "info",
+    "actuators or sensors are in another order than in the source",
+    "refer to them by name",
+)
 
 
 @dataclass
@@ -48,7 +55,9 @@ def read_sections(root: _Element, links: Links, drives: Drives, model: Model) ->
     driven = {name: joint for name, joint in drives.names if joint}
     found, names = Sections(list(links.joints)), Names(links, driven)
     classes = Classes(root)
-    found.simulation = Simulation(timestep=float(model.opt.timestep), gravity=_gravity(model))
+    found.simulation = Simulation.model_construct(
+        timestep=float(model.opt.timestep), gravity=_gravity(model)
+    )
     found.mjcf_only.append(options(root, model))
     for element in root.iterfind("contact/*"):
         _contact(element, classes, names, found)
@@ -110,12 +119,11 @@ def _translated(said: Mapping[str, str], names: Names) -> tuple[dict[str, str], 
 
 
 def _dropped(element: _Element, missing: str) -> Finding:
-    return Finding(
-        "mjcf.dropped",
-        "warning",
+    return DROPPED(
         "robot",
         f"<{element.tag}> `{element.get('name') or ''}` was left out ({where_of(element)}): "
         f"`{missing}` is not part of the robot",
+        severity="warning",
         data={"element": str(element.tag), "count": 1},
     )
 
@@ -221,9 +229,7 @@ def _tendon(element: _Element, classes: Classes, names: Names, found: Sections) 
 
 
 def _plain_tendon(element: _Element) -> Finding:
-    return Finding(
-        "mjcf.dropped",
-        "info",
+    return DROPPED(
         f"tendon {element.get('name')}",
         f"the material of tendon `{element.get('name')}` was left out ({where_of(element)})",
         "give the tendon an `rgba`",
@@ -284,9 +290,7 @@ def _place(kind: str, name: str) -> Place:
 
 
 def _reordered(element: _Element) -> Finding:
-    return Finding(
-        "mjcf.order",
-        "info",
+    return ORDER(
         "robot",
         f"sensors from `{element.get('name')}` on stand before those that only MJCF has: "
         "their places in `sensordata` differ from the source's",
@@ -331,9 +335,7 @@ def _floats_of(values: object) -> tuple[float, ...]:
 
 
 def _dropped_of_key(element: _Element, lost: list[str]) -> Finding:
-    return Finding(
-        "mjcf.dropped",
-        "info",
+    return DROPPED(
         f"keyframe {element.get('name')}",
         f"{', '.join(f'`{key}`' for key in lost)} of keyframe `{element.get('name')}` was left "
         "out: a keyframe of a robot is a pose at rest",
@@ -376,11 +378,10 @@ def _not_read(root: _Element) -> Iterator[Finding]:
     for tag in NOT_READ:
         found = root.findall(tag)
         if found:
-            yield Finding(
-                "mjcf.dropped",
-                "info" if tag in ("visual", "statistic", "size") else "warning",
+            yield DROPPED(
                 "robot",
                 f"<{tag}> was left out ({where_of(found[0])})",
                 "it says nothing about the robot itself",
+                severity="info" if tag in ("visual", "statistic", "size") else "warning",
                 data={"element": tag, "count": len(found)},
             )

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import (
     Box,
     Capsule,
@@ -23,10 +23,11 @@ from assetbuild.robot.pose import Pose, Vec3, normalised_quat, rotation_of, vec3
 from assetbuild.source.mjcf.compiled import Compiled
 from assetbuild.source.mjcf.links import WORLD, Links, Model, _pose
 from assetbuild.source.mjcf.opaque import attributes_of, body_element, keys, leftover
-from assetbuild.source.mjcf.text import Classes, bodies, error_at, parts, where_of
+from assetbuild.source.mjcf.text import DROPPED, Classes, bodies, error_at, parts, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
+
 
 PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(8)
 DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)
@@ -38,6 +39,14 @@ SAID = keys(
     "material rgba group"
 )
 """Attributes of a geom that the Robot holds, or that its inertia has taken in."""
+
+VISIBLE_COLLISION = Rule(
+    "mjcf.visible_collision",
+    ("info", "warning"),
+    "geoms that collide are also what is drawn; URDF and USD hold them as collision only (a "
+    "warning for a robot without any visual geom)",
+    "repeat them as visual geoms (`contype` and `conaffinity` 0)",
+)
 
 
 @dataclass
@@ -158,9 +167,7 @@ class _Reader:
         return Mesh(str(element.get("file")), vec3(scale)), Pose(vec3(offset), turn)
 
     def _lost(self, element: _Element, attributes: list[str]) -> None:
-        finding = Finding(
-            "mjcf.dropped",
-            "info",
+        finding = DROPPED(
             f"mesh {element.get('file')}",
             f"{', '.join(f'`{a}`' for a in attributes)} of mesh `{element.get('name')}` was "
             f"left out ({where_of(element)})",
@@ -221,9 +228,9 @@ def contact_of(model: Model, index: int) -> Contact:
     slide, torsion, roll = (float(v) for v in model.geom_friction[index])
     stiff, damp = (float(v) for v in model.geom_solref[index])
     a, b, c, d, e = (float(v) for v in model.geom_solimp[index])
-    return Contact(
+    return Contact.model_construct(  # what a file says may lie outside of a recipe's bounds
         friction=(slide, torsion, roll),
-        condim=int(model.geom_condim[index]),
+        condim=model.geom_condim[index].item(),
         priority=int(model.geom_priority[index]),
         solref=(stiff, damp) if (stiff, damp) != (0.02, 1.0) else None,
         solimp=(a, b, c, d, e) if (a, b, c, d, e) != (0.9, 0.95, 0.001, 0.5, 2.0) else None,
@@ -260,12 +267,11 @@ def _words(values: Any) -> str:  # Any: an array of the model
 
 def _scenery(geom: _Element, classes: Classes) -> Finding:
     kind = classes.attributes(geom).get("type", "sphere")
-    return Finding(
-        "mjcf.dropped",
-        "info" if kind in ("plane", "hfield") else "warning",
+    return DROPPED(
         f"shape {geom.get('name')}",
         f"the {kind} `{geom.get('name')}` of the world was left out: it is scenery",
         "`scene.xml` has a floor of its own; a part of the robot belongs into a body",
+        severity="info" if kind in ("plane", "hfield") else "warning",
         data={"element": "geom of worldbody", "count": 1},
     )
 
@@ -273,21 +279,18 @@ def _scenery(geom: _Element, classes: Classes) -> Finding:
 def _drawn(names: list[str], *, alone: bool) -> Finding:
     """alone: the robot has no visual shape at all, so URDF and USD show nothing."""
     shown = ", ".join(f"`{name}`" for name in names[:6]) + (", ..." if len(names) > 6 else "")
-    return Finding(
-        "mjcf.visible_collision",
-        "warning" if alone else "info",
+    return VISIBLE_COLLISION(
         "robot",
         f"{len(names)} geoms touch and are drawn: {shown}; in URDF and USD they are collision only"
         + (", so viewers of these show nothing of the robot" if alone else ""),
         'to see it there, repeat the geom in the MJCF with `contype="0" conaffinity="0" group="2"`',
+        severity="warning" if alone else "info",
         data={"geoms": len(names)},
     )
 
 
 def _unpictured(look: _Element) -> Finding:
-    return Finding(
-        "mjcf.dropped",
-        "info",
+    return DROPPED(
         f"material {look.get('name')}",
         f"the made or layered picture of material `{look.get('name')}` was left out; its colour "
         "stays",

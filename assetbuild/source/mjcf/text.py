@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from assetbuild.errors import SourceError, Where
+from assetbuild.findings import Rule
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -16,6 +17,14 @@ BODY_PARTS = ("joint", "freejoint", "geom", "site", "camera", "light", "inertial
 SPATIAL = ("body", "frame")
 _DEFAULT_TAG = {"spatial": "tendon", "fixed": "tendon", "freejoint": None}
 """Element -> the element of `<default>` that speaks for it, where the two differ."""
+
+DROPPED = Rule(
+    "mjcf.dropped",
+    ("info", "warning"),
+    "an element or attribute of the source's MJCF has no place in the robot or in the MJCF that "
+    "is written: scenery, how things are shown, what belongs to a merged body",
+    "nothing, where it is not part of the robot; otherwise follow the hint",
+)
 
 
 def where_of(element: _Element) -> Where:

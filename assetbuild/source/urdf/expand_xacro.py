@@ -14,7 +14,7 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import SourceError, Where, did_you_mean
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 
 SECONDS = 30.0
 """Wall-clock limit of the expansion; real robots take less than one."""
@@ -24,6 +24,13 @@ PROGRAM = (
 )
 INCLUDED = (".xacro", ".urdf", ".xml", ".yaml", ".yml", ".txt")
 """Suffixes of the files that a xacro may read."""
+
+WARNING = Rule(
+    "xacro.warning",
+    "info",
+    "xacro printed a warning while it expanded the file",
+    "read the warning",
+)
 
 
 class ExpandXacro(Step):
@@ -55,7 +62,7 @@ class ExpandXacro(Step):
         used = json.dumps(answer["used"], indent=1)
         (files.outputs / "used.json").write_text(used + "\n", encoding="ascii")
         for text in dict.fromkeys(answer["said"]):
-            yield Finding("xacro.warning", "info", "robot", f"xacro: {text}")
+            yield WARNING("robot", f"xacro: {text}")
 
     def _expanded(self, tree: Path) -> dict[str, Any]:  # Any: JSON of the child
         job = {

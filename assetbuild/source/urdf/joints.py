@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import cast, get_args
 
 from assetbuild.errors import did_you_mean
-from assetbuild.findings import Finding, Scalar
+from assetbuild.findings import Finding, Rule, Scalar
 from assetbuild.robot.model import Base, Body, Joint, JointKind, Limits, Mimic, Tree
 from assetbuild.robot.pose import Vec3, vec3
 from assetbuild.robot.tree import depth_first
@@ -19,6 +19,28 @@ KINDS: tuple[str, ...] = get_args(JointKind)
 WITH_AXIS = ("revolute", "continuous", "prismatic", "planar")
 AXIS_TOLERANCE = 1e-6
 """An axis whose length is off by more was not meant as a unit vector: said as a finding."""
+
+AXIS_NORMALISED = Rule(
+    "urdf.axis.normalised", "info", "an axis did not have length 1", "write a unit vector"
+)
+LIMIT_OMITTED = Rule(
+    "urdf.limit.omitted",
+    "warning",
+    "`<limit>` lacks attributes; a missing lower or upper counts as 0",
+    "state them",
+)
+LIMIT_IGNORED = Rule(
+    "urdf.limit.ignored",
+    "info",
+    "a continuous joint states a range",
+    "make it revolute if the range is meant",
+)
+MIMIC_FIXED = Rule(
+    "joint.mimic_fixed",
+    "warning",
+    "the joint mimics a fixed one, so it is locked where that puts it",
+    "make it fixed too, or give its leader a type that moves",
+)
 
 
 def read_joint(
@@ -127,7 +149,7 @@ def _read_axis(node: Node, kind: str) -> tuple[Vec3, list[Finding]]:
     message = f"axis `{element.get('xyz')}` has length {norm:.6g} and was normalised"
     hint = "write a unit vector"
     data: dict[str, Scalar | tuple[Scalar, ...]] = {"axis": axis, "norm": norm}
-    return unit, [Finding("urdf.axis.normalised", "info", node.subject, message, hint, data=data)]
+    return unit, [AXIS_NORMALISED(node.subject, message, hint, data=data)]
 
 
 def _read_limits(node: Node, kind: str) -> tuple[Limits, list[Finding]]:
@@ -168,7 +190,7 @@ def _ignored_range(node: Node, lower: float | None, upper: float | None) -> list
     message = f"a continuous joint has no range; lower {lower}, upper {upper} are not used"
     hint = "make it `revolute` if the range is meant"
     data = {"lower": lower, "upper": upper}
-    return [Finding("urdf.limit.ignored", "info", node.subject, message, hint, data=data)]
+    return [LIMIT_IGNORED(node.subject, message, hint, data=data)]
 
 
 def _omitted(node: Node, missing: list[str]) -> list[Finding]:
@@ -176,9 +198,7 @@ def _omitted(node: Node, missing: list[str]) -> list[Finding]:
     zero = [f"`{name}`" for name in missing if name in ("lower", "upper")]
     note = f"; {' and '.join(zero)} count as 0, as the format says" if zero else ""
     return [
-        Finding(
-            "urdf.limit.omitted",
-            "warning",
+        LIMIT_OMITTED(
             node.subject,
             f"<limit> leaves out {words}{note}",
             "state it in the URDF, or give effort and velocity in the recipe's actuator table",
@@ -251,9 +271,7 @@ def _hold_followers(
         ):
             held[joint.name] = at + 0.0
     findings = [
-        Finding(
-            "joint.mimic_fixed",
-            "warning",
+        MIMIC_FIXED(
             f"joint {name}",
             f"mimics a joint that is fixed: locked at {at:g}",
             "make it `fixed` too, or give the joint that it mimics a type that moves",

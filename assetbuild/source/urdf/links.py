@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 from assetbuild.errors import did_you_mean
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.read import Format
 from assetbuild.robot.inertia import rotate_tensor
 from assetbuild.robot.model import (
@@ -31,7 +31,31 @@ from assetbuild.source.urdf.xml import SIZE, Node, Problems
 FORMATS: tuple[str, ...] = get_args(Format)
 
 ROLES: tuple[Literal["visual", "collision"], ...] = ("visual", "collision")
+
 Rgba = tuple[float, float, float, float]
+
+UNDEFINED_MATERIAL = Rule(
+    "urdf.material.undefined",
+    "warning",
+    "a material is referred to but defined nowhere",
+    "define it",
+)
+MATERIAL_CONFLICT = Rule(
+    "urdf.material.conflict",
+    "info",
+    "one name stands for two materials; one was renamed",
+    "give each material its own name",
+)
+COLOUR_RANGE = Rule(
+    "urdf.material.range", "warning", "a colour was clipped to 0..1", "write fractions of 1"
+)
+EMPTY_VISUAL = Rule(
+    "urdf.visual.nothing",
+    "warning",
+    "a visual sphere, cylinder or capsule of radius 0, or a box with two edges of 0, shows "
+    "nothing and was left out (as collision it is an error)",
+    "remove it, or give its size",
+)
 
 
 @dataclass(frozen=True)
@@ -139,11 +163,9 @@ def _draws_nothing(geometry: Node) -> bool:
 
 
 def _drawn_as_nothing(visual: Node) -> Finding:
-    return Finding(
-        rule="urdf.visual.nothing",
-        severity="warning",
-        subject=visual.subject,
-        message=f"a <visual> on line {visual.line} has no width and shows nothing: it was left out",
+    return EMPTY_VISUAL(
+        visual.subject,
+        f"a <visual> on line {visual.line} has no width and shows nothing: it was left out",
         hint="remove it, or write its size",
         data={"line": visual.line},
     )
@@ -244,9 +266,7 @@ class _Palette:
         r, g, b, a = (min(1.0, max(0.0, value)) + 0.0 for value in stated)
         if stated != (r, g, b, a):
             self.findings.append(
-                Finding(
-                    "urdf.material.range",
-                    "warning",
+                COLOUR_RANGE(
                     f"material {name}",
                     f"rgba `{color.get('rgba')}` was cut to 0..1",
                     "write colours as fractions of 1, not of 255",
@@ -268,9 +288,7 @@ class _Palette:
             number += 1
         if told:
             self.findings.append(
-                Finding(
-                    "urdf.material.conflict",
-                    "info",
+                MATERIAL_CONFLICT(
                     f"material {look.name}",
                     f"defined with two looks; the second is called `{other.name}`",
                     "give each look its own name",
@@ -284,9 +302,7 @@ class _Palette:
             return
         self._undefined.add(name)
         self.findings.append(
-            Finding(
-                "urdf.material.undefined",
-                "warning",
+            UNDEFINED_MATERIAL(
                 f"link {link}",
                 f"material `{name}` is defined nowhere; its shapes get the default look",
                 did_you_mean(name, self.materials),

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pydantic import Field
 
 from assetbuild.engine.step import Files, Step
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Body, Inertial, Tree
 
@@ -31,6 +31,35 @@ _VERSION = re.compile(rb"Commit Version:\s*(\S+)")
 _ONSHAPE = re.compile(rb"onshape-to-robot")
 _NAMES = re.compile(r"controller_joint_names:\s*\[([^\]]*)\]")
 _MOMENTS = ("Moment Ixx", "Moment Iyy", "Moment Izz", "Moment Ixy", "Moment Ixz", "Moment Iyz")
+
+SOLIDWORKS = Rule(
+    "export.solidworks",
+    "info",
+    "SolidWorks' exporter wrote the file",
+    "look at the findings beside it",
+)
+ONSHAPE = Rule(
+    "export.onshape", "info", "onshape-to-robot wrote the file", "check effort and velocity"
+)
+TABLE = Rule(
+    "export.table",
+    ("warning", "info"),
+    "mass, centre of mass or inertia differ from the exporter's table (info: the link has no row "
+    "there)",
+    "`set_inertia`, `set_mass`",
+)
+JOINT_NAMES = Rule(
+    "export.joint_names",
+    "warning",
+    "the exporter's list names a joint that does not exist",
+    "correct the list",
+)
+LIMITS_ALIKE = Rule(
+    "export.limits_alike",
+    "warning",
+    "an exporter's file gives every joint the same effort and velocity",
+    "give the limits of each motor in the actuator table",
+)
 
 
 class LintExport(Step):
@@ -67,7 +96,7 @@ class LintExport(Step):
                 hint = (
                     "was the URDF edited after the export? the table tells what came from the CAD"
                 )
-                yield Finding("export.table", "info", f"link {body.name}", message, hint)
+                yield TABLE(f"link {body.name}", message, hint, severity="info")
             else:
                 yield from _differences(body, row, self.table)
 
@@ -76,9 +105,7 @@ class LintExport(Step):
         listed = [name.strip(" '\"\n") for name in match[1].split(",")] if match else []
         for name in filter(None, listed):
             if name not in tree.by_joint:
-                yield Finding(
-                    "export.joint_names",
-                    "warning",
+                yield JOINT_NAMES(
                     "robot",
                     f"{self.names} names a joint `{name}` that the URDF does not have",
                     "export again, or correct the list: controllers look for it",
@@ -92,9 +119,7 @@ class LintExport(Step):
             return
         ((effort, velocity),) = stated
         if effort and velocity:
-            yield Finding(
-                "export.limits_alike",
-                "warning",
+            yield LIMITS_ALIKE(
                 "robot",
                 f"all {len(joints)} joints have effort {effort:g} and velocity {velocity:g}: what "
                 "an exporter writes where nobody stated them?",
@@ -110,9 +135,7 @@ def _exporter(head: bytes, table: str, names: str) -> Finding | None:
         version = _VERSION.search(head) if solidworks else None
         told = f" {version[1].decode('ascii', 'replace')}" if version else ""
         seen = ", ".join((["its comment"] if solidworks else []) + signs)
-        return Finding(
-            "export.solidworks",
-            "info",
+        return SOLIDWORKS(
             "robot",
             f"written by SolidWorks' URDF exporter{told} (by {seen})",
             "it writes limits of 0, the default density and guessed axes where the CAD says no "
@@ -120,9 +143,7 @@ def _exporter(head: bytes, table: str, names: str) -> Finding | None:
             data={"version": told.strip(), "signs": tuple(signs)},
         )
     if _ONSHAPE.search(head):
-        return Finding(
-            "export.onshape",
-            "info",
+        return ONSHAPE(
             "robot",
             "written by onshape-to-robot (by its comment)",
             "effort and velocity are its configuration's, not the motors'",
@@ -177,9 +198,7 @@ def _differences(body: Body, row: _Row, table: str) -> Iterator[Finding]:
             continue
         size = max(map(abs, (*ours, *stated)))
         if max(abs(a - b) for a, b in zip(ours, stated, strict=True)) > SAME * size:
-            yield Finding(
-                "export.table",
-                "warning",
+            yield TABLE(
                 f"link {body.name}",
                 f"{what}: {_shown(ours)} {unit} in the URDF, {_shown(stated)} {unit} in {table}",
                 "the table is what the CAD weighed: was the URDF edited on purpose? "

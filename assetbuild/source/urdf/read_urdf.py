@@ -10,7 +10,7 @@ from dataclasses import asdict
 from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Base, Body, Joint, Tree
 from assetbuild.source.urdf.joints import build_tree, read_joint
@@ -25,6 +25,21 @@ from assetbuild.source.urdf.xml import (
     without_comments,
     xml_version,
 )
+
+DROPPED = Rule(
+    "urdf.dropped",
+    "info",
+    "elements or attributes that the robot model has no place for (transmission, gazebo, ...) "
+    "were left out",
+    "nothing; the source keeps them",
+)
+XML_VERSION = Rule(
+    "urdf.xml_version",
+    "warning",
+    "the first line states a version of XML that does not exist",
+    'write `<?xml version="1.0"?>`',
+)
+NAMELESS = Rule("urdf.name.missing", "info", "`<robot>` has no name", "give it one")
 
 
 class ReadUrdf(Step):
@@ -67,9 +82,7 @@ class ReadUrdf(Step):
         _write(files, tree, geometries, self._source_map(root, nodes, geometries))
         (files.outputs / "source.urdf").write_bytes(without_comments(in_xml_1(data)))
         if version := xml_version(data):
-            yield Finding(
-                "urdf.xml_version",
-                "warning",
+            yield XML_VERSION(
                 "robot",
                 f"it says it is XML {version}, which does not exist: read as XML 1.0",
                 hint='many readers refuse it: write `<?xml version="1.0"?>`',
@@ -122,7 +135,7 @@ def _robot_name(root: Node) -> tuple[str, list[Finding]]:
         return name, []
     message = "<robot> has no name; it is called `robot`"
     hint = 'write <robot name="...">'
-    return "robot", [Finding("urdf.name.missing", "info", "robot", message, hint)]
+    return "robot", [NAMELESS("robot", message, hint)]
 
 
 def _dropped(root: Node) -> Iterator[Finding]:
@@ -131,11 +144,9 @@ def _dropped(root: Node) -> Iterator[Finding]:
         what = f"<{kind}>" if " of " not in kind else "attribute `{}` of <{}>".format(
             *kind.split(" of ")
         )  # fmt: skip
-        yield Finding(
-            rule="urdf.dropped",
-            severity="info",
-            subject="robot",
-            message=f"{what} was left out, {count} times" if count > 1 else f"{what} was left out",
+        yield DROPPED(
+            "robot",
+            f"{what} was left out, {count} times" if count > 1 else f"{what} was left out",
             hint="no target has a place for it; the source keeps it",
             data={"element": kind, "count": count},
         )

@@ -14,14 +14,14 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal, Self
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
 from assetbuild.recipe.isaaclab import IsaacLab as Options
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.randomize import Randomize, first_match
 from assetbuild.recipe.usd import Usd
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
+from assetbuild.robot.ranges import Randomize, first_match
 from assetbuild.simulators.usd_names import joint_identifiers
 from assetbuild.targets.isaaclab import events
 from assetbuild.targets.isaaclab.measure import script
@@ -45,6 +45,25 @@ LIMITS: Mapping[tuple[Generation, bool], tuple[tuple[str, ...], tuple[str, ...]]
     (3, False): (("actuator_effort_limit",), ("actuator_velocity_limit", "joint_velocity_limit")),
 }
 """Fields for (effort, velocity) by generation and whether the simulator integrates the drive."""
+
+NO_USD = Rule(
+    "isaaclab.no_usd",
+    "error",
+    "the modules spawn a USD that the bundle does not hold",
+    "add `usd` to the targets",
+)
+GENERAL = Rule(
+    "isaaclab.general",
+    "warning",
+    "Isaac Lab has no form of the model `general`",
+    "another model, or an actuator class of your own",
+)
+SATURATION = Rule(
+    "isaaclab.saturation",
+    "info",
+    "a `dc_motor` has no stall torque; its effort limit is used instead",
+    "set it in a copy of the module",
+)
 
 
 class IsaacLab(Target):
@@ -100,18 +119,14 @@ class IsaacLab(Target):
 
     def _findings(self, control: Control) -> Iterator[Finding]:
         if not self.has_usd:
-            yield Finding(
-                "isaaclab.no_usd",
-                "error",
+            yield NO_USD(
                 "recipe targets",
                 "the modules spawn `usd/`, which the bundle does not hold",
                 hint="add `usd` to the targets",
             )
         lost = [a.joint for a in control.actuators if a.model == "general"]
         if lost:
-            yield Finding(
-                "isaaclab.general",
-                "warning",
+            yield GENERAL(
                 f"actuator {lost[0]}",
                 f"Isaac Lab has no form of the model `general`: {len(lost)} joints get no torque",
                 hint="give these joints another model, or an actuator class of your own",
@@ -119,9 +134,7 @@ class IsaacLab(Target):
             )
         stall = [a.joint for a in control.actuators if a.model == "dc_motor"]
         if stall:
-            yield Finding(
-                "isaaclab.saturation",
-                "info",
+            yield SATURATION(
                 f"actuator {stall[0]}",
                 f"the table has no stall torque: `saturation_effort` of {len(stall)} joints is "
                 "their effort limit",

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Self
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
 from assetbuild.recipe.mjcf import Mjcf as Options
 from assetbuild.recipe.models import Recipe
@@ -32,6 +32,16 @@ from assetbuild.targets.mjcf.files import (
 from assetbuild.targets.mjcf.opaque import with_opaque
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
+
+RESERVED_NAME = Rule(
+    "mjcf.reserved_name", "info", "a body called `world` was renamed", "rename the link"
+)
+PLANAR_JOINT = Rule(
+    "mjcf.planar_joint",
+    "info",
+    "a planar joint became two slides and a hinge, without limits",
+    "nothing",
+)
 
 
 class Mjcf(Target):
@@ -87,9 +97,7 @@ class Mjcf(Target):
 def _explain_names(tree: Tree) -> Iterator[Finding]:
     for name, written in body_names(tree).items():
         if name != written:
-            yield Finding(
-                "mjcf.reserved_name",
-                "info",
+            yield RESERVED_NAME(
                 f"link {name}",
                 f"MuJoCo keeps the name `{name}` for itself: the body is called `{written}`",
                 hint="rename the link in the source if other tools look for it",
@@ -99,9 +107,7 @@ def _explain_names(tree: Tree) -> Iterator[Finding]:
 def _explain_planar(tree: Tree) -> Iterator[Finding]:
     for joint in tree.joints:
         if joint.kind == "planar":
-            yield Finding(
-                "mjcf.planar_joint",
-                "info",
+            yield PLANAR_JOINT(
                 f"joint {joint.name}",
                 "MJCF has no planar joint: it becomes two slides and a hinge without limits",
             )

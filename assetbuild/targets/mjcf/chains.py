@@ -5,10 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.chains import Chain, axis_in_body, find_chains
 from assetbuild.robot.model import Joint, Shapes, Tree
 from assetbuild.robot.pose import IDENTITY, Pose
+
+CHAIN = Rule(
+    "mjcf.chain",
+    "info",
+    "joints with only massless links between them are joints of one body, which is exact",
+    "nothing",
+)
 
 
 class Seats:
@@ -59,9 +66,7 @@ def explain_chains(tree: Tree, shapes: Shapes) -> Iterator[Finding]:
     for chain in Seats(tree, shapes).chains.values():
         joints = ", ".join(joint.name for joint in chain.joints)
         links = ", ".join(chain.between)
-        yield Finding(
-            "mjcf.chain",
-            "info",
+        yield CHAIN(
             f"link {chain.body}",
             f"carries {len(chain.joints)} joints ({joints}): the massless links between them "
             f"({links}) are no bodies in the MJCF",

@@ -20,7 +20,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from assetbuild.errors import StepError
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Actuator, Control, General, Joint, Tree
 from assetbuild.targets.mjcf.xml import direction, number, numbers
 
@@ -28,6 +28,16 @@ EXTERNAL = ("ideal_pd", "dc_motor")
 """Models whose gains act outside the simulator."""
 PLACING = frozenset({"type", "axis", "range", "inheritrange"})
 """Attributes that belong to the place of a joint, not to its motor."""
+
+VELOCITY_LIMIT = Rule(
+    "mjcf.velocity_limit", "info", "MJCF has no velocity limit", "enforce it in the controller"
+)
+EXTERNAL_GAINS = Rule(
+    "mjcf.external_gains",
+    "info",
+    "torque motors: their gains belong to the controller",
+    "apply them there, or `model: pd`",
+)
 
 
 @dataclass(frozen=True)
@@ -162,9 +172,7 @@ def explain_losses(tree: Tree, control: Control) -> Iterator[Finding]:
     actuators = [control.by_joint[j.name] for j in tree.moving_joints if j.name in control.by_joint]
     limited = [a for a in actuators if a.velocity is not None]
     if limited:
-        yield Finding(
-            "mjcf.velocity_limit",
-            "info",
+        yield VELOCITY_LIMIT(
             "robot",
             f"MJCF has no velocity limit: those of {len(limited)} joints are not in it",
             hint="enforce them in the controller, or use the USD",
@@ -172,9 +180,7 @@ def explain_losses(tree: Tree, control: Control) -> Iterator[Finding]:
         )
     outside = [a for a in actuators if a.model in EXTERNAL]
     if outside:
-        yield Finding(
-            "mjcf.external_gains",
-            "info",
+        yield EXTERNAL_GAINS(
             "robot",
             f"{len(outside)} joints have plain torque motors: the controller applies kp and kd",
             hint="use the model `pd` where MuJoCo should integrate the gains",

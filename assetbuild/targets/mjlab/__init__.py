@@ -13,12 +13,12 @@ from dataclasses import replace
 from typing import Self
 
 from assetbuild.engine.step import Files
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.randomize import Randomize
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Shapes, Tree
+from assetbuild.robot.ranges import Randomize
 from assetbuild.targets.mjcf.files import (
     copy_assets,
     one_per_look,
@@ -37,6 +37,28 @@ TASK_SENSORS = {"gyro": "imu_ang_vel", "velocimeter": "imu_lin_vel", "accelerome
 NOT_BARE = ("actuator", "option", "keyframe")
 """Sections of the source's own MJCF that mjlab's configs bring."""
 NOT_IN_MJLAB = frozenset({"general"})
+
+NO_IMU = Rule(
+    "mjlab.imu",
+    "info",
+    "the recipe names no IMU, so mjlab's sensors are at the root",
+    "`imu: {link: ...}`",
+)
+NO_FEET = Rule(
+    "mjlab.feet",
+    "info",
+    "the recipe names no feet, so there is no velocity task",
+    "`feet: {links: ...}`",
+)
+UNSUPPORTED_DRIVES = Rule(
+    "mjlab.actuator", "warning", "drives that mjlab has no form of", "another model"
+)
+SENSORS_LEFT_OUT = Rule(
+    "mjlab.sensors",
+    "info",
+    "contact and drive sensors are not in the bare MJCF",
+    "mjlab makes its own",
+)
 
 
 class Mjlab(Target):
@@ -124,26 +146,20 @@ class Mjlab(Target):
 
     def _explain(self, tree: Tree, control: Control, facts: ModuleFacts) -> Iterator[Finding]:
         if tree.base == "floating" and self.imu is None:
-            yield Finding(
-                "mjlab.imu",
-                "info",
+            yield NO_IMU(
                 "robot",
                 f"the recipe names no IMU: its sensors sit in the frame of `{tree.root}`",
                 hint="add `imu: {link: ...}`",
             )
         if tree.base == "floating" and not facts.foot_sites:
-            yield Finding(
-                "mjlab.feet",
-                "info",
+            yield NO_FEET(
                 "robot",
                 "the recipe names no feet: the module has no velocity task",
                 hint="add `feet: {links: ...}`",
             )
         undriven = [a.joint for a in control.actuators if a.model in NOT_IN_MJLAB]
         if undriven:
-            yield Finding(
-                "mjlab.actuator",
-                "warning",
+            yield UNSUPPORTED_DRIVES(
                 "robot",
                 "mjlab has no form of the model `general`: "
                 f"{len(undriven)} joints have no drive there",
@@ -154,9 +170,7 @@ class Mjlab(Target):
             yield from lost(self.randomize, tree, driven(facts))
         gone = [s.name for s in control.sensors if _of_mjlab(s)]
         if gone:
-            yield Finding(
-                "mjlab.sensors",
-                "info",
+            yield SENSORS_LEFT_OUT(
                 "robot",
                 f"{len(gone)} contact and drive sensors are not in the bare MJCF: mjlab makes its "
                 "own",

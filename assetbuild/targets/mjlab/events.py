@@ -14,21 +14,29 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from assetbuild.findings import Finding
-from assetbuild.recipe.randomize import (
+from assetbuild.findings import Finding, Rule
+from assetbuild.robot.inertia import move_inertial, pseudo_inertia
+from assetbuild.robot.model import Actuator, Tree
+from assetbuild.robot.randomize import homogeneous_box
+from assetbuild.robot.ranges import (
     Randomize,
     RandomMatter,
     RandomPayload,
     claimed,
     per_axis,
 )
-from assetbuild.robot.inertia import move_inertial, pseudo_inertia
-from assetbuild.robot.model import Actuator, Tree
-from assetbuild.robot.randomize import homogeneous_box
 from assetbuild.targets.mjlab.text import exactly
 
 WITH_GAINS = frozenset({"pd", "ideal_pd", "dc_motor"})
 """Models whose gains and effort limit mjlab's terms can scale."""
+
+NOT_RANDOMIZED = Rule(
+    "mjlab.randomize",
+    "info",
+    "what the recipe randomizes and mjlab's events cannot: payloads, gains of drives without a "
+    "position loop; stretch and shear act about another point there",
+    "`assetbuild sample`",
+)
 
 
 @dataclass(frozen=True)
@@ -82,11 +90,9 @@ def lost(
     if randomize.restitution is not None:
         without.append("restitution, which MuJoCo has not")
     if without:
-        yield Finding(
-            rule="mjlab.randomize",
-            severity="info",
-            subject="recipe randomize",
-            message=f"mjlab's events do not say all of it: {'; '.join(dict.fromkeys(without))}",
+        yield NOT_RANDOMIZED(
+            "recipe randomize",
+            f"mjlab's events do not say all of it: {'; '.join(dict.fromkeys(without))}",
             hint="`assetbuild sample` and dr.yaml do",
             data={"without": tuple(dict.fromkeys(without))},
         )

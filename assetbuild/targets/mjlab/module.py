@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-from assetbuild.recipe.randomize import Randomize, RandomJoint, first_match
 from assetbuild.robot.actuators import LARGEST_ACTION, action_scale
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
+from assetbuild.robot.ranges import Randomize, RandomJoint, first_match
 from assetbuild.targets.mjlab.events import (
     Term,
     carries,

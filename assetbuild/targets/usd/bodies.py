@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.recipe.usd import UsdRigidBody
 from assetbuild.robot.inertia import Tensor, matrix_of
 from assetbuild.robot.model import Body, Inertial, Tree
@@ -20,6 +20,14 @@ from assetbuild.targets.usd.units import to_usd_degrees
 
 if TYPE_CHECKING:
     from pxr import Usd
+
+MASS_MISSING = Rule(
+    "usd.mass_missing",
+    ("error", "info"),
+    "a body has no mass; PhysX would take 1000 kg/m³ times the volume of its colliders (info on "
+    "a fixed base)",
+    "give it an inertial",
+)
 
 
 def write_base(
@@ -97,11 +105,10 @@ def _apply_mass(prim: Usd.Prim, inertial: Inertial) -> None:
 
 
 def _no_mass(body: Body, *, is_held: bool) -> Finding:
-    return Finding(
-        rule="usd.mass_missing",
+    return MASS_MISSING(
+        f"link {body.name}",
+        "has no mass in USD; PhysX will take 1000 kg/m³ times its collision volume",
         severity="info" if is_held else "error",
-        subject=f"link {body.name}",
-        message="has no mass in USD; PhysX will take 1000 kg/m³ times its collision volume",
         hint="harmless, the fixed base never moves"
         if is_held
         else "give the link an <inertial>; between the hinges of a ball joint: edit `share_mass`",

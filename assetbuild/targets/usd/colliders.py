@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Control, Mesh, Shape, Shapes, Tree
 from assetbuild.robot.pose import Vec3
 from assetbuild.simulators.usd_names import PHYSICS_MATERIALS
@@ -18,6 +18,19 @@ if TYPE_CHECKING:
 
 HULL_VERTICES = 64
 """Most vertices of a convex hull that PhysX collides on a GPU."""
+
+LARGE_HULL = Rule(
+    "usd.hull_vertices",
+    "info",
+    "a hull has more than 64 vertices, so PhysX simplifies it",
+    "`max_vertices: 64`",
+)
+CONCAVE_COLLISION = Rule(
+    "usd.concave_collision",
+    "info",
+    "the simulators use the hull of a concave collision mesh",
+    "`method: hull` or a decomposition",
+)
 
 
 def define_colliders(
@@ -73,20 +86,16 @@ def _apply_hull(prim: Usd.Prim) -> None:
 def _hull_findings(shape: Shape, geometry: Mesh, shapes: Shapes) -> Iterator[Finding]:
     asset = next(mesh for mesh in shapes.meshes if mesh.name == geometry.mesh)
     if not asset.convex:
-        yield Finding(
-            rule="usd.concave_collision",
-            severity="info",
-            subject=f"link {shape.link}",
-            message=f"the collision mesh `{asset.name}` is filled up to its convex hull",
+        yield CONCAVE_COLLISION(
+            f"link {shape.link}",
+            f"the collision mesh `{asset.name}` is filled up to its convex hull",
             hint="`method: coacd` follows hollows; `hull` says what is meant",
             data={"faces": asset.faces},
         )
     elif asset.vertices > HULL_VERTICES:
-        yield Finding(
-            rule="usd.hull_vertices",
-            severity="info",
-            subject=f"link {shape.link}",
-            message=f"PhysX simplifies the hull `{asset.name}` from {asset.vertices} to "
+        yield LARGE_HULL(
+            f"link {shape.link}",
+            f"PhysX simplifies the hull `{asset.name}` from {asset.vertices} to "
             f"{HULL_VERTICES} vertices",
             hint=f"`max_vertices: {HULL_VERTICES}` makes all simulators use the same hull",
             data={"vertices": asset.vertices, "limit": HULL_VERTICES},

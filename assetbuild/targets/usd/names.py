@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.model import Shape, Shapes, Tree
 from assetbuild.robot.pose import Vec3
 from assetbuild.simulators.usd_names import (
@@ -32,6 +32,13 @@ from assetbuild.simulators.usd_names import (
 )
 
 VISUALS, COLLISIONS = "visuals", "collisions"
+
+RENAMED = Rule(
+    "usd.renamed",
+    "info",
+    "USD does not allow a name",
+    "use the new one; displayName keeps the old one",
+)
 
 
 @dataclass(frozen=True)
@@ -110,11 +117,9 @@ class Names:
 
 
 def _renamed(subject: str, name: str, identifier: str) -> Finding:
-    return Finding(
-        rule="usd.renamed",
-        severity="info",
-        subject=subject,
-        message=f"`{name}` is `{identifier}` in USD, which allows letters, digits and `_` only",
+    return RENAMED(
+        subject,
+        f"`{name}` is `{identifier}` in USD, which allows letters, digits and `_` only",
         hint="the prim's displayName keeps the old name",
         data={"name": name, "identifier": identifier},
     )

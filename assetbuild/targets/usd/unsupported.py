@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, Rule
 from assetbuild.recipe.usd import Usd as Options
 from assetbuild.robot.model import Contact, Control, Joint, Tree
 from assetbuild.targets.usd.joints import starting_positions
@@ -12,6 +12,65 @@ from assetbuild.targets.usd.units import is_angular, limits
 
 MAX_LINKS = 64
 MAX_ANGLE_DEG = 360.0
+
+KEYFRAMES = Rule("usd.keyframes", "info", "USD has no keyframes; drives aim at `home`", "nothing")
+PARALLEL_AXIS = Rule(
+    "usd.parallel_axis",
+    "info",
+    "joint axes are exactly parallel to a body axis",
+    "`edits: perturb_axis`, for a runtime that treats them as a special case",
+)
+START_OUTSIDE = Rule(
+    "usd.start",
+    "info",
+    "0 is outside the limits of a joint and there is no `home`: the joint starts at the nearest "
+    "limit",
+    "add a keyframe `home`",
+)
+FRICTION_UNIT = Rule(
+    "usd.friction_unit",
+    "info",
+    "older runtimes read friction as a coefficient",
+    "check on Isaac Sim 4.5 and older",
+)
+CONTACT = Rule(
+    "usd.contact",
+    "info",
+    "PhysX does not hold a kind of contact value (condim, torsional and rolling friction, "
+    "priority, solref, solimp, margin, gap)",
+    "nothing, or look at the report's table of `alignment`",
+)
+EXPLICIT_ACTUATOR = Rule(
+    "usd.explicit_actuator",
+    "info",
+    "torque motors: their gains belong to the controller",
+    "nothing",
+)
+MANY_LINKS = Rule(
+    "usd.links",
+    "warning",
+    "there are more links than older PhysX versions accept",
+    "merge fixed joints",
+)
+LIMIT_CLAMPED = Rule(
+    "usd.limit_clamped",
+    "warning",
+    "PhysX clamps a limit beyond a full turn",
+    "make the joint continuous",
+)
+ONE_SIDED_LIMIT = Rule(
+    "usd.one_sided_limit",
+    "warning",
+    "one bound is infinite; some readers of PhysX then limit neither side",
+    "give the joint both limits",
+)
+MIMIC = Rule(
+    "usd.mimic",
+    ("warning", "info"),
+    "a mimic joint that USD cannot hold (angle and length mixed) or that PhysX does not couple "
+    "(no limits) (info where the recipe says `usd.mimics: false`)",
+    "give it limits, or couple the joints in the simulator",
+)
 
 
 def unsupported(tree: Tree, control: Control, options: Options) -> Iterator[Finding]:
@@ -25,11 +84,9 @@ def unsupported(tree: Tree, control: Control, options: Options) -> Iterator[Find
     yield from _starts(tree, control)
     yield from _parallel_axes(tree)
     if len(tree.bodies) > MAX_LINKS:
-        yield Finding(
-            rule="usd.links",
-            severity="warning",
-            subject="robot",
-            message=f"{len(tree.bodies)} bodies: older PhysX and Isaac Sim hold {MAX_LINKS} in an "
+        yield MANY_LINKS(
+            "robot",
+            f"{len(tree.bodies)} bodies: older PhysX and Isaac Sim hold {MAX_LINKS} in an "
             "articulation; unverified on newer ones",
             hint=f"merge {_mergeable(tree)}: `fixed_joints`",
             data={"bodies": len(tree.bodies), "limit": MAX_LINKS},
@@ -50,20 +107,16 @@ def _limits(joint: Joint) -> Iterator[Finding]:
     lower, upper = limits(joint)
     stated = (joint.limits.lower is not None, joint.limits.upper is not None)
     if any(stated) and not all(stated):
-        yield Finding(
-            rule="usd.one_sided_limit",
-            severity="warning",
-            subject=f"joint {joint.name}",
-            message="has one limit; some readers of PhysX then limit neither side",
+        yield ONE_SIDED_LIMIT(
+            f"joint {joint.name}",
+            "has one limit; some readers of PhysX then limit neither side",
             hint="give the joint both limits",
         )
     worst = max(abs(v) for v in (lower, upper) if abs(v) != float("inf")) if any(stated) else 0.0
     if is_angular(joint) and worst > MAX_ANGLE_DEG + 1e-3:
-        yield Finding(
-            rule="usd.limit_clamped",
-            severity="warning",
-            subject=f"joint {joint.name}",
-            message=f"limit {worst:.6g}° lies beyond ±360°, where PhysX clamps it",
+        yield LIMIT_CLAMPED(
+            f"joint {joint.name}",
+            f"limit {worst:.6g}° lies beyond ±360°, where PhysX clamps it",
             hint="make the joint continuous, or narrow its limits",
             data={"limit_deg": worst},
         )
@@ -74,26 +127,21 @@ def _mimic(tree: Tree, joint: Joint, options: Options) -> Iterator[Finding]:
         return
     subject, leader = f"joint {joint.name}", tree.by_joint[joint.mimic.joint]
     if not options.mimics:
-        yield Finding(
-            rule="usd.mimic",
+        yield MIMIC(
+            subject,
+            f"does not follow `{leader.name}` in USD: the recipe says `usd.mimics: false`",
             severity="info",
-            subject=subject,
-            message=f"does not follow `{leader.name}` in USD: the recipe says `usd.mimics: false`",
         )
     elif is_angular(leader) != is_angular(joint):
-        yield Finding(
-            rule="usd.mimic",
-            severity="warning",
-            subject=subject,
-            message=f"follows `{leader.name}`, an angle a length: USD cannot hold it, it is free",
+        yield MIMIC(
+            subject,
+            f"follows `{leader.name}`, an angle a length: USD cannot hold it, it is free",
             hint="drive both joints, or couple them in the simulator",
         )
     elif joint.limits.lower is None or joint.limits.upper is None:
-        yield Finding(
-            rule="usd.mimic",
-            severity="warning",
-            subject=subject,
-            message=f"follows `{leader.name}` but has no limits; PhysX wants both to couple them",
+        yield MIMIC(
+            subject,
+            f"follows `{leader.name}` but has no limits; PhysX wants both to couple them",
             hint="give the joint limits",
         )
 
@@ -102,22 +150,18 @@ def _actuators(control: Control) -> Iterator[Finding]:
     for model in ("ideal_pd", "dc_motor", "motor", "general"):
         joints = [a.joint for a in control.actuators if a.model == model]
         if joints:
-            yield Finding(
-                rule="usd.explicit_actuator",
-                severity="info",
-                subject="robot",
-                message=f"`{model}` computes efforts outside of the simulator: the drives of "
+            yield EXPLICIT_ACTUATOR(
+                "robot",
+                f"`{model}` computes efforts outside of the simulator: the drives of "
                 f"{len(joints)} joints have gains 0 and the effort limit",
                 hint="the generated Isaac Lab module holds the model; alone, the asset goes limp",
                 data={"model": model, "joints": tuple(joints)},
             )
     rubbed = [a.joint for a in control.actuators if a.friction > 0.0]
     if rubbed:
-        yield Finding(
-            rule="usd.friction_unit",
-            severity="info",
-            subject="robot",
-            message=f"dry friction of {len(rubbed)} joints is written as an effort; Isaac Sim 4.5 "
+        yield FRICTION_UNIT(
+            "robot",
+            f"dry friction of {len(rubbed)} joints is written as an effort; Isaac Sim 4.5 "
             "and older read `physxJoint:jointFriction` as a coefficient",
             hint="set `friction=0` in the actuator configuration there",
             data={"joints": tuple(rubbed)},
@@ -145,11 +189,9 @@ def _contact(control: Control) -> Iterator[Finding]:
     for name, value_of, usual, why in kinds:
         values = sorted({repr(value_of(s)) for s in surfaces if value_of(s) != usual})
         if values:
-            yield Finding(
-                rule="usd.contact",
-                severity="info",
-                subject="robot",
-                message=f"{name} {', '.join(values[:4])} is not in the USD: {why}",
+            yield CONTACT(
+                "robot",
+                f"{name} {', '.join(values[:4])} is not in the USD: {why}",
                 hint="compare `contact_friction` and the standing height in the alignment form",
                 data={"value": name, "surfaces": len(values)},
             )
@@ -158,11 +200,9 @@ def _contact(control: Control) -> Iterator[Finding]:
 def _keyframes(control: Control) -> Iterator[Finding]:
     lost = tuple(key.name for key in control.keyframes if key.name != "home")
     if lost:
-        yield Finding(
-            rule="usd.keyframes",
-            severity="info",
-            subject="robot",
-            message=f"USD has no keyframes: {', '.join(lost)} left out; drives aim at `home`",
+        yield KEYFRAMES(
+            "robot",
+            f"USD has no keyframes: {', '.join(lost)} left out; drives aim at `home`",
             hint="take them from the MJCF or the generated Isaac Lab module",
             data={"keyframes": lost},
         )
@@ -171,11 +211,9 @@ def _keyframes(control: Control) -> Iterator[Finding]:
 def _starts(tree: Tree, control: Control) -> Iterator[Finding]:
     for name, position in starting_positions(tree, control).items():
         if position != 0.0 and not any(key.name == "home" for key in control.keyframes):
-            yield Finding(
-                rule="usd.start",
-                severity="info",
-                subject=f"joint {name}",
-                message=f"0 is outside of its limits: it starts at {position:.4g} in PhysX, which "
+            yield START_OUTSIDE(
+                f"joint {name}",
+                f"0 is outside of its limits: it starts at {position:.4g} in PhysX, which "
                 "blows up outside of them",
                 hint="add a keyframe `home`",
                 data={"position": position},
@@ -185,11 +223,9 @@ def _starts(tree: Tree, control: Control) -> Iterator[Finding]:
 def _parallel_axes(tree: Tree) -> Iterator[Finding]:
     plain = [j.name for j in tree.moving_joints if max(map(abs, j.axis)) >= 1.0 - 1e-12]
     if plain:
-        yield Finding(
-            rule="usd.parallel_axis",
-            severity="info",
-            subject="robot",
-            message=f"the axes of {len(plain)} joints are exactly axes of their bodies",
+        yield PARALLEL_AXIS(
+            "robot",
+            f"the axes of {len(plain)} joints are exactly axes of their bodies",
             hint="harmless; should a runtime stumble over it, `edits: perturb_axis` turns them",
             data={"joints": tuple(plain)},
         )

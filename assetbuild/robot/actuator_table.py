@@ -6,9 +6,9 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from assetbuild.recipe.base import Model, NonNegative, Positive, Real
-from assetbuild.recipe.names import Pattern
+from assetbuild.quantities import Model, NonNegative, Pattern, Positive, Real
 
+ActuatorModel = Literal["pd", "ideal_pd", "dc_motor", "velocity", "motor", "general", "passive"]
 Unlimited = Literal["unlimited"]
 
 
@@ -25,8 +25,13 @@ class Motor(Model):
     friction: NonNegative | None = Field(None, description="dry friction, N m or N")
     source: str = Field("", description="where the numbers come from")
 
+    @property
+    def armature(self) -> float | None:
+        """Inertia that the joint feels: rotor_inertia * gear^2, kg m2; None without a rotor."""
+        return None if self.rotor_inertia is None else self.rotor_inertia * (self.gear or 1.0) ** 2
 
-class GeneralActuator(Model):
+
+class General(Model):
     """The parameters of MuJoCo's general actuator, in its own names, order and units."""
 
     dyntype: Literal["none", "integrator", "filter", "filterexact", "muscle"] = Field(
@@ -43,7 +48,7 @@ class ActuatorRow(Model):
     """One row of the actuator table; every moving joint matches exactly one."""
 
     joints: Pattern = Field(description="matches whole joint names")
-    model: Literal["pd", "ideal_pd", "dc_motor", "velocity", "motor", "general", "passive"] = Field(
+    model: ActuatorModel = Field(
         "pd", description="pd is implicit: the simulator integrates the gains"
     )
     motor: str | None = Field(None, description="name in `motors`")
@@ -83,7 +88,7 @@ class ActuatorRow(Model):
         description="range of the command. limits: of the joint (pd), its effort or velocity "
         "limit (the others), the default; reach: of pd, the limits and effort/kp beyond them",
     )
-    general: GeneralActuator | None = Field(None, description="of the model `general` alone")
+    general: General | None = Field(None, description="of the model `general` alone")
 
     @model_validator(mode="after")
     def _one_way_to_say_it(self) -> ActuatorRow:

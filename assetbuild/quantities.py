@@ -1,12 +1,22 @@
-"""What all recipe models are built of: the base model, numbers, and quantities with units."""
+"""What the sections of a recipe are made of: base model, numbers with units, names, patterns."""
 
 from __future__ import annotations
 
+import copy
 import math
 import re
-from typing import Annotated
+from typing import Annotated, Any, Optional, TypeVar
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    WithJsonSchema,
+    create_model,
+)
+from pydantic.fields import FieldInfo
 
 _LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
 _QUANTITY = re.compile(r"\s*([0-9.eE+-]+)\s*([a-zA-Z%]+)\s*")
@@ -16,6 +26,32 @@ class Model(BaseModel):
     """Base of all recipe models: frozen, and an unknown key is an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+M = TypeVar("M", bound=Model)
+
+
+def unstated(model: type[M]) -> type[M]:
+    """The same keys, all optional: None = not said. For a patch on a model with defaults."""
+    keys: dict[str, Any] = {  # Any: what create_model takes
+        name: (Optional[field.annotation], _optional(field))  # noqa: UP045 # a runtime value
+        for name, field in model.model_fields.items()
+    }
+    return create_model(
+        model.__name__, __base__=model, __module__=model.__module__, __doc__=model.__doc__, **keys
+    )
+
+
+def stated(model: Model) -> dict[str, Any]:  # Any: values of any key
+    """Key -> value of what an `unstated` model says."""
+    return {key: value for key, value in model if value is not None}
+
+
+def _optional(field: FieldInfo) -> FieldInfo:
+    """The same constraints and description, with None as the default."""
+    optional = copy.copy(field)
+    optional.default, optional.default_factory = None, None
+    return optional
 
 
 def _finite(value: float) -> float:
@@ -66,3 +102,18 @@ Share = Annotated[
     float, Field(ge=0), AfterValidator(_finite), BeforeValidator(_share), _as_written("%")
 ]
 """A share: `2 %`, or 0.02."""
+
+
+def _pattern(text: str) -> str:
+    if len(text) > 500:
+        raise ValueError("a pattern may have at most 500 characters")
+    try:
+        re.compile(text)
+    except (re.error, OverflowError, RecursionError) as error:
+        raise ValueError(f"not a regular expression: {error}") from error
+    return text
+
+
+Pattern = Annotated[str, AfterValidator(_pattern)]
+"""A regular expression that must match a whole name of the source."""
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,63}$")]

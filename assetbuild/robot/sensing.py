@@ -7,8 +7,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from assetbuild.recipe.base import Model, NonNegative, Positive, Real
-from assetbuild.recipe.names import Name, Pattern
+from assetbuild.quantities import Model, Name, NonNegative, Pattern, Positive, Real
 
 ImuKind = Literal["gyro", "accelerometer", "velocimeter", "framequat", "framezaxis", "magnetometer"]
 AT_LINK = (

@@ -8,8 +8,7 @@ from typing import Annotated, TypeVar
 
 from pydantic import AfterValidator, Field
 
-from assetbuild.recipe.base import Model, NonNegative, Positive, Real
-from assetbuild.recipe.names import Pattern
+from assetbuild.quantities import Model, NonNegative, Pattern, Positive, Real
 
 
 def _rising(pair: tuple[float, float]) -> tuple[float, float]:
