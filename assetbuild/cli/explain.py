@@ -29,8 +29,8 @@ def run(arguments: argparse.Namespace) -> int:
     from assetbuild.errors import UsageError, did_you_mean
     from assetbuild.pipeline.opening import looked_at
 
-    with looked_at(arguments.recipe, arguments.variant) as (done, session):
-        graph = done.graph
+    with looked_at(arguments.recipe, arguments.variant) as look:
+        graph, session = look.done.graph, look.session
         if arguments.step is not None and arguments.step not in graph.nodes:
             hint = did_you_mean(arguments.step, graph.nodes)
             raise UsageError(f"no step `{arguments.step}`", hint=hint)
@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     for line in told_of_all(found) if arguments.step is None else [found[0].to_text()]:
         print(line)
-    if not done.whole:
+    if not look.done.whole:
         print("the graph goes on once the stale steps are built", file=sys.stderr)
     return 0
 
@@ -59,11 +59,12 @@ def print_stale(recipe: Path, variant: str | None) -> int:
     from assetbuild.engine.explain import explain
     from assetbuild.pipeline.opening import looked_at
 
-    with looked_at(recipe, variant) as (done, session):
-        found = [explain(done.graph, session, label) for label in done.graph.nodes]
+    with looked_at(recipe, variant) as look:
+        graph = look.done.graph
+        found = [explain(graph, look.session, label) for label in graph.nodes]
     stale = [explanation for explanation in found if explanation.state != "up to date"]
     for explanation in stale:
         print(explanation.to_text())
-    more = "" if done.whole else ", and what follows from them"
+    more = "" if look.done.whole else ", and what follows from them"
     print(f"{recipe}: {len(stale)} of {len(found)} steps would run{more}")
     return 0

@@ -10,9 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from assetbuild.engine.rounds import Settled
-    from assetbuild.engine.session import Session
-    from assetbuild.plan import Outline
+    from assetbuild.pipeline.opening import Look
 
 HELP = "print the graph of a recipe, what a change reaches, what a build waits for"
 
@@ -26,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     which = parser.add_mutually_exclusive_group()
     which.add_argument(
-        "--stale", metavar="FILE_OR_STEP", help="the steps that a change of it can reach"
+        "--stale", metavar="WHAT", help="the steps that a change of a file, step or key can reach"
     )
     which.add_argument(
         "--critical", action="store_true", help="the steps that take longest, one after the other"
@@ -37,31 +35,31 @@ def run(arguments: argparse.Namespace) -> int:
     """Print the graph as far as it is known."""
     from assetbuild.pipeline.opening import looked_at
 
-    with looked_at(arguments.recipe, arguments.variant) as (done, session):
+    with looked_at(arguments.recipe, arguments.variant) as look:
         asked = arguments.stale is not None or arguments.critical
         if arguments.format == "json" and not asked:
-            print(json.dumps(done.graph.to_json(), indent=2, sort_keys=True))
+            print(json.dumps(look.done.graph.to_json(), indent=2, sort_keys=True))
         elif arguments.format == "text" and not asked:
-            print(done.graph.to_text())
+            print(look.done.graph.to_text())
         else:
-            _answer(arguments, done, session)
-    if not done.whole:
+            _answer(arguments, look)
+    if not look.done.whole:
         print("the graph goes on once these steps are built", file=sys.stderr)
     return 0
 
 
-def _answer(arguments: argparse.Namespace, done: Settled[Outline], session: Session) -> None:
+def _answer(arguments: argparse.Namespace, look: Look) -> None:
     """In words, as data, or as a picture in which the steps are marked."""
     from assetbuild.pipeline import drawing
     from assetbuild.pipeline.mapping import reached_first, seconds_of
 
-    seconds = seconds_of(done, session)
-    net = drawing.network(done.graph, seconds)
+    seconds = seconds_of(look)
+    net = drawing.network(look.done.graph, seconds)
     marked: Sequence[str] = ()
     head = ""
     if arguments.stale is not None:
-        reached = drawing.behind(net, reached_first(arguments.stale, done, session))
-        marked = [label for label in done.graph.nodes if label in reached]
+        reached = drawing.behind(net, reached_first(arguments.stale, look))
+        marked = [label for label in look.done.graph.nodes if label in reached]
         head = f"a change of `{arguments.stale}` can reach"
     elif arguments.critical:
         marked = drawing.critical_path(net)

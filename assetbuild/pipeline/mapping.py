@@ -6,42 +6,52 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from assetbuild.engine.graph import Ref
+from assetbuild.engine.graph import Graph, Ref
 from assetbuild.engine.resolver import Resolver
-from assetbuild.engine.rounds import Settled
 from assetbuild.engine.session import Session
 from assetbuild.errors import UsageError, did_you_mean
-from assetbuild.plan import Outline
+from assetbuild.pipeline.opening import Look
+from assetbuild.pipeline.varying import reached_by_key
 
 
-def seconds_of(done: Settled[Outline], session: Session) -> dict[str, float]:
+def seconds_of(look: Look) -> dict[str, float]:
     """Wall clock of each step when it last ran; steps that the store does not know are absent."""
-    resolver = Resolver(done.graph.nodes, session)
-    made = {label: resolver.made(label) for label in done.graph.nodes}
+    resolver = Resolver(look.done.graph.nodes, look.session)
+    made = {label: resolver.made(label) for label in look.done.graph.nodes}
     return {label: each.seconds for label, each in made.items() if each is not None}
 
 
-def reached_first(name: str, done: Settled[Outline], session: Session) -> list[str]:
-    """The step of this name, or the steps that read the file of this name. UsageError.
+def reached_first(name: str, look: Look) -> list[str]:
+    """The steps that a change reaches directly. UsageError.
+
+    name: of a step, of a file that steps read, or of a key that stands in the recipe.
+    """
+    found = _of_step_or_file(name, look.done.graph, look.session)
+    written = look.loaded.tree.value
+    keys = list(written) if isinstance(written, dict) else []
+    if not found and name.partition(".")[0] in keys:
+        return reached_by_key(name, look)
+    if not found:
+        hint = did_you_mean(name, [*look.done.graph.nodes, *keys])
+        raise UsageError(f"`{name}` is no step, no file that a step reads, no key", hint=hint)
+    return found
+
+
+def _of_step_or_file(name: str, graph: Graph, session: Session) -> list[str]:
+    """The step of this name, or the steps that read the file of this name; else none.
 
     name: a file outside the store as the user sees it, or a member of a folder that steps read,
     by its path in that folder (`meshes/trunk.dae` of an archive).
     """
-    if name in done.graph.nodes:
+    if name in graph.nodes:
         return [name]
     path = Path(name).absolute()
-    resolver = Resolver(done.graph.nodes, session)
-    files: set[str] = set()
+    resolver = Resolver(graph.nodes, session)
     found = []
-    for label, node in done.graph.nodes.items():
+    for label, node in graph.nodes.items():
         read = {each for ref in node.inputs.values() for each in _files(ref, resolver, session)}
-        files |= {str(each) for each in read}
         if path in read or name in read:
             found.append(label)
-    if not found:
-        known = [*done.graph.nodes, *files]
-        hint = did_you_mean(name, known) if known else ""
-        raise UsageError(f"`{name}` is no step, and no file that a step reads", hint=hint)
     return found
 
 

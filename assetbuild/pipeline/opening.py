@@ -6,6 +6,7 @@ import functools
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,12 +34,23 @@ def opened(recipe: Path, variant: str | None) -> tuple[LoadedRecipe, Lock | None
     return loaded, lock, open_session(loaded)
 
 
+@dataclass(frozen=True)
+class Look:
+    """A recipe and its plan as far as it is known without running anything."""
+
+    loaded: LoadedRecipe
+    lock: Lock | None
+    session: Session
+    done: Settled[Outline]
+
+
 @contextmanager
-def looked_at(recipe: Path, variant: str | None) -> Iterator[tuple[Settled[Outline], Session]]:
-    """The plan of a recipe as far as it is known without running anything, and its session."""
+def looked_at(recipe: Path, variant: str | None) -> Iterator[Look]:
+    """For verbs that only look, while its session is open."""
     loaded, lock, session = opened(recipe, variant)
     with session:
-        yield planned(functools.partial(plan, loaded, lock), session), session
+        done = planned(functools.partial(plan, loaded, lock), session)
+        yield Look(loaded, lock, session, done)
 
 
 def open_session(

@@ -27,7 +27,8 @@ class Shared:
 
 def push(recipe: Path, variant: str | None, remote: Remote) -> Shared:
     """Offer every result that the store has; nothing is built."""
-    with looked_at(recipe, variant) as (done, session):
+    with looked_at(recipe, variant) as look:
+        done, session = look.done, look.session
         resolver = Resolver(done.graph.nodes, session)
         sent = 0
         for label in done.graph.nodes:

@@ -84,13 +84,23 @@ def test_plan_names_what_a_change_reaches(place: Workplace):
         told = place.run("plan", "recipes/go1.yaml", "--stale", name).stdout.splitlines()
         assert told[0].startswith(f"a change of `{name}` can reach ")
         assert {"read_urdf", "control", "mjcf"} <= {line.split()[-1] for line in told}
-    asked = ("plan", "recipes/go1.yaml", "--stale", "control", "--format", "json")
-    labels = [row["label"] for row in json.loads(place.run(*asked).stdout)]
-    assert "mjcf" in labels
-    assert "read_urdf" not in labels
     wrong = place.run("plan", "recipes/go1.yaml", "--stale", "controll")
     assert wrong.returncode == 2
     assert "did you mean `control`?" in wrong.stderr
+
+
+@pytest.mark.parametrize("name", ["control", "actuators", "actuators.0.kp"])
+def test_a_gain_reaches_the_targets_and_no_geometry(place: Workplace, name: str):
+    asked = ("plan", "recipes/go1.yaml", "--stale", name, "--format", "json")
+    labels = {row["label"] for row in json.loads(place.run(*asked).stdout)}
+    assert {"control", "mjcf", "usd"} <= labels
+    assert not labels & {"read_urdf", "merge_fixed_joints", "assemble"}
+
+
+def test_a_key_without_another_value_is_told(place: Workplace):
+    done = place.run("plan", "recipes/go1.yaml", "--stale", "robot")
+    assert done.returncode == 2
+    assert "`robot` is a key of the recipe of which no value can be changed alone" in done.stderr
 
 
 def test_plan_names_what_a_build_waits_for(place: Workplace):
