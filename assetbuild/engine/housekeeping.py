@@ -138,7 +138,8 @@ def collect(store: Store, max_bytes: int) -> Collected:
     _trim(store.root, ("quarantine",), 0)
     _trim(store.root, NOTES, max_bytes // 10)
     protected_from = min([began, *_live(store.root)])
-    choice = _Choice(store, max_bytes - _size_below(store.root, NOTES), protected_from)
+    notes = sum(entry.stat().st_size for name in NOTES for entry in _files(store.root / name))
+    choice = _Choice(store, max_bytes - notes, protected_from)
     for path in choice.dropped:
         path.unlink(missing_ok=True)
     removed = 0
@@ -206,26 +207,15 @@ def _trim(home: Path, names: tuple[str, ...], allowed: int) -> None:
         size -= part
 
 
-def _size_below(home: Path, names: tuple[str, ...]) -> int:
-    return sum(entry.stat().st_size for name in names for entry in _files(home / name))
-
-
 def _live(home: Path) -> list[float]:
     """When the builds that run now began."""
-    return [began for f in _folders(home / "tmp") if (began := _began(f)) and is_claimed(f)]
-
-
-def _began(folder: Path) -> float:
-    with suppress(OSError):
-        return (folder / BEGAN).stat().st_ctime
-    return 0.0
-
-
-def _folders(folder: Path) -> list[Path]:
-    try:
-        return sorted(path for path in folder.iterdir() if path.is_dir())
-    except OSError:
-        return []
+    found = []
+    for mark in (home / "tmp").glob(f"*/{BEGAN}"):
+        with suppress(OSError):  # it ends just now
+            began = mark.stat().st_ctime
+            if is_claimed(mark.parent):
+                found.append(began)
+    return found
 
 
 def _files(folder: Path) -> Iterator[os.DirEntry[str]]:

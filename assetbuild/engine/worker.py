@@ -1,10 +1,9 @@
 """The child process: imports heavy modules once, then forks one process per step.
 
 It speaks JSON lines. A request on its standard input is `{"id", "job", "module", "wall_s"}`: the
-path of a job file, and the module of its step. It answers `{"ready"}` once; then, per job,
-`{"id", "pid"}` and `{"id", "status", "wall_s", "cpu_s", "over"}`. A crash of a step
-loses that step only. When the input ends, because the parent closed it or died, everything that
-runs is killed.
+path of a job file, and the module of its step. It answers, per job, `{"id", "pid"}` and
+`{"id", "status", "wall_s", "cpu_s", "over"}`. A crash of a step loses that step only. When the
+input ends, because the parent closed it or died, everything that runs is killed.
 """
 
 from __future__ import annotations
@@ -114,7 +113,6 @@ class Zygote:
 
     def serve(self) -> NoReturn:
         """Until the input ends."""
-        self.reply(ready=True, fresh=self.fresh)
         while True:
             now = time.monotonic()
             nearest = min((r.deadline for r in self.running.values() if not r.over), default=None)
