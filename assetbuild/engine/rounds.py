@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 from assetbuild.engine.execute import Listener, execute, first_error
@@ -21,17 +21,15 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Settled(Generic[T]):
-    """The last plan, and what became of its steps; of a failed round what there was."""
+    """The last plan, and what became of its steps; of a failed round what there was.
+
+    whole: the plan has all its answers.
+    """
 
     outline: T
-    planner: Planner
     graph: Graph
-    results: dict[str, NodeResult]
-
-    @property
-    def whole(self) -> bool:
-        """Has the plan all its answers?"""
-        return not self.planner.questions
+    whole: bool
+    results: dict[str, NodeResult] = field(default_factory=dict)
 
     @property
     def errors(self) -> tuple[AssetBuildError, ...]:
@@ -46,7 +44,7 @@ def planned(add: Callable[[Planner], T], session: Session) -> Settled[T]:
     """
     planner = Planner(session)
     outline = add(planner)
-    return Settled(outline, planner, planner.graph(), {})
+    return Settled(outline, planner.graph(), whole=not planner.questions)
 
 
 def settle(
