@@ -93,7 +93,7 @@ class Maker:
                 status="failed",
                 key=key,
                 seconds=round(time.monotonic() - began, 4),
-                error=self._with_log(error, label),
+                error=error,
                 reason=changes_text(changes),
                 log=self._log(label),
             )
@@ -141,12 +141,6 @@ class Maker:
     def _log(self, label: str) -> Path | None:
         path = self.session.log_path(label)
         return path if path.is_file() else None
-
-    def _with_log(self, error: AssetBuildError, label: str) -> AssetBuildError:
-        log = self._log(label)
-        if not error.hint and isinstance(error, StepError) and log is not None:
-            error.hint = f"its log: {log}"
-        return error
 
     # -- lost objects
 

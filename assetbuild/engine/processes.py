@@ -7,7 +7,8 @@ import os
 import shutil
 import signal
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -76,14 +77,30 @@ class Processes:
 
         LostObjectError when the store lost one of its inputs.
         """
-        store = self._session.store
-        with machine_errors(store.root.parent):
-            folder = store.scratch()
-            try:
+        try:
+            with machine_errors(self._session.store.root.parent), self._folder(node) as folder:
                 return self._run(node, parts, folder)
-            finally:
-                self._keep_log(node, folder)
-                shutil.rmtree(folder, ignore_errors=True)
+        except StepError as error:
+            log = self._session.log_path(node.label)
+            if not error.hint and log.is_file():
+                error.hint = f"its log: {log}"
+            raise
+
+    @contextmanager
+    def _folder(self, node: Node) -> Iterator[Path]:
+        """A private folder; the log in it stays, in place of that of the step's last run."""
+        folder = self._session.store.scratch()
+        try:
+            yield folder
+        finally:
+            log, place = folder / "log", self._session.log_path(node.label)
+            with suppress(OSError):
+                if log.is_file() and log.stat().st_size:
+                    place.parent.mkdir(exist_ok=True)
+                    log.replace(place)
+                else:
+                    place.unlink(missing_ok=True)
+            shutil.rmtree(folder, ignore_errors=True)
 
     def _run(self, node: Node, parts: Parts, folder: Path) -> Made:
         staged = stage(self._session, parts["inputs"], folder / "inputs")
@@ -144,16 +161,6 @@ class Processes:
     def _is_confined(self, node: Node) -> bool:
         """A step that may use the network runs programs and reads settings of the user's."""
         return self.sandbox and not node.step.network
-
-    def _keep_log(self, node: Node, folder: Path) -> None:
-        """The log of the last run stays, outside the private folder; an empty one goes."""
-        log, place = folder / "log", self._session.log_path(node.label)
-        with suppress(OSError):
-            if log.is_file() and log.stat().st_size:
-                place.parent.mkdir(exist_ok=True)
-                log.replace(place)
-            else:
-                place.unlink(missing_ok=True)
 
 
 def usable_cores() -> int:
