@@ -1,6 +1,6 @@
 """The kinds of plug-ins and their fixed ports. A plug-in is one file: its name is the file's.
 
-Every target and check finds the robot under the same input names:
+Every target and check finds the robot under the same input names; `RobotFiles` reads them:
 
     links.json     Tree before merging fixed joints (after the recipe's edits): the source's links
     tree.json      Tree after merging: the bodies that will be simulated
@@ -17,27 +17,25 @@ untouched description (but for comments) as `source.urdf` when `needs` says "sou
 
 from __future__ import annotations
 
-import importlib
+import contextlib
 import importlib.util
 import json
-import pkgutil
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import ClassVar, Self, TypeVar
+from typing import Any, ClassVar, Protocol, Self, get_args
 
 from pydantic import ConfigDict
+from pydantic.fields import FieldInfo
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
-from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import encode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import (
     Body,
     Box,
     Capsule,
-    Control,
     Cylinder,
     Inertial,
     Joint,
@@ -50,29 +48,6 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3
 
 ROBOT_PORTS = ("links.json", "tree.json", "shapes.json", "control.json", "meshes/")
-
-
-@dataclass(frozen=True)
-class Robot:
-    """What a target or check reads. mesh_dir holds the files of `shapes.meshes`."""
-
-    links: Tree
-    tree: Tree
-    shapes: Shapes
-    control: Control
-    mesh_dir: Path
-
-
-def read_robot(files: Files) -> Robot:
-    """The robot behind the fixed ports."""
-    folder = files.inputs
-    return Robot(
-        links=decode(Tree, (folder / "links.json").read_bytes()),
-        tree=decode(Tree, (folder / "tree.json").read_bytes()),
-        shapes=decode(Shapes, (folder / "shapes.json").read_bytes()),
-        control=decode(Control, (folder / "control.json").read_bytes()),
-        mesh_dir=folder / "meshes",
-    )
 
 
 @dataclass(frozen=True)
@@ -138,7 +113,10 @@ class Edit(Step):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+    group: ClassVar[str] = "edits"
     outputs = ("links.json", "shapes.json")
+    follows_names: ClassVar[bool] = True
+    """Whether what an MJCF says of its joints and links by name still holds afterwards."""
 
     def edit(self, tree: Tree, shapes: Shapes, files: Files) -> Edited:
         """The changed robot and what to say about it; RecipeError for what cannot be done."""
@@ -158,9 +136,8 @@ class Edit(Step):
 
     def run(self, files: Files) -> Iterable[Finding]:
         """Reads and writes `links.json` and `shapes.json`."""
-        tree = decode(Tree, (files.inputs / "links.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        done = self.edit(tree, shapes, files)
+        robot = RobotFiles(files.inputs)
+        done = self.edit(robot.links, robot.shapes, files)
         (files.outputs / "links.json").write_bytes(encode(done.tree))
         (files.outputs / "shapes.json").write_bytes(encode(done.shapes))
         return done.findings
@@ -202,13 +179,80 @@ def edit_joints(
     return replace(tree, joints=tuple(joints)), tuple(findings)
 
 
-class Target(Step):
+class RecipeView(Protocol):
+    """What a plug-in may ask a recipe; paths are as people write them: `validate.free_fall`."""
+
+    def value(self, path: str) -> Any:  # Any: of the key's own type
+        """The value at a path, None below a section that is null. KeyError: no such key."""
+        ...
+
+    def states(self, key: str) -> bool:
+        """Whether the recipe itself states a key at its top, rather than leaving its default."""
+        ...
+
+    def stated(self, path: str) -> frozenset[str]:
+        """The keys of a section that the recipe itself states."""
+        ...
+
+
+class Plugin(Step):
+    """A target or check: what its fields say, a recipe may say.
+
+    Fields with a description are the keys of the map at `section`; `sections` are maps that one
+    field holds as a whole; `told` fields come from keys that others declare.
+    """
+
+    section: ClassVar[str] = ""
+    """Where the keys stand that its described fields are, such as `validate.stand`."""
+    about: ClassVar[str] = ""
+    """What that section asks for, for the reference of recipe keys."""
+    wanted: ClassVar[bool] = True
+    """Whether the section is on where a recipe does not state it."""
+    sections: ClassVar[Mapping[str, str]] = {}
+    """Path of a section -> the field whose type is the model of its keys."""
+    told: ClassVar[Mapping[str, str]] = {}
+    """Field -> path of the key that it comes from."""
+
+    @classmethod
+    def keys(cls) -> dict[str, FieldInfo]:
+        """The fields that are keys of `section`, by name."""
+        return {name: info for name, info in cls.model_fields.items() if info.description}
+
+    @classmethod
+    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
+        """What the recipe says of its fields; None where a section of its own is null.
+
+        A recipe that does not name the plug-in may lack its section: then the defaults hold.
+        """
+        found: dict[str, Any] = {}  # Any: as above
+        robot = {"robot": "robot"} if "robot" in cls.model_fields else {}
+        wholes = {field: path for path, field in cls.sections.items()}
+        for field, path in {**robot, **cls.told, **wholes}.items():
+            with contextlib.suppress(KeyError):
+                found[field] = recipe.value(path)
+        if any(found.get(field, 0) is None for field in wholes if not _may_be_none(cls, field)):
+            return None
+        if cls.keys():
+            with contextlib.suppress(KeyError):
+                own = recipe.value(cls.section)
+                if own is None:
+                    return None
+                found |= {name: getattr(own, name) for name in cls.keys()}  # noqa: SIM118
+        return found
+
+
+def _may_be_none(plugin: type[Plugin], field: str) -> bool:
+    return type(None) in get_args(plugin.model_fields[field].annotation)
+
+
+class Target(Plugin):
     """Reads the Robot, writes one format below `<name>/`. It may refuse; it may not repair.
 
     Subclasses set `outputs = ("<name>/",)`; what they write there appears in the bundle as is,
     below `folder`. Two targets may write one file of the bundle when its bytes are the same.
     """
 
+    group: ClassVar[str] = "targets"
     robot: str
     """Name of the robot: the stem of the main file."""
     folder: ClassVar[str | None] = None
@@ -217,14 +261,15 @@ class Target(Step):
     """The robot ports that this target really reads; the rest is not linked to it."""
 
     @classmethod
-    def configure(cls, recipe: Recipe) -> Self:
+    def configure(cls, recipe: RecipeView) -> Self:
         """The step that a recipe asks for."""
-        return cls(robot=recipe.robot)
+        return cls.model_validate(cls.values(recipe))
 
 
-class Check(Step):
+class Check(Plugin):
     """Reads the Robot and built files, yields findings, writes `figures.json`."""
 
+    group: ClassVar[str] = "checks"
     outputs = ("figures.json",)
     needs: ClassVar[tuple[str, ...]] = ()
     """Names of targets; "source" for the untouched URDF, "source_mjcf" for an MJCF."""
@@ -233,12 +278,27 @@ class Check(Step):
     reads: ClassVar[tuple[str, ...]] = ROBOT_PORTS
     """The robot ports that this check really reads."""
     requires: ClassVar[Mapping[str, str]] = {}
-    """Optional module -> the extra that brings it; without it the check is skipped aloud."""
+    """Optional module -> the extra that brings it; without it the check is skipped, and the report
+    says so."""
+    engines: ClassVar[tuple[str, ...]] = ()
+    """Runs only where `validate.simulators` names all of these."""
+    listed_in: ClassVar[str] = ""
+    """Runs only where this list of the recipe names it: `validate.linters`."""
 
     @classmethod
-    def configure(cls, recipe: Recipe) -> Self | None:
+    def configure(cls, recipe: RecipeView) -> Self | None:
         """The step that a recipe asks for; None = the recipe does not want this check."""
-        return cls.model_validate({"robot": recipe.robot} if "robot" in cls.model_fields else {})
+        if not set(cls.engines) <= set(recipe.value("validate.simulators")):
+            return None
+        if cls.listed_in and cls.listed_as() not in recipe.value(cls.listed_in):
+            return None
+        values = cls.values(recipe)
+        return None if values is None else cls.model_validate(values)
+
+    @classmethod
+    def listed_as(cls) -> str:
+        """Its name in `listed_in`."""
+        return cls.step_name()
 
     def missing(self) -> str:
         """What else this machine lacks for it, and how to get it; "" = nothing."""
@@ -260,26 +320,3 @@ def write_figures(files: Files, figures: Mapping[str, object]) -> None:
     """
     text = json.dumps(figures, sort_keys=True, indent=1, allow_nan=False)
     (files.outputs / "figures.json").write_text(text + "\n", encoding="utf-8")
-
-
-P = TypeVar("P", bound=Step)
-
-
-def plugin_names(package: str) -> tuple[str, ...]:
-    """Names of the plug-ins in a package such as `assetbuild.targets`; imports none of them."""
-    path = importlib.import_module(package).__path__
-    return tuple(sorted(m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_")))
-
-
-def load_plugin(kind: type[P], package: str, name: str) -> type[P]:
-    """The one subclass of `kind` that `package.name` defines; KeyError when there is no file."""
-    if name not in plugin_names(package):
-        raise KeyError(name)
-    module = importlib.import_module(f"{package}.{name}")
-    own = [
-        v for v in vars(module).values() if isinstance(v, type) and v.__module__ == module.__name__
-    ]
-    found = [v for v in own if issubclass(v, kind)]
-    if len(found) != 1:
-        raise TypeError(f"{module.__name__} must define exactly one {kind.__name__}")
-    return found[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import re
+from collections.abc import Iterable
 from typing import Annotated, Any, Optional, TypeVar
 
 from pydantic import (
@@ -34,8 +35,7 @@ M = TypeVar("M", bound=Model)
 def unstated(model: type[M]) -> type[M]:
     """The same keys, all optional: None = not said. For a patch on a model with defaults."""
     keys: dict[str, Any] = {  # Any: what create_model takes
-        name: (Optional[field.annotation], _optional(field))  # noqa: UP045 # a runtime value
-        for name, field in model.model_fields.items()
+        name: _optional(field) for name, field in model.model_fields.items()
     }
     return create_model(
         model.__name__, __base__=model, __module__=model.__module__, __doc__=model.__doc__, **keys
@@ -47,11 +47,14 @@ def stated(model: Model) -> dict[str, Any]:  # Any: values of any key
     return {key: value for key, value in model if value is not None}
 
 
-def _optional(field: FieldInfo) -> FieldInfo:
-    """The same constraints and description, with None as the default."""
+def _optional(field: FieldInfo) -> tuple[Any, FieldInfo]:  # Any: a type made just now
+    """(type, field) of the same key where None is the default, which no constraint looks at."""
+    kind: Any = field.annotation  # Any: as above
+    for constraint in field.metadata:
+        kind = Annotated[kind, constraint]
     optional = copy.copy(field)
-    optional.default, optional.default_factory = None, None
-    return optional
+    optional.default, optional.default_factory, optional.metadata = None, None, []
+    return Optional[kind], optional  # noqa: UP045 # as above
 
 
 def _finite(value: float) -> float:
@@ -104,8 +107,17 @@ Share = Annotated[
 """A share: `2 %`, or 0.02."""
 
 
+_LISTED = re.compile(r"([^\\.^$*+?{}\[\]()]|\\[^A-Za-z0-9])*")
+"""Names side by side: no length of it takes long to match."""
+
+
+def listed(names: Iterable[str]) -> str:
+    """A pattern for these names and no others."""
+    return "|".join(map(re.escape, names))
+
+
 def _pattern(text: str) -> str:
-    if len(text) > 500:
+    if len(text) > 500 and not _LISTED.fullmatch(text):
         raise ValueError("a pattern may have at most 500 characters")
     try:
         re.compile(text)

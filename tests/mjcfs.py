@@ -14,7 +14,7 @@ from assetbuild.control.control import ControlStep
 from assetbuild.findings import Finding
 from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse
 from assetbuild.geometry.convert_mesh import ConvertMesh
-from assetbuild.recipe.models import Recipe
+from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Base, Control, Mesh, Shapes, Tree
 from assetbuild.robot.source import SourceControl
@@ -105,7 +105,7 @@ class Written:
 def write(reading: Reading, folder: Path, **recipe: object) -> Written:
     """The MJCF of a reading; recipe: further keys of the recipe."""
     given = {"schema": "assetbuild/v1", "robot": "robot", "source": {"path": ".", "mjcf": MAIN}}
-    asked = Recipe.model_validate({**given, **recipe})
+    asked = whole_model().model_validate({**given, **recipe})
     ports = folder / "ports"
     ports.mkdir(parents=True)
     merged = _run(

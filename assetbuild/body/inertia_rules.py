@@ -9,14 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Self
-
-from pydantic import BaseModel, ConfigDict
 
 from assetbuild.findings import Finding, Rule, Scalar, Severity
-from assetbuild.recipe.models import Recipe
 from assetbuild.robot.chains import Chain, find_chains, is_massless, weighs
 from assetbuild.robot.inertia import (
+    LEAST_MOMENT_KG_M2,
+    InertiaBounds,
     Tensor,
     equivalent_radius,
     least_second_moment,
@@ -90,40 +88,8 @@ MASS_SMALL = Rule(
 )
 
 
-class Bounds(BaseModel):
-    """Where the rules draw the line."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    triangle_slack: float = 0.01
-    """A violation of A + B >= C up to this share of C is a warning: numbers rounded by hand."""
-    radius_m: float = 0.5
-    """Radius of the solid ball with the same mass and largest moment: above it, a warning.
-
-    Never an error: such a tensor is valid, simulators take it, and a long thin tube has it.
-    """
-    density_kg_m3: float = 25_000.0
-    """Osmium has 22,590. Of all bodies with a mass and at most this density, a ball of just this
-    density has the least largest moment, so a smaller one belongs to no matter at all."""
-    least_moment_kg_m2: float = 1e-15
-    """MuJoCo refuses a moving body with a smaller principal moment (its mjMINVAL)."""
-    small_mass_kg: float = 1e-3
-    """A moving body below this makes simulators stiff."""
-
-    @classmethod
-    def of(cls, recipe: Recipe) -> Self:
-        """Those of `validate.inertia`."""
-        wish = recipe.validate_.inertia
-        return cls(
-            triangle_slack=wish.triangle_slack,
-            radius_m=wish.radius,
-            density_kg_m3=wish.density,
-            small_mass_kg=wish.small_mass,
-        )
-
-
 def inertia_findings(
-    tree: Tree, shapes: Shapes, bounds: Bounds, worst: Severity
+    tree: Tree, shapes: Shapes, bounds: InertiaBounds, worst: Severity
 ) -> Iterator[Finding]:
     """Findings on all bodies of a tree, none graver than `worst`.
 
@@ -197,7 +163,9 @@ def _missing(subject: str, worst: Severity) -> Finding:
     )
 
 
-def _judge(subject: str, inertial: Inertial, bounds: Bounds, worst: Severity) -> Iterator[Finding]:
+def _judge(
+    subject: str, inertial: Inertial, bounds: InertiaBounds, worst: Severity
+) -> Iterator[Finding]:
     mass, tensor = inertial.mass_kg, inertial.inertia_com_kg_m2
     moments = principal_moments(tensor)
     data: dict[str, Scalar | tuple[Scalar, ...]] = {"mass_kg": mass, "principal_kg_m2": moments}
@@ -206,13 +174,13 @@ def _judge(subject: str, inertial: Inertial, bounds: Bounds, worst: Severity) ->
         hint = "give it its real one: edit `set_mass`, or `inertia_from_geometry` with a density"
         yield MASS(subject, message, hint, severity=worst, data=data)
         return
-    if mass < bounds.small_mass_kg:
+    if mass < bounds.small_mass:
         yield MASS_SMALL(
             subject,
             f"mass is only {mass:g} kg",
             "merge it into a neighbour, or give it its real mass",
             severity=_note(worst),
-            data={"mass_kg": mass, "bound_kg": bounds.small_mass_kg},
+            data={"mass_kg": mass, "bound_kg": bounds.small_mass},
         )
     broken = _broken(subject, tensor, moments, bounds, worst, data)
     if broken:
@@ -225,7 +193,7 @@ def _broken(
     subject: str,
     tensor: Tensor,
     moments: tuple[float, float, float],
-    bounds: Bounds,
+    bounds: InertiaBounds,
     worst: Severity,
     data: Mapping[str, Scalar | tuple[Scalar, ...]],
 ) -> Finding | None:
@@ -254,42 +222,42 @@ def _broken(
 def _size(
     subject: str,
     inertial: Inertial,
-    bounds: Bounds,
+    bounds: InertiaBounds,
     worst: Severity,
     moments: tuple[float, float, float],
 ) -> Iterator[Finding]:
-    radius = equivalent_radius(inertial)
-    yield from _dense(subject, inertial, bounds, worst, moments, radius)
-    if radius <= bounds.radius_m * (1.0 + ROUNDING):
+    radius_m = equivalent_radius(inertial)
+    yield from _dense(subject, inertial, bounds, worst, moments, radius_m)
+    if radius_m <= bounds.radius * (1.0 + ROUNDING):
         return
     yield RADIUS(
         subject,
-        f"its inertia is that of a ball of {radius:.3g} m radius with {inertial.mass_kg:g} kg",
+        f"its inertia is that of a ball of {radius_m:.3g} m radius with {inertial.mass_kg:g} kg",
         "are the units kg m² (not kg mm² or g cm²), and the tensor about the centre of mass?",
-        data={"radius_m": radius, "mass_kg": inertial.mass_kg, "principal_kg_m2": moments},
+        data={"radius_m": radius_m, "mass_kg": inertial.mass_kg, "principal_kg_m2": moments},
     )
 
 
 def _dense(
     subject: str,
     inertial: Inertial,
-    bounds: Bounds,
+    bounds: InertiaBounds,
     worst: Severity,
     moments: tuple[float, float, float],
-    radius: float,
+    radius_m: float,
 ) -> Iterator[Finding]:
-    refused = moments[0] < bounds.least_moment_kg_m2
-    ball = 4.0 / 3.0 * math.pi * radius**3
-    if not refused and inertial.mass_kg <= bounds.density_kg_m3 * ball:
+    refused = moments[0] < LEAST_MOMENT_KG_M2
+    ball = 4.0 / 3.0 * math.pi * radius_m**3
+    if not refused and inertial.mass_kg <= bounds.density * ball:
         return
-    also = f"; MuJoCo refuses moments below {bounds.least_moment_kg_m2:g} kg m²" if refused else ""
+    also = f"; MuJoCo refuses moments below {LEAST_MOMENT_KG_M2:g} kg m²" if refused else ""
     yield DENSE(
         subject,
-        f"{inertial.mass_kg:g} kg with the inertia of a ball of {radius:.3g} m radius: denser than "
-        f"any matter{also}",
+        f"{inertial.mass_kg:g} kg with the inertia of a ball of {radius_m:.3g} m radius: "
+        f"denser than any matter{also}",
         "is it a dummy value? `inertia_from_geometry` computes it from the shapes",
         severity=worst if refused else _note(worst),
-        data={"radius_m": radius, "mass_kg": inertial.mass_kg, "principal_kg_m2": moments},
+        data={"radius_m": radius_m, "mass_kg": inertial.mass_kg, "principal_kg_m2": moments},
     )
 
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pydantic import Field
-
-from assetbuild.body.inertia_rules import Bounds, inertia_findings
+from assetbuild.body.inertia_rules import inertia_findings
 from assetbuild.body.limit_rule import crossed_limits
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Shapes, Tree
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.inertia import InertiaBounds
 
 
 class LintBodies(Step):
@@ -19,12 +17,11 @@ class LintBodies(Step):
 
     version = "6"
 
-    bounds: Bounds = Field(default_factory=Bounds)
+    bounds: InertiaBounds = InertiaBounds()
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Findings in tree order."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        yield from inertia_findings(tree, shapes, self.bounds, "error")
-        for joint in tree.moving_joints:
+        robot = RobotFiles(files.inputs)
+        yield from inertia_findings(robot.tree, robot.shapes, self.bounds, "error")
+        for joint in robot.tree.moving_joints:
             yield from crossed_limits(joint, "error")

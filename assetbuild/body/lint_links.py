@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from pydantic import Field
-
-from assetbuild.body.inertia_rules import Bounds, inertia_findings
+from assetbuild.body.inertia_rules import inertia_findings
 from assetbuild.body.limit_rule import crossed_limits
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.mimic import led_range
 from assetbuild.robot.model import Joint, Shapes, Tree
 from assetbuild.robot.tree import PLACEHOLDER_KG
@@ -67,18 +66,17 @@ class LintLinks(Step):
 
     version = "9"
 
-    bounds: Bounds = Field(default_factory=Bounds)
+    bounds: InertiaBounds = InertiaBounds()
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Findings in the order of the source's tree."""
-        tree = decode(Tree, (files.inputs / "links.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        yield from inertia_findings(tree, shapes, self.bounds, "warning")
-        for joint in tree.moving_joints:
+        robot = RobotFiles(files.inputs)
+        yield from inertia_findings(robot.links, robot.shapes, self.bounds, "warning")
+        for joint in robot.links.moving_joints:
             yield from _range(joint)
             yield from _drive(joint)
-            yield from _led(tree, joint)
-        yield from _without_collision(tree, shapes)
+            yield from _led(robot.links, joint)
+        yield from _without_collision(robot.links, robot.shapes)
 
 
 def _range(joint: Joint) -> Iterator[Finding]:

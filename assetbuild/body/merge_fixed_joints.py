@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import encode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
-from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import Merged, merge_fixed_joints
 
 FIXED_JOINTS = Rule(
@@ -43,20 +43,16 @@ class MergeFixedJoints(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises RecipeError for a pattern that matches no link."""
-        links = decode(Tree, (files.inputs / "links.json").read_bytes())
-        tree, facts = merge_fixed_joints(links, self.merge, self._kept(links) | self._source(files))
+        robot = RobotFiles(files.inputs)
+        links, said = robot.links, robot.source_control if self.keep_source else None
+        kept = self._kept(links) | frozenset(said.bodies if said else ())
+        tree, facts = merge_fixed_joints(links, self.merge, kept)
         (files.outputs / "tree.json").write_bytes(encode(tree))
         for fact in facts:
             if fact.placeholder:
                 yield _placeholder(fact, links)
         if facts:
             yield _merged(facts, tree)
-
-    def _source(self, files: Files) -> frozenset[str]:
-        if not self.keep_source:
-            return frozenset()
-        said = (files.inputs / "source_control.json").read_bytes()
-        return frozenset(decode(SourceControl, said).bodies)
 
     def _kept(self, links: Tree) -> frozenset[str]:
         kept: set[str] = set()

@@ -10,15 +10,13 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Self
+from typing import Any
 from xml.etree.ElementTree import Element
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, write_figures
-from assetbuild.recipe.collision import CollisionRule
-from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
+from assetbuild.kinds import Check, RecipeView, write_figures
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Capsule, Role, Shapes
 
 VISUAL = Rule(
@@ -58,19 +56,19 @@ class Counts(Check):
     """The source is a URDF that we wrote: a capsule, which URDF lacks, is three elements of it."""
 
     @classmethod
-    def configure(cls, recipe: Recipe) -> Self:
+    def values(cls, recipe: RecipeView) -> dict[str, Any]:  # Any: values of its fields
         """Knows which links shall have no collision."""
-        collision = recipe.collision
-        named = [*collision.links.items(), (".*", collision.default)]
-        return cls(
-            robot=recipe.robot,
-            rules=tuple(_rule(p, rule) for p, rule in named),
-            written=bool(recipe.source.mjcf or recipe.edits or recipe.compose),
-        )
+        links, default = (recipe.value(f"collision.{key}") for key in ("links", "default"))
+        rules = [*links.items(), (".*", default)]
+        return {
+            "robot": recipe.value("robot"),
+            "rules": tuple((pattern, rule.method, rule.from_) for pattern, rule in rules),
+            "written": any(recipe.value(key) for key in ("source.mjcf", "edits", "compose")),
+        }
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `source.urdf`, `shapes.json` and `mjcf/<robot>.xml`."""
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        shapes = RobotFiles(files.inputs).shapes
         source = _root(files.inputs / "source.urdf")
         stated = {role: _stated(source, role) for role in ("visual", "collision")}
         built = {
@@ -125,10 +123,6 @@ def _root(path: Path) -> Element:
 
     root: Element = fromstring(path.read_bytes())
     return root
-
-
-def _rule(pattern: str, rule: CollisionRule) -> tuple[str, str, str]:
-    return pattern, rule.method, rule.from_
 
 
 def _stated(robot: Element, role: Role) -> Counter[str]:

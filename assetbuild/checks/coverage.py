@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
+from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
@@ -22,8 +22,8 @@ from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import Primitive, tessellate
 from assetbuild.mesh.solids import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
+from assetbuild.quantities import Positive
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Mesh, Shape, Shapes, Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose
 
@@ -69,23 +69,21 @@ class Coverage(Check):
     preload = ("numpy", "scipy.spatial", "fast_simplification")
     reads = ("tree.json", "shapes.json", "meshes/")
 
-    max_shift: float = 0.015
-    """m."""
-    max_shift_share: float = 0.08
-    """Of the body's size: a shift below it is a simplification."""
+    section = "validate"
 
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self:
-        """The limits stand in `validate`."""
-        wish = recipe.validate_
-        return cls(max_shift=wish.max_shift, max_shift_share=wish.max_shift_share)
+    max_shift: Positive = Field(
+        0.015, description="m: collision geometry beside the visual geometry of its body, warning"
+    )
+    max_shift_share: Positive = Field(
+        0.08, description="the same as a share of the body's size; the larger of the two counts"
+    )
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads tree, shapes and meshes."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, shapes = robot.tree, robot.shapes
         meshes = {
-            asset.name: read_triangles((files.inputs / "meshes" / asset.file).read_bytes())
+            asset.name: read_triangles((robot.mesh_dir / asset.file).read_bytes())
             for asset in shapes.meshes
         }
         seen = {b.name: _points(tree, shapes, meshes, b.name, "visual") for b in tree.bodies}

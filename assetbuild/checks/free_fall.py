@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Self
+from typing import ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Tree
+from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import experiments, mujoco
+from assetbuild.simulators.experiments import Fall
 
 LOAD = Rule("free_fall.load", "error", "MuJoCo refuses the MJCF", "see `mjcf.load`")
 WRONG_DROP = Rule(
@@ -35,23 +34,14 @@ class FreeFall(Check):
     reads = ("tree.json",)
 
     robot: str
-    seconds: float = 0.4
-    tolerance: float = 0.003
-    """Relative, of the drop; also of the motion across gravity."""
-    broken: float = 0.05
-    """The same, above which the model is wrong and not the integrator."""
+    engines = ("mujoco",)
+    sections: ClassVar = {"validate.free_fall": "drop"}
 
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self | None:
-        """None when the recipe drops nothing, or not in MuJoCo."""
-        wish = recipe.validate_.free_fall
-        if wish is None or "mujoco" not in recipe.validate_.simulators:
-            return None
-        return cls(robot=recipe.robot, **wish.model_dump())
+    drop: Fall = Fall()
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `tree.json` and `mjcf/<robot>.xml`."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        tree = RobotFiles(files.inputs).tree
         if tree.base == "fixed":
             write_figures(files, {"skipped": "fixed base"})
             yield FIXED_BASE("robot", "a fixed base does not fall: not dropped")
@@ -62,7 +52,7 @@ class FreeFall(Check):
             write_figures(files, {"skipped": "the MJCF does not load"})
             yield LOAD("robot", f"nothing to drop: {error.message}")
             return
-        fall = mujoco.free_fall(model, self.seconds)
+        fall = mujoco.free_fall(model, self.drop.seconds)
         write_figures(
             files,
             {
@@ -88,8 +78,8 @@ class FreeFall(Check):
             return
         # Compared as lengths, so that without gravity nothing may move at all.
         error = max(abs(fall.drop_m - fall.expected_m), fall.sideways_m)
-        if error > self.tolerance * fall.expected_m + 1e-9:
-            broken = error > self.broken * fall.expected_m
+        if error > self.drop.tolerance * fall.expected_m + 1e-9:
+            broken = error > self.drop.broken * fall.expected_m
             yield WRONG_DROP(
                 "robot",
                 f"fell {fall.drop_m:.6g} m and {fall.sideways_m:.3g} m sideways in "
@@ -100,6 +90,6 @@ class FreeFall(Check):
                     "drop_m": fall.drop_m,
                     "expected_m": fall.expected_m,
                     "sideways_m": fall.sideways_m,
-                    "tolerance": self.tolerance,
+                    "tolerance": self.drop.tolerance,
                 },
             )

@@ -11,16 +11,17 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Self
+from typing import Any, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, write_figures
-from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
+from assetbuild.kinds import Check, RecipeView, write_figures
+from assetbuild.quantities import Positive
 from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Control, Keyframe, Mesh, Shape, Shapes, Sphere, Tree
 from assetbuild.robot.pose import Array
 
@@ -105,14 +106,23 @@ class Gains(Check):
     version = "2"
     reads = ("tree.json", "shapes.json", "control.json")
 
-    torque: float = 0.8
-    """Share of the effort limit that holding the pose may need."""
-    sag: float = 0.25
-    """rad or m: more than that from the pose by the robot's own weight."""
-    margin: float = 2.0
-    """How much stiffer the drive could be before it diverges."""
-    damping_ratio: tuple[float, float] = (0.1, 10.0)
-    """Beyond these a joint rings for seconds or creeps."""
+    section = "validate.gains"
+    about = "where the rules `gains.*` draw the line"
+    told: ClassVar = {
+        "integrator": "mjcf.integrator",
+        "feet": "feet.links",
+    }
+
+    torque: Positive = Field(
+        0.8, description="share of the effort limit that holding the pose may need, warning"
+    )
+    sag: Positive = Field(0.25, description="rad or m off the target by its own weight, warning")
+    margin: Positive = Field(
+        2.0, description="times stiffer before the drive diverges at this timestep, warning below"
+    )
+    damping_ratio: tuple[Positive, Positive] = Field(
+        (0.1, 10.0), description="least and most, warning"
+    )
     integrator: str = "implicitfast"
     feet: str | None = None
     """Pattern of the source links that stand on the ground; None: the lowest shapes."""
@@ -120,21 +130,15 @@ class Gains(Check):
     """The recipe has no actuator table: any gains are the source's own."""
 
     @classmethod
-    def configure(cls, recipe: Recipe) -> Self:
-        """With the integrator of the MJCF and the feet of the recipe."""
-        feet = recipe.feet.links if recipe.feet else None
-        return cls(
-            integrator=recipe.mjcf.integrator,
-            feet=feet,
-            inherited=not recipe.actuators,
-            **recipe.validate_.gains.model_dump(),
-        )
+    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
+        """A table of its own makes a robot's gains the recipe's."""
+        found = super().values(recipe)
+        return None if found is None else found | {"inherited": not recipe.value("actuators")}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot without its meshes."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        stored = RobotFiles(files.inputs)
+        tree, shapes, control = stored.tree, stored.shapes, stored.control
         key = _home(control)
         robot = dynamics(
             tree,

@@ -11,9 +11,9 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
 import numpy as np
+from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
@@ -22,8 +22,8 @@ from assetbuild.kinds import Check, write_figures
 from assetbuild.mesh.corners import corners_by_body
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.volume import solid_moments
-from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
+from assetbuild.quantities import Positive
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Body, Shapes, Tree
 from assetbuild.robot.pose import Array
@@ -81,33 +81,27 @@ class Mass(Check):
     preload = ("numpy", "scipy.spatial", "fast_simplification")
     reads = ("tree.json", "shapes.json", "meshes/")
 
-    expected_kg: float | None = None
-    """Of the whole robot, from its datasheet; None = nobody said."""
-    tolerance: float = 0.03
-    """Relative, of the total mass."""
-    lightest: float = 30.0
-    """kg/m3 of the hull: foam and thin shells."""
-    heaviest: float = 5000.0
-    """kg/m3 of the hull: motors have 2000 to 4000."""
+    section = "validate.mass"
+    about = "masses against what is known of the robot and of matter"
+
+    total_kg: Positive | None = Field(
+        None, description="kg, of the whole robot from its datasheet; null = not known"
+    )
+    tolerance: Positive = Field(
+        0.03, description="relative, of the total mass; a warning, five times more is an error"
+    )
+    density: tuple[Positive, Positive] = Field(
+        (30.0, 5000.0),
+        description="kg/m3: least and most of a body's mass over the volume of its hull, warning",
+    )
     max_angle: float = math.radians(50.0)
     """Between the long axes of body and hull."""
 
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self:
-        """The datasheet's mass and the bounds come from `validate.mass`."""
-        wish = recipe.validate_.mass
-        return cls(
-            expected_kg=wish.total_kg,
-            tolerance=wish.tolerance,
-            lightest=wish.density[0],
-            heaviest=wish.density[1],
-        )
-
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads tree, shapes and meshes."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        points = _points(tree, shapes, files.inputs / "meshes")
+        robot = RobotFiles(files.inputs)
+        tree, shapes = robot.tree, robot.shapes
+        points = _points(tree, shapes, robot.mesh_dir)
         found = {b.name: made for b in tree.bodies if (made := _measured(b, points)) is not None}
         total = math.fsum(b.inertial.mass_kg for b in tree.bodies if b.inertial)
         rows = [
@@ -116,26 +110,26 @@ class Mass(Check):
              "long_axes_apart_rad": row.angle_rad}
             for name, row in found.items()
         ]  # fmt: skip
-        write_figures(files, {"total_kg": total, "datasheet_kg": self.expected_kg, "bodies": rows})
+        write_figures(files, {"total_kg": total, "datasheet_kg": self.total_kg, "bodies": rows})
         yield from self._judge_total(total)
         for name, row in found.items():
             yield from self._judge(name, row)
 
     def _judge_total(self, total: float) -> Iterator[Finding]:
-        if self.expected_kg is None:
+        if self.total_kg is None:
             return
-        error = abs(total - self.expected_kg) / self.expected_kg
+        error = abs(total - self.total_kg) / self.total_kg
         if error > self.tolerance:
             yield TOTAL(
                 "robot",
-                f"the robot has {total:.4g} kg, its datasheet says {self.expected_kg:.4g} kg",
+                f"the robot has {total:.4g} kg, its datasheet says {self.total_kg:.4g} kg",
                 severity="error" if error > BROKEN * self.tolerance else "warning",
                 hint="look for a body with too little or too much below; `edits: set_mass`",
-                data={"total_kg": total, "datasheet_kg": self.expected_kg, "relative": error},
+                data={"total_kg": total, "datasheet_kg": self.total_kg, "relative": error},
             )
 
     def _judge(self, name: str, row: Filled) -> Iterator[Finding]:
-        if not self.lightest <= row.density <= self.heaviest:
+        if not self.density[0] <= row.density <= self.density[1]:
             yield DENSITY(
                 f"link {name}",
                 f"{row.mass_kg:.4g} kg in a hull of {1e3 * row.volume_m3:.3g} litres: "

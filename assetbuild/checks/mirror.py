@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Self
+from typing import ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
-from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mirror import Tolerances, mirror_findings, parts_of, twins
-from assetbuild.robot.model import Control, Tree
 
 
 class Mirror(Check):
@@ -22,19 +20,14 @@ class Mirror(Check):
     preload = ("numpy",)
     reads = ("tree.json", "control.json")
 
-    allowed: Tolerances = Tolerances()
+    sections: ClassVar = {"validate.mirror": "allowed"}
 
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self | None:
-        """With the tolerances of `validate.mirror`."""
-        wish = recipe.validate_.mirror
-        return None if wish is None else cls(allowed=Tolerances(**wish.model_dump()))
+    allowed: Tolerances = Tolerances()
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the bodies, their joints, the table and the first keyframe."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
-        found = twins(parts_of(tree, control), self.allowed.place)
+        robot = RobotFiles(files.inputs)
+        found = twins(parts_of(robot.tree, robot.control), self.allowed.place)
         figures: dict[str, object] = {
             "twins": len(found.pairs),
             "pairs": [[a.name, b.name] for a, b in found.pairs],

@@ -6,12 +6,11 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator
-from typing import ClassVar, Self
+from typing import ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.kinds import Check, write_figures
-from assetbuild.recipe.models import Recipe
 
 LEVELS: dict[str, Severity] = {"ERROR": "error", "WARN": "warning", "INFO": "info"}
 
@@ -27,16 +26,12 @@ BROKEN = Rule("doctor.broken", "warning", "mjcf-doctor gave no report", "read it
 class MjcfDoctor(Check):
     """Findings `doctor.<code>`: its codes, its words."""
 
+    listed_in = "validate.linters"
     isolated = True
     tools = ("mjcf-doctor", "mujoco")
     needs = ("mjcf",)
     reads = ()
     requires: ClassVar = {"mjcf_doctor": "lint"}
-
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self | None:
-        """None when the recipe does not name it."""
-        return cls() if "mjcf_doctor" in recipe.validate_.linters else None
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `mjcf/scene.xml`; a doctor that breaks is a finding, not a failed build."""

@@ -9,7 +9,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco
 
@@ -40,7 +40,7 @@ class MjlabContract(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `mjlab/mjcf/<robot>_bare.xml` and the module."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        tree = RobotFiles(files.inputs).tree
         try:
             model = mujoco.load(
                 files.inputs / "mjlab/mjcf" / f"{self.robot}_bare.xml", visuals=False

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import ClassVar, Self
+from typing import ClassVar
 
 from assetbuild.engine.step import Files, Limits
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
-from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import physx
-from assetbuild.simulators.experiments import FreeFall
+from assetbuild.simulators.experiments import Fall, FreeFall
 
 
 class PhysxFreeFall(Check):
@@ -26,38 +24,28 @@ class PhysxFreeFall(Check):
     preload: ClassVar[tuple[str, ...]] = physx.PRELOAD
     limits: ClassVar[Limits] = Limits(wall_s=600.0, memory_mb=16384)
 
+    engines: ClassVar[tuple[str, ...]] = ("physx",)
+    sections: ClassVar[Mapping[str, str]] = {"validate.free_fall": "drop"}
+    told: ClassVar[Mapping[str, str]] = {
+        "iterations": "usd.articulation.solver_position_iterations"
+    }
+
     robot: str
     """Name of the robot: the stem of the main file."""
-    seconds: float = 0.4
-    tolerance: float = 0.003
-    """Relative, of the drop; also of the motion across gravity."""
-    broken: float = 0.05
-    """The same, above which the asset is wrong and not the solver."""
+    drop: Fall = Fall()
     iterations: int = 8
     """Position iterations of the solver, as the USD target writes them."""
 
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self | None:
-        """None when the recipe drops nothing, or not in PhysX."""
-        wish = recipe.validate_.free_fall
-        if wish is None or "physx" not in recipe.validate_.simulators:
-            return None
-        return cls(
-            robot=recipe.robot,
-            **wish.model_dump(),
-            iterations=recipe.usd.articulation.solver_position_iterations,
-        )
-
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `tree.json`, `control.json` and `usd/<robot>.usda`."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
-        if tree.base == "fixed":
+        robot = RobotFiles(files.inputs)
+        if robot.tree.base == "fixed":
             write_figures(files, {"skipped": "fixed base"})
             return  # `free_fall.fixed_base` says so
-        dt = control.simulation.timestep
-        steps = max(1, round(self.seconds / dt))
-        setting = physx.Setting(dt, control.simulation.gravity, contacts=False)
+        simulation = robot.control.simulation
+        dt = simulation.timestep
+        steps = max(1, round(self.drop.seconds / dt))
+        setting = physx.Setting(dt, simulation.gravity, contacts=False)
         experiment = physx.Experiment("fall", setting, steps=steps, every=steps)
         done = physx.perform(files.inputs / f"usd/{self.robot}.usda", (experiment,))["fall"]
         fall = physx.free_fall_of(done, setting, self.iterations)
@@ -74,18 +62,18 @@ class PhysxFreeFall(Check):
             )
             return
         error = max(abs(fall.drop_m - fall.expected_m), fall.sideways_m)
-        if error > self.tolerance * fall.expected_m + 1e-6:
+        if error > self.drop.tolerance * fall.expected_m + 1e-6:
             yield physx.FREE_FALL(
                 "robot",
                 f"fell {fall.drop_m:.6g} m and {fall.sideways_m:.3g} m sideways in "
                 f"{fall.seconds:g} s, expected {fall.expected_m:.6g} m",
-                severity="error" if error > self.broken * fall.expected_m else "warning",
+                severity="error" if error > self.drop.broken * fall.expected_m else "warning",
                 hint="is a body damped, welded, or outside of the articulation?",
                 data={
                     "drop_m": fall.drop_m,
                     "expected_m": fall.expected_m,
                     "sideways_m": fall.sideways_m,
-                    "tolerance": self.tolerance,
+                    "tolerance": self.drop.tolerance,
                 },
             )
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,8 +19,7 @@ from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Actuator, Control, Joint, Keyframe, Shapes, Tree
 from assetbuild.simulators import mujoco, mujoco_trials, physx
@@ -87,22 +86,17 @@ class PhysxReadback(Check):
     preload: ClassVar[tuple[str, ...]] = physx.PRELOAD
     limits: ClassVar[Limits] = Limits(wall_s=600.0, memory_mb=16384)
 
+    engines: ClassVar[tuple[str, ...]] = ("physx",)
+
     robot: str
     """Name of the robot: the stem of the main file."""
     seconds: float = 5.0
     """How long it must keep its numbers on the floor."""
 
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self | None:
-        """None unless the recipe names PhysX among the simulators."""
-        wanted = "physx" in recipe.validate_.simulators
-        return cls(robot=recipe.robot) if wanted else None
-
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures: what PhysX holds, joint by joint, beside the robot's."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, shapes, control = robot.tree, robot.shapes, robot.control
         home = next((key for key in control.keyframes if key.name == "home"), None)
         main = files.inputs / f"usd/{self.robot}.usda"
         experiments = _experiments(tree, control, home, self.seconds)

@@ -6,12 +6,11 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files, Limits
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.kinds import Check, write_figures
-from assetbuild.recipe.models import Recipe
 
 LEVELS: dict[str, Severity] = {"error": "error", "warning": "warning", "info": "info"}
 
@@ -27,6 +26,7 @@ BROKEN = Rule("simcheck.broken", "warning", "simcheck gave no report", "read its
 class Simcheck(Check):
     """Findings `simcheck.<category>.<check>`. Its engines are left off: ours simulate already."""
 
+    listed_in = "validate.linters"
     isolated = True
     tools = ("simcheck", "mujoco", "trimesh")
     needs = ("mjcf",)
@@ -35,12 +35,6 @@ class Simcheck(Check):
     limits = Limits(wall_s=1200.0, memory_mb=4096)
 
     robot: str
-
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self | None:
-        """None when the recipe does not name it."""
-        wanted = "simcheck" in recipe.validate_.linters
-        return cls(robot=recipe.robot) if wanted else None
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `mjcf/<robot>.xml`; a linter that breaks is a finding, not a failed build."""

@@ -8,14 +8,12 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import write_figures
-from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.trials import SmokeBounds
-from assetbuild.simulators.consumers import FAILED, NOT_FINITE, SINKS, ConsumerCheck
+from assetbuild.simulators.consumers import FAILED, NOT_FINITE, SINKS, ConsumerCheck, SmokeBounds
 from assetbuild.simulators.environments import Environment
 
 VARIABLE = "ASSETBUILD_ISAACLAB"
@@ -36,19 +34,15 @@ class SmokeIsaacLab(ConsumerCheck):
 
     needs: ClassVar[tuple[str, ...]] = ("isaaclab", "usd")
     reads: ClassVar[tuple[str, ...]] = ()
+    sections: ClassVar[Mapping[str, str]] = {"validate.smoke_bounds": "bounds"}
     consumer: ClassVar[str] = "isaaclab"
     home: ClassVar[Environment] = Installed("isaaclab", ())
 
+    told: ClassVar[Mapping[str, str]] = {"base": "base"}
+
     steps: int = 400
     base: str = "fixed"
-    bounds: SmokeBounds = SmokeBounds.model_validate({})
-
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self | None:
-        """With the recipe's base: what is bolted cannot sink."""
-        step = super().configure(recipe)
-        bounds = recipe.validate_.smoke_bounds
-        return step.model_copy(update={"base": recipe.base, "bounds": bounds}) if step else None
+    bounds: SmokeBounds = SmokeBounds()
 
     @classmethod
     def absent(cls) -> str:

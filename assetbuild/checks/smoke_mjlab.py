@@ -6,14 +6,12 @@ In mjlab's own environment (MuJoCo 3.11). Says that training runs, not that a po
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import write_figures
-from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.trials import SmokeBounds
-from assetbuild.simulators.consumers import FAILED, NOT_FINITE, SINKS, ConsumerCheck
+from assetbuild.kinds import RecipeView, write_figures
+from assetbuild.simulators.consumers import FAILED, NOT_FINITE, SINKS, ConsumerCheck, SmokeBounds
 from assetbuild.simulators.environments import Environment
 
 FELL = Rule(
@@ -36,6 +34,7 @@ class SmokeMjlab(ConsumerCheck):
 
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
     reads: ClassVar[tuple[str, ...]] = ()
+    sections: ClassVar[Mapping[str, str]] = {"validate.smoke_bounds": "bounds"}
     consumer: ClassVar[str] = "mjlab"
     home: ClassVar[Environment] = Environment("mjlab", ("mjlab==1.6.0",))
 
@@ -49,16 +48,14 @@ class SmokeMjlab(ConsumerCheck):
     """Control steps of each environment per iteration, on a CPU."""
     effort_factor: float = 1.0
     """The largest factor by which the recipe's `randomize` raises an effort limit."""
-    bounds: SmokeBounds = SmokeBounds.model_validate({})
+    bounds: SmokeBounds = SmokeBounds()
 
     @classmethod
-    def configure(cls, recipe: Recipe) -> Self | None:
+    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
         """With what the recipe's ranges allow."""
-        step = super().configure(recipe)
-        ranges = recipe.randomize.joints.values() if recipe.randomize else ()
-        factor = max((row.effort[1] for row in ranges), default=1.0)
-        bounds = recipe.validate_.smoke_bounds
-        return step.model_copy(update={"effort_factor": factor, "bounds": bounds}) if step else None
+        found, ranges = super().values(recipe), recipe.value("randomize.joints") or {}
+        factor = max((row.effort[1] for row in ranges.values()), default=1.0)
+        return None if found is None else found | {"effort_factor": factor}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures without times, which differ from machine to machine."""

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import write_figures
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control, Tree
 from assetbuild.simulators.consumers import FAILED, NOT_FINITE, ConsumerCheck
 from assetbuild.simulators.environments import Environment
@@ -45,13 +45,12 @@ class SmokeNewton(ConsumerCheck):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures: bodies, joints and numbers compared, per format."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
         paths = {"usd": f"usd/{self.robot}.usda", "mjcf": f"mjcf/{self.robot}.xml"}
         job: dict[str, object] = {
             "files": {kind: str((files.inputs / path).absolute()) for kind, path in paths.items()},
             "steps": self.steps,
-            "dt": control.simulation.timestep,
+            "dt": robot.control.simulation.timestep,
         }
         answer, failure = self.answer("_newton_child.py", job)
         if answer is None:
@@ -60,7 +59,7 @@ class SmokeNewton(ConsumerCheck):
         for kind in paths:
             reading = answer[kind]
             assert isinstance(reading, dict)  # noqa: S101 # as the child writes it
-            findings = list(judged(kind, reading, tree, control))
+            findings = list(judged(kind, reading, robot.tree, robot.control))
             yield from findings
             figures[kind] = reading.get("failure") or {
                 "mass_kg": round(math.fsum(reading["masses"].values()), 4),

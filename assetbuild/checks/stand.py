@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import Self
+from typing import ClassVar
+
+from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.quantities import Pattern, Positive
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Control
 from assetbuild.simulators import mujoco
 
 FAR = 10.0
@@ -78,37 +80,43 @@ class Stand(Check):
     needs = ("mjcf",)
     reads = ("tree.json", "shapes.json", "control.json")
 
-    keyframe: str = "home"
-    seconds: float = 2.0
-    max_sag: float = 0.03
-    """m, of the base's height."""
-    max_tilt: float = 0.1
-    """rad, of the base."""
-    max_drift: float = 0.02
-    """m, sideways."""
-    sole: float = 1e-3
-    """m, between a sole and the floor at the start; of shapes inside each other."""
-    fall: float = 0.5
-    """Share of the base's height whose loss is a fall, and the tilt in rad that is one."""
-    saturated: float = 0.98
-    """Share of the effort limit at which a drive counts as saturated."""
-    feet: str | None = None
-    """Pattern of the source links that may touch the floor; None = any may."""
+    engines = ("mujoco",)
+    section = "validate.stand"
+    about = "stand still under the drives; {} = defaults"
+    wanted = False
+    told: ClassVar = {"soles": "feet.links"}
 
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self | None:
-        """None when the recipe does not ask for it, or not in MuJoCo."""
-        wish = recipe.validate_.stand
-        if wish is None or "mujoco" not in recipe.validate_.simulators:
-            return None
-        feet = recipe.feet.links if recipe.feet and wish.feet is None else wish.feet
-        return cls(**wish.model_dump() | {"feet": feet})
+    keyframe: str = Field("home", description="the pose to hold")
+    seconds: Positive = Field(2.0, description="s")
+    max_sag: Positive = Field(0.03, description="m of base height, warning")
+    max_tilt: Positive = Field(0.1, description="rad of the base, warning")
+    max_drift: Positive = Field(0.02, description="m sideways, warning")
+    sole: Positive = Field(
+        0.001,
+        description="m between a sole and the floor at the start, and of two shapes inside each "
+        "other, warning; a gap ten times as large is an error",
+    )
+    fall: Positive = Field(
+        0.5, description="share of the base's height lost, or rad of tilt, that is a fall, error"
+    )
+    saturated: Positive = Field(
+        0.98, description="share of an effort limit that standing may need, warning"
+    )
+    feet: Pattern | None = Field(
+        None, description="source links that may touch the floor; without it `feet.links`"
+    )
+    soles: str | None = None
+    """What `feet` is without a word of its own; None = any link may touch the floor."""
+
+    @property
+    def feet_pattern(self) -> str | None:
+        """Of the source links that may touch the floor; None = any may."""
+        return self.feet or self.soles
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/scene.xml`."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, shapes, control = robot.tree, robot.shapes, robot.control
         try:
             model = mujoco.load(files.inputs / "mjcf" / "scene.xml", visuals=False).model
             stood = mujoco.stand(model, self.keyframe, self.seconds, _external(control))
@@ -134,7 +142,7 @@ class Stand(Check):
         yield from self._judge_loads(stood)
 
     def _is_foot(self, link: str) -> bool:
-        return self.feet is None or re.fullmatch(self.feet, link) is not None
+        return self.feet_pattern is None or re.fullmatch(self.feet_pattern, link) is not None
 
     def _judge_start(self, stood: mujoco.Stand, link_of: Mapping[str, str]) -> Iterator[Finding]:
         """Every foot by the pattern; without one, the lowest point of the robot."""
@@ -143,13 +151,13 @@ class Stand(Check):
             link = link_of.get(geom, geom)
             if self._is_foot(link):
                 lowest[link] = min(gap, lowest.get(link, gap))
-        if self.feet is None:
+        if self.feet_pattern is None:
             name = min(lowest, key=lambda link: lowest[link], default=None)
             lowest = {name: lowest[name]} if name is not None else {}
         elif not lowest:
             yield NO_FEET(
                 "robot",
-                f"no link that matches `{self.feet}` has a collision shape to stand on",
+                f"no link that matches `{self.feet_pattern}` has a collision shape to stand on",
                 hint="give the feet collision geometry, or correct validate.stand.feet",
             )
         for link, gap in sorted(lowest.items()):

@@ -6,15 +6,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple, Self
+from typing import NamedTuple
+
+from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control
+from assetbuild.quantities import Positive, Real
+from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco, mujoco_motion, mujoco_policy, mujoco_trials
 from assetbuild.simulators.mujoco_trials import Settled, Support
 
@@ -115,38 +116,43 @@ class Trials(Check):
     needs = ("mjcf",)
     reads = ("control.json",)
 
-    drift: float = 0.01
-    """m of the settled base in 1000 steps."""
-    drop: float = 0.05
-    """m."""
-    speed: float = 0.05
-    """rad/s or m/s of the fastest joint when it should be at rest."""
-    penetration: float = 0.005
-    """m of the deepest contact when it should be at rest."""
-    support: float = 0.0
-    """m, least distance of the centre of mass inside the feet's polygon."""
-    energy: float = 0.05
-    """Relative, in one second."""
-    timestep: float = 0.02
-    """rad or m, to a quarter of the timestep."""
-    dead: float = 0.01
-    """rad or m that a joint must move."""
-    poses: int = 200
-    """Random poses for self-collision."""
-    always: float = 0.9
-    """Share of poses from which a pair touches always."""
+    engines = ("mujoco",)
+    section = "validate.trials"
+    about = (
+        "small experiments in MuJoCo: drives, energy, timestep, self-collision, "
+        "balance, settling; null = do not run them"
+    )
 
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self | None:
-        """None when the recipe does not want trials, or not in MuJoCo."""
-        wish = recipe.validate_.trials
-        if wish is None or "mujoco" not in recipe.validate_.simulators:
-            return None
-        return cls(**wish.model_dump())
+    drift: Positive = Field(
+        0.01, description="m: how far a settled base may wander in 1000 steps, warning"
+    )
+    drop: Positive = Field(0.05, description="m: height that the robot is dropped from")
+    speed: Positive = Field(
+        0.05, description="rad/s or m/s: fastest joint after two seconds on the floor, warning"
+    )
+    penetration: Positive = Field(
+        0.005, description="m: deepest contact after two seconds on the floor, warning"
+    )
+    support: Real = Field(
+        0.0, description="m: least distance of the centre of mass inside the feet, warning"
+    )
+    energy: Positive = Field(
+        0.05, description="relative change of energy in 1 s of free motion, warning"
+    )
+    timestep: Positive = Field(
+        0.02, description="rad or m: difference to a quarter of the timestep, warning"
+    )
+    dead: Positive = Field(
+        0.01, description="rad or m: a joint that moves less when its drive is told to, error"
+    )
+    poses: int = Field(200, ge=1, le=100_000, description="random poses for self-collision")
+    always: Positive = Field(
+        0.9, description="share of random poses in which a pair touches that should be excluded"
+    )
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/scene.xml`."""
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        control = RobotFiles(files.inputs).control
         try:
             model = mujoco.load(files.inputs / "mjcf" / "scene.xml", visuals=False).model
         except StepError as error:

@@ -11,7 +11,7 @@ import numpy as np
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Body, Control, Joint, Tree
 from assetbuild.robot.tree import forward_kinematics, held_by_world, sample_positions
@@ -46,8 +46,8 @@ class UrdfReload(Check):
         """Writes figures.json even when something is off."""
         import yourdfpy
 
-        links = held_by_world(decode(Tree, (files.inputs / "links.json").read_bytes()))
-        control = decode(Control, (files.inputs / "ratings.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        links, control = held_by_world(robot.links), robot.ratings
         folder = files.inputs / "urdf"
         path = folder / f"{self.robot}.urdf"
         figures: dict[str, object] = {"samples": self.samples}

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import (
     MOVING,
@@ -27,11 +27,9 @@ from assetbuild.robot.model import (
     Body,
     Box,
     Capsule,
-    Control,
     Cylinder,
     Geometry,
     Joint,
-    Shapes,
     Sphere,
     Tree,
 )
@@ -81,7 +79,7 @@ class UsdEqual(Check):
         """Figures: the largest deviation of each kind, as a share of its tolerance."""
         from pxr import Tf, Usd
 
-        robot = _read(files)
+        robot = RobotFiles(files.inputs)
         book = Book()
         try:
             stage = Usd.Stage.Open(str(files.inputs / f"usd/{self.robot}.usda"))
@@ -96,23 +94,6 @@ class UsdEqual(Check):
             _compare_excludes(robot, prims, book)
         write_figures(files, {kind: book.worst[kind] for kind in sorted(book.worst)})
         yield from book.findings
-
-
-@dataclass(frozen=True)
-class Robot:
-    """The artefacts that USD holds."""
-
-    tree: Tree
-    shapes: Shapes
-    control: Control
-
-
-def _read(files: Files) -> Robot:
-    return Robot(
-        decode(Tree, (files.inputs / "tree.json").read_bytes()),
-        decode(Shapes, (files.inputs / "shapes.json").read_bytes()),
-        decode(Control, (files.inputs / "control.json").read_bytes()),
-    )
 
 
 @dataclass
@@ -229,7 +210,7 @@ def _rotation(value: object) -> Array:
 # --- bodies -------------------------------------------------------------------------------------
 
 
-def _compare_bodies(robot: Robot, prims: Prims, book: Book) -> None:
+def _compare_bodies(robot: RobotFiles, prims: Prims, book: Book) -> None:
     tree = robot.tree
     in_root = forward_kinematics(tree, {})
     poses = {name: tree.X_world_root @ pose for name, pose in in_root.items()}
@@ -300,7 +281,7 @@ def _compare_mass(body: Body, prim: Usd.Prim, book: Book) -> None:
 # --- joints -------------------------------------------------------------------------------------
 
 
-def _compare_joints(robot: Robot, prims: Prims, book: Book) -> None:
+def _compare_joints(robot: RobotFiles, prims: Prims, book: Book) -> None:
     home = next((dict(k.joints) for k in robot.control.keyframes if k.name == "home"), {})
     for joint in robot.tree.joints:
         prim = prims.joints.get(joint.name)
@@ -429,7 +410,7 @@ def _compare_passive(joint: Joint, actuator: Actuator, prim: Usd.Prim, book: Boo
 # --- shapes, excludes ---------------------------------------------------------------------------
 
 
-def _compare_shapes(robot: Robot, prims: Prims, book: Book) -> None:
+def _compare_shapes(robot: RobotFiles, prims: Prims, book: Book) -> None:
     """Each shape at its place on the right body; sizes of primitives are part of the pose."""
     for shape in robot.shapes.shapes:
         subject = f"shape {shape.name}"
@@ -448,7 +429,7 @@ def _compare_shapes(robot: Robot, prims: Prims, book: Book) -> None:
             _compare_surface(robot, shape.name, prim, book)
 
 
-def _compare_surface(robot: Robot, shape: str, prim: Usd.Prim, book: Book) -> None:
+def _compare_surface(robot: RobotFiles, shape: str, prim: Usd.Prim, book: Book) -> None:
     """Static and dynamic friction both are MuJoCo's sliding one; nothing bounces by itself."""
     expected = dict(robot.control.contacts).get(shape, robot.control.contact)
     targets = prim.GetRelationship("material:binding:physics").GetTargets()
@@ -483,7 +464,7 @@ def _lengths(prim: Usd.Prim, *attributes: str) -> Array:
     return np.array([v if isinstance(v, float) else np.nan for v in values])
 
 
-def _compare_excludes(robot: Robot, prims: Prims, book: Book) -> None:
+def _compare_excludes(robot: RobotFiles, prims: Prims, book: Book) -> None:
     """Each excluded pair is filtered: by a joint between the two, or by a filtered pair."""
     jointed = {frozenset((joint.parent, joint.child)) for joint in robot.tree.joints}
     filtered = jointed | _filtered(robot.tree, prims)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, ClassVar
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.kinds import Check, write_figures
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control, Shapes, Tree
 
 if TYPE_CHECKING:
@@ -95,9 +95,7 @@ class UsdValid(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures: what is on the stage, by kind."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
         with tempfile.TemporaryDirectory() as elsewhere:
             folder = Path(elsewhere).resolve() / "moved"
             shutil.copytree(files.inputs / "usd", folder)
@@ -111,9 +109,9 @@ class UsdValid(Check):
             yield from _variant(stage)
             yield from _validation(stage)
             found = Contents.of(stage)
-            yield from _counts(found, tree, shapes, control)
-            yield from _drives(found, control)
-            yield from _base(found, tree)
+            yield from _counts(found, robot.tree, robot.shapes, robot.control)
+            yield from _drives(found, robot.control)
+            yield from _base(found, robot.tree)
             yield from _bindings(stage)
             figures: dict[str, object] = dict(found.counts())
             figures["bytes"] = sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())

@@ -20,7 +20,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the locks; prints each lock file."""
     from assetbuild.lock import Pin, lock_path
     from assetbuild.pipeline.opening import moving_sources, write_pin
-    from assetbuild.recipe.loader import load_recipe, shown_path
+    from assetbuild.pipeline.recipes import load_recipe
+    from assetbuild.recipe.loader import shown_path
 
     for recipe in arguments.recipes:
         loaded = load_recipe(recipe)

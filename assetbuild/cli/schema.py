@@ -13,7 +13,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the schema."""
-    from assetbuild.recipe.schema import schema_text
+    from assetbuild.pipeline.recipes import schema_text
 
     print(schema_text(), end="")
     return 0

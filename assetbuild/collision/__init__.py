@@ -7,13 +7,14 @@ checking the sources, reuse of equal shapes, measuring, and what is said about t
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
+from pydantic.fields import FieldInfo
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import StepError
@@ -32,7 +33,8 @@ from assetbuild.mesh.sources import ProbeSource as ProbeSource
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.verdict import verdict
 from assetbuild.mesh.weld import cleaned
-from assetbuild.robot.codec import decode, encode
+from assetbuild.quantities import Length, Share
+from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.model import Mesh
 from assetbuild.robot.pose import IDENTITY, Pose, quat_of, vec3
 
@@ -69,6 +71,7 @@ class CollisionMethod(Step):
     """
 
     version = "2"
+    group: ClassVar[str] = "collision"
     outputs = ("pieces/", "pieces.json", "quality.json")
     isolated = True
     preload = PRELOAD
@@ -82,12 +85,15 @@ class CollisionMethod(Step):
     sources: tuple[PlacedSource, ...] = Field(min_length=1)
     subject: str = "collision"
     """What findings and errors call it. Part of the key: name no link to share the result."""
-    max_outside: float | None = Field(None, ge=0)
-    """m; how far pieces may stick out of the mesh. None = any."""
-    max_missing: float | None = Field(None, ge=0, le=1)
-    """Share of the mesh's volume that may have no collision. None = any."""
-    max_overcover: float | None = Field(None, ge=0)
-    """Collision outside the mesh / the mesh's volume. None = any."""
+    max_outside: Length | None = Field(
+        None, description="most that collision sticks out of the mesh, `5 mm` or m"
+    )
+    max_missing: Share | None = Field(
+        None, le=1, description="most of the mesh's volume without collision, `2 %`"
+    )
+    max_overcover: Share | None = Field(
+        None, description="most collision volume outside the mesh, share of its volume, `20 %`"
+    )
     probes: tuple[ProbeSource, ...] = ()
     """Places to keep open, and places with a `max_outside` of their own."""
     like: Likeness | None = None
@@ -105,6 +111,16 @@ class CollisionMethod(Step):
         if len(self.sources) > 1 or source.primitive is None:
             return None
         return (ConvexPiece(None, source.primitive.geometry, source.pose),)
+
+    @classmethod
+    def keys(cls) -> dict[str, FieldInfo]:
+        """The fields that a rule of the recipe may state, by name: those with a description."""
+        return {name: info for name, info in cls.model_fields.items() if info.description}
+
+    @classmethod
+    def preset(cls, name: str) -> Mapping[str, float]:
+        """What `collision.preset` states where a rule does not; `auto` alone has any."""
+        return {}
 
     @property
     def vertex_cap(self) -> int | None:
@@ -184,7 +200,7 @@ class CollisionMethod(Step):
         if source.primitive is not None:
             return tessellate(source.primitive.geometry).placed(source.pose)
         folder = inputs / (source.folder or "")
-        record = decode(ConvertedMesh, (folder / "mesh.json").read_bytes())
+        record = decode_file(ConvertedMesh, folder / "mesh.json")
         files = [folder / "parts" / part.file for part in record.parts]
         mesh = merged([read_triangles(file.read_bytes(), self.subject) for file in files])
         if not np.isfinite(mesh.vertices).all():
@@ -233,7 +249,7 @@ class CollisionMethod(Step):
         before = json.loads((folder / "quality.json").read_bytes())
         pieces = [
             carried(piece, folder / "pieces", self.like)
-            for piece in decode(Pieces, (folder / "pieces.json").read_bytes()).pieces
+            for piece in decode_file(Pieces, folder / "pieces.json").pieces
         ]
         if before is None or any(
             blocked_by(p, place) for place in self.closed_places for p in pieces

@@ -12,7 +12,7 @@ at equal counts the merged parts follow real links more closely than V-HACD's ow
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,16 +20,16 @@ from pydantic import Field
 
 from assetbuild.collision import CollisionMethod, Fitted
 from assetbuild.findings import Finding
-from assetbuild.mesh.coacd import Patience, coacd_parts
+from assetbuild.mesh.coacd import CoAcdOptions, Patience, coacd_parts
 from assetbuild.mesh.cover import Quality, Reference, blocked_by, rough
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.merge import grown_to, merge_steps
 from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.vhacd import vhacd_parts
+from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
 from assetbuild.mesh.volume import centroid, signed_volume
-from assetbuild.recipe.collision import CoAcdOptions, VHacdOptions
+from assetbuild.quantities import Positive
 from assetbuild.robot.pose import Array
 
 CONVEX = 0.98
@@ -54,6 +54,26 @@ BLOCKED = 10.0
 """Badness of a piece in a place to be kept open: worse than any tolerance missed by 1000 %."""
 
 
+PRESETS: Mapping[str, Mapping[str, float]] = {
+    # What a foot or a shin needs to know of the rest of the robot: few pieces, no gross error.
+    "locomotion": {
+        "max_outside": 0.02,
+        "max_missing": 0.05,
+        "max_overcover": 0.6,
+        "max_hulls": 8,
+        "max_vertices": 64,
+    },
+    "manipulation": {
+        "max_outside": 0.005,
+        "max_missing": 0.02,
+        "max_overcover": 0.2,
+        "max_hulls": 32,
+        "max_vertices": 64,
+    },
+}
+"""Tolerances of `auto` in SI; a rule's own keys win."""
+
+
 @dataclass(frozen=True)
 class _Candidate:
     """pieces, and how far they miss the tolerances: 0 = met, 1 = one of them by 100 %."""
@@ -70,19 +90,28 @@ class Auto(CollisionMethod):
     version = "4"
     tools = (*CollisionMethod.hull_tools, "vhacdx", "coacd")
 
-    max_hulls: int = Field(32, ge=1, le=1024)
-    """Most pieces."""
-    max_vertices: int = Field(64, ge=4, le=256)
-    """Most vertices of a piece."""
-    max_polygons: int | None = Field(64, ge=16)
-    """Most polygons of a piece; None = any."""
-    vhacd: VHacdOptions = VHacdOptions.model_validate({})
-    coacd: CoAcdOptions | None = None
-    """None: the threshold follows `max_outside`."""
-    cpu_limit: float = Field(60.0, gt=0)
-    """CPU seconds of one run of V-HACD or CoACD, where the other or a hull comes next."""
-    memory_limit_mb: int = Field(3072, ge=64)
-    """Memory of one run, MB."""
+    max_hulls: int = Field(32, ge=1, le=1024, description="most pieces")
+    max_vertices: int = Field(
+        64, ge=4, le=256, description="most vertices of a piece; PhysX on a GPU takes 64"
+    )
+    max_polygons: int | None = Field(
+        64, ge=16, le=1024, description="most polygons of a piece; PhysX on a GPU takes 64"
+    )
+    vhacd: VHacdOptions = Field(VHacdOptions(), description="parameters of V-HACD")
+    coacd: CoAcdOptions | None = Field(
+        None, description="parameters of CoACD; without it the threshold follows `max_outside`"
+    )
+    cpu_limit: Positive = Field(
+        60.0, le=1800, description="CPU seconds of one run of a native library"
+    )
+    memory_limit_mb: int = Field(
+        3072, ge=64, le=4096, description="memory of one run of a native library, MB"
+    )
+
+    @classmethod
+    def preset(cls, name: str) -> Mapping[str, float]:
+        """See `PRESETS`."""
+        return PRESETS[name]
 
     def fit(self, reference: Reference) -> Fitted:
         """The ladder; a library that fails is a finding, and the next rung is taken."""

@@ -6,11 +6,11 @@ from pydantic import Field
 
 from assetbuild.collision import CollisionMethod, Fitted, hulls
 from assetbuild.findings import Finding, Rule
-from assetbuild.mesh.coacd import coacd_parts
+from assetbuild.mesh.coacd import CoAcdOptions, coacd_parts
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.native import NativeError
-from assetbuild.mesh.vhacd import vhacd_parts
-from assetbuild.recipe.collision import CoAcdOptions, VHacdOptions
+from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
+from assetbuild.quantities import Positive
 
 MORE_HULLS = Rule(
     "collision.more_hulls",
@@ -25,17 +25,25 @@ class CoAcd(CollisionMethod):
 
     tools = (*CollisionMethod.hull_tools, "coacd", "vhacdx")
 
-    max_hulls: int | None = Field(None, ge=1, le=1024)
-    """Most pieces; parts that do not touch each other can exceed it. None = as many as needed."""
-    max_vertices: int = Field(64, ge=4, le=256)
-    """Most vertices of one piece."""
-    max_polygons: int | None = Field(None, ge=16)
-    """Most polygons of one piece; None = any."""
-    coacd: CoAcdOptions = CoAcdOptions.model_validate({})
-    cpu_limit: float = Field(120.0, gt=0)
-    """CPU seconds of the library."""
-    memory_limit_mb: int = Field(3072, ge=64)
-    """Memory of the library, MB."""
+    max_hulls: int | None = Field(
+        None,
+        ge=1,
+        le=1024,
+        description="most pieces; parts that do not touch each other can exceed it",
+    )
+    max_vertices: int = Field(
+        64, ge=4, le=256, description="most vertices of a piece; PhysX on a GPU takes 64"
+    )
+    max_polygons: int | None = Field(
+        None, ge=16, le=1024, description="most polygons of a piece; PhysX on a GPU takes 64"
+    )
+    coacd: CoAcdOptions = Field(CoAcdOptions(), description="parameters of CoACD")
+    cpu_limit: Positive = Field(
+        120.0, le=1800, description="CPU seconds of one run of a native library"
+    )
+    memory_limit_mb: int = Field(
+        3072, ge=64, le=4096, description="memory of one run of a native library, MB"
+    )
 
     def fit(self, reference: Reference) -> Fitted:
         """CoACD's parts; V-HACD's when it fails, and then one hull."""
@@ -55,7 +63,7 @@ class CoAcd(CollisionMethod):
         try:
             parts = vhacd_parts(
                 reference.mesh,
-                VHacdOptions.model_validate({}),
+                VHacdOptions(),
                 max_hulls=self.max_hulls or 32,
                 max_vertices=self.max_vertices,
                 limits=self.native_limits,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from assetbuild.collision import CollisionMethod, PlacedSource, write_pieces
 from assetbuild.engine.step import Files
@@ -16,7 +17,7 @@ from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import is_closed, signed_volume
 from assetbuild.mesh.weld import cleaned
-from assetbuild.recipe.collision import ExplicitPiece
+from assetbuild.quantities import Model, NonNegative, Positive, Real
 from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
 from assetbuild.robot.pose import Pose, quat_of_rpy
 
@@ -38,6 +39,45 @@ NOT_CONVEX = Rule(
 )
 
 
+class ExplicitPiece(Model):
+    """A piece of collision geometry of the user's own, in the frame of the link."""
+
+    type: Literal["box", "sphere", "capsule", "cylinder", "mesh"] = Field(description="its kind")
+    file: str | None = Field(
+        None,
+        min_length=1,
+        description="of a mesh: one convex piece, its path from the recipe's folder",
+    )
+    scale: tuple[Real, Real, Real] | None = Field(
+        None, description="of a mesh, per axis; 0.001 for a file in mm"
+    )
+    size: tuple[Positive, Positive, Positive] | None = Field(None, description="edges of a box, m")
+    radius: Positive | None = Field(None, description="m")
+    length: NonNegative | None = Field(
+        None, description="of a cylinder; of a capsule without its caps, m"
+    )
+    xyz: tuple[Real, Real, Real] = Field(
+        (0.0, 0.0, 0.0), description="its centre, of a mesh its origin, m"
+    )
+    rpy: tuple[Real, Real, Real] = Field(
+        (0.0, 0.0, 0.0), description="its turn, rad, as in URDF; axis z"
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> ExplicitPiece:
+        needed = _NEEDED.get(self.type, {"radius", "length"})
+        given = {name for name in _SIZES if getattr(self, name) is not None}
+        if given != needed:
+            raise ValueError(f"a {self.type} has {' and '.join(sorted(needed))}, nothing else")
+        if self.scale is not None and (self.file is None or 0.0 in self.scale):
+            raise ValueError("`scale` belongs to a mesh, and is not 0")
+        return self
+
+
+_SIZES = ("size", "radius", "length", "file")
+_NEEDED = {"box": {"size"}, "sphere": {"radius"}, "mesh": {"file"}}
+
+
 class Explicit(CollisionMethod):
     """What the recipe lists, as it is; measured against the link's geometry if it has any.
 
@@ -49,8 +89,9 @@ class Explicit(CollisionMethod):
     tools = CollisionMethod.hull_tools
 
     sources: tuple[PlacedSource, ...] = ()
-    pieces: tuple[ExplicitPiece, ...] = Field(min_length=1)
-    """In the frame of the link; `file` is the input folder of a converted mesh, scaled."""
+    pieces: tuple[ExplicitPiece, ...] = Field(
+        min_length=1, max_length=1024, description="the geometry itself, in the frame of the link"
+    )
 
     def run(self, files: Files) -> Iterable[Finding]:
         """A link without geometry has nothing to be measured against.

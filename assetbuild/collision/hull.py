@@ -13,11 +13,12 @@ class Hull(CollisionMethod):
 
     tools = CollisionMethod.hull_tools
 
-    max_vertices: int | None = Field(64, ge=4)
-    """Most vertices: 64 is what PhysX takes on a GPU, and MuJoCo is 1.4 times faster with it
-    than with thousands. A capped hull lies inside the full one; None = all."""
-    max_polygons: int | None = Field(None, ge=16)
-    """Most polygons, coplanar triangles counted as one; PhysX takes 64 on a GPU. None = all."""
+    max_vertices: int | None = Field(
+        64, ge=4, le=256, description="most vertices of a piece; PhysX on a GPU takes 64"
+    )
+    max_polygons: int | None = Field(
+        None, ge=16, le=1024, description="most polygons of a piece; PhysX on a GPU takes 64"
+    )
 
     def fit(self, reference: Reference) -> Fitted:
         """The hull as it is: the base class caps it."""

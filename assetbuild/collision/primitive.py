@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from assetbuild.collision import CollisionMethod, Fitted
@@ -15,11 +17,12 @@ from assetbuild.mesh.native import NativeError
 from assetbuild.mesh.primitives import Primitive
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.vhacd import vhacd_parts
-from assetbuild.recipe.collision import PrimitiveName, VHacdOptions
+from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
+from assetbuild.quantities import Positive
 from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
 from assetbuild.robot.pose import Pose, Vec3
 
+PrimitiveName = Literal["box", "sphere", "capsule", "cylinder"]
 SHAPES: dict[PrimitiveName, type[Primitive]] = {
     "box": Box,
     "sphere": Sphere,
@@ -39,19 +42,24 @@ class FitPrimitive(CollisionMethod):
     scope = "shapes"
     tools = (*CollisionMethod.hull_tools, "vhacdx")
 
-    shape: PrimitiveName | tuple[PrimitiveName, ...] | None = None
-    """Which, or some to choose from; None = any. The best score is taken, the simpler one when
-    two are as good."""
-    max_hulls: int = Field(1, ge=1, le=64)
-    """Most primitives; fewer where one more is hardly better."""
+    shape: PrimitiveName | tuple[PrimitiveName, ...] | None = Field(
+        None, description="which, or a list to choose from; without it the best of all"
+    )
+    max_hulls: int = Field(
+        1, ge=1, le=64, description="most primitives; fewer where one more is hardly better"
+    )
     bones: tuple[Vec3, ...] = ()
     """From the link's origin to the next joints, in the output frame, m: directions to try."""
-    vhacd: VHacdOptions = VHacdOptions(resolution=100_000)
-    """How the mesh is cut into parts when there may be several primitives."""
-    cpu_limit: float = Field(60.0, gt=0)
-    """CPU seconds of V-HACD."""
-    memory_limit_mb: int = Field(3072, ge=64)
-    """Memory of V-HACD, MB."""
+    vhacd: VHacdOptions = Field(
+        VHacdOptions(resolution=100_000),
+        description="how the mesh is cut into parts when there may be several primitives",
+    )
+    cpu_limit: Positive = Field(
+        60.0, le=1800, description="CPU seconds of one run of a native library"
+    )
+    memory_limit_mb: int = Field(
+        3072, ge=64, le=4096, description="memory of one run of a native library, MB"
+    )
 
     def exact(self) -> tuple[ConvexPiece, ...] | None:
         """A source that is a single primitive of the asked shape stays exactly as it is."""

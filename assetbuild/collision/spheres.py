@@ -9,6 +9,7 @@ from pydantic import Field
 from assetbuild.collision import CollisionMethod, Fitted
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.solid import ConvexPiece, sobol
+from assetbuild.quantities import Share
 from assetbuild.robot.model import Sphere
 from assetbuild.robot.pose import Array, Pose, vec3
 
@@ -29,10 +30,13 @@ class Spheres(CollisionMethod):
 
     tools = CollisionMethod.hull_tools
 
-    max_hulls: int = Field(16, ge=1, le=1024)
-    """Most spheres."""
-    margin: float = Field(0.02, ge=0, le=0.5)
-    """How far a sphere may stick out, share of the mesh's size; `max_outside` bounds it, too."""
+    max_hulls: int = Field(16, ge=1, le=1024, description="most spheres")
+    margin: Share = Field(
+        0.02,
+        le=0.5,
+        description="how far a sphere may stick out, share of the mesh's size; `max_outside` "
+        "bounds it, too",
+    )
 
     def fit(self, reference: Reference) -> Fitted:
         """Inner spheres, grown a little; volume outside counts against them."""

@@ -7,8 +7,8 @@ from pydantic import Field
 from assetbuild.collision import CollisionMethod, Fitted, hulls
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.native import NativeError
-from assetbuild.mesh.vhacd import vhacd_parts
-from assetbuild.recipe.collision import VHacdOptions
+from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
+from assetbuild.quantities import Positive
 
 
 class VHacd(CollisionMethod):
@@ -16,17 +16,20 @@ class VHacd(CollisionMethod):
 
     tools = (*CollisionMethod.hull_tools, "vhacdx")
 
-    max_hulls: int = Field(32, ge=1, le=1024)
-    """A budget that V-HACD nearly always uses up, never exceeded."""
-    max_vertices: int = Field(64, ge=4, le=256)
-    """Most vertices of one piece."""
-    max_polygons: int | None = Field(None, ge=16)
-    """Most polygons of one piece; None = any."""
-    vhacd: VHacdOptions = VHacdOptions.model_validate({})
-    cpu_limit: float = Field(60.0, gt=0)
-    """CPU seconds of the library."""
-    memory_limit_mb: int = Field(3072, ge=64)
-    """Memory of the library, MB."""
+    max_hulls: int = Field(32, ge=1, le=1024, description="most pieces")
+    max_vertices: int = Field(
+        64, ge=4, le=256, description="most vertices of a piece; PhysX on a GPU takes 64"
+    )
+    max_polygons: int | None = Field(
+        None, ge=16, le=1024, description="most polygons of a piece; PhysX on a GPU takes 64"
+    )
+    vhacd: VHacdOptions = Field(VHacdOptions(), description="parameters of V-HACD")
+    cpu_limit: Positive = Field(
+        60.0, le=1800, description="CPU seconds of one run of a native library"
+    )
+    memory_limit_mb: int = Field(
+        3072, ge=64, le=4096, description="memory of one run of a native library, MB"
+    )
 
     def fit(self, reference: Reference) -> Fitted:
         """V-HACD's parts; one hull when it fails."""

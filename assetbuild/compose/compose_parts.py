@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,8 @@ from assetbuild.compose.composed_masks import meeting_masks
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import encode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import (
     Body,
     Box,
@@ -26,11 +28,14 @@ from assetbuild.robot.model import (
     Shapes,
     Tree,
 )
-from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of_rpy
+from assetbuild.robot.mount import At, Mount
+from assetbuild.robot.pose import IDENTITY, Pose, quat_of_rpy
 from assetbuild.robot.randomize import homogeneous_box
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import depth_first
 
+PLATE = "mount_plate"
+"""The link that holds a part, by its name without the prefix."""
 LEFT_OUT = Rule(
     "compose.left_out",
     "info",
@@ -55,22 +60,14 @@ SCENERY = Rule(
 
 
 class PartOn(BaseModel):
-    """A part and its place. folder: of its inputs; prefix: of all its names; SI, rad.
-
-    link: of the base. xyz, rpy: of the part's root there. mount_*: of the box that holds it,
-    its centre from the part's root; no mass = no box.
-    """
+    """A part and its place. folder: of its inputs; prefix: of all its names."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     folder: str
     prefix: str
-    link: str
-    xyz: Vec3
-    rpy: Vec3
-    mount_mass: float = 0.0
-    mount_size: Vec3 = (0.0, 0.0, 0.0)
-    mount_at: Vec3 = (0.0, 0.0, 0.0)
+    at: At
+    mount: Mount | None = None
     left_out: tuple[str, ...] = ()
     """Keys of the part's recipe that the whole does not follow."""
     keeps: bool = False
@@ -94,18 +91,21 @@ class ComposeParts(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises RecipeError for a link that the base has not, and for names that clash."""
-        tree, shapes = _read(files.inputs / "base")
+        robot = RobotFiles(files.inputs / "base")
+        tree, shapes = robot.links, robot.shapes
         lines = _lines(files.inputs / "base")
         said: dict[str, PartControl] = {}
-        base = _said(files.inputs / "base")
+        base = robot.source_control
         for part in self.parts:
-            own_tree, own_shapes = _read(files.inputs / part.folder)
+            own = RobotFiles(files.inputs / part.folder)
+            own_tree, own_shapes = own.links, own.shapes
             tree = _mounted(tree, prefixed_tree(own_tree, part.prefix), part)
             shapes = _joined(shapes, prefixed_shapes(own_shapes, part.prefix))
-            if part.mount_mass > 0.0:
-                shapes = replace(shapes, shapes=(*shapes.shapes, *_plate_shapes(part)))
+            if part.mount is not None:
+                plate = _plate_shapes(part.prefix + PLATE, part.mount)
+                shapes = replace(shapes, shapes=(*shapes.shapes, *plate))
             lines["lines"] |= _prefixed_lines(files.inputs / part.folder, part.prefix)
-            control, place = _said(files.inputs / part.folder), IDENTITY
+            control, place = own.source_control, IDENTITY
             left_out = part.left_out
             if control is not None:
                 words = PartControl(
@@ -122,10 +122,10 @@ class ComposeParts(Step):
                 yield from _told_scenery(words, part)
             yield _told(part, own_tree, place)
             yield from _told_left_out(part, left_out)
-        _refuse_clashes(tree, shapes)
         if base is not None and not self.keeps:
             base = replace(base, bodies=())
         whole, findings = _whole(base, {prefix: part.prefixed() for prefix, part in said.items()})
+        _refuse_clashes(tree, shapes, whole)
         yield from findings
         (files.outputs / "links.json").write_bytes(encode(tree))
         (files.outputs / "shapes.json").write_bytes(encode(shapes))
@@ -137,17 +137,11 @@ class ComposeParts(Step):
 def _whole(
     base: SourceControl | None, parts: Mapping[str, SourceControl]
 ) -> tuple[SourceControl, list[Finding]]:
-    """What the sources say as one; RecipeError for two things of one name."""
+    """What the sources say as one."""
     sources = [*([("", base)] if base else []), *parts.items()]
     met, findings = meeting_masks(sources)
     changed = dict(zip((prefix for prefix, _ in sources), met, strict=True))
-    whole = joined(changed.pop("", None), changed)
-    seen: set[tuple[str, str]] = set()
-    for kind, name in names_of(whole):
-        if (kind, name) in seen:
-            raise _clash(kind, name)
-        seen.add((kind, name))
-    return whole, findings
+    return joined(changed.pop("", None), changed), findings
 
 
 def _told_left_out(part: PartOn, keys: tuple[str, ...]) -> Iterator[Finding]:
@@ -233,20 +227,17 @@ def prefixed_subject(subject: str, prefix: str) -> str:
 
 
 def _mounted(tree: Tree, part: Tree, on: PartOn) -> Tree:
-    if on.link not in tree.by_body:
-        raise RecipeError(
-            f"no link `{on.link}` to mount `{on.prefix}` on",
-            hint=did_you_mean(on.link, tree.by_body),
-        )
-    X_link_root = Pose(on.xyz, quat_of_rpy(*on.rpy))
+    link, plate = on.at.link, on.prefix + PLATE
+    if link not in tree.by_body:
+        hint = did_you_mean(link, tree.by_body)
+        raise RecipeError(f"no link `{link}` to mount `{on.prefix}` on", hint=hint)
+    X_link_root = Pose(on.at.xyz, quat_of_rpy(*on.at.rpy))
     bodies = [*tree.bodies, *part.bodies]
     joints = [*tree.joints, *part.joints]
-    joints.append(Joint(f"{on.prefix}mount", "fixed", on.link, part.root, X_link_root))
-    if on.mount_mass > 0.0:
-        box = homogeneous_box(on.mount_mass, on.mount_size, on.mount_at)
-        bodies.append(Body(_plate(on), box))
-        name = f"{on.prefix}mount_plate_joint"
-        joints.append(Joint(name, "fixed", on.link, _plate(on), X_link_root))
+    joints.append(Joint(f"{on.prefix}mount", "fixed", link, part.root, X_link_root))
+    if (box := on.mount) is not None:
+        bodies.append(Body(plate, homogeneous_box(box.mass, box.size, box.at)))
+        joints.append(Joint(f"{plate}_joint", "fixed", link, plate, X_link_root))
     names, ordered = depth_first(tree.root, joints)
     by_name = {body.name: body for body in bodies}
     frames = (*tree.frames, *part.frames)
@@ -255,12 +246,8 @@ def _mounted(tree: Tree, part: Tree, on: PartOn) -> Tree:
     )
 
 
-def _plate(on: PartOn) -> str:
-    return f"{on.prefix}mount_plate"
-
-
-def _plate_shapes(on: PartOn) -> tuple[Shape, Shape]:
-    box, at, link = Box(on.mount_size), Pose(on.mount_at), _plate(on)
+def _plate_shapes(link: str, mount: Mount) -> tuple[Shape, Shape]:
+    box, at = Box(mount.size), Pose(mount.at)
     return (
         Shape(f"{link}_visual", link, "visual", box, at),
         Shape(f"{link}_collision", link, "collision", box, at),
@@ -271,26 +258,22 @@ def _joined(a: Shapes, b: Shapes) -> Shapes:
     return Shapes(a.shapes + b.shapes, a.materials + b.materials, a.meshes + b.meshes)
 
 
-def _refuse_clashes(tree: Tree, shapes: Shapes) -> None:
-    for kind, names in (
-        ("link", [body.name for body in tree.bodies] + [frame.name for frame in tree.frames]),
-        ("joint", [joint.name for joint in tree.joints]),
-        ("shape", [shape.name for shape in shapes.shapes]),
-    ):
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise _clash(kind, twice[0])
-
-
-def _clash(kind: str, name: str) -> RecipeError:
-    hint = "give the part another prefix, `as:`"
-    return RecipeError(f"two parts have a {kind} `{name}`", hint=hint)
+def _refuse_clashes(tree: Tree, shapes: Shapes, said: SourceControl) -> None:
+    named = [("link", body.name) for body in tree.bodies]
+    named += [("link", frame.name) for frame in tree.frames]
+    named += [("joint", joint.name) for joint in tree.joints]
+    named += [("shape", shape.name) for shape in shapes.shapes]
+    for (kind, name), count in Counter((*named, *names_of(said))).items():
+        if count > 1:
+            hint = "give the part another prefix, `as:`"
+            raise RecipeError(f"two parts have a {kind} `{name}`", hint=hint)
 
 
 def _told(part: PartOn, tree: Tree, X_world_root: Pose) -> Finding:
     """X_world_root: in the part's own world, which `at` takes the place of."""
     mass = sum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
-    plate = f", and {part.mount_mass:g} kg of mount" if part.mount_mass else ""
+    mount_kg = part.mount.mass if part.mount else 0.0
+    plate = f", and {mount_kg:g} kg of mount" if mount_kg else ""
     held = "; alone it floats, here its root is held" if tree.base == "floating" else ""
     hint = ""
     if X_world_root != IDENTITY:
@@ -300,21 +283,10 @@ def _told(part: PartOn, tree: Tree, X_world_root: Pose) -> Finding:
         hint = "`at` places the root itself: add that pose to it to place the part's world"
     return PART(
         f"link {part.prefix}{tree.root}",
-        f"{len(tree.bodies)} links with {mass:g} kg stand on `{part.link}`{plate}{held}",
+        f"{len(tree.bodies)} links with {mass:g} kg stand on `{part.at.link}`{plate}{held}",
         hint=hint,
-        data={"links": len(tree.bodies), "mass_kg": mass, "mount_kg": part.mount_mass},
+        data={"links": len(tree.bodies), "mass_kg": mass, "mount_kg": mount_kg},
     )
-
-
-def _read(folder: Path) -> tuple[Tree, Shapes]:
-    tree = decode(Tree, (folder / "links.json").read_bytes())
-    return tree, decode(Shapes, (folder / "shapes.json").read_bytes())
-
-
-def _said(folder: Path) -> SourceControl | None:
-    """What an MJCF says beyond links and shapes; None of a URDF."""
-    file = folder / "source_control.json"
-    return decode(SourceControl, file.read_bytes()) if file.is_file() else None
 
 
 def _prefixed_lines(folder: Path, prefix: str) -> dict[str, int | str]:

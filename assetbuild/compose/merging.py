@@ -1,170 +1,173 @@
-"""The tables of a composite: the base's own, then those of each part under its prefix.
+"""The tables of a composite: the base's own, then those of each part, by names of the whole.
 
-A part's patterns are anchored to its prefix. A pattern of the base speaks of the base alone,
-unless it begins with a part's prefix: then it speaks of that part, and wins over the part's own.
+Each pattern is matched on the names of its own robot (see `names`); what is merged are tables of
+names. Where the base speaks of a part's name, its row wins over the part's own.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
+from assetbuild.compose.names import HOME, Member, Row, Value, rows_of, spoken_of
+from assetbuild.quantities import listed
 from assetbuild.recipe.collision import CollisionRule
-from assetbuild.recipe.compose import Part
-from assetbuild.recipe.models import FixedJoints, Keyframe, Recipe
-from assetbuild.recipe.names import anchored, but_not
-from assetbuild.recipe.sides import Side
-from assetbuild.robot.actuator_table import ActuatorRow, Motor
+from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.recipe.models import Recipe
+from assetbuild.recipe.validation import Key
+from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.contact import Contact, Surface
+from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.sensing import IMU_NAMES, Feet, Imu, Sensor
 
-Value = TypeVar("Value")
-HOME = "home"
+Table = Mapping[str, Row[Any]] | Sequence[Row[Any]]  # Any: rows of any model of a recipe
+OF_THE_WHOLE = ("visual", "simulation", "validate", "rules")
+"""Keys of a recipe that are about the whole model, as those of its targets are: the base's hold."""
 
 
 @dataclass(frozen=True)
-class Mounted:
-    """A part with its own recipe. links, joints: its names with the prefix.
+class Composed(LoadedRecipe):
+    """The recipe of the whole. origins: of its rows, where they are written, by their keys."""
 
-    poses: by keyframe of its source the value of each joint by its own name, rad or m.
+    origins: Mapping[Key, tuple[LoadedRecipe, Key]] = field(default_factory=dict)
+
+    def origin(self, key: Key) -> tuple[LoadedRecipe, Key]:
+        """The recipe of the part, where a row is the part's."""
+        for length in range(len(key), 0, -1):
+            if key[:length] in self.origins:
+                whose, own = self.origins[key[:length]]
+                return whose, (*own, *key[length:])
+        return self, key
+
+    @property
+    def common_surfaces(self) -> tuple[str, ...]:
+        """Patterns of `contact.links` that stand for the `contact` of a part."""
+        key = ("contact", "links")
+        patterns = self.recipe.contact.links
+        return tuple(p for p in patterns if self.origins[(*key, p)][1] == ("contact",))
+
+
+def composed(members: Sequence[Member]) -> Composed:
+    """The recipe of the whole in exact names; the base is the first of the members.
+
+    RecipeError, with its line, for a pattern that speaks of nothing.
     """
-
-    part: Part
-    recipe: Recipe
-    links: tuple[str, ...]
-    joints: tuple[str, ...]
-    poses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-
-    @property
-    def prefix(self) -> str:
-        """Of all its names."""
-        return self.part.as_
-
-    @property
-    def side(self) -> Side:
-        """Who decides what in it."""
-        return Side.of(self.recipe, self.prefix)
-
-    def pose_key(self, name: str) -> tuple[str, bool] | None:
-        """Its keyframe for one of the whole, and whether the source says it; None without any.
-
-        The one of the same name, else its `home`; its recipe's before its source's.
-        """
-        for key in (name, HOME):
-            if key in self.recipe.keyframes:
-                return key, False
-            if key in self.poses:
-                return key, True
-        return None
-
-
-def composed(recipe: Recipe, parts: Sequence[Mounted]) -> Recipe:
-    """The recipe of the whole, whose patterns are about the names with prefixes."""
-    prefixes = tuple(mounted.prefix for mounted in parts)
-    collision = recipe.collision.model_copy(
-        update={
-            "links": _links(recipe, parts, prefixes),
-            "exclude": recipe.collision.exclude.model_copy(update={"pairs": _pairs(recipe, parts)}),
-        }
-    )
-    return recipe.model_copy(
-        update={
-            "collision": collision,
-            "fixed_joints": _fixed_joints(recipe, parts, prefixes),
-            "motors": _motors(recipe, parts),
-            "actuators": _actuators(recipe, parts, prefixes),
-            "keyframes": _keyframes(recipe, parts, prefixes),
-            "contact": _contact(recipe, parts, prefixes),
-            "feet": _feet(recipe, parts, prefixes),
-            "imu": _imu(recipe, parts),
-            "sensors": {
-                **_prefixed_places(recipe.sensors, parts, "sensors", ("link", "joint")),
-                **_imus_of_parts(recipe, parts),
-            },
-            "randomize": _randomize(recipe, parts, prefixes),
-            "cameras": _prefixed_places(recipe.cameras, parts, "cameras", ("link",)),
-            "edits": (),
-        }
-    )
-
-
-def poses_in_source_keys(
-    recipe: Recipe, parts: Sequence[Mounted], names: Iterable[str]
-) -> dict[str, dict[str, float]]:
-    """The parts' joints, by pattern, in keyframes that the base's source has and no recipe says."""
-    found: dict[str, dict[str, float]] = {}
-    for name in names:
-        if name not in recipe.keyframes:
-            pose: dict[str, float] = {}
-            for mounted in parts:
-                pose |= _part_pose(mounted, name, ())
-            found[name] = pose
-    return found
+    base, keyframes = members[0], _keyframes(members)
+    ranges = _randomize(members)
+    randomize = base.recipe.randomize
+    if randomize is None and any(ranges.values()):
+        randomize = Randomize.model_validate({})
+    imu = _imu(members)
+    update = {
+        "keyframes": keyframes,
+        "feet": _feet(members),
+        "imu": imu,
+        "randomize": randomize,
+        "edits": (),
+    }
+    tables: dict[Key, Table] = {
+        ("collision", "links"): _by_pattern(_collision(members)),
+        ("collision", "exclude", "pairs"): list(_pairs(members).values()),
+        ("fixed_joints", "keep_bodies"): list(_keep_bodies(members)),
+        ("motors",): _placed(members, "motors", ("extends",)),
+        ("actuators",): list(_actuators(members)),
+        **{
+            ("keyframes", k, "joints"): _by_pattern(pose_rows(members, k), once=True)
+            for k in keyframes
+        },
+        ("contact", "links"): _by_pattern(_contact(members)),
+        ("sensors",): _placed(members, "sensors", ("link", "joint", "relative_to"))
+        | _other_imus(members, imu),
+        ("cameras",): _placed(members, "cameras", ("link",)),
+        **(ranges if randomize else {}),
+    }
+    values = {key: _values(table) for key, table in tables.items()}
+    values["fixed_joints", "merge"] = any(m.recipe.fixed_joints.merge for m in members)
+    recipe = _replaced(base.recipe.model_copy(update=update), values)
+    return Composed(**vars(base.loaded) | {"recipe": recipe, "origins": _origins(tables)})
 
 
 def left_out(recipe: Recipe, part: Recipe) -> tuple[str, ...]:
     """Keys that a part states and the whole does not follow, because it can follow one only."""
-    names = {key: field.alias or key for key, field in Recipe.model_fields.items()}
+    of_targets = [key for key in type(part).model_fields if key not in Recipe.model_fields]
     return tuple(
-        names[key]
-        for key in OF_THE_WHOLE
-        if key in part.model_fields_set and getattr(part, key) != getattr(recipe, key)
+        key
+        for key in (*OF_THE_WHOLE, *of_targets)
+        if part.states(key) and not recipe.agrees(key, part.value(key))
     )
 
 
-OF_THE_WHOLE = ("visual", "mjcf", "mjx", "simulation", "usd", "isaaclab", "validate_", "rules")
-"""Keys of a recipe that are about the whole model: the base's hold."""
+# --- tables to recipe -----------------------------------------------------------------------
 
 
-def _own(pattern: str, prefixes: Sequence[str]) -> str:
-    """A pattern of the base: about the base alone, unless it names a part's prefix itself."""
-    if _about_part(pattern, prefixes):
-        return pattern
-    return f"(?!{'|'.join(map(re.escape, prefixes))})(?:{pattern})"
+def _by_pattern(rows: Iterable[Row[Value]], *, once: bool = False) -> dict[str, Row[Value]]:
+    """Of rows about the same names the first; RecipeError for a second if there may be one only."""
+    found: dict[str, Row[Value]] = {}
+    for row in rows:
+        first = found.setdefault(row.pattern, row)
+        if once and first is not row:
+            message = f"`{first.key[-1]}` matches joint `{row.names[0]}` too"
+            raise row.whose.error(row.key, message, "narrow one of the two patterns")
+    return found
 
 
-def _about_part(pattern: str, prefixes: Sequence[str]) -> bool:
-    return pattern.startswith(tuple(prefixes))
+def _values(table: Table) -> Any:  # Any: as Table
+    if isinstance(table, Mapping):
+        return {key: row.value for key, row in table.items()}
+    return tuple(row.value for row in table)
 
 
-def _split(
-    table: Mapping[str, Value], prefixes: Sequence[str]
-) -> tuple[dict[str, Value], dict[str, Value]]:
-    """What the base's table says of parts, and what it says of the base, anchored."""
-    about = {k: v for k, v in table.items() if _about_part(k, prefixes)}
-    return about, {_own(k, prefixes): v for k, v in table.items() if k not in about}
+def _origins(tables: Mapping[Key, Table]) -> dict[Key, tuple[LoadedRecipe, Key]]:
+    found: dict[Key, tuple[LoadedRecipe, Key]] = {}
+    for key, table in tables.items():
+        rows = table.items() if isinstance(table, Mapping) else enumerate(table)
+        for at, row in rows:
+            found[(*key, at)] = row.whose, row.key
+    return found
 
 
-def _fixed_joints(recipe: Recipe, parts: Sequence[Mounted], prefixes: Sequence[str]) -> FixedJoints:
+def _replaced(of: Any, values: Mapping[Key, Any]) -> Any:  # Any: a model, or a map of models
+    """The same with other values at some keys."""
+    update = {}
+    for head in dict.fromkeys(key[0] for key in values):
+        below = {key[1:]: value for key, value in values.items() if key[0] == head}
+        inner = of[head] if isinstance(of, Mapping) else getattr(of, str(head))
+        update[head] = below[()] if () in below else _replaced(inner, below)
+    return {**of, **update} if isinstance(of, Mapping) else of.model_copy(update=update)
+
+
+# --- links ----------------------------------------------------------------------------------
+
+
+def _all_links(member: Member, value: Value, *key: str) -> Row[Value]:
+    return Row(
+        value, member.loaded, key, tuple(member.prefix + link for link in member.names["links"])
+    )
+
+
+def _keep_bodies(members: Sequence[Member]) -> Iterator[Row[str]]:
     """Each side merges as its own recipe says; of one that does not, all links stay."""
-    keep = [_own(pattern, prefixes) for pattern in recipe.fixed_joints.keep_bodies]
-    for mounted in parts:
-        own = mounted.recipe.fixed_joints.keep_bodies
-        keep += [anchored(mounted.prefix, pattern) for pattern in own]
-    merge = recipe.fixed_joints.merge, *(m.recipe.fixed_joints.merge for m in parts)
-    if any(merge) and not merge[0]:
-        keep.append(_own(".*", prefixes))
-    if any(merge):
-        whole = [m for m in parts if not m.recipe.fixed_joints.merge]
-        keep += [anchored(mounted.prefix, ".*") for mounted in whole]
-    update = {"merge": any(merge), "keep_bodies": tuple(keep)}
-    return recipe.fixed_joints.model_copy(update=update)
+    some_merge = any(member.recipe.fixed_joints.merge for member in members)
+    for member in members:
+        fixed, key = member.recipe.fixed_joints, ("fixed_joints", "keep_bodies")
+        rows = [
+            Row(pattern, member.loaded, (*key, index), spoken_of(member, (*key, index), pattern))
+            for index, pattern in enumerate(fixed.keep_bodies)
+        ]
+        if some_merge and not fixed.merge:
+            rows.append(_all_links(member, ".*", "fixed_joints", "merge"))
+        yield from (replace(row, value=row.pattern) for row in rows)
 
 
-def _links(
-    recipe: Recipe, parts: Sequence[Mounted], prefixes: Sequence[str]
-) -> dict[str, CollisionRule]:
-    about, own = _split(recipe.collision.links, prefixes)
-    links = {**about, **own}
-    for mounted in parts:
-        collision = mounted.recipe.collision
-        for pattern, rule in collision.links.items():
-            links[anchored(mounted.prefix, pattern)] = _under(rule, collision.preset)
-        links[anchored(mounted.prefix, ".*")] = _under(collision.default, collision.preset)
-    return links
+def _collision(members: Sequence[Member]) -> Iterator[Row[CollisionRule]]:
+    for member in members:
+        own = member.recipe.collision
+        rules = {pattern: _under(rule, own.preset) for pattern, rule in own.links.items()}
+        yield from rows_of(member, ("collision", "links"), rules)
+        if member.part:
+            yield _all_links(member, _under(own.default, own.preset), "collision", "default")
 
 
 def _under(rule: CollisionRule, preset: str) -> CollisionRule:
@@ -172,176 +175,160 @@ def _under(rule: CollisionRule, preset: str) -> CollisionRule:
     return rule if rule.preset is not None else rule.model_copy(update={"preset": preset})
 
 
-def _pairs(recipe: Recipe, parts: Sequence[Mounted]) -> tuple[tuple[str, str], ...]:
-    pairs = list(recipe.collision.exclude.pairs)
-    for mounted in parts:
-        prefix, own = mounted.prefix, mounted.recipe.collision.exclude.pairs
-        pairs += [(prefix + a, prefix + b) for a, b in own]
-        pairs += [(link, other) for link in mounted.part.exclude for other in mounted.links]
-    return tuple(dict.fromkeys(pairs))
+def _pairs(members: Sequence[Member]) -> dict[tuple[str, str], Row[tuple[str, str]]]:
+    found: dict[tuple[str, str], Row[tuple[str, str]]] = {}
+    for member in members:
+        for index, (a, b) in enumerate(member.recipe.collision.exclude.pairs):
+            pair, key = (member.prefix + a, member.prefix + b), ("collision", "exclude", "pairs")
+            found.setdefault(pair, Row(pair, member.loaded, (*key, index)))
+        for index, link in enumerate(member.part.exclude if member.part else ()):
+            for other in member.tree.by_body:
+                pair, row = (link, member.prefix + other), (*member.row, "exclude", index)
+                found.setdefault(pair, Row(pair, members[0].loaded, row))
+    return found
 
 
-def _motors(recipe: Recipe, parts: Sequence[Mounted]) -> dict[str, Motor]:
-    motors = dict(recipe.motors)
-    for mounted in parts:
-        for name, motor in mounted.recipe.motors.items():
-            extends = mounted.prefix + motor.extends if motor.extends else None
-            motors.setdefault(mounted.prefix + name, motor.model_copy(update={"extends": extends}))
-    return motors
-
-
-def _actuators(
-    recipe: Recipe, parts: Sequence[Mounted], prefixes: Sequence[str]
-) -> tuple[ActuatorRow, ...]:
-    rows = [
-        row.model_copy(update={"joints": _own(row.joints, prefixes)}) for row in recipe.actuators
-    ]
-    about = [row.joints for row in recipe.actuators if _about_part(row.joints, prefixes)]
-    for mounted in parts:
-        for row in mounted.recipe.actuators:
-            pattern = anchored(mounted.prefix, row.joints, about)
-            if not any(re.fullmatch(pattern, joint) for joint in mounted.joints):
-                continue  # the base's own rows have taken all of its joints
-            motor = mounted.prefix + row.motor if row.motor else None
-            rows.append(row.model_copy(update={"joints": pattern, "motor": motor}))
-    return tuple(rows)
-
-
-def _keyframes(
-    recipe: Recipe,
-    parts: Sequence[Mounted],
-    prefixes: Sequence[str],
-) -> dict[str, Keyframe]:
-    keyframes = {}
-    for name, keyframe in recipe.keyframes.items():
-        about, joints = _split(keyframe.joints, prefixes)
-        joints |= about
-        for mounted in parts:
-            joints |= _part_pose(mounted, name, tuple(about))
-        keyframes[name] = keyframe.model_copy(update={"joints": joints})
-    return keyframes
-
-
-def home_of_parts(parts: Sequence[Mounted]) -> Keyframe | None:
-    """`home` of a base that has no keyframe: its joints at 0; None where no part has one either."""
-    pose: dict[str, float] = {}
-    for mounted in parts:
-        pose |= _part_pose(mounted, HOME, ())
-    return Keyframe.model_validate({"joints": pose}) if pose else None
-
-
-def _part_pose(mounted: Mounted, name: str, but: Sequence[str]) -> dict[str, float]:
-    """The part's joints in a keyframe: by `home`, else as its own keyframe of that name or home."""
-    pose: dict[str, float] = {}
-    if (found := mounted.pose_key(name)) is not None:
-        key, by_source = found
-        own = mounted.poses[key] if by_source else mounted.recipe.keyframes[key].joints
-        pose = {re.escape(k) if by_source else k: v for k, v in own.items()}
-    if name == HOME and mounted.part.home:
-        first = tuple(mounted.part.home)
-        pose = {f"{but_not(first)}(?:{k})": v for k, v in pose.items()} | dict(mounted.part.home)
-    placed = {anchored(mounted.prefix, pattern, but): value for pattern, value in pose.items()}
-    return {
-        pattern: value
-        for pattern, value in placed.items()
-        if any(re.fullmatch(pattern, joint) for joint in mounted.joints)
-    }
-
-
-def _contact(recipe: Recipe, parts: Sequence[Mounted], prefixes: Sequence[str]) -> Contact:
-    about, own = _split(recipe.contact.links, prefixes)
-    links = {**about, **own}
-    for mounted in parts:
-        contact = mounted.recipe.contact
+def _contact(members: Sequence[Member]) -> Iterator[Row[Surface]]:
+    base, key = members[0], ("contact", "links")
+    yield from rows_of(base, key, base.recipe.contact.links)
+    for part in base.reach:
+        contact = part.recipe.contact
         # An MJCF has surfaces of its own: its recipe changes what it states.
-        from_mjcf = mounted.recipe.source.mjcf is not None
+        from_mjcf = part.recipe.source.mjcf is not None
         whole = _surface_of(contact)
         if from_mjcf:
             whole = Surface(**whole.model_dump(include=contact.model_fields_set))
-        for pattern, surface in contact.links.items():
-            own_words = surface.model_dump(exclude_none=True)
-            links[anchored(mounted.prefix, pattern)] = whole.model_copy(update=own_words)
-        bases = Surface() if from_mjcf else _surface_of(recipe.contact)
-        if whole != bases:
-            links[anchored(mounted.prefix, ".*")] = whole
-    return recipe.contact.model_copy(update={"links": links})
+        own = {
+            pattern: whole.model_copy(update=surface.model_dump(exclude_none=True))
+            for pattern, surface in contact.links.items()
+        }
+        yield from rows_of(part, key, own)
+        if whole != (Surface() if from_mjcf else _surface_of(base.recipe.contact)):
+            yield _all_links(part, whole, "contact")
 
 
 def _surface_of(contact: Contact) -> Surface:
     return Surface(**{key: getattr(contact, key) for key in Surface.model_fields})
 
 
-def _feet(recipe: Recipe, parts: Sequence[Mounted], prefixes: Sequence[str]) -> Feet | None:
+def _feet(members: Sequence[Member]) -> Feet | None:
     """The soles of all; the base decides whether they have contact sensors, if it has feet."""
-    found = [recipe.feet] if recipe.feet else []
-    patterns = [_own(feet.links, prefixes) for feet in found]
-    for mounted in parts:
-        if mounted.recipe.feet is not None:
-            found.append(mounted.recipe.feet)
-            patterns.append(anchored(mounted.prefix, mounted.recipe.feet.links))
-    if not found:
-        return None
-    return found[0].model_copy(update={"links": "|".join(f"(?:{p})" for p in patterns)})
+    found = [(member, member.recipe.feet) for member in members if member.recipe.feet]
+    names = [n for m, feet in found for n in spoken_of(m, ("feet", "links"), feet.links)]
+    links = listed(dict.fromkeys(names))
+    return found[0][1].model_copy(update={"links": links}) if found else None
 
 
-def _imu(recipe: Recipe, parts: Sequence[Mounted]) -> Imu | None:
+# --- drives and poses -----------------------------------------------------------------------
+
+
+def _actuators(members: Sequence[Member]) -> Iterator[Row[ActuatorRow]]:
+    """All rows but those of a part whose joints the base has taken."""
+    taken: set[str] = set()
+    for member in members:
+        for index, row in enumerate(member.recipe.actuators):
+            key = ("actuators", index)
+            names = spoken_of(member, (*key, "joints"), row.joints, "joints")
+            placed = Row(row, member.loaded, key, names)
+            if member.part:
+                placed = placed.without(taken)
+            else:
+                taken |= set(names)
+            if placed.names:
+                motor = member.prefix + row.motor if row.motor else None
+                moved = row.model_copy(update={"joints": placed.pattern, "motor": motor})
+                yield replace(placed, value=moved)
+
+
+def _keyframes(members: Sequence[Member]) -> dict[str, Keyframe]:
+    """The base's; without any, and none in its source, the `home` of its parts."""
+    base = members[0]
+    if base.recipe.keyframes or base.poses or not pose_rows(members, HOME):
+        return base.recipe.keyframes
+    return {HOME: Keyframe.model_validate({})}
+
+
+def pose_rows(members: Sequence[Member], name: str) -> list[Row[float]]:
+    """The joints of the whole in a keyframe: the base's, then each part's that it leaves alone."""
+    base = members[0]
+    own = base.recipe.keyframes[name].joints if name in base.recipe.keyframes else {}
+    rows = list(rows_of(base, ("keyframes", name, "joints"), own, "joints"))
+    taken = {joint for row in rows for joint in row.names}
+    left = (row.without(taken) for part in base.reach for row in _part_pose(base, part, name))
+    return rows + [row for row in left if row.names]
+
+
+def pose_of(rows: Iterable[Row[float]]) -> dict[str, float]:
+    """The value of each joint, rad or m."""
+    return {joint: row.value for row in rows for joint in row.names}
+
+
+def _part_pose(base: Member, part: Member, name: str) -> Iterator[Row[float]]:
+    """As `home` of its row in `compose` says, else as its own keyframe of that name or `home`."""
+    first: set[str] = set()
+    if name == HOME and part.part:
+        said_by_base = replace(part, loaded=base.loaded)
+        for row in rows_of(said_by_base, (*part.row, HOME), part.part.home, "joints"):
+            first |= set(row.names)
+            yield row
+    key, by_source = part.pose_key(name) or ("", False)
+    if by_source:
+        pose = {part.prefix + joint: value for joint, value in part.poses[key].items()}
+        rows = [Row(value, part.loaded, ("source",), (joint,)) for joint, value in pose.items()]
+    else:
+        joints = part.recipe.keyframes[key].joints if key else {}
+        rows = list(rows_of(part, ("keyframes", key, "joints"), joints, "joints"))
+    yield from (row.without(first) for row in rows)
+
+
+# --- senses and ranges ----------------------------------------------------------------------
+
+
+def _imu(members: Sequence[Member]) -> Imu | None:
     """The base's; the first part's where the base has none."""
-    if recipe.imu is not None:
-        return recipe.imu
-    first = next((mounted for mounted in parts if mounted.recipe.imu is not None), None)
-    if first is None or first.recipe.imu is None:
-        return None
-    return first.recipe.imu.model_copy(update={"link": first.prefix + first.recipe.imu.link})
+    for member in members:
+        if (imu := member.recipe.imu) is not None:
+            return imu.model_copy(update={"link": member.prefix + imu.link})
+    return None
 
 
-def _imus_of_parts(recipe: Recipe, parts: Sequence[Mounted]) -> dict[str, Sensor]:
-    """`<prefix>imu_ang_vel`, ...: the IMUs beside the one that is the whole's."""
-    whole, found = _imu(recipe, parts), {}
-    for mounted in parts:
-        imu = mounted.recipe.imu
-        if imu is None or (whole is not None and whole.link == mounted.prefix + imu.link):
+def _other_imus(members: Sequence[Member], whole: Imu | None) -> dict[str, Row[Sensor]]:
+    """`<prefix>imu_ang_vel`, ...: the IMUs of parts beside the one that is the whole's."""
+    found = {}
+    for part in members[1:]:
+        if (imu := part.recipe.imu) is None or (whole and whole.link == part.prefix + imu.link):
             continue
         for kind in imu.sensors:
-            sensor = Sensor.model_validate({"kind": kind, "link": mounted.prefix + imu.link})
-            found[f"{mounted.prefix}{IMU_NAMES[kind]}"] = sensor
+            sensor = Sensor.model_validate({"kind": kind, "link": part.prefix + imu.link})
+            found[part.prefix + IMU_NAMES[kind]] = Row(sensor, part.loaded, ("imu",))
     return found
 
 
-def _randomize(
-    recipe: Recipe, parts: Sequence[Mounted], prefixes: Sequence[str]
-) -> Randomize | None:
-    """The ranges of all; friction and seed are the base's. None when nobody has any."""
-    tables: dict[str, dict[str, Any]] = {"links": {}, "joints": {}}  # Any: of two kinds
-    payloads = [
-        payload.model_copy(update={"link": mounted.prefix + payload.link})
-        for mounted in parts
-        if mounted.recipe.randomize is not None
-        for payload in mounted.recipe.randomize.payloads
-    ]
-    for key, table in tables.items():
-        if recipe.randomize is not None:
-            about, own = _split(getattr(recipe.randomize, key), prefixes)
-            table |= {**about, **own}
-        for mounted in parts:
-            ranges = getattr(mounted.recipe.randomize, key, {})
-            table |= {anchored(mounted.prefix, pattern): row for pattern, row in ranges.items()}
-    if recipe.randomize is None and not (tables["links"] or tables["joints"] or payloads):
-        return None
-    base = recipe.randomize or Randomize.model_validate({})
-    return base.model_copy(update={**tables, "payloads": (*base.payloads, *payloads)})
-
-
-def _prefixed_places(
-    own: Mapping[str, Value], parts: Sequence[Mounted], table: str, places: tuple[str, ...]
-) -> dict[str, Value]:
-    """Sensors or cameras of all, each at the link or joint with the prefix."""
-    found = dict(own)
-    for mounted in parts:
-        for name, entry in getattr(mounted.recipe, table).items():
-            moved = {
-                key: mounted.prefix + getattr(entry, key)
-                for key in (*places, "relative_to")
-                if getattr(entry, key, None) is not None
-            }
-            found.setdefault(mounted.prefix + name, entry.model_copy(update=moved))
+def _placed(
+    members: Sequence[Member], table: str, places: tuple[str, ...]
+) -> dict[str, Row[Any]]:  # Any: sensors, cameras or motors
+    """What all have by name; `places`: keys that name a link, a joint or another of them."""
+    found: dict[str, Row[Any]] = {}
+    for member in members:
+        for name, entry in getattr(member.recipe, table).items():
+            moved = {key: member.prefix + at for key in places if (at := getattr(entry, key))}
+            row = Row(entry.model_copy(update=moved), member.loaded, (table, name))
+            found.setdefault(member.prefix + name, row)
     return found
+
+
+def _randomize(members: Sequence[Member]) -> dict[Key, Table]:
+    """The ranges of all; friction and seed are the base's."""
+    links, joints, payloads = list[Row[Any]](), list[Row[Any]](), list[Row[Any]]()
+    for member in members:
+        if (own := member.recipe.randomize) is not None:
+            links += rows_of(member, ("randomize", "links"), own.links)
+            joints += rows_of(member, ("randomize", "joints"), own.joints, "joints")
+            for index, payload in enumerate(own.payloads):
+                moved = payload.model_copy(update={"link": member.prefix + payload.link})
+                payloads.append(Row(moved, member.loaded, ("randomize", "payloads", index)))
+    return {
+        ("randomize", "links"): _by_pattern(links),
+        ("randomize", "joints"): _by_pattern(joints),
+        ("randomize", "payloads"): payloads,
+    }

@@ -2,33 +2,24 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 from assetbuild.compose.compose_parts import ComposeParts, PartOn, part_path
 from assetbuild.compose.composed_control import KeyOf
-from assetbuild.compose.merging import (
-    HOME,
-    Mounted,
-    composed,
-    home_of_parts,
-    left_out,
-    poses_in_source_keys,
-)
+from assetbuild.compose.merging import Composed, composed, left_out, pose_of, pose_rows
+from assetbuild.compose.names import HOME, Member
 from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.errors import did_you_mean
-from assetbuild.geometry.jobs import file_of
 from assetbuild.geometry.plan import Geometry
-from assetbuild.recipe.collision import CollisionRule
-from assetbuild.recipe.compose import Part
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.sides import Side
+from assetbuild.recipe.validation import Key
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Tree
+from assetbuild.robot.sides import Side
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.reading import Reading
 
@@ -38,7 +29,8 @@ class Ready:
     """A robot that is read and edited, before its fixed joints are merged.
 
     robot: `links.json` and `shapes.json`. geometry: None while its meshes are not known.
-    sides: see `Side`. poses: of parts in keyframes that only the base's MJCF has.
+    sides: see `Side`. poses: of parts in keyframes that only the base's MJCF has, by joint, rad or
+    m. common_surfaces: see `Composed`.
     """
 
     read: Reading
@@ -47,6 +39,7 @@ class Ready:
     source_map: Ref
     sides: tuple[Side, ...]
     poses: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    common_surfaces: tuple[str, ...] = ()
 
 
 def compose(
@@ -54,46 +47,62 @@ def compose(
     base: Ready,
     parts: Sequence[tuple[LoadedRecipe, Ready | None]],
     p: Planner,
-) -> tuple[LoadedRecipe, Ready] | None:
+) -> tuple[Composed, Ready] | None:
     """The whole as one robot, with a recipe that speaks of its names; None: not known yet."""
-    rows = loaded.recipe.compose
-    made = [ready for _, ready in parts if ready is not None]
-    known = _known(base, p)
-    trees = [_known(ready, p) for ready in made]
-    if len(made) < len(parts) or known is None or any(tree is None for tree in trees):
+    made = [base, *(ready for _, ready in parts if ready is not None)]
+    members = _members([loaded, *(part for part, _ in parts)], made, p)
+    if members is None:
         return None
-    _check_links(loaded, known.tree)
-    found = [robot for robot in trees if robot is not None]
-    _check_home(loaded, [robot.tree for robot in found], known)
-    mounted = [
-        _mounted(row, part, robot) for row, (part, _), robot in zip(rows, parts, found, strict=True)
-    ]
-    whole = _whole(loaded.recipe, known, mounted)
-    added = poses_in_source_keys(whole, mounted, known.keyframes)
-    poses = {name: key.joints for name, key in whole.keyframes.items()} | added
+    _check_links(members)
+    _check_home(members)
+    whole = composed(members)
+    names = (*whole.recipe.keyframes, *members[0].poses)
+    poses = {name: pose_of(pose_rows(members, name)) for name in names}
     inputs = _inputs("base", base)
-    for row, ready in zip(rows, made, strict=True):
-        inputs |= _inputs(row.as_, ready)
+    for member, ready in zip(members[1:], made[1:], strict=True):
+        inputs |= _inputs(member.prefix, ready)
     step = ComposeParts(
-        parts=tuple(
-            _part_on(each, loaded.recipe, robot, poses)
-            for each, robot in zip(mounted, found, strict=True)
-        ),
-        keeps=base.sides[0].keeps,
+        parts=tuple(_part_on(member, loaded.recipe, poses) for member in members[1:]),
+        keeps=members[0].side.keeps,
     )
     node = p.add("compose_parts", step, inputs)
-    from_mjcf = any(ready.read.control for ready in (base, *made))
+    from_mjcf = any(ready.read.control for ready in made)
     read = replace(base.read, control=node["source_control.json"] if from_mjcf else None)
-    ready = replace(
+    return whole, replace(
         base,
         read=read,
         robot={port: node[port] for port in ("links.json", "shapes.json")},
-        geometry=_geometry(base, {row.as_: r for row, r in zip(rows, made, strict=True)}),
+        geometry=_geometry(base, {m.prefix: r for m, r in zip(members[1:], made[1:], strict=True)}),
         source_map=node["source_map.json"],
-        sides=(*base.sides, *(each.side for each in mounted)),
-        poses=added,
+        sides=tuple(member.side for member in members),
+        poses={name: pose for name, pose in poses.items() if name not in whole.recipe.keyframes},
+        common_surfaces=whole.common_surfaces,
     )
-    return replace(loaded, recipe=whole), ready
+
+
+def _members(
+    recipes: Sequence[LoadedRecipe], made: Sequence[Ready], p: Planner
+) -> list[Member] | None:
+    """The base, which reaches its parts, and these; None while an answer is missing."""
+    rows = [None, *recipes[0].recipe.compose]
+    known = [_known(ready, p) for ready in made]  # all questions are asked at once
+    members = [
+        Member(recipe, *found, row, ("compose", index - 1))
+        for index, (recipe, row, found) in enumerate(zip(recipes, rows, known, strict=False))
+        if found is not None
+    ]
+    if len(members) < len(recipes):
+        return None
+    return [replace(members[0], reach=tuple(members[1:])), *members[1:]]
+
+
+def _known(ready: Ready, p: Planner) -> tuple[Tree, SourceControl | None] | None:
+    """None while an answer is missing; both are asked for at once."""
+    links = p.ask(ready.robot["links.json"])
+    said = p.ask(ready.read.control) if ready.read.control else b""
+    if links is None or said is None:
+        return None
+    return decode(Tree, links), decode(SourceControl, said) if said else None
 
 
 def _geometry(base: Ready, parts: Mapping[str, Ready]) -> Geometry | None:
@@ -116,68 +125,30 @@ def check_parts(loaded: LoadedRecipe) -> None:
             raise loaded.error(("compose", index, "as"), message, "choose another")
 
 
-@dataclass(frozen=True)
-class _Known:
-    """What the plan needs to know of a robot. keyframes: of its source, joint by joint."""
-
-    tree: Tree
-    said: SourceControl | None
-
-    @property
-    def keyframes(self) -> dict[str, dict[str, float]]:
-        """Values of the joints that mimic no other, rad or m."""
-        free = {joint.name for joint in self.tree.moving_joints if joint.mimic is None}
-        keys = self.said.control.keyframes if self.said else ()
-        return {key.name: {n: q for n, q in key.joints if n in free} for key in keys}
-
-
-def _known(ready: Ready, p: Planner) -> _Known | None:
-    """None while an answer is missing; both are asked for at once."""
-    links = p.ask(ready.robot["links.json"])
-    said = p.ask(ready.read.control) if ready.read.control else b""
-    if links is None or said is None:
-        return None
-    return _Known(decode(Tree, links), decode(SourceControl, said) if said else None)
-
-
-def _whole(recipe: Recipe, base: _Known, parts: Sequence[Mounted]) -> Recipe:
-    """The composed recipe; a base without any keyframe gets the `home` of its parts."""
-    whole = composed(recipe, parts)
-    home = home_of_parts(parts)
-    if whole.keyframes or base.keyframes or home is None:
-        return whole
-    return whole.model_copy(update={"keyframes": {"home": home}})
-
-
-def _check_links(loaded: LoadedRecipe, base: Tree) -> None:
+def _check_links(members: Sequence[Member]) -> None:
     """Links of the base that the rows name, with the line of the one that is not there."""
-    for index, row in enumerate(loaded.recipe.compose):
-        named: list[tuple[tuple[str | int, ...], str]] = [(("at", "link"), row.at.link)]
+    loaded, base = members[0].loaded, members[0].tree
+    for part, row in zip(members[1:], loaded.recipe.compose, strict=True):
+        named: list[tuple[Key, str]] = [(("at", "link"), row.at.link)]
         named += [(("exclude", number), link) for number, link in enumerate(row.exclude)]
         for key, link in named:
             if link not in base.by_body:
                 hint = did_you_mean(link, base.by_body)
-                raise loaded.error(("compose", index, *key), f"no link `{link}`", hint)
-        # A pattern that begins with the prefix speaks of the part: no name of the base may.
+                raise loaded.error((*part.row, *key), f"no link `{link}`", hint)
+        # A pattern that writes the prefix out speaks of the part: no name of the base may have it.
         for name in (*base.by_body, *base.by_joint):
             if name.startswith(row.as_):
                 message = f"`{name}` of the base begins with the prefix `{row.as_}` too"
-                raise loaded.error(("compose", index, "as"), message, "choose another")
+                raise loaded.error((*part.row, "as"), message, "choose another")
 
 
-def _check_home(loaded: LoadedRecipe, parts: Sequence[Tree], base: _Known) -> None:
-    known = {**loaded.recipe.keyframes, **base.keyframes}
-    for index, (row, tree) in enumerate(zip(loaded.recipe.compose, parts, strict=True)):
-        if row.home and known and HOME not in known:
+def _check_home(members: Sequence[Member]) -> None:
+    base, known = members[0], {**members[0].recipe.keyframes, **members[0].poses}
+    for part in members[1:]:
+        if part.part and part.part.home and known and HOME not in known:
             message = "the base has no keyframe `home`, in which the part could stand so"
             hint = f"add one to its keyframes; it has {', '.join(known)}"
-            raise loaded.error(("compose", index, "home"), message, hint)
-        names = [joint.name for joint in tree.moving_joints]
-        for pattern in row.home:
-            if not any(re.fullmatch(pattern, name) for name in names):
-                key = ("compose", index, "home", pattern)
-                message = f"pattern `{pattern}` matches no joint of the part"
-                raise loaded.error(key, message, did_you_mean(pattern, names))
+            raise base.loaded.error((*part.row, HOME), message, hint)
 
 
 def _inputs(folder: str, ready: Ready) -> dict[str, Ref]:
@@ -187,78 +158,32 @@ def _inputs(folder: str, ready: Ready) -> dict[str, Ref]:
     return {f"{folder}/{name}": ref for name, ref in refs.items()}
 
 
-def _part_on(
-    mounted: Mounted, base: Recipe, robot: _Known, poses: Mapping[str, Mapping[str, float]]
-) -> PartOn:
-    """poses: by keyframe of the whole the value of joints, by pattern, rad or m."""
-    row = mounted.part
-    used = {name: key for name in poses if (key := mounted.pose_key(name)) is not None}
+def _part_on(part: Member, base: Recipe, poses: Mapping[str, Mapping[str, float]]) -> PartOn:
+    """poses: by keyframe of the whole the value of joints, rad or m."""
+    row = part.part
+    assert row is not None  # noqa: S101 # it is no base
+    used = {name: key for name in poses if (key := part.pose_key(name)) is not None}
     keys = tuple(
-        KeyOf(name, key, _moved(mounted, robot, poses[name], key))
+        KeyOf(name, key, _moved(part, poses[name], key))
         for name, (key, by_source) in used.items()
         if by_source
     )
-    own = dict.fromkeys((*mounted.recipe.keyframes, *mounted.poses))
+    own = dict.fromkeys((*part.recipe.keyframes, *part.poses))
     idle = [f"keyframes.{name}" for name in own if name not in {key for key, _ in used.values()}]
-    place = PartOn(
+    return PartOn(
         folder=row.as_,
         prefix=row.as_,
-        link=row.at.link,
-        xyz=row.at.xyz,
-        rpy=row.at.rpy,
-        left_out=(*left_out(base, mounted.recipe), *idle),
-        keeps=mounted.side.keeps,
+        at=row.at,
+        mount=row.mount,
+        left_out=(*left_out(base, part.recipe), *idle),
+        keeps=part.side.keeps,
         keys=keys,
     )
-    if row.mount is None:
-        return place
-    return place.model_copy(
-        update={
-            "mount_mass": row.mount.mass,
-            "mount_size": row.mount.size,
-            "mount_at": row.mount.at,
-        }
-    )
 
 
-def _moved(mounted: Mounted, robot: _Known, pose: Mapping[str, float], key: str) -> tuple[str, ...]:
+def _moved(part: Member, pose: Mapping[str, float], key: str) -> tuple[str, ...]:
     """Joints of the part that a keyframe of the whole puts elsewhere than its source's."""
-    found = []
-    for joint, before in mounted.poses[key].items():
-        values = [q for k, q in pose.items() if re.fullmatch(k, mounted.prefix + joint)]
-        if values and values[0] != before:
-            found.append(joint)
-    followers = [j for j in robot.tree.moving_joints if j.mimic and j.mimic.joint in found]
+    own = part.poses[key].items()
+    found = [joint for joint, before in own if pose.get(part.prefix + joint, before) != before]
+    followers = [j for j in part.tree.moving_joints if j.mimic and j.mimic.joint in found]
     return (*found, *(joint.name for joint in followers))
-
-
-def _with_own_files(part: LoadedRecipe) -> Recipe:
-    """The recipe whose collision pieces are files by absolute paths: the whole lies elsewhere."""
-
-    def anchored(rule: CollisionRule) -> CollisionRule:
-        pieces = tuple(
-            piece
-            if piece.file is None
-            else piece.model_copy(update={"file": str(file_of(piece.file, part.path.parent))})
-            for piece in rule.pieces or ()
-        )
-        return rule.model_copy(update={"pieces": pieces}) if pieces else rule
-
-    collision = part.recipe.collision
-    changed = collision.model_copy(
-        update={
-            "default": anchored(collision.default),
-            "links": {pattern: anchored(rule) for pattern, rule in collision.links.items()},
-        }
-    )
-    return part.recipe.model_copy(update={"collision": changed})
-
-
-def _mounted(row: Part, part: LoadedRecipe, robot: _Known) -> Mounted:
-    return Mounted(
-        row,
-        _with_own_files(part),
-        links=tuple(row.as_ + body.name for body in robot.tree.bodies),
-        joints=tuple(row.as_ + joint.name for joint in robot.tree.moving_joints),
-        poses=robot.keyframes,
-    )

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.recipe.models import ActuatorRow
+from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.model import Actuator, Joint, Tree
 
 NO_ACTUATOR = Rule(

@@ -19,24 +19,25 @@ from assetbuild.control.senses import (
     placed_cameras,
     placed_sensors,
 )
+from assetbuild.control.sides import own_side
 from assetbuild.control.source_control import Stated, join
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import did_you_mean
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.names import anchored
-from assetbuild.recipe.sides import Side, moving_by_source, side_of
 from assetbuild.robot import model
 from assetbuild.robot.actuator_table import ActuatorRow, Motor
 from assetbuild.robot.actuators import RowError, resolve
 from assetbuild.robot.chains import find_chains
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.contact import Contacts, Exclude
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.sensing import Camera, Feet, Imu, Sensor
+from assetbuild.robot.sides import Side, moving_by_source, side_of
 from assetbuild.robot.simulation import Simulation
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import forward_kinematics
@@ -93,7 +94,9 @@ class ControlStep(Step):
     sides: tuple[Side, ...] = (Side(),)
     """The robot, or each of those it is composed of: who decides what, the source or the recipe."""
     poses: dict[str, dict[str, float]] = Field(default_factory=dict)
-    """Of parts, by pattern of joints, in keyframes that only the base's MJCF has; rad or m."""
+    """Joints of parts in keyframes that only the base's MJCF has; rad or m."""
+    common_surfaces: tuple[str, ...] = ()
+    """Patterns of `contact.links` for all of a part: nobody has written them, they may be idle."""
 
     @classmethod
     def configure(
@@ -101,8 +104,9 @@ class ControlStep(Step):
         recipe: Recipe,
         sides: tuple[Side, ...] = (),
         poses: Mapping[str, Mapping[str, float]] | None = None,
+        common_surfaces: tuple[str, ...] = (),
     ) -> ControlStep:
-        """The step with what the recipe says; sides, poses: of a composite."""
+        """The step with what the recipe says; sides, poses, common_surfaces: of a composite."""
         return cls(
             rows=recipe.actuators,
             motors=recipe.motors,
@@ -114,8 +118,9 @@ class ControlStep(Step):
             imu=recipe.imu,
             sensors=dict(recipe.sensors),
             cameras=dict(recipe.cameras),
-            sides=sides or (Side.of(recipe),),
+            sides=sides or (own_side(recipe),),
             poses={name: dict(pose) for name, pose in (poses or {}).items()},
+            common_surfaces=common_surfaces,
         )
 
     def check(self, tree: model.Tree) -> None:
@@ -134,24 +139,18 @@ class ControlStep(Step):
         return resolve(tree, self.rows, self.motors, home, driven)
 
     def _of_parts(self, tree: model.Tree, pose: Mapping[str, float]) -> dict[str, float]:
-        """The value of each joint of the parts, by pattern; 0 where none matches."""
-        found = {
-            joint.name: value
-            for pattern, value in pose.items()
-            for joint in tree.moving_joints
-            if re.fullmatch(pattern, joint.name)
-        }
-        whole = with_mimics(tree, found)
+        """The value of each joint of the parts; 0 where the pose says none."""
+        whole = with_mimics(tree, pose)
         return {name: q for name, q in whole.items() if side_of(self.sides, name).prefix}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises RowError, with the key of the recipe, where a table does not fit the robot."""
-        tree = decode(model.Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(model.Shapes, (files.inputs / "shapes.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, shapes = robot.tree, robot.shapes
         actuators = self._resolved(tree)
         yield from row_findings(self.rows, tree, actuators)
 
-        ground = _Ground(tree, shapes, files.inputs / "meshes")
+        ground = _Ground(tree, shapes, robot.mesh_dir)
         keyframes = []
         for name, keyframe in self.keyframes.items():
             q = with_mimics(tree, _joint_values(tree, name, keyframe))
@@ -161,13 +160,12 @@ class ControlStep(Step):
             keyframes.append(model.Keyframe(name, tuple(q.items()), base))
 
         yield from _same_body_findings(tree, self.exclude)
-        whole_parts = {anchored(side.prefix, ".*") for side in self.sides[1:]}
         control = model.Control(
             actuators=actuators,
             keyframes=tuple(keyframes),
             excludes=_excludes(tree, shapes, self.exclude, self.sides),
             contact=self.contact.common,
-            contacts=contacts(shapes, self.contact, whole_parts),
+            contacts=contacts(shapes, self.contact, self.common_surfaces),
             sensors=placed_sensors(tree, shapes, self.imu, self.feet, self.sensors),
             cameras=placed_cameras(tree, self.cameras),
             simulation=self.simulation,

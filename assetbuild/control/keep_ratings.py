@@ -6,7 +6,8 @@ from collections.abc import Iterable
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import encode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Control
 
 
@@ -21,7 +22,7 @@ class KeepRatings(Step):
 
     def run(self, files: Files) -> Iterable[Finding]:
         """Effort, velocity, damping and friction are kept."""
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        control = RobotFiles(files.inputs).control
         kept = Control(actuators=tuple(map(_rating, control.actuators)))
         (files.outputs / "ratings.json").write_bytes(encode(kept))
         return ()

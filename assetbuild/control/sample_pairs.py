@@ -18,7 +18,7 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Box, Capsule, Cylinder, Mesh, Shape, Shapes, Sphere, Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose
@@ -51,11 +51,10 @@ class SamplePairs(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Counts contacts of each pair over all poses."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        solid = sorted({tree.placement(s.link)[0] for s in shapes.of("collision")})
-        counts = _counts(tree, shapes, files.inputs / "meshes", self.samples)
-        jointed = {tuple(sorted((j.parent, j.child))) for j in tree.joints}
+        robot = RobotFiles(files.inputs)
+        solid = sorted({robot.tree.placement(s.link)[0] for s in robot.shapes.of("collision")})
+        counts = _counts(robot.tree, robot.shapes, robot.mesh_dir, self.samples)
+        jointed = {tuple(sorted((j.parent, j.child))) for j in robot.tree.joints}
         pairs = [pair for pair in combinations(solid, 2) if pair not in jointed]
         always = [pair for pair in pairs if counts.get(pair, 0) == self.samples]
         never = [pair for pair in pairs if counts.get(pair, 0) == 0]

@@ -10,7 +10,6 @@ from xml.etree import ElementTree
 
 from assetbuild.control.senses import changed
 from assetbuild.findings import Finding, Rule
-from assetbuild.recipe.sides import Side, side_of
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.contact import Surface
 from assetbuild.robot.model import (
@@ -26,6 +25,7 @@ from assetbuild.robot.model import (
     Simulation,
     Tree,
 )
+from assetbuild.robot.sides import Side, side_of
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.text import DROPPED
 

@@ -9,7 +9,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_inertials
-from assetbuild.recipe.models import Pattern
+from assetbuild.quantities import Pattern
 from assetbuild.robot.inertia import (
     Tensor,
     matrix_of,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -12,7 +12,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_joints
-from assetbuild.recipe.models import Pattern
+from assetbuild.quantities import Pattern
 from assetbuild.robot.model import MOVING, Joint, Limits, Mimic, Shapes, Tree
 
 FLIP_AXIS = Rule(
@@ -25,6 +25,8 @@ class FlipAxis(Edit):
 
     `limits: keep`: the axis itself is wrong in the source, its limits are right.
     """
+
+    follows_names: ClassVar[bool] = False
 
     joint: Pattern = Field(description="joints, by whole name")
     limits_: Literal["mirror", "keep"] = Field(

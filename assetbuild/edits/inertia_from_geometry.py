@@ -21,8 +21,8 @@ from assetbuild.mesh.primitives import volume_of
 from assetbuild.mesh.triangles import merged
 from assetbuild.mesh.volume import is_closed, solid_moments
 from assetbuild.mesh.weld import cleaned
-from assetbuild.recipe.models import Pattern, Positive
-from assetbuild.robot.codec import decode
+from assetbuild.quantities import Pattern, Positive
+from assetbuild.robot.codec import decode_file
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
 from assetbuild.robot.model import (
     Body,
@@ -112,7 +112,7 @@ class InertiaFromGeometry(Edit):
         return move_inertial(of_primitive(shape.geometry), shape.X_link_shape)
 
     def _of_mesh(self, shape: Shape, folder: Path) -> Inertial:
-        record = decode(ConvertedMesh, (folder / "mesh.json").read_bytes())
+        record = decode_file(ConvertedMesh, folder / "mesh.json")
         parts = [read_triangles((folder / "parts" / p.file).read_bytes()) for p in record.parts]
         mesh = cleaned(merged(parts))
         if not is_closed(mesh):

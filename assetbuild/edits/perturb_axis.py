@@ -11,7 +11,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_joints
-from assetbuild.recipe.models import Pattern
+from assetbuild.quantities import Pattern
 from assetbuild.robot.model import MOVING, Joint, Shapes, Tree
 from assetbuild.robot.pose import Vec3
 

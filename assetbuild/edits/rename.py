@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from typing import ClassVar
 
 from pydantic import Field, model_validator
 
@@ -12,7 +13,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited
-from assetbuild.recipe.models import Pattern
+from assetbuild.quantities import Pattern
 from assetbuild.robot.model import Shapes, Tree
 
 RENAMED = Rule(
@@ -28,6 +29,8 @@ class Rename(Edit):
 
     What comes later in the recipe (edits, collision, actuators, ...) uses the new names.
     """
+
+    follows_names: ClassVar[bool] = False
 
     links: dict[Pattern, str] = Field(default_factory=dict, description="pattern -> replacement")
     joints: dict[Pattern, str] = Field(default_factory=dict, description="pattern -> replacement")

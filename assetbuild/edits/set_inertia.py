@@ -8,7 +8,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_inertials
-from assetbuild.recipe.models import Model, Pattern, Positive, Real
+from assetbuild.quantities import Model, Pattern, Positive, Real
 from assetbuild.robot.inertia import Tensor
 from assetbuild.robot.model import Body, Inertial, Shapes, Tree
 from assetbuild.robot.pose import Vec3
@@ -19,12 +19,12 @@ SET_INERTIA = Rule("edit.set_inertia", "info", "a link has other mass properties
 class Moments(Model):
     """kg m2, about the centre of mass, in the axes of the link, as in a URDF."""
 
-    ixx: Positive
-    iyy: Positive
-    izz: Positive
-    ixy: Real = 0.0
-    ixz: Real = 0.0
-    iyz: Real = 0.0
+    ixx: Positive = Field(description="kg m2")
+    iyy: Positive = Field(description="kg m2")
+    izz: Positive = Field(description="kg m2")
+    ixy: Real = Field(0.0, description="kg m2")
+    ixz: Real = Field(0.0, description="kg m2")
+    iyz: Real = Field(0.0, description="kg m2")
 
 
 class SetInertia(Edit):

@@ -10,7 +10,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule, Scalar
 from assetbuild.kinds import Edit, Edited, edit_joints
-from assetbuild.recipe.models import Pattern, Positive, Real
+from assetbuild.quantities import Pattern, Positive, Real
 from assetbuild.robot.model import MOVING, Joint, Shapes, Tree
 
 FIELDS = ("lower", "upper", "effort", "velocity")

@@ -10,7 +10,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_inertials
-from assetbuild.recipe.models import Pattern, Positive
+from assetbuild.quantities import Pattern, Positive
 from assetbuild.robot.inertia import Tensor
 from assetbuild.robot.model import Body, Inertial, Shapes, Tree
 

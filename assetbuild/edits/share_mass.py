@@ -12,7 +12,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited
-from assetbuild.recipe.models import Pattern
+from assetbuild.quantities import Pattern
 from assetbuild.robot.chains import Chain, find_chains
 from assetbuild.robot.inertia import combine, principal_moments, pseudo_inertia
 from assetbuild.robot.model import Body, Inertial, Joint, Shapes, Tree

@@ -14,7 +14,8 @@ from pydantic import BaseModel, ConfigDict
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, MeshPart, Pieces
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import decode_file, encode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Geometry, Material, Mesh, MeshAsset, Shape, Shapes
 from assetbuild.robot.pose import IDENTITY, Pose
 
@@ -97,7 +98,7 @@ class Assemble(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `shapes.json` of the source and the folders that the fields name."""
-        source = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        source = RobotFiles(files.inputs).shapes
         by_name = {shape.name: shape for shape in source.shapes}
         library = _Library(files.outputs / "meshes")
         pictures = {use.texture: files.inputs / use.folder / PNG for use in self.textures}
@@ -155,7 +156,7 @@ def _visual_shapes(
         material = palette.of_source(shape.material, uv=False)
         return [Shape("", shape.link, "visual", shape.geometry, shape.X_link_shape, material)]
     folder = inputs / use.folder
-    mesh = decode(ConvertedMesh, (folder / "mesh.json").read_bytes())
+    mesh = decode_file(ConvertedMesh, folder / "mesh.json")
     made = []
     for part in mesh.parts:
         asset = library.add(folder / "parts" / part.file, use.stem, part)
@@ -172,7 +173,7 @@ def _collision_shapes(
     made: list[tuple[Geometry, Pose]] = []
     if use.pieces is not None:
         folder = inputs / use.pieces
-        for piece in decode(Pieces, (folder / "pieces.json").read_bytes()).pieces:
+        for piece in decode_file(Pieces, folder / "pieces.json").pieces:
             geometry = piece.geometry
             if isinstance(geometry, Mesh):
                 part = MeshPart(geometry.mesh, piece.vertices, piece.faces)
@@ -181,7 +182,7 @@ def _collision_shapes(
             made.append((geometry, X_link_source @ piece.X_frame_piece))
     elif use.mesh is not None:
         folder = inputs / use.mesh
-        parts = decode(ConvertedMesh, (folder / "mesh.json").read_bytes()).parts
+        parts = decode_file(ConvertedMesh, folder / "mesh.json").parts
         names = [library.add(folder / "parts" / part.file, use.stem, part) for part in parts]
         made += [(Mesh(name), X_link_source) for name in names]
     elif shape is not None:

@@ -20,7 +20,7 @@ from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.quality import Distance, area_ratio, surface_distance
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.weld import drop_collapsed, weld
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import decode_file, encode
 
 AREA = (0.98, 1.02)
 """Area after / before. Quadric decimation eats thin parts and small components first: a ruined
@@ -88,7 +88,7 @@ class DecimateMesh(Step):
 
     def run(self, files: Files) -> Iterable[Finding]:
         """Decimate `parts/` towards `max_faces`; raises StepError when a part is not OBJ."""
-        record = decode(ConvertedMesh, (files.inputs / "mesh.json").read_bytes())
+        record = decode_file(ConvertedMesh, files.inputs / "mesh.json")
         if record.faces <= self.max_faces:
             _pass_on(files)
             return

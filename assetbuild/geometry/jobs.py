@@ -16,15 +16,16 @@ import numpy as np
 from assetbuild.collision import CollisionMethod, Likeness, PlacedSource, ProbeSource
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
-from assetbuild.errors import RecipeError, did_you_mean
+from assetbuild.errors import did_you_mean
 from assetbuild.geometry.match_shapes import MatchShapes
-from assetbuild.kinds import load_plugin, plugin_names
 from assetbuild.mesh.read import Format
-from assetbuild.recipe.collision import PRESETS, CollisionRule, Region, ToleranceRegion
+from assetbuild.plugins import load_plugin
+from assetbuild.recipe.collision import CollisionRule, ShapedRule
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.model import Mesh, Shape, Shapes, Tree
 from assetbuild.robot.pose import Pose, Vec3, vec3
+from assetbuild.robot.regions import Region, ToleranceRegion
 from assetbuild.source.get.from_folder import is_file
 
 BUILT_IN = ("keep", "none")
@@ -33,7 +34,6 @@ DECOMPOSING = ("auto", "coacd", "vhacd", "spheres")
 """Methods whose result is worth the search for an equal shape."""
 BONE_M = 0.02
 """A joint nearer to the link's frame gives no direction."""
-_NOT_FIELDS = {"method", "from_", "preset", "keep_open", "regions"}
 
 
 @dataclass(frozen=True)
@@ -128,8 +128,8 @@ def collision_jobs(loaded: LoadedRecipe, links: Tree, meshes: Meshes) -> tuple[J
 def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: Shapes) -> list[Job]:
     rule, key = _rule_of(loaded.recipe, link)
     own = _source_of(rule, link, shapes)
-    method = check_rule(loaded, rule, key)
-    if method is None:
+    method = method_of(rule)
+    if method is None or not isinstance(rule, ShapedRule):
         return [Job(link, (shape,)) for shape in own] if rule.method == "keep" else []
     if not own and method.step_name() != "explicit":
         return []
@@ -137,7 +137,7 @@ def _jobs_of(loaded: LoadedRecipe, link: str, links: Tree, shapes: Shapes) -> li
     if "bones" in method.model_fields and fields.get("max_hulls", 1) > 1:
         fields["bones"] = _bones(links, link)
     if method.scope != "shape":
-        files = _own_meshes(rule, fields, loaded.path.parent)
+        files = _own_meshes(rule, fields, loaded.folder(key))
         return [Job(link, own, method, fields, rule.keep_open, rule.regions, files)]
     return [
         # The source's primitive is convex and exact already.
@@ -155,7 +155,9 @@ def _own_meshes(
 ) -> tuple[OwnMesh, ...]:
     """The mesh files of a rule's pieces; in `fields` they become inputs, whatever their names."""
     found: list[OwnMesh] = []
-    for piece, data in zip(rule.pieces or (), fields.get("pieces", ()), strict=True):
+    for piece, data in zip(
+        getattr(rule, "pieces", None) or (), fields.get("pieces", ()), strict=True
+    ):
         if piece.file is None:
             continue
         mesh = OwnMesh(file_of(piece.file, folder), piece.scale or (1.0, 1.0, 1.0))
@@ -193,37 +195,19 @@ def _source_of(rule: CollisionRule, link: str, shapes: Shapes) -> tuple[Shape, .
     return of_link[rule.from_]
 
 
-def check_rule(
-    loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...]
-) -> type[CollisionMethod] | None:
-    """The plug-in of a rule, None for `keep` and `none`.
-
-    RecipeError for an unknown one, and for a key that it does not have.
-    """
+def method_of(rule: CollisionRule) -> type[CollisionMethod] | None:
+    """The plug-in of a rule, None for `keep` and `none`."""
     if rule.method in BUILT_IN:
-        _refuse_foreign(loaded, rule, key, known=("from", "preset"))
         return None
-    try:
-        method = load_plugin(CollisionMethod, "assetbuild.collision", rule.method)
-    except KeyError:
-        known = (*plugin_names("assetbuild.collision"), *BUILT_IN)
-        raise RecipeError(
-            f"{'.'.join(key)}: no collision method `{rule.method}`",
-            where=loaded.where((*key, "method")),
-            hint=did_you_mean(rule.method, known),
-        ) from None
-    names = [name for name in method.model_fields if name not in ("sources", "probes", "like")]
-    _refuse_foreign(loaded, rule, key, (*names, "from", "preset", "keep_open", "regions"))
-    _check_files(loaded, rule, key)
-    return method
+    return load_plugin(CollisionMethod, rule.method)
 
 
-def _check_files(loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...]) -> None:
+def check_files(loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...]) -> None:
     """RecipeError for a piece whose file is not there, or no mesh by its name."""
-    for number, piece in enumerate(rule.pieces or ()):
+    for number, piece in enumerate(getattr(rule, "pieces", None) or ()):
         if piece.file is None:
             continue
-        path = file_of(piece.file, loaded.path.parent)
+        path = file_of(piece.file, loaded.folder(key))
         place: tuple[str | int, ...] = (*key, "pieces", number, "file")
         if path.suffix.lower().lstrip(".") not in get_args(Format):
             hint = f"known formats: {', '.join(get_args(Format))}"
@@ -234,30 +218,13 @@ def _check_files(loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...]
             raise loaded.error(place, f"no file `{piece.file}`", hint)
 
 
-def _refuse_foreign(
-    loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...], known: Sequence[str]
-) -> None:
-    """RecipeError for a key that the rule's method does not know."""
-    given = [n.rstrip("_") for n in sorted(rule.model_fields_set) if n != "method"]
-    foreign = [name for name in given if name not in known and getattr(rule, name) is not None]
-    if foreign:
-        raise RecipeError(
-            f"{'.'.join(key)}: `{rule.method}` has no key `{foreign[0]}`",
-            where=loaded.where((*key, foreign[0])),
-            hint=did_you_mean(foreign[0], list(known)),
-        )
-
-
 def _fields(rule: CollisionRule, recipe: Recipe) -> dict[str, Any]:  # Any: as Job.fields
-    """The keys of a rule that are fields of its step; `auto` takes the rest from the preset."""
-    stated = {
-        name: value
-        for name, value in rule.model_dump(exclude=_NOT_FIELDS).items()
-        if value is not None
-    }
-    if rule.method != "auto":
-        return stated
-    return dict(PRESETS[rule.preset or recipe.collision.preset]) | stated
+    """The keys of a rule that are fields of its step; a preset fills in what it does not state."""
+    method = method_of(rule)
+    keys = method.keys() if method else {}
+    preset = method.preset(rule.preset or recipe.collision.preset) if method else {}
+    said = {k: v for k, v in rule.model_dump(include=set(keys)).items() if v is not None}
+    return dict(preset) | said
 
 
 # --- equal shapes ---------------------------------------------------------------------------

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh
-from assetbuild.robot.codec import decode
+from assetbuild.robot.codec import decode_file
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Shapes, Tree
 
 DEFAULT_KG_M3 = 1000.0
@@ -36,13 +37,12 @@ class LintDensity(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """One finding for the robot, when at least half of its links have that density."""
-        tree = decode(Tree, (files.inputs / "links.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        robot = RobotFiles(files.inputs)
         volume: dict[str, float | None] = {}
         for index, name in enumerate(self.shapes):
-            mesh = decode(ConvertedMesh, (files.inputs / f"meshes/{index}.json").read_bytes())
+            mesh = decode_file(ConvertedMesh, files.inputs / f"meshes/{index}.json")
             volume[name] = mesh.volume_m3
-        densities = _densities(tree, shapes, volume)
+        densities = _densities(robot.links, robot.shapes, volume)
         suspects = tuple(
             link
             for link, density in densities.items()

@@ -17,7 +17,8 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.read import TO_Z_UP
-from assetbuild.robot.codec import decode
+from assetbuild.robot.codec import decode_file
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import (
     Body,
     Box,
@@ -94,13 +95,12 @@ class LintMeshes(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """One finding for all meshes of the robot."""
-        tree = decode(Tree, (files.inputs / "links.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        robot = RobotFiles(files.inputs)
         records = {
-            name: decode(ConvertedMesh, (files.inputs / "meshes" / f"{number}.json").read_bytes())
+            name: decode_file(ConvertedMesh, files.inputs / "meshes" / f"{number}.json")
             for number, name in enumerate(self.shapes)
         }
-        finding = judge_up_axes(tree, shapes, records)
+        finding = judge_up_axes(robot.links, robot.shapes, records)
         if finding is not None:
             yield finding
 

@@ -19,7 +19,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.robot.codec import decode
+from assetbuild.robot.codec import decode_file
 
 if TYPE_CHECKING:
     from assetbuild.robot.pose import Array
@@ -64,7 +64,7 @@ class MatchShapes(Step):
 
 
 def _read(folder: Path) -> TriangleMesh:
-    record = decode(ConvertedMesh, (folder / "mesh.json").read_bytes())
+    record = decode_file(ConvertedMesh, folder / "mesh.json")
     parts = [folder / "parts" / part.file for part in record.parts]
     return merged([read_triangles(part.read_bytes(), folder.name) for part in parts])
 

@@ -17,8 +17,8 @@ from assetbuild.geometry.lint_density import LintDensity
 from assetbuild.geometry.lint_meshes import LintMeshes
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.sides import Side, side_of
 from assetbuild.robot.model import Mesh, Shapes, Tree
+from assetbuild.robot.sides import Side, side_of
 
 
 class Geometry:

@@ -21,8 +21,8 @@ from assetbuild.init.repairs import repairs
 from assetbuild.init.targets import targets
 from assetbuild.init.text import head, home
 from assetbuild.init.words import quoted, some
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Control
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
@@ -87,11 +87,11 @@ def _read(root: Path, name: str) -> Found:
                 raise SourceError(f"no file `{mesh['path']}`", where=where)
             _copy(path, read.inputs / "files" / mesh["path"])
         list(ReadMjcf().run(read))
-        links = decode(Tree, (read.outputs / "links.json").read_bytes())
-        shapes = decode(Shapes, (read.outputs / "shapes.json").read_bytes())
-        said = decode(SourceControl, (read.outputs / "source_control.json").read_bytes())
-    tree, _ = merge_fixed_joints(links, True, said.bodies)
-    return Found(root, name, judge(Looked(links, tree, shapes), links.base), said.control)
+        robot = RobotFiles(read.outputs)
+        links, said = robot.links, robot.source_control or SourceControl()
+        tree, _ = merge_fixed_joints(links, True, said.bodies)
+        looked = Looked(links, tree, robot.shapes)
+    return Found(root, name, judge(looked, links.base), said.control)
 
 
 def _files(folder: str, name: str) -> Files:

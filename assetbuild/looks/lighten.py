@@ -14,7 +14,8 @@ from assetbuild.findings import Finding
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.weld import cleaned
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import encode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Mesh, MeshAsset, Shapes
 
 SMALLEST = 60
@@ -41,7 +42,7 @@ class Lighten(Step):
 
     def run(self, files: Files) -> Iterable[Finding]:
         """Reads the final shapes; a mesh that cannot be decimated stays as it is."""
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        shapes = RobotFiles(files.inputs).shapes
         names = {s.geometry.mesh for s in shapes.of("visual") if isinstance(s.geometry, Mesh)}
         names -= {s.geometry.mesh for s in shapes.of("collision") if isinstance(s.geometry, Mesh)}
         shapes, textured = self._textured(shapes)

@@ -12,11 +12,12 @@ from collections.abc import Mapping
 
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
-from assetbuild.kinds import Target, load_plugin
+from assetbuild.kinds import Target
 from assetbuild.looks.keep_pose import KeepPose
 from assetbuild.looks.lighten import Lighten
 from assetbuild.looks.render import Render
 from assetbuild.looks.viewer import Viewer
+from assetbuild.plugins import load_plugin
 from assetbuild.recipe.models import Recipe
 from assetbuild.simulators.offscreen import renderer
 
@@ -32,7 +33,7 @@ def looks(recipe: Recipe, robot: Mapping[str, Ref], p: Planner) -> dict[str, Nod
     nodes = {"viewer": p.add("viewer", Viewer(), shown)}
     if "mjcf" in recipe.targets:  # else the recipe may hold what MJCF refuses
         pose = p.add("pose", KeepPose(), {"control.json": robot["control.json"]})
-        target = load_plugin(Target, "assetbuild.targets", "mjcf")
+        target = load_plugin(Target, "mjcf")
         shown |= {"control.json": pose["control.json"]}
         model = p.add(PICTURE_MODEL, target.configure(recipe), shown)
         step = Render(renderer=renderer())

@@ -19,7 +19,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.solids import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Box, Geometry, Mesh, Shape, Shapes, Sphere, Tree
 from assetbuild.robot.pose import Array, Pose
 
@@ -53,11 +53,10 @@ class Viewer(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Without the library the page has no 3D view, and a finding says so."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
+        robot = RobotFiles(files.inputs)
         meshes = {
-            asset.name: read_triangles((files.inputs / "meshes" / asset.file).read_bytes())
-            for asset in shapes.meshes
+            asset.name: read_triangles((robot.mesh_dir / asset.file).read_bytes())
+            for asset in robot.shapes.meshes
         }
         library = three_js()
         if library is None:
@@ -69,7 +68,7 @@ class Viewer(Step):
         content = {
             "span_m": SPAN_M,
             "meshes": {name: packed_mesh(mesh) for name, mesh in sorted(meshes.items())},
-            "shapes": _shapes(tree, shapes, meshes),
+            "shapes": _shapes(robot.tree, robot.shapes, meshes),
         }
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         (files.outputs / "viewer.json").write_text(text, encoding="ascii")

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from assetbuild.mesh.native import NativeLimits, run_apart
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.recipe.collision import CoAcdOptions
+from assetbuild.quantities import Length, Model, Positive
 
 NOT_CLEAN = b"Mesh Manifoldness: false"
 """What CoACD's log says when its own check (edges, self-intersection, orientation) fails."""
@@ -18,6 +20,36 @@ WAITING = re.compile(rb"iter \d+ ---- waiting pool: (\d+)$")
 """What it says before the search, and before each round of it: the parts that wait for a cut."""
 FACES_PER_PART = 800
 """A round takes about as long for so many faces of the mesh as for one part more."""
+
+
+class CoAcdOptions(Model):
+    """CoACD's own parameters; the defaults are our fast ones, 3 to 5 times quicker than its own."""
+
+    threshold: Positive = Field(
+        0.05, ge=0.01, le=1, description="concavity that a piece may keep, share of the mesh's size"
+    )
+    threshold_m: Length | None = Field(
+        None, gt=0, description="the same in metres, `5 mm`; used instead of `threshold`"
+    )
+    preprocess: Literal["auto", "on", "off"] = Field(
+        "auto", description="remesh first; it inflates and closes gaps; auto: meshes not manifold"
+    )
+    preprocess_resolution: int = Field(
+        50, ge=20, le=100, description="of the remesh; high values can hollow out open meshes"
+    )
+    resolution: int = Field(1000, ge=1000, le=10_000, description="samples of the concavity")
+    mcts_nodes: int = Field(10, ge=10, le=40, description="cuts tried per axis")
+    mcts_iterations: int = Field(60, ge=60, le=2000, description="iterations of the tree search")
+    mcts_depth: int = Field(2, ge=2, le=7, description="cuts that the search looks ahead")
+    pca: bool = Field(False, description="cut along the principal axes")
+    merge: bool = Field(True, description="join pieces afterwards")
+    decimate: bool = Field(
+        True, description="reduce pieces to `max_vertices`, which is ignored without"
+    )
+    extrude: bool = Field(False, description="let neighbouring pieces overlap")
+    extrude_margin: Positive = Field(0.01, description="of `extrude`, share of the mesh's size")
+    approximation: Literal["ch", "box"] = Field("ch", description="convex hulls or boxes")
+    seed: int = Field(0, ge=0, le=2**31 - 1, description="of the random search")
 
 
 class Patience:

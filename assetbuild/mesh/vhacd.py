@@ -3,12 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from assetbuild.mesh.native import NativeLimits, run_apart
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.recipe.collision import VHacdOptions
+from assetbuild.quantities import Model, NonNegative
+
+
+class VHacdOptions(Model):
+    """V-HACD's own parameters."""
+
+    resolution: int = Field(
+        400_000, ge=1_000, le=50_000_000, description="voxels; time grows with them"
+    )
+    fill: Literal["flood", "surface", "raycast"] = Field(
+        "flood", description="what is inside; `raycast` leaves many real links hollow"
+    )
+    min_volume_error: NonNegative = Field(
+        1.0, le=100, description="percent of a part's volume below which it is not cut further"
+    )
+    max_depth: int = Field(10, ge=2, le=64, description="most cuts in a row")
+    shrink_wrap: bool = Field(True, description="pull the voxel hulls onto the mesh")
+    min_edge: int = Field(2, ge=1, le=100, description="smallest edge of a part, voxels")
+    best_plane: bool = Field(False, description="search for cutting planes (experimental)")
 
 
 def vhacd_parts(

@@ -19,7 +19,8 @@ from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.pipeline.bench_plan import LEVELS, LevelOutline, Source, plan_level, with_level
 from assetbuild.pipeline.opening import open_session, pin
-from assetbuild.recipe.loader import LoadedRecipe, load_recipe
+from assetbuild.pipeline.recipes import load_recipe
+from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.bundle import json_text
 from assetbuild.report.pareto import front, pareto_svg
 from assetbuild.robot.codec import decode

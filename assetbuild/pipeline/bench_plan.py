@@ -10,10 +10,11 @@ from typing import Any, Literal
 from assetbuild.collision import CollisionMethod
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
-from assetbuild.kinds import Target, load_plugin
+from assetbuild.kinds import Target
 from assetbuild.lock import Lock
+from assetbuild.pipeline.recipes import collision_rule
 from assetbuild.plan import plan
-from assetbuild.recipe.collision import CollisionRule
+from assetbuild.plugins import load_plugin
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.model import Mesh, Shapes
 
@@ -47,7 +48,7 @@ def plan_level(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> LevelOutl
     outline = plan(bare, lock, p)
     if not outline.robot:
         return LevelOutline()
-    target = load_plugin(Target, "assetbuild.targets", "mjcf")
+    target = load_plugin(Target, "mjcf")
     ports = {port: outline.robot[port] for port in target.reads}
     node = p.add("mjcf", target.configure(bare.recipe), ports)
     nodes = p.graph().nodes.values()
@@ -67,7 +68,7 @@ def with_level(loaded: LoadedRecipe, shapes: Shapes, level: str, source: Source)
         for shape in shapes.shapes
         if isinstance(shape.geometry, Mesh) and source in ("auto", shape.role)
     }
-    rule = CollisionRule.model_validate({**LEVELS[level], "from": source})
+    rule = collision_rule(**{**LEVELS[level], "from": source})
     collision = loaded.recipe.collision
     rules = {re.escape(link): rule for link in sorted(solid & meshed)}
     changed = collision.model_copy(update={"links": rules | collision.links})

@@ -22,9 +22,10 @@ from assetbuild.lock import Lock, lock_path
 from assetbuild.pipeline.bundling import bundle_files, files_read, publish_bundle
 from assetbuild.pipeline.judging import judged, located, where_of
 from assetbuild.pipeline.opening import open_session, pin, remote_cache
+from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.pipeline.smoking import asking
 from assetbuild.plan import Outline, plan
-from assetbuild.recipe.loader import LoadedRecipe, load_recipe
+from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.bundle import json_text
 from assetbuild.report.document import FailOn, Report, fails
 

@@ -11,9 +11,9 @@ from assetbuild.findings import Finding
 from assetbuild.kinds import Edit
 from assetbuild.pipeline.judging import findings_of, located, locator, where_of
 from assetbuild.pipeline.opening import open_session, pin
+from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plan import plan
 from assetbuild.plan.agree import check_names
-from assetbuild.recipe.loader import load_recipe
 from assetbuild.report.document import make_report
 from assetbuild.source.get.from_archive import MESHES
 

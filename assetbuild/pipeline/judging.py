@@ -101,12 +101,13 @@ def locator(
             if finding.rule == "edit.rename":
                 kind = finding.subject.partition(" ")[0]
                 lines[finding.subject] = lines.get(f"{kind} {finding.data['before']}", 0)
+    recipe = outline.composed or loaded
     joints = {f"actuator {name[6:]}": line for name, line in lines.items() if name[:6] == "joint "}
 
     def locate(subject: str) -> str:
         if subject.startswith("recipe "):
             keys = subject.removeprefix("recipe ").split(".")
-            where = loaded.where(tuple(int(k) if k.isdigit() else k for k in keys))
+            where = recipe.where(tuple(int(k) if k.isdigit() else k for k in keys))
             # Not as seen from the working folder: the report must not depend on that.
             return str(replace(where, file=Path(where.file).name))
         line = lines.get(subject) or joints.get(subject)

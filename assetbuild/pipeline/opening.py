@@ -16,8 +16,9 @@ from assetbuild.engine.session import Session, SharedCache
 from assetbuild.engine.store import open_store
 from assetbuild.errors import LockError, OutOfDateError, Where
 from assetbuild.lock import GitPin, Lock, Pin, check_pin, lock_path, read_lock, write_lock
+from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plan import Outline, plan
-from assetbuild.recipe.loader import LoadedRecipe, load_recipe, shown_path
+from assetbuild.recipe.loader import LoadedRecipe, shown_path
 from assetbuild.recipe.source import Source
 from assetbuild.source.get.fetch import resolve
 from assetbuild.source.get.fetch_git import resolve_git

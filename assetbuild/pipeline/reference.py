@@ -1,4 +1,4 @@
-"""Write the reference pages that the code itself states: every rule, a page per family.
+"""Write the reference pages that the code itself states: recipe keys, and rules by family.
 
 `python -m assetbuild.pipeline.reference docs/reference` renews the committed pages.
 """
@@ -15,6 +15,7 @@ from types import ModuleType
 
 import assetbuild
 from assetbuild.findings import Rule
+from assetbuild.pipeline.key_reference import key_page
 
 HEADER = "<!-- Generated: python -m assetbuild.pipeline.reference docs/reference -->\n"
 INTRODUCTION = """\
@@ -131,7 +132,7 @@ def write_reference(folder: Path, modules: Iterable[ModuleType]) -> None:
     (folder / "rules").mkdir(parents=True, exist_ok=True)
     for old in (folder / "rules").glob("*.md"):
         old.unlink()
-    for path, text in pages.items():
+    for path, text in {**pages, "recipe.md": HEADER + key_page()}.items():
         (folder / path).write_text(text, encoding="utf-8")
 
 

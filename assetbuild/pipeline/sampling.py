@@ -17,8 +17,9 @@ from assetbuild.errors import AssetBuildError
 from assetbuild.findings import Finding
 from assetbuild.pipeline.bundling import publish_bundle
 from assetbuild.pipeline.opening import open_session, pin
+from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.pipeline.sampling_plan import SamplesOutline, plan_samples
-from assetbuild.recipe.loader import LoadedRecipe, load_recipe
+from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.bundle import BundleFile, json_text, manifest
 from assetbuild.report.draws import draws_svg
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.errors import RecipeError
-from assetbuild.kinds import Target, load_plugin
+from assetbuild.kinds import Target
 from assetbuild.lock import Lock
 from assetbuild.plan import Outline, plan
+from assetbuild.plugins import load_plugin
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.samples.apply_sample import ApplySample
 from assetbuild.samples.draw_samples import DrawSamples
@@ -29,20 +30,20 @@ def plan_samples(
     loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, keep: int, judge: int, seed: int | None
 ) -> SamplesOutline:
     """Add the graph as far as the answers reach. Raises RecipeError without `randomize`."""
-    randomize = loaded.recipe.randomize
-    if randomize is None:
+    bare = replace(loaded, recipe=loaded.recipe.model_copy(update={"targets": ()}))
+    outline = SamplesOutline(plan(bare, lock, p))
+    robot, whole = outline.robot.robot, outline.robot.composed or loaded
+    randomize = whole.recipe.randomize
+    if randomize is None and (robot or not loaded.parts):
         raise RecipeError(
             "the recipe has no `randomize`: nothing says what may vary",
             where=loaded.where(()),
             hint="add for instance `randomize: {links: {'.*': {density: [0.8, 1.2], com: 0.01}}}`",
         )
+    if randomize is None or not robot:
+        return outline
     if seed is not None:
         randomize = randomize.model_copy(update={"seed": seed})
-    bare = replace(loaded, recipe=loaded.recipe.model_copy(update={"targets": ()}))
-    outline = SamplesOutline(plan(bare, lock, p))
-    robot = outline.robot.robot
-    if not robot:
-        return outline
 
     step = DrawSamples(randomize=randomize, keep=keep, judge=judge)
     ports = ("tree.json", "shapes.json", "meshes/")
@@ -65,7 +66,7 @@ def _variant(
             "samples.json": draws["samples.json"],
         },
     )
-    target = load_plugin(Target, "assetbuild.targets", "mjcf")
+    target = load_plugin(Target, "mjcf")
     ports = {**robot, **{name: changed[name] for name in ("tree.json", "control.json")}}
     return p.add(
         f"mjcf {index:03}",

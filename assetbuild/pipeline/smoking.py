@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from assetbuild.errors import MachineError
-from assetbuild.kinds import Check, load_plugin
+from assetbuild.kinds import Check
+from assetbuild.plugins import load_plugin
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.document import Report
 from assetbuild.simulators.consumers import ConsumerCheck
@@ -14,7 +15,7 @@ from assetbuild.simulators.consumers import ConsumerCheck
 
 def check_of(consumer: str) -> type[ConsumerCheck]:
     """The check that asks this consumer."""
-    check = load_plugin(Check, "assetbuild.checks", f"smoke_{consumer}")
+    check = load_plugin(Check, f"smoke_{consumer}")
     assert issubclass(check, ConsumerCheck)  # noqa: S101 # all of that name are
     return check
 

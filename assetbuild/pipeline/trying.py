@@ -14,9 +14,10 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import lacking
 from assetbuild.pipeline.judging import judged
 from assetbuild.pipeline.opening import open_session
+from assetbuild.pipeline.recipes import collision_rule, load_recipe
 from assetbuild.plan import plan
 from assetbuild.recipe.collision import CollisionRule
-from assetbuild.recipe.loader import LoadedRecipe, load_recipe
+from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.document import Report
 from assetbuild.robot.pose import Pose, Vec3
 from assetbuild.simulators import physx
@@ -70,7 +71,7 @@ def _in_mujoco(loaded: LoadedRecipe) -> LoadedRecipe:
 def _hulls(rule: CollisionRule) -> CollisionRule:
     if rule.method == "none":
         return rule
-    return CollisionRule.model_validate({"method": "hull", "from": rule.from_})
+    return collision_rule(**{"method": "hull", "from": rule.from_})
 
 
 def try_usd(file: Path) -> Iterator[Finding]:

@@ -14,9 +14,9 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.errors import AssetBuildError, SourceError, UsageError
 from assetbuild.findings import Finding, Rule, worst_first
 from assetbuild.pipeline.trying import UNTRIED
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mirror import Tolerances, mirror_findings, parts_of, twins
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.model import Control
 
 KINDS = {
     ".xml": "mjcf",
@@ -157,7 +157,7 @@ def _urdf(file: Path) -> Iterator[Finding]:
                 return
             if isinstance(step, ReadUrdf):
                 lines |= _lines(ports)
-        tree = decode(Tree, (ports / "tree.json").read_bytes())
+        tree = RobotFiles(ports).tree
         for finding in mirror_findings(twins(parts_of(tree, Control())), Tolerances()):
             yield _at(finding, file, lines)
 

@@ -11,9 +11,9 @@ from assetbuild.engine.rounds import planned
 from assetbuild.engine.step import Step
 from assetbuild.errors import AssetBuildError, RecipeError, UsageError
 from assetbuild.pipeline.opening import Look
+from assetbuild.pipeline.recipes import model_of
 from assetbuild.plan import plan
 from assetbuild.recipe import yaml_tree as yaml
-from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import validated
 
 
@@ -28,7 +28,7 @@ def reached_by_key(key: str, look: Look) -> list[str]:
     compared = 0
     for tree in _varied_at(look.loaded.tree, key.split(".")):
         try:
-            recipe = validated(Recipe, tree, RecipeError)
+            recipe = validated(model_of(tree), tree, RecipeError)
             changed = replace(look.loaded, recipe=recipe, tree=tree)
             now = planned(functools.partial(plan, changed, look.lock), look.session)
         except AssetBuildError:

@@ -15,7 +15,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from assetbuild.body.inertia_rules import Bounds
 from assetbuild.body.lint_bodies import LintBodies
 from assetbuild.body.lint_links import LintLinks
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
@@ -23,18 +22,19 @@ from assetbuild.compose.plan import Ready, check_parts, compose
 from assetbuild.control.control import ControlStep
 from assetbuild.control.keep_ratings import KeepRatings
 from assetbuild.control.sample_pairs import SamplePairs
+from assetbuild.control.sides import own_side
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.geometry.companions import companions
 from assetbuild.geometry.plan import Geometry, assemble, lint_density, lint_meshes
-from assetbuild.kinds import Check, Target, lacking, load_plugin, plugin_names
+from assetbuild.kinds import Check, Target, lacking
 from assetbuild.lock import Lock, lock_path, read_lock
 from assetbuild.looks.plan import looks
 from assetbuild.plan.agree import check_against_robot, check_names, turned_meshes
 from assetbuild.plan.edits import apply_edits, edit_keys
+from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.sides import Side
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Shapes, Tree
 from assetbuild.samples.state_ranges import StateRanges
@@ -51,9 +51,11 @@ class Outline:
     subjects: what a node works on, where the node itself does not know. edits: label of an edit's
     node -> its key in the recipe. expanded: the URDF behind a xacro, which its lines count.
     absent: files that were looked for; their appearance changes the build. ranges: `dr.yaml`,
-    where the recipe randomizes.
+    where the recipe randomizes. composed: the recipe of a composite, which knows the lines of its
+    parts.
     """
 
+    composed: LoadedRecipe | None = None
     source_map: Ref | None = None
     expanded: Ref | None = None
     absent: tuple[Path, ...] = ()
@@ -89,14 +91,14 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
         if composite is None:
             return outline
         loaded, ready = composite
-        recipe, outline.source_map = loaded.recipe, ready.source_map
+        recipe, outline.source_map, outline.composed = loaded.recipe, ready.source_map, loaded
     read, edited, geometry, sides = ready.read, ready.robot, ready.geometry, ready.sides
     tree = _merge(recipe, ready, p)
     links, shapes = p.ask(edited["links.json"]), p.ask(edited["shapes.json"])
     merged = p.ask(tree["tree.json"])
     if links is None or shapes is None or merged is None:
         return outline
-    control_step = ControlStep.configure(recipe, sides, ready.poses)
+    control_step = ControlStep.configure(recipe, sides, ready.poses, ready.common_surfaces)
     check_against_robot(loaded, decode(Tree, links), decode(Tree, merged), control_step)
 
     if geometry is None:
@@ -141,7 +143,7 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
     read = read_description(loaded.recipe, source, description, p)
     if read is None:
         return None
-    p.add("lint_links", LintLinks(bounds=Bounds.of(loaded.recipe)), dict(read.robot))
+    p.add("lint_links", LintLinks(bounds=loaded.recipe.validate_.inertia), dict(read.robot))
     lint_export(loaded.recipe, source, description, read, p)
     outline.source_map = read.source_map
     outline.expanded = description.ref if loaded.recipe.source.xacro else None
@@ -152,7 +154,7 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
     edited = apply_edits(loaded, read.robot, geometry, p)
     if edited is None:
         return None
-    return Ready(read, edited, geometry, read.source_map, (Side.of(loaded.recipe),))
+    return Ready(read, edited, geometry, read.source_map, (own_side(loaded.recipe),))
 
 
 def _prepare_part(whole: LoadedRecipe, index: int, outline: Outline, p: Planner) -> Ready | None:
@@ -202,7 +204,7 @@ def _merge(recipe: Recipe, ready: Ready, p: Planner) -> Node:
     step = MergeFixedJoints(merge=fixed.merge, keep_bodies=fixed.keep_bodies, keep_source=keeps)
     tree = p.add("merge_fixed_joints", step, inputs)
     linted = {"tree.json": tree["tree.json"], "shapes.json": edited["shapes.json"]}
-    p.add("lint_bodies", LintBodies(bounds=Bounds.of(recipe)), linted)
+    p.add("lint_bodies", LintBodies(bounds=recipe.validate_.inertia), linted)
     return tree
 
 
@@ -230,7 +232,7 @@ def _control(
 def _targets(recipe: Recipe, robot: Mapping[str, Ref], p: Planner) -> dict[str, Node]:
     nodes = {}
     for name in recipe.targets:
-        target = load_plugin(Target, "assetbuild.targets", name)
+        target = load_plugin(Target, name)
         ports = {port: robot[port] for port in target.reads}
         nodes[name] = p.add(name, target.configure(recipe), ports)
     return nodes
@@ -258,8 +260,8 @@ def _checks(
 ) -> None:
     """Every check whose needs are built; those that this machine cannot run are named."""
     possible = {*outline.targets, "source", *(["source_mjcf"] if recipe.source.mjcf else [])}
-    for name in plugin_names("assetbuild.checks"):
-        check = load_plugin(Check, "assetbuild.checks", name)
+    for name in plugin_names(Check):
+        check = load_plugin(Check, name)
         if not set(check.needs) <= possible:
             continue
         step = check.configure(recipe)

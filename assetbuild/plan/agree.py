@@ -7,22 +7,21 @@ from collections.abc import Collection
 
 from assetbuild.control.control import ControlStep
 from assetbuild.errors import RecipeError, did_you_mean
-from assetbuild.geometry.jobs import check_rule
-from assetbuild.kinds import plugin_names
+from assetbuild.geometry.jobs import check_files
+from assetbuild.kinds import Target
 from assetbuild.plan.edits import edits_of
+from assetbuild.plugins import plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.recipe.validation import shown
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.model import Tree
 from assetbuild.samples.state_ranges import StateRanges
-
-BY_NAME = frozenset({"rename", "flip_axis"})
-"""Edits that change what an MJCF's own sensors, drives and keyframes are about."""
 
 
 def check_names(loaded: LoadedRecipe) -> None:
     """Plug-in names and cross references inside the recipe."""
     recipe = loaded.recipe
-    targets = plugin_names("assetbuild.targets")
+    targets = plugin_names(Target)
     for index, name in enumerate(recipe.targets):
         if name not in targets:
             raise RecipeError(
@@ -30,15 +29,15 @@ def check_names(loaded: LoadedRecipe) -> None:
                 where=loaded.where(("targets", index)),
                 hint=did_you_mean(name, targets),
             )
-    check_rule(loaded, recipe.collision.default, ("collision", "default"))
+    check_files(loaded, recipe.collision.default, ("collision", "default"))
     for pattern, rule in recipe.collision.links.items():
-        check_rule(loaded, rule, ("collision", "links", pattern))
+        check_files(loaded, rule, ("collision", "links", pattern))
     for _, edit, place in edits_of(loaded):
-        if recipe.source.mjcf is not None and edit.step_name() in BY_NAME:
+        if recipe.source.mjcf is not None and not edit.follows_names:
             message = f"`{edit.step_name()}` of a robot from MJCF: its sensors, drives and poses "
             hint = "rename and turn joints in the MJCF itself"
             raise loaded.error(place, message + "would not follow", hint)
-    stand = recipe.validate_.stand
+    stand = recipe.value("validate.stand")
     from_mjcf = recipe.source.mjcf is not None  # which has keyframes of its own
     if stand is not None and stand.keyframe not in recipe.keyframes and not from_mjcf:
         raise loaded.error(
@@ -66,8 +65,11 @@ def check_against_robot(
         if recipe.randomize is not None:
             StateRanges(robot=recipe.robot, randomize=recipe.randomize).check(tree)
     except RowError as error:
+        # In a composite the row of a part has another index than in the part's recipe.
+        _, own = loaded.origin(error.key)
+        message = error.message.replace(shown(error.key[:2]), shown(own[:2]), 1)
         where = loaded.where(error.key)
-        raise RecipeError(error.message, where=where, hint=error.hint) from None
+        raise RecipeError(message, where=where, hint=error.hint) from None
 
 
 def turned_meshes(loaded: LoadedRecipe, paths: Collection[str]) -> frozenset[str]:

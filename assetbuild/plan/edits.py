@@ -5,51 +5,24 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from pydantic import ValidationError
-
 from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.errors import did_you_mean
 from assetbuild.geometry.plan import Geometry
-from assetbuild.kinds import Edit, load_plugin, plugin_names
+from assetbuild.kinds import Edit
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Mesh, Shapes, Tree
 
-PACKAGE = "assetbuild.edits"
 Key = tuple[str | int, ...]
 
 
 def edits_of(loaded: LoadedRecipe) -> list[tuple[str, Edit, Key]]:
-    """(name, step, key in the recipe) of each; RecipeError at the line of what is wrong."""
-    found: list[tuple[str, Edit, Key]] = []
-    for index, entry in enumerate(loaded.recipe.edits):
-        ((name, fields),) = entry.items()
-        key: Key = ("edits", index, name)
-        if name not in plugin_names(PACKAGE):
-            hint = did_you_mean(name, plugin_names(PACKAGE))
-            raise loaded.error(("edits", index), f"no edit named `{name}`", hint)
-        found.append((name, _edit(loaded, name, fields, key), key))
-    return found
-
-
-def _edit(loaded: LoadedRecipe, name: str, fields: Mapping[str, object], key: Key) -> Edit:
-    kind = load_plugin(Edit, PACKAGE, name)
-    try:
-        return kind.model_validate(fields, strict=True)
-    except ValidationError as problem:
-        errors = problem.errors(include_url=False, include_input=False)
-    # A key that is spelt wrong is often also one that is missing: the first says more.
-    error = min(errors, key=lambda found: found["type"] != "extra_forbidden")
-    known = [field.alias or own for own, field in kind.model_fields.items()]
-    at = key + tuple(part for part in error["loc"] if part != "[key]")
-    if error["type"] == "extra_forbidden":
-        raise loaded.error(at, "unknown key", did_you_mean(str(at[-1]), known))
-    if error["type"] == "missing":
-        field = next(f for own, f in kind.model_fields.items() if at[-1] in (own, f.alias))
-        raise loaded.error(key, f"missing key `{at[-1]}`", field.description or "")
-    text = str(error.get("ctx", {}).get("error") or error["msg"])
-    raise loaded.error(at, text[:1].lower() + text[1:])
+    """(name, step, key in the recipe) of each."""
+    return [
+        (entry.name, getattr(entry, entry.name), ("edits", index, entry.name))
+        for index, entry in enumerate(loaded.recipe.edits)
+    ]
 
 
 def apply_edits(
@@ -85,8 +58,8 @@ def edit_label(number: int, name: str) -> str:
 
 def edit_keys(loaded: LoadedRecipe) -> dict[str, Key]:
     """Key in the recipe of each edit's node, by label."""
-    names = [next(iter(entry)) for entry in loaded.recipe.edits]
-    return {edit_label(i + 1, name): ("edits", i, name) for i, name in enumerate(names)}
+    edits = enumerate(edits_of(loaded), start=1)
+    return {edit_label(number, name): key for number, (name, _, key) in edits}
 
 
 def _check_patterns(loaded: LoadedRecipe, edit: Edit, key: Key, tree: Tree) -> None:

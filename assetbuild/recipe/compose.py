@@ -6,29 +6,11 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from assetbuild.quantities import Model, Name, Pattern, Positive, Real
+from assetbuild.quantities import Model, Name, Pattern, Real
 from assetbuild.recipe.source import Source
+from assetbuild.robot.mount import At, Mount
 
 Prefix = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,31}$")]
-Three = tuple[Real, Real, Real]
-
-
-class At(Model):
-    """Where the root of a part sits."""
-
-    link: str = Field(description="link of the base robot")
-    xyz: Three = Field((0.0, 0.0, 0.0), description="of the part's root in that link, m")
-    rpy: Three = Field((0.0, 0.0, 0.0), description="roll, pitch, yaw in that link, rad")
-
-
-class Mount(Model):
-    """What holds the part: a homogeneous box, fixed to the same link."""
-
-    mass: Positive = Field(description="kg")
-    size: tuple[Positive, Positive, Positive] = Field(description="edges, m")
-    at: Three = Field(
-        (0.0, 0.0, 0.0), description="its centre, from the part's root, m; its axes are the part's"
-    )
 
 
 class Part(Model):
@@ -37,8 +19,8 @@ class Part(Model):
     recipe: str | None = Field(None, description="its recipe, relative to this one")
     source: Source | None = Field(
         None,
-        description="the robot itself, instead of a `recipe`: the rows of this recipe that begin "
-        "with the prefix speak of it",
+        description="the robot itself, instead of a `recipe`: the rows of this recipe that name "
+        "its prefix speak of it",
     )
     variant: Name | None = Field(None, description="of that recipe")
     as_: Prefix = Field(alias="as", description="prefix of all its names, such as `arm_`")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -33,24 +34,45 @@ class LoadedRecipe:
     parts: tuple[LoadedRecipe, ...] = ()
     inline: bool = False
 
+    def origin(self, key: Key) -> tuple[LoadedRecipe, Key]:
+        """The recipe that a key is written in, and the key there; of a composite maybe a part's."""
+        return self, key
+
+    def folder(self, key: Key) -> Path:
+        """Where the paths begin that a key names."""
+        return self.origin(key)[0].path.parent
+
     def where(self, key: Key) -> Where:
         """The place of a key such as `("actuators", 2, "kp")`; of the nearest above if absent."""
-        return locate(self.tree, key)
+        recipe, own = self.origin(key)
+        return locate(recipe.tree, own)
 
     def error(self, key: Key, message: str, hint: str = "") -> RecipeError:
         """An error about a key: its place, its path, what is wrong, the next move."""
-        return RecipeError(f"{shown(key)}: {message}", where=self.where(key), hint=hint)
+        _, own = self.origin(key)
+        return RecipeError(f"{shown(own)}: {message}", where=self.where(key), hint=hint)
 
 
-def load_recipe(path: Path | str, variant: str | None = None) -> LoadedRecipe:
+ModelOf = Callable[[Node], type[Recipe]]
+Whole = Callable[[], type[Recipe]]
+
+
+def load(path: Path, variant: str | None, model_of: ModelOf, whole: Whole) -> LoadedRecipe:
     """Read, check and (with `variant`) patch one recipe; raises RecipeError, never anything else.
 
-    All variants are checked, also those that nobody asked for.
+    model_of: the recipe with the keys that a tree may have; whole: with all that there are, to
+    explain what is wrong. All variants are checked, also those that nobody asked for.
     """
-    return _with_parts(_load(Path(path), variant))
+
+    def one(path: Path, variant: str | None) -> LoadedRecipe:
+        return _load(
+            path, variant, lambda root: validated(model_of(root), root, RecipeError, whole)
+        )
+
+    return _with_parts(one(path, variant), one)
 
 
-def _load(path: Path, variant: str | None) -> LoadedRecipe:
+def _load(path: Path, variant: str | None, check: Callable[[Node], Recipe]) -> LoadedRecipe:
     """One recipe without its parts."""
     file = shown_path(path)
     root = parse(read_small_file(path, file, RecipeError), file, RecipeError)
@@ -60,13 +82,13 @@ def _load(path: Path, variant: str | None) -> LoadedRecipe:
         raise RecipeError(f"expected a map at the top, found {found}", where=root.where, hint=hint)
     absolute = Path(os.path.abspath(path))  # noqa: PTH100 # resolve() would follow links
     root, library = with_motor_file(root, absolute)
-    recipe = validated(Recipe, root, RecipeError)
+    recipe = check(root)
     names = variant_names(root)
     if root.cost * (1 + len(names)) > MAX_COST:
         message = f"too large: {root.cost} values times {len(names)} variants"
         raise RecipeError(message, where=locate(root, ("variants",)))
     trees = {name: patched(root, name) for name in names}
-    recipes = {name: validated(Recipe, tree, RecipeError) for name, tree in trees.items()}
+    recipes = {name: check(tree) for name, tree in trees.items()}
     tree = root
     if variant is not None:
         tree = trees[variant] if variant in trees else patched(root, variant)
@@ -74,10 +96,13 @@ def _load(path: Path, variant: str | None) -> LoadedRecipe:
     return LoadedRecipe(recipe, absolute, file, variant, (absolute, *library), tree)
 
 
-def _with_parts(loaded: LoadedRecipe) -> LoadedRecipe:
+One = Callable[[Path, str | None], LoadedRecipe]
+
+
+def _with_parts(loaded: LoadedRecipe, load_one: One) -> LoadedRecipe:
     """With the recipes of its parts; RecipeError for a part that has parts itself."""
     parts = [
-        _part_of(loaded, index, part.recipe, part.variant)
+        _part_of(loaded, index, part.recipe, part.variant, load_one)
         if part.recipe is not None
         else _inline_part(loaded, index)
         for index, part in enumerate(loaded.recipe.compose)
@@ -86,14 +111,16 @@ def _with_parts(loaded: LoadedRecipe) -> LoadedRecipe:
     return replace(loaded, parts=tuple(parts), files=tuple(files))
 
 
-def _part_of(loaded: LoadedRecipe, index: int, name: str, variant: str | None) -> LoadedRecipe:
+def _part_of(
+    loaded: LoadedRecipe, index: int, name: str, variant: str | None, load_one: One
+) -> LoadedRecipe:
     key = ("compose", index, "recipe")
     path = Path(os.path.normpath(loaded.path.parent / name))
     if path in loaded.files or not path.is_file():
         problem = "is this recipe itself" if path in loaded.files else "there is no such file"
         near = sorted(one.name for one in path.parent.glob("*.yaml") if one not in loaded.files)
         raise loaded.error(key, f"`{name}`: {problem}", did_you_mean(path.name, near))
-    part = _load(path, variant)
+    part = load_one(path, variant)
     if part.recipe.compose:
         hint = "list all parts in one recipe"
         raise loaded.error(key, f"`{name}` is composed of parts itself", hint)
@@ -105,7 +132,7 @@ def _inline_part(loaded: LoadedRecipe, index: int) -> LoadedRecipe:
     row, whole = loaded.recipe.compose[index], loaded.recipe
     collision = {"preset": whole.collision.preset, "default": whole.collision.default}
     given = {"schema": "assetbuild/v1", "robot": row.as_.strip("_") or row.as_}
-    recipe = Recipe.model_validate({**given, "source": row.source, "collision": collision})
+    recipe = type(whole).model_validate({**given, "source": row.source, "collision": collision})
     entries = loaded.tree.value
     assert isinstance(entries, dict)  # noqa: S101 # it is a valid recipe
     rows = entries["compose"].node.value

@@ -5,9 +5,9 @@ Patterns are regular expressions that must match a whole name of the *source*, b
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from assetbuild.findings import Severity
 from assetbuild.quantities import Model as Model
@@ -18,27 +18,16 @@ from assetbuild.quantities import Positive as Positive
 from assetbuild.quantities import Real as Real
 from assetbuild.recipe.collision import CollisionRule, Preset
 from assetbuild.recipe.compose import Part
-from assetbuild.recipe.isaaclab import IsaacLab
-from assetbuild.recipe.mjcf import Mjcf, Mjx
 from assetbuild.recipe.source import PYPI_PATTERN as PYPI_PATTERN
 from assetbuild.recipe.source import Sha256 as Sha256
 from assetbuild.recipe.source import Source as Source
-from assetbuild.recipe.trials import (
-    Alignment,
-    DriveBounds,
-    InertiaBounds,
-    Mirror,
-    SmokeBounds,
-    TotalMass,
-    Trials,
-)
-from assetbuild.recipe.usd import Usd
 from assetbuild.robot.actuator_table import (
     ActuatorRow as ActuatorRow,  # the recipe is read from here
 )
 from assetbuild.robot.actuator_table import Motor as Motor
 from assetbuild.robot.contact import Contacts as Contacts
 from assetbuild.robot.contact import Exclude as Exclude
+from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.poses import Keyframe as Keyframe
 from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.sensing import Cameras, Feet, Imu, Sensors
@@ -52,14 +41,7 @@ def _no_repeats(values: tuple[str, ...]) -> tuple[str, ...]:
     return values
 
 
-def _one_name(entry: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:  # Any: as OneEdit
-    if len(entry) != 1:
-        raise ValueError("an edit is one name and its keys: `set_mass: {link: .., mass: ..}`")
-    return entry
-
-
 Names = Annotated[tuple[str, ...], AfterValidator(_no_repeats)]
-OneEdit = Annotated[dict[str, dict[str, Any]], AfterValidator(_one_name)]  # Any: see plan/edits.py
 
 
 class FixedJoints(Model):
@@ -92,109 +74,29 @@ class Collision(Model):
     preset: Preset = Field(
         "locomotion", description="tolerances of `auto`: coarse and fast, or close to the mesh"
     )
-    default: CollisionRule = Field(default_factory=lambda: CollisionRule.model_validate({}))
+    default: CollisionRule = CollisionRule()
     links: dict[Pattern, CollisionRule] = Field(
         default_factory=dict, description="the first pattern that matches a link wins"
     )
-    exclude: Exclude = Field(default_factory=lambda: Exclude.model_validate({}))
-
-
-class FreeFall(Model):
-    """Dropped without contact and drives."""
-
-    seconds: Positive = Field(0.4, description="s")
-    tolerance: Positive = Field(
-        0.003, description="relative, against the integrator's formula, warning"
-    )
-    broken: Positive = Field(0.05, description="the same, error")
-
-
-class Stand(Model):
-    """Held by its drives on a floor."""
-
-    keyframe: str = Field("home", description="the pose to hold")
-    seconds: Positive = Field(2.0, description="s")
-    max_sag: Positive = Field(0.03, description="m of base height, warning")
-    max_tilt: Positive = Field(0.1, description="rad of the base, warning")
-    max_drift: Positive = Field(0.02, description="m sideways, warning")
-    sole: Positive = Field(
-        0.001,
-        description="m between a sole and the floor at the start, and of two shapes inside each "
-        "other, warning; a gap ten times as large is an error",
-    )
-    fall: Positive = Field(
-        0.5, description="share of the base's height lost, or rad of tilt, that is a fall, error"
-    )
-    saturated: Positive = Field(
-        0.98, description="share of an effort limit that standing may need, warning"
-    )
-    feet: Pattern | None = Field(
-        None, description="source links that may touch the floor; without it `feet.links`"
-    )
-
-
-class Sine(Model):
-    """Every joint follows a sine, base held, in MuJoCo and in PhysX."""
-
-    frequency: Positive = Field(1.0, description="Hz")
-    seconds: Positive = Field(3.0, description="s; the first third is left out")
-    tolerance: Positive = Field(
-        0.01, description="of the swing, RMS between the engines without friction, warning"
-    )
-    tolerance_as_is: Positive = Field(
-        0.05, description="the same with contacts, friction and limits, warning"
-    )
-    broken: Positive = Field(0.2, description="of the swing, either way, error")
+    exclude: Exclude = Exclude()
 
 
 class Validate(Model):
-    """Which physical checks run, and their limits."""
+    """Which physical checks run, and their limits; each check adds the keys of its own."""
 
-    free_fall: FreeFall | None = Field(
-        default_factory=lambda: FreeFall.model_validate({}), description="null = do not run it"
-    )
-    stand: Stand | None = Field(None, description="stand still under the drives; {} = defaults")
-    sine: Sine | None = Field(
-        default_factory=lambda: Sine.model_validate({}),
-        description="part of the comparison of two simulators; null = do not run it",
-    )
-    linters: tuple[Literal["mjcf_doctor", "simcheck"], ...] = Field(
+    linters: Names = Field(
         (), description="other people's linters of the MJCF; they need assetbuild[lint]"
     )
-    trials: Trials | None = Field(
-        default_factory=lambda: Trials.model_validate({}),
-        description="small experiments in MuJoCo: drives, energy, timestep, self-collision, "
-        "balance, settling; null = do not run them",
-    )
-    inertia: InertiaBounds = Field(default_factory=lambda: InertiaBounds.model_validate({}))
-    gains: DriveBounds = Field(default_factory=lambda: DriveBounds.model_validate({}))
-    mass: TotalMass = Field(default_factory=lambda: TotalMass.model_validate({}))
-    mirror: Mirror | None = Field(
-        default_factory=lambda: Mirror.model_validate({}),
-        description="left against right; null for a robot that is no mirror image of itself",
-    )
-    max_shift: Positive = Field(
-        0.015, description="m: collision geometry beside the visual geometry of its body, warning"
-    )
-    max_shift_share: Positive = Field(
-        0.08, description="the same as a share of the body's size; the larger of the two counts"
-    )
-    equality: Positive = Field(
-        1e-9,
-        le=1e-6,
-        description="relative: any number of the MJCF, read back, against the robot's, error",
-    )
+    inertia: InertiaBounds = InertiaBounds()
     simulators: tuple[Literal["mujoco", "physx"], ...] = Field(
         ("mujoco",),
         description="engines that run the physical checks; `physx` needs assetbuild[physx]",
     )
-    alignment: Alignment = Field(default_factory=lambda: Alignment.model_validate({}))
-    smoke: tuple[Literal["mjlab", "newton", "isaaclab"], ...] = Field(
+    smoke: Names = Field(
         (),
         description="trainers that try the bundle, each in an environment of its own, which "
         "`assetbuild smoke` makes",
     )
-    smoke_bounds: SmokeBounds = Field(default_factory=lambda: SmokeBounds.model_validate({}))
 
 
 class Waiver(Model):
@@ -202,6 +104,21 @@ class Waiver(Model):
 
     severity: Severity = Field(description="the severity to report instead")
     because: str = Field(min_length=3, description="the reason, shown beside the finding")
+
+
+class OneEdit(Model):
+    """One entry of `edits`; each edit adds a key of its name, whose value is the edit itself."""
+
+    @property
+    def name(self) -> str:
+        """Which edit it is."""
+        return next(iter(self.model_fields_set))
+
+    @model_validator(mode="after")
+    def _one_name(self) -> Self:
+        if len(self.model_fields_set) != 1:
+            raise ValueError("an edit is one name and its keys: `set_mass: {link: .., mass: ..}`")
+        return self
 
 
 class Recipe(Model):
@@ -215,7 +132,7 @@ class Recipe(Model):
         description="whether the root moves freely or is bolted to the world; without this key an "
         "MJCF says it",
     )
-    fixed_joints: FixedJoints = Field(default_factory=lambda: FixedJoints.model_validate({}))
+    fixed_joints: FixedJoints = FixedJoints()
     edits: tuple[OneEdit, ...] = Field(
         (),
         max_length=1000,
@@ -224,8 +141,8 @@ class Recipe(Model):
     compose: tuple[Part, ...] = Field(
         (), max_length=32, description="other robots that are mounted on this one"
     )
-    visual: Visual = Field(default_factory=lambda: Visual.model_validate({}))
-    collision: Collision = Field(default_factory=lambda: Collision.model_validate({}))
+    visual: Visual = Visual()
+    collision: Collision = Collision()
     motor_file: str | None = Field(
         None, description="a YAML file of motors, relative to the recipe; `motors` come on top"
     )
@@ -238,27 +155,17 @@ class Recipe(Model):
     keyframes: dict[Name, Keyframe] = Field(
         default_factory=dict, description="poses by name; the first is the robot's initial state"
     )
-    contact: Contacts = Field(default_factory=lambda: Contacts.model_validate({}))
+    contact: Contacts = Contacts()
     feet: Feet | None = Field(None, description="what the robot stands on")
     imu: Imu | None = Field(None, description="sensors `imu_ang_vel`, `imu_lin_acc`, ...")
     sensors: Sensors = Field(default_factory=dict, description="more sensors, by name")
     cameras: Cameras = Field(default_factory=dict, description="cameras by name")
-    mjcf: Mjcf = Field(
-        default_factory=lambda: Mjcf.model_validate({}), description="solver options of the MJCF"
-    )
-    mjx: Mjx = Field(
-        default_factory=lambda: Mjx.model_validate({}), description="of the target `mjx`"
-    )
-    simulation: Simulation = Field(default_factory=lambda: Simulation.model_validate({}))
-    usd: Usd = Field(default_factory=lambda: Usd.model_validate({}))
-    isaaclab: IsaacLab = Field(default_factory=lambda: IsaacLab.model_validate({}))
+    simulation: Simulation = Simulation()
     randomize: Randomize | None = Field(
         None, description="ranges for `assetbuild sample`, dr.yaml and trainers"
     )
     targets: Names = Field(("urdf", "mjcf", "usd"), description="formats to write")
-    validate_: Validate = Field(
-        default_factory=lambda: Validate.model_validate({}), alias="validate"
-    )
+    validate_: Validate = Field(Validate(), alias="validate")
     rules: dict[str, Waiver] = Field(
         default_factory=dict, description="other severities for rules, by rule id"
     )
@@ -267,3 +174,38 @@ class Recipe(Model):
         max_length=64,
         description="named patches: maps are merged, all else is replaced",
     )
+
+    def value(self, path: str) -> Any:  # Any: of the key's own type
+        """The value at a path such as `validate.stand`; None below what is null. KeyError."""
+        here: Any = self  # Any: as above
+        for name in path.split("."):
+            if here is None:
+                return None
+            here = getattr(here, _attribute(here, name))
+        return here
+
+    def stated(self, path: str) -> frozenset[str]:
+        """The keys of a section that the recipe itself states; none of one that it lacks."""
+        try:
+            return frozenset(self.value(path).model_fields_set)
+        except KeyError:
+            return frozenset()
+
+    def states(self, key: str) -> bool:
+        """Whether the recipe itself states a key at its top."""
+        return _attribute(self, key) in self.model_fields_set
+
+    def agrees(self, key: str, value: object) -> bool:
+        """Whether a key at the top has this value; one that the recipe lacks has its default."""
+        try:
+            return bool(self.value(key) == value)
+        except KeyError:
+            return bool(type(value)() == value)
+
+
+def _attribute(model: BaseModel, key: str) -> str:
+    """The attribute behind a key: `from_` behind `from`. KeyError."""
+    for name, field in type(model).model_fields.items():
+        if key == (field.alias or name):
+            return name
+    raise KeyError(key)

@@ -9,14 +9,12 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from assetbuild.recipe.models import Recipe
-
 Schema = dict[str, Any]  # Any: JSON
 
 
-def schema_text() -> str:
-    """What `assetbuild schema` prints: JSON Schema 2020-12 of the recipe, keys as written."""
-    schema = _schema_of(Recipe)
+def schema_of(model: type[BaseModel]) -> str:
+    """JSON Schema 2020-12 of a recipe, keys as written."""
+    schema = _schema_of(model)
     head = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "assetbuild recipe",
@@ -25,11 +23,16 @@ def schema_text() -> str:
     return json.dumps(head | {k: v for k, v in schema.items() if k not in head}, indent=2) + "\n"
 
 
-def known_keys(model: type[BaseModel], path: tuple[str | int, ...]) -> list[str]:
-    """The keys that `model` takes at `path`; none where any key is taken."""
+def known_keys(model: type[BaseModel], path: tuple[str | int, ...], choice: str = "") -> list[str]:
+    """The keys that `model` takes at `path`; none where any key is taken.
+
+    choice: only of the forms one of whose keys must be this word.
+    """
     found: list[str] = []
     for schema in _at(model, path):
-        found += schema.get("properties", {})
+        keys = schema.get("properties", {})
+        if not choice or any(value.get("const") == choice for value in keys.values()):
+            found += keys
     return found
 
 
@@ -69,8 +72,9 @@ def _options(schema: Schema, root: Schema) -> list[Schema]:
     if "$ref" in schema:
         name = schema["$ref"].rsplit("/", 1)[-1]
         return _options(root["$defs"][name], root)
-    if "anyOf" in schema:
-        return [option for member in schema["anyOf"] for option in _options(member, root)]
+    for choice in ("anyOf", "oneOf"):
+        if choice in schema:
+            return [option for member in schema[choice] for option in _options(member, root)]
     return [schema]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -38,8 +39,17 @@ _BOUNDS = {
 }
 
 
-def validated(model: type[M], root: Node, error: type[AssetBuildError]) -> M:
-    """The model behind the tree; raises `error` with the first problem in file order."""
+def validated(
+    model: type[M],
+    root: Node,
+    error: type[AssetBuildError],
+    whole: Callable[[], type[BaseModel]] | None = None,
+) -> M:
+    """The model behind the tree; raises `error` with the first problem in file order.
+
+    whole: the model with all keys that there are, where `model` has only some of them; it
+    explains what is wrong.
+    """
     try:
         return model.model_validate(plain(root), strict=True)
     except ValidationError as problem:
@@ -47,12 +57,22 @@ def validated(model: type[M], root: Node, error: type[AssetBuildError]) -> M:
     placed = sorted(
         (_find(raw, root) for raw in found), key=lambda p: (p.where.line, p.where.column)
     )
-    problems = _distinct([_explained(place, model) for place in placed[:_EXPLAINED]])
-    first = problems[0]
+    known = whole() if whole else model
+    problems = _distinct([_explained(place, known) for place in placed[:_EXPLAINED]])
+    first = _telling(problems)
     more = len(problems) - 1 + len(placed[_EXPLAINED:])
     others = f" (and {more} more error{'s' if more > 1 else ''} in this file)" if more else ""
     message = f"{shown(first.key)}: {first.message}" if first.key else first.message
     raise error(message + others, where=first.where, hint=first.hint)
+
+
+def _telling(problems: list[_Problem]) -> _Problem:
+    """The first; a key that is spelt wrong before one that is missing beside it."""
+    first = problems[0]
+    if first.message.startswith("missing"):
+        spelt = (p for p in problems if p.message == "unknown key" and p.key[:-1] == first.key)
+        return next(spelt, first)
+    return first
 
 
 def locate(root: Node, key: Key) -> Where:
@@ -152,7 +172,9 @@ def _sentence(
 ) -> tuple[str, str]:  # Any: as above
     found = described(node)
     if kind == "extra_forbidden":
-        return "unknown key", did_you_mean(str(key[-1]), known_keys(model, key[:-1]))
+        choice = _choice(raw["loc"])
+        hint = did_you_mean(str(key[-1]), known_keys(model, key[:-1], choice))
+        return f"`{choice}` has no key `{key[-1]}`" if choice else "unknown key", hint
     if kind in ("literal_error", "enum"):
         values = allowed_values(model, key)
         *most, last = [f"`{value}`" for value in values] or ["another value"]
@@ -171,6 +193,12 @@ def _sentence(
         pattern = raw["ctx"]["pattern"]
         return f"{found} does not fit `{pattern}`", meaning(model, key)
     return _said(raw), meaning(model, key) if key else ""
+
+
+def _choice(loc: tuple[str | int, ...]) -> str:
+    """The word that chose between the forms of a map: `hull` behind the tag `method hull`."""
+    tags = [part for part in loc[-2:-1] if isinstance(part, str) and " " in part]
+    return tags[0].partition(" ")[2] if tags else ""
 
 
 def _said(raw: Any) -> str:  # Any: as above

@@ -93,7 +93,7 @@ def notice(parts: Sequence[tuple[Recipe, Mapping[str, object]]]) -> BundleFile:
     parts: recipe and pin of the robot, then of each robot that is mounted on it.
     """
     lines = []
-    edits = dict.fromkeys(name for recipe, _ in parts for edit in recipe.edits for name in edit)
+    edits = dict.fromkeys(edit.name for recipe, _ in parts for edit in recipe.edits)
     for recipe, pin in parts:
         source = recipe.source
         lines += [

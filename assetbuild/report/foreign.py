@@ -14,8 +14,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import UsageError
 from assetbuild.report.isaaclab_config import isaaclab_facts
 from assetbuild.report.snapshot import Facts, Snapshot, Value, kinds_text, robot_facts
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Shapes, Tree
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.pose import vec3
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.simulators import mujoco
@@ -86,9 +85,8 @@ def _urdf_facts(path: Path) -> Facts:
         packages = named_packages(path.read_bytes())
         step = ReadUrdf(file=path.name, base="floating", packages=packages)
         list(step.run(Files(inputs=inputs, outputs=outputs)))
-        links = decode(Tree, (outputs / "links.json").read_bytes())
-        shapes = decode(Shapes, (outputs / "shapes.json").read_bytes())
-    facts = robot_facts(merge_fixed_joints(links, True, ())[0], shapes, None)
+        robot = RobotFiles(outputs)
+        facts = robot_facts(merge_fixed_joints(robot.links, True, ())[0], robot.shapes, None)
     del facts["robot", "robot", "base"]  # a URDF does not say
     return facts
 

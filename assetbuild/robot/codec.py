@@ -10,6 +10,7 @@ import functools
 import json
 import types
 from dataclasses import fields, is_dataclass
+from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel
@@ -29,6 +30,11 @@ def decode(cls: type[T], data: bytes) -> T:
         return _typed(cls, json.loads(data))  # type: ignore[no-any-return] # checked by _typed
     except (KeyError, TypeError, json.JSONDecodeError) as error:
         raise ValueError(f"not a stored {cls.__name__}: {error}") from error
+
+
+def decode_file(cls: type[T], file: Path) -> T:
+    """The model value that stands in `file`."""
+    return decode(cls, file.read_bytes())
 
 
 def _plain(value: object) -> object:

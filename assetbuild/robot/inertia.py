@@ -12,11 +12,35 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 
+from assetbuild.quantities import Model, Positive
 from assetbuild.robot.model import Inertial
 from assetbuild.robot.pose import Array, Pose, Quat, Vec3, rotation_of, vec3
 
 Tensor = tuple[float, float, float, float, float, float]
+
+
+class InertiaBounds(Model):
+    """Where the rules `inertia.*` draw the line."""
+
+    triangle_slack: Positive = Field(
+        0.01, description="share of C by which A + B >= C may fail before it is an error"
+    )
+    # Never an error: such a tensor is valid, simulators take it, and a long thin tube has it.
+    radius: Positive = Field(
+        0.5, description="m: radius of the ball with this mass and moment, warning above"
+    )
+    # Osmium has 22,590. Of all bodies with a mass and at most this density, a ball of just this
+    # density has the least largest moment, so a smaller one belongs to no matter at all.
+    density: Positive = Field(
+        25_000.0, description="kg/m3: a body of less inertia than this matter has is reported"
+    )
+    small_mass: Positive = Field(1e-3, description="kg: a moving body below it is reported")
+
+
+LEAST_MOMENT_KG_M2 = 1e-15
+"""MuJoCo refuses a moving body with a smaller principal moment (its mjMINVAL)."""
 
 
 def matrix_of(tensor: Tensor) -> Array:

@@ -16,8 +16,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from pydantic import Field
 
 from assetbuild.findings import Finding, Rule, Scalar, Severity
+from assetbuild.quantities import Model, Positive
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Actuator, Body, Control, Joint, Limits, Tree
 from assetbuild.robot.pose import Array, Pose
@@ -86,19 +88,24 @@ INERTIA = Rule(
 )
 
 
-@dataclass(frozen=True)
-class Tolerances:
-    """What twins may differ by. mass, inertia, gains: relative; place, center: m; axis: rad;
-    limits, home: rad or m."""
+class Tolerances(Model):
+    """Left against right: what twins may differ by; more is information, a slip a warning.
 
-    place: float = 0.005
-    mass: float = 0.02
-    center: float = 0.005
-    inertia: float = 0.1
-    axis: float = 0.02
-    limits: float = 0.005
-    home: float = 0.001
-    gains: float = 0.01
+    null for a robot that is no mirror image of itself.
+    """
+
+    place: Positive = Field(
+        0.005, description="m: parts whose places mirror each other so closely are compared"
+    )
+    mass: Positive = Field(0.02, description="relative difference of mass")
+    center: Positive = Field(0.005, description="m, of the centre of mass")
+    inertia: Positive = Field(0.1, description="relative difference of inertia")
+    axis: Positive = Field(0.02, description="rad, between an axis and its mirror image")
+    limits: Positive = Field(0.005, description="rad or m, of either end of a range")
+    home: Positive = Field(0.001, description="rad or m, at the first keyframe")
+    gains: Positive = Field(
+        0.01, description="relative, of kp, kd, damping, friction, armature, effort, velocity"
+    )
 
 
 @dataclass(frozen=True)
@@ -202,7 +209,7 @@ class Twins:
         return flip
 
 
-def twins(parts: Sequence[Part], tolerance_m: float = Tolerances.place) -> Twins:
+def twins(parts: Sequence[Part], tolerance_m: float = Tolerances().place) -> Twins:
     """Parts whose names say left and right and whose places are mirror images.
 
     Fingers of one hand, or an arm beside another, are mirrored elsewhere and are no twins.

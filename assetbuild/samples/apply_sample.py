@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import decode_file, encode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Contact, Control, Tree
 from assetbuild.robot.randomize import JointSample, Sample, Samples
 
@@ -21,9 +22,9 @@ class ApplySample(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Delay and encoder bias are the trainer's: no file of the robot holds them."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
-        samples = decode(Samples, (files.inputs / "samples.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, control = robot.tree, robot.control
+        samples = decode_file(Samples, files.inputs / "samples.json")
         sample = samples.samples[self.index]
         (files.outputs / "tree.json").write_bytes(encode(with_matter(tree, sample)))
         (files.outputs / "control.json").write_bytes(encode(with_control(control, sample)))

@@ -10,7 +10,8 @@ import numpy as np
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import decode_file, encode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import combine, move_inertial, principal_moments
 from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.pose import Array
@@ -65,10 +66,10 @@ class DrawSamples(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError where the ranges lead out of a link."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        tree = RobotFiles(files.inputs).tree
         rooms = {
             room.body: room.ellipsoid
-            for room in decode(Rooms, (files.inputs / "rooms.json").read_bytes()).rooms
+            for room in decode_file(Rooms, files.inputs / "rooms.json").rooms
         }
         draws = dict(self._draws(tree, rooms))
         samples = tuple(self._sample(tree, draws, index) for index in range(self.keep))

@@ -9,9 +9,10 @@ import numpy as np
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.corners import corners_by_body
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import encode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
-from assetbuild.robot.model import Inertial, Shapes, Tree
+from assetbuild.robot.model import Inertial
 from assetbuild.robot.pose import vec3
 from assetbuild.robot.randomize import Ellipsoid, Room, Rooms, bounding_ellipsoid
 
@@ -40,11 +41,10 @@ class Enclose(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads each mesh once."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        corners = corners_by_body(tree, shapes, files.inputs / "meshes")
+        robot = RobotFiles(files.inputs)
+        corners = corners_by_body(robot.tree, robot.shapes, robot.mesh_dir)
         rooms = []
-        for body in tree.bodies:
+        for body in robot.tree.bodies:
             inertial = body.inertial
             if inertial is None or inertial.mass_kg <= 0.0:
                 continue

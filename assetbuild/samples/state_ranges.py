@@ -11,7 +11,7 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.errors import did_you_mean
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuators import RowError
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Body, Control, Tree
 from assetbuild.robot.ranges import (
     JOINT_FACTORS,
@@ -94,8 +94,8 @@ class StateRanges(Step):
         """Every body and joint that a range speaks of, with nominal value, range and source."""
         import yaml
 
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, control = robot.tree, robot.control
         stated = {
             "schema": "assetbuild/dr/v1",
             "robot": self.robot,

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import Any, ClassVar
+
+from pydantic import Field
 
 from assetbuild.engine.step import Limits
 from assetbuild.errors import StepError
 from assetbuild.findings import Rule
-from assetbuild.kinds import Check
-from assetbuild.recipe.models import Recipe
+from assetbuild.kinds import Check, RecipeView
+from assetbuild.quantities import Model, Positive
 from assetbuild.simulators.environments import Environment, ask
 
 FAILED = Rule(
@@ -33,6 +35,13 @@ SINKS = Rule(
 )
 
 
+class SmokeBounds(Model):
+    """What a robot may do under zero actions in a trainer."""
+
+    low: Positive = Field(0.7, lt=1, description="share of the starting height, warning below")
+    fallen: Positive = Field(0.25, lt=1, description="share of environments that fall, warning")
+
+
 class ConsumerCheck(Check):
     """Base of the checks `smoke_<consumer>`: their trainer's versions are part of their key."""
 
@@ -40,6 +49,7 @@ class ConsumerCheck(Check):
     # and a GPU's runtime takes more address space than any limit would leave it.
     isolated: ClassVar[bool] = False
     limits: ClassVar[Limits] = Limits(wall_s=3600.0, cpus=2)
+    listed_in: ClassVar[str] = "validate.smoke"
     consumer: ClassVar[str]
     home: ClassVar[Environment]
 
@@ -49,11 +59,15 @@ class ConsumerCheck(Check):
     """Name of the environment, which holds the digest of its requirements."""
 
     @classmethod
-    def configure(cls, recipe: Recipe) -> Self | None:
-        """None unless the recipe asks this consumer."""
-        if cls.consumer not in recipe.validate_.smoke:
-            return None
-        return cls(robot=recipe.robot, environment=cls.home.folder.name)
+    def listed_as(cls) -> str:
+        """The trainer's name."""
+        return cls.consumer
+
+    @classmethod
+    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
+        """With the name of its environment, which holds the digest of its requirements."""
+        found = super().values(recipe)
+        return None if found is None else found | {"environment": cls.home.folder.name}
 
     def missing(self) -> str:
         """The environment is made by `assetbuild smoke`, which may use the network."""

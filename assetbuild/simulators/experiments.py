@@ -10,7 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import Field
 
+from assetbuild.quantities import Model, Positive
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Control, Joint, Tree
 from assetbuild.robot.pose import Array
@@ -21,6 +23,30 @@ SHARE_OF_RANGE = 0.2
 """Largest swing as a share of the joint's range, so that narrow joints stay off their stops."""
 SHARE_OF_SPEED = 0.6
 """Largest speed as a share of the joint's limit, which PhysX keeps and MuJoCo does not know."""
+
+
+class Fall(Model):
+    """Dropped without contact and drives; null = do not run it."""
+
+    seconds: Positive = Field(0.4, description="s")
+    tolerance: Positive = Field(
+        0.003, description="relative, against the integrator's formula, warning"
+    )
+    broken: Positive = Field(0.05, description="the same, error")
+
+
+class Swing(Model):
+    """Every joint follows a sine, base held, in MuJoCo and in PhysX; null = do not run it."""
+
+    frequency: Positive = Field(1.0, description="Hz")
+    seconds: Positive = Field(3.0, description="s; the first third is left out")
+    tolerance: Positive = Field(
+        0.01, description="of the swing, RMS between the engines without friction, warning"
+    )
+    tolerance_as_is: Positive = Field(
+        0.05, description="the same with contacts, friction and limits, warning"
+    )
+    broken: Positive = Field(0.2, description="of the swing, either way, error")
 
 
 @dataclass(frozen=True)

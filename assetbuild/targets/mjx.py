@@ -10,18 +10,19 @@ how many corners a hull has.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Self
+from typing import ClassVar, Literal
+
+from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
-from assetbuild.recipe.mjcf import Mjx as Options
-from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Contact, Control, Mesh, Shapes, Tree
+from assetbuild.quantities import Model, Pattern, Positive
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Contact, Control, Mesh, Shapes
 from assetbuild.targets.mjcf.files import (
     copy_assets,
     one_per_look,
@@ -31,6 +32,7 @@ from assetbuild.targets.mjcf.files import (
     write_xml,
 )
 from assetbuild.targets.mjcf.opaque import with_opaque
+from assetbuild.targets.mjcf.options import Cone
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
 
@@ -54,6 +56,33 @@ HULL = Rule(
 )
 
 
+class MjxOptions(Model):
+    """Of the target `mjx`, the model for MJX and mujoco_warp: `<robot>_mjx.xml`."""
+
+    integrator: Literal["Euler", "RK4", "implicitfast"] = Field(
+        "implicitfast", description="`implicit` does not run on MJX"
+    )
+    cone: Cone = Field("pyramidal", description="pyramidal is the faster one there")
+    impratio: Positive | None = Field(None, description="frictional to normal impedance")
+    solver: Literal["Newton", "CG"] = Field("Newton", description="of the constraints")
+    iterations: int = Field(4, ge=1, le=10_000, description="of the solver, at most")
+    ls_iterations: int = Field(8, ge=1, le=10_000, description="of its line search")
+    self_collision: bool = Field(
+        False, description="parts of the robot touch one another; else only the world (masks)"
+    )
+    condim: Literal[1, 3, 4, 6] | None = Field(
+        None,
+        description="most dimensions of a contact, 3 = without twisting and rolling friction: on a "
+        "pyramidal cone a contact has 10 rows with 6, 4 with 3; without it as in `contact`",
+    )
+    max_vertices: int = Field(
+        64, ge=4, le=1000, description="most vertices of a convex collision mesh; more is an error"
+    )
+    touching: Pattern = Field(
+        ".*", description="links that touch anything; the collision of all others is left out"
+    )
+
+
 class Mjx(Target):
     """Writes `<robot>_mjx.xml`, `scene_mjx.xml` and their assets beside the full MJCF."""
 
@@ -62,20 +91,16 @@ class Mjx(Target):
     folder = "mjcf"
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
 
-    options: Options = Options.model_validate({})
+    sections: ClassVar[Mapping[str, str]] = {"mjx": "options"}
 
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self:
-        """With the recipe's `mjx`."""
-        return cls(robot=recipe.robot, options=recipe.mjx)
+    options: MjxOptions = MjxOptions()
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError for joints and actuators that MJCF cannot say."""
         refuse_name(self.robot)
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
-        without = unreadable_textures(shapes, files.inputs / "meshes")
+        robot = RobotFiles(files.inputs)
+        tree, shapes, control = robot.tree, robot.shapes, robot.control
+        without = unreadable_textures(shapes, robot.mesh_dir)
         shapes = one_per_look(without_textures(shapes, without))
 
         left_out, shapes = self._touching(shapes)
@@ -95,7 +120,7 @@ class Mjx(Target):
         root = with_opaque(model.element(), opaque, model.body_names)
         write_xml(folder / f"{stem}.xml", root)
         write_xml(folder / "scene_mjx.xml", scene(self.robot, stem, tree, control, model.free_name))
-        copy_assets(files.inputs / "meshes", folder / "assets", shapes)
+        copy_assets(robot.mesh_dir, folder / "assets", shapes)
         yield from self._explain(left_out, capped)
 
     def _solver(self) -> Solver:

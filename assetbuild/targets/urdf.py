@@ -10,13 +10,12 @@ from pathlib import Path
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import (
     Actuator,
     Body,
     Box,
     Capsule,
-    Control,
     Cylinder,
     Geometry,
     Inertial,
@@ -63,28 +62,26 @@ class Urdf(Target):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Numbers by `repr`, UTF-8, two spaces; same robot, same bytes."""
-        said = decode(Tree, (files.inputs / "links.json").read_bytes())
-        tree = held_by_world(said)
-        yield from _held(said, tree)
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "ratings.json").read_bytes())
-        robot = ET.Element("robot", name=tree.name)
-        for material in shapes.materials:
-            _add_material(robot, material)
-        meshes = _Meshes(shapes)
+        robot = RobotFiles(files.inputs)
+        tree = held_by_world(robot.links)
+        yield from _held(robot.links, tree)
+        root = ET.Element("robot", name=tree.name)
+        for material in robot.shapes.materials:
+            _add_material(root, material)
+        meshes = _Meshes(robot.shapes)
         for body in tree.bodies:
-            _add_link(robot, body, [s for s in shapes.shapes if s.link == body.name], meshes)
+            _add_link(root, body, [s for s in robot.shapes.shapes if s.link == body.name], meshes)
         for joint in tree.joints:
-            actuator = control.by_joint.get(joint.name)
-            _add_joint(robot, joint, actuator)
+            actuator = robot.ratings.by_joint.get(joint.name)
+            _add_joint(root, joint, actuator)
             yield from _unstated(joint, actuator)
-        ET.indent(robot, "  ")
+        ET.indent(root, "  ")
         folder = files.outputs / "urdf"
         folder.mkdir()
-        text: str = ET.tostring(robot, encoding="unicode")
+        text: str = ET.tostring(root, encoding="unicode")
         text = f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n'
         (folder / f"{self.robot}.urdf").write_text(text, encoding="utf-8")
-        meshes.write(files.inputs / "meshes", folder / "meshes")
+        meshes.write(robot.mesh_dir, folder / "meshes")
 
 
 def _held(said: Tree, written: Tree) -> Iterator[Finding]:

@@ -20,13 +20,12 @@ sys.path.insert(0, str(Path(__file__).parent))
 from links import load_link
 
 from assetbuild.collision import PlacedSource, ProbeSource
-from assetbuild.collision.auto import Auto
+from assetbuild.collision.auto import PRESETS, Auto
 from assetbuild.collision.hull import Hull
 from assetbuild.mesh.cover import Reference, blocked_by
 from assetbuild.mesh.solid import ConvexPiece, sobol
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.weld import cleaned
-from assetbuild.recipe.collision import PRESETS
 from assetbuild.robot.pose import Pose, quat_of_rpy
 
 SOURCE = (PlacedSource.of_mesh("mesh"),)

@@ -18,15 +18,14 @@ sys.path.insert(0, str(Path(__file__).parent))
 from links import LINKS, load_link
 
 from assetbuild.collision import PlacedSource, hulls
-from assetbuild.collision.auto import Auto
+from assetbuild.collision.auto import PRESETS, Auto
 from assetbuild.collision.hull import Hull
-from assetbuild.mesh.coacd import coacd_parts
+from assetbuild.mesh.coacd import CoAcdOptions, coacd_parts
 from assetbuild.mesh.cover import Reference, measure
 from assetbuild.mesh.native import NativeError, NativeLimits
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.mesh.vhacd import vhacd_parts
-from assetbuild.recipe.collision import PRESETS, CoAcdOptions, VHacdOptions
+from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
 
 SOURCE = (PlacedSource.of_mesh("mesh"),)
 LIMITS = NativeLimits(cpu_s=60.0, memory_mb=4096)

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.body.inertia_rules import Bounds
 from assetbuild.body.lint_bodies import LintBodies
 from assetbuild.findings import Finding
-from assetbuild.recipe.models import Recipe
+from assetbuild.pipeline.recipes import whole_model
+from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.model import Body, Inertial, Joint, Limits, Shape, Shapes, Sphere, Tree
 
 BRICK = box_inertial(1.0, (0.1, 0.1, 0.1))
@@ -144,7 +144,7 @@ def test_go1s_singular_base_is_valid_once_merged(go1_root: Path, tmp_path: Path)
 
 def test_the_recipe_draws_the_lines():
     said = {"inertia": {"radius": 1.0, "triangle_slack": 0.2, "density": 8000, "small_mass": 0.1}}
-    recipe = Recipe.model_validate(
+    recipe = whole_model().model_validate(
         {
             "schema": "assetbuild/v1",
             "robot": "r",
@@ -152,8 +152,8 @@ def test_the_recipe_draws_the_lines():
             "validate": said,
         }
     )
-    bounds = Bounds.of(recipe)
-    assert (bounds.radius_m, bounds.triangle_slack) == (1.0, 0.2)
-    assert (bounds.density_kg_m3, bounds.small_mass_kg) == (8000.0, 0.1)
-    default = Recipe.model_validate(recipe.model_dump(by_alias=True) | {"validate": {}})
-    assert Bounds.of(default) == Bounds()
+    bounds = recipe.validate_.inertia
+    assert (bounds.radius, bounds.triangle_slack) == (1.0, 0.2)
+    assert (bounds.density, bounds.small_mass) == (8000.0, 0.1)
+    default = whole_model().model_validate(recipe.model_dump(by_alias=True) | {"validate": {}})
+    assert default.validate_.inertia == InertiaBounds()

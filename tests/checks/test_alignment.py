@@ -19,11 +19,11 @@ from assetbuild.checks.alignment.modules import World, mjlab_world, module_rows
 from assetbuild.checks.alignment.pair import all_apart, stand_row, weight_of
 from assetbuild.checks.alignment.row import Row, findings_of
 from assetbuild.findings import Finding
-from assetbuild.recipe.models import Recipe, Sine
+from assetbuild.pipeline.recipes import whole_model
 from assetbuild.report.summary import WITHHELD, public_message
 from assetbuild.robot.model import Body, Inertial, Joint, Tree
 from assetbuild.robot.pose import Pose
-from assetbuild.simulators.experiments import Motion
+from assetbuild.simulators.experiments import Motion, Swing
 from assetbuild.simulators.physx import Held, HeldLink
 from assetbuild.targets.isaaclab import IsaacLab
 from assetbuild.targets.mjcf import Mjcf
@@ -51,7 +51,7 @@ def check(robot: TinyRobot, folder: Path, spoil: Spoil | None = None) -> list[Fi
         spoil(stage)
         stage.Save()
         del stage
-    short = Sine(frequency=4.0, seconds=0.75, tolerance=0.02)
+    short = Swing(frequency=4.0, seconds=0.75, tolerance=0.02)
     found = run_step(Alignment(robot="robot", sine=short), inputs, folder / "out")
     return [finding for finding in found if finding.rule != "alignment.physx.gap"]
 
@@ -199,9 +199,9 @@ def test_a_kind_of_row_is_one_finding_about_its_worst() -> None:
 def test_recipe_decides() -> None:
     base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
     both = {"simulators": ["physx", "mujoco"], "sine": None}
-    asked = Recipe.model_validate(base | {"validate": both})
+    asked = whole_model().model_validate(base | {"validate": both})
     assert Alignment.configure(asked) == Alignment(robot="r", sine=None)
-    one = Recipe.model_validate(base | {"validate": {"simulators": ["physx"]}})
+    one = whole_model().model_validate(base | {"validate": {"simulators": ["physx"]}})
     assert Alignment.configure(one) is None
 
 

@@ -11,14 +11,13 @@ from tiny import box_inertial, pendulum, run_step, write_robot_ports
 
 from assetbuild.checks.alignment.response import Responses
 from assetbuild.checks.alignment.row import Row, findings_of
-from assetbuild.recipe.models import Sine as Wish
 from assetbuild.robot.model import Actuator, Body, Control, Simulation
-from assetbuild.simulators.experiments import Motion, Sine
+from assetbuild.simulators.experiments import Motion, Sine, Swing
 from assetbuild.targets.mjcf import Mjcf
 
 WRIST = Actuator("swing_joint", "pd", kp=20.0, kd=0.2, friction=1.0, effort=30.0)
 SINE = Sine({"swing_joint": 0.0}, {"swing_joint": 0.3}, 1.0, 3.0)
-WISH = Wish.model_validate({})
+WISH = Swing.model_validate({})
 STEP = 0.005
 
 

@@ -11,8 +11,9 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
 from assetbuild.checks.free_fall import FreeFall
 from assetbuild.findings import Finding
-from assetbuild.recipe.models import Recipe
+from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Simulation
+from assetbuild.simulators.experiments import Fall
 from assetbuild.targets.mjcf import Mjcf
 
 
@@ -24,7 +25,7 @@ def check(robot: TinyRobot, folder: Path, spoil: dict[str, str] | None = None) -
         assert old in text
         text = text.replace(old, new)
     path.write_text(text)
-    return run_step(FreeFall(robot="robot", seconds=0.4), inputs, folder / "out")
+    return run_step(FreeFall(robot="robot"), inputs, folder / "out")
 
 
 def test_quadruped_falls_as_the_integrator_must(tmp_path: Path) -> None:
@@ -70,9 +71,9 @@ def test_file_that_does_not_load_is_an_error(tmp_path: Path) -> None:
 
 def test_recipe_decides_whether_and_how_long() -> None:
     base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
-    asked = Recipe.model_validate(base | {"validate": {"free_fall": {"seconds": 0.2}}})
-    unasked = Recipe.model_validate(base | {"validate": {"free_fall": None}})
-    elsewhere = Recipe.model_validate(base | {"validate": {"simulators": ["physx"]}})
-    assert FreeFall.configure(asked) == FreeFall(robot="r", seconds=0.2, tolerance=0.003)
+    asked = whole_model().model_validate(base | {"validate": {"free_fall": {"seconds": 0.2}}})
+    unasked = whole_model().model_validate(base | {"validate": {"free_fall": None}})
+    elsewhere = whole_model().model_validate(base | {"validate": {"simulators": ["physx"]}})
+    assert FreeFall.configure(asked) == FreeFall(robot="r", drop=Fall(seconds=0.2))
     assert FreeFall.configure(unasked) is None
     assert FreeFall.configure(elsewhere) is None

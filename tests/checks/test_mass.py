@@ -78,9 +78,9 @@ def test_a_centre_outside_of_the_part_is_told(tmp_path: Path):
 
 def test_the_total_is_compared_with_the_datasheet(tmp_path: Path):
     total = sum(b.inertial.mass_kg for b in robot().tree.bodies if b.inertial)
-    assert told(robot(), tmp_path / "a", expected_kg=1.02 * total) == []
-    (near,) = told(robot(), tmp_path / "b", expected_kg=1.1 * total)
-    (far,) = told(robot(), tmp_path / "c", expected_kg=2.0 * total)
+    assert told(robot(), tmp_path / "a", total_kg=1.02 * total) == []
+    (near,) = told(robot(), tmp_path / "b", total_kg=1.1 * total)
+    (far,) = told(robot(), tmp_path / "c", total_kg=2.0 * total)
     assert (near.rule, near.severity) == ("mass.total", "warning")
     assert (far.rule, far.severity) == ("mass.total", "error")
 

@@ -10,7 +10,7 @@ from tiny import run_step
 
 from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.findings import Finding
-from assetbuild.recipe.models import Recipe
+from assetbuild.pipeline.recipes import whole_model
 from assetbuild.simulators import mujoco
 
 TET = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -99,7 +99,7 @@ def test_what_the_recipe_says_itself_is_not_compared(tmp_path: Path):
     recipe = {"actuators": rows, "simulation": {"timestep": 0.001}, "mjcf": {"cone": "elliptic"}}
     written = write(read(FLOATING, tmp_path / "read", tet_obj=TET), tmp_path / "out", **recipe)
     given = {"schema": "assetbuild/v1", "robot": "robot", "source": {"path": ".", "mjcf": "r.xml"}}
-    check = MjcfSource.configure(Recipe.model_validate({**given, **recipe}))
+    check = MjcfSource.configure(whole_model().model_validate({**given, **recipe}))
     assert check is not None
     assert {"actuators", "timestep", "cone"} <= set(check.stated)
     told = {finding.rule for finding in compared(written, stated=check.stated)}
@@ -111,7 +111,7 @@ def test_what_the_recipe_says_itself_is_not_compared(tmp_path: Path):
 
 def test_a_robot_from_urdf_has_no_such_check():
     recipe = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
-    assert MjcfSource.configure(Recipe.model_validate(recipe)) is None
+    assert MjcfSource.configure(whole_model().model_validate(recipe)) is None
 
 
 WALKER = """<mujoco><worldbody>

@@ -13,14 +13,13 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
 from assetbuild.checks.mjx_pairs import FAST_ON_WARP, KINDS, NOT_IN_MJX, MjxPairs, judge, pairs
 from assetbuild.findings import Finding
-from assetbuild.recipe.mjcf import Mjx as Options
 from assetbuild.robot.model import Box, Contact, Control
 from assetbuild.targets.mjcf import Mjcf
-from assetbuild.targets.mjx import Mjx
+from assetbuild.targets.mjx import Mjx, MjxOptions
 
 
 def checked(robot: TinyRobot, folder: Path, **said: object) -> tuple[list[Finding], dict]:
-    target = Mjx(robot="robot", options=Options.model_validate(said))
+    target = Mjx(robot="robot", options=MjxOptions.model_validate(said))
     inputs = check_inputs(folder, robot, target, "mjx")
     findings = run_step(MjxPairs(), inputs, folder / "out")
     return findings, json.loads((folder / "out/figures.json").read_text())

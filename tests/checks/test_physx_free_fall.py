@@ -12,8 +12,9 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
 from assetbuild.checks.physx_free_fall import PhysxFreeFall
 from assetbuild.findings import Finding
-from assetbuild.recipe.models import Recipe
+from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Simulation
+from assetbuild.simulators.experiments import Fall
 from assetbuild.targets.usd import Usd as UsdTarget
 
 pytest.importorskip("ovphysx", reason="needs the extra `physx`")
@@ -64,6 +65,6 @@ def test_fixed_base_is_not_dropped(tmp_path: Path) -> None:
 def test_recipe_decides_whether_and_how_long() -> None:
     base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
     both = {"simulators": ["mujoco", "physx"], "free_fall": {"seconds": 0.2}}
-    asked = Recipe.model_validate(base | {"validate": both})
-    assert PhysxFreeFall.configure(asked) == PhysxFreeFall(robot="r", seconds=0.2)
-    assert PhysxFreeFall.configure(Recipe.model_validate(base)) is None
+    asked = whole_model().model_validate(base | {"validate": both})
+    assert PhysxFreeFall.configure(asked) == PhysxFreeFall(robot="r", drop=Fall(seconds=0.2))
+    assert PhysxFreeFall.configure(whole_model().model_validate(base)) is None

@@ -14,7 +14,7 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
 from assetbuild.checks.physx_readback import PhysxReadback, expected_joint
 from assetbuild.findings import Finding
-from assetbuild.recipe.models import Recipe
+from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Joint, Limits
 from assetbuild.robot.pose import Pose
 from assetbuild.targets.usd import Usd as UsdTarget
@@ -132,9 +132,9 @@ def test_start_outside_of_the_limits_is_caught(tmp_path: Path) -> None:
 
 def test_recipe_decides() -> None:
     base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
-    asked = Recipe.model_validate(base | {"validate": {"simulators": ["mujoco", "physx"]}})
+    asked = whole_model().model_validate(base | {"validate": {"simulators": ["mujoco", "physx"]}})
     assert PhysxReadback.configure(asked) == PhysxReadback(robot="r")
-    assert PhysxReadback.configure(Recipe.model_validate(base)) is None
+    assert PhysxReadback.configure(whole_model().model_validate(base)) is None
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,10 @@ from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab
 from assetbuild.checks.smoke_isaaclab import judged as judge_isaac
 from assetbuild.checks.smoke_mjlab import SmokeMjlab, judged
 from assetbuild.checks.smoke_newton import judged as judge_newton
+from assetbuild.pipeline.recipes import whole_model
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.trials import SmokeBounds
 from assetbuild.robot.ranges import Randomize
+from assetbuild.simulators.consumers import SmokeBounds
 from assetbuild.simulators.environments import MADE, Environment, ask
 from assetbuild.targets.mjlab import Mjlab
 
@@ -59,7 +60,7 @@ def test_each_fault_has_its_rule(rule: str) -> None:
 def recipe(**keys: Any) -> Recipe:
     source = {"path": ".", "urdf": "r.urdf"}
     base = {"schema": "assetbuild/v1", "robot": "r", "source": source}
-    return Recipe.model_validate(base | keys)
+    return whole_model().model_validate(base | keys)
 
 
 def test_nobody_is_asked_whom_the_recipe_does_not_name() -> None:

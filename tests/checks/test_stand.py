@@ -10,7 +10,7 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
 from assetbuild.checks.stand import Stand
 from assetbuild.findings import Finding
-from assetbuild.recipe.models import Recipe
+from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Actuator, Box, Control, Shape
 from assetbuild.robot.pose import Pose
 from assetbuild.targets.mjcf import Mjcf
@@ -159,5 +159,5 @@ def test_missing_keyframe_is_an_error(tmp_path: Path) -> None:
 def test_recipe_decides() -> None:
     base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
     asked = base | {"validate": {"stand": {"keyframe": "home", "feet": FEET}}}
-    assert Stand.configure(Recipe.model_validate(base)) is None
-    assert Stand.configure(Recipe.model_validate(asked)) == Stand(keyframe="home", feet=FEET)
+    assert Stand.configure(whole_model().model_validate(base)) is None
+    assert Stand.configure(whole_model().model_validate(asked)) == Stand(keyframe="home", feet=FEET)

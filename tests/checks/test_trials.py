@@ -39,7 +39,7 @@ def drives(**values: object) -> TinyRobot:
 
 
 def with_timestep(robot: TinyRobot, seconds: float) -> TinyRobot:
-    simulation = replace(robot.control.simulation, timestep=seconds)
+    simulation = robot.control.simulation.model_copy(update={"timestep": seconds})
     return replace(robot, control=replace(robot.control, simulation=simulation))
 
 

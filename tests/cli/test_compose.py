@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -174,3 +175,56 @@ def test_what_does_not_fit_is_told_with_its_line(folder, old, new, message):
     assert done.returncode == 2, done.stdout + done.stderr
     assert message in done.stderr and "cart.yaml:" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_patterns_of_a_part_and_of_the_base_mean_what_they_say(folder):
+    """A part's flags stay at the start of its pattern; a row of the base may name a part too."""
+    arm = (folder / "arm.yaml").read_text().replace('".*"', '"(?i)JOINT1"')
+    (folder / "arm.yaml").write_text(arm)
+    (folder / "cart.urdf").write_text(CART.replace("prismatic", "revolute"))
+    cart = (folder / "cart.yaml").read_text().replace('".*"', "joint1|right_joint1")
+    (folder / "cart.yaml").write_text(cart)
+    done = run(folder, "build", "cart.yaml")
+    assert done.returncode == 0, done.stdout + done.stderr
+    model = mujoco.MjModel.from_xml_path(str(folder / "build/cart/mjcf/cart.xml"))
+    assert model.actuator_gainprm[:, 0].tolist() == [900, 40, 900]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("kd: 5", "kd: 5, motor: m", "arm.yaml:5:46: actuators[0]: no motor named `left_m`"),
+        ('".*"', "wrist", "arm.yaml:5:6: actuators[0].joints: pattern `wrist` matches no moving"),
+        ("joint1: 0.3", "elbow: 0.3", "pattern `elbow` matches no moving joint"),
+    ],
+)
+def test_an_error_of_a_part_has_its_line_in_the_parts_recipe(folder, old, new, message):
+    text = (folder / "arm.yaml").read_text()
+    (folder / "arm.yaml").write_text(text.replace(old, new, 1))
+    done = run(folder, "check", "cart.yaml")
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "error: arm.yaml:" in done.stderr
+    assert message in done.stderr
+
+
+def test_a_finding_about_a_row_of_a_part_has_its_line_in_the_parts_recipe(folder):
+    arm = (folder / "arm.yaml").read_text().replace("kd: 5", "kd: 5, effort: 7")
+    (folder / "arm.yaml").write_text(arm)
+    assert run(folder, "build", "cart.yaml").returncode == 0
+    report = json.loads((folder / "build/cart/report/report.json").read_text())
+    found = [f for f in report["findings"] if f["rule"] == "actuator.overrides"]
+    assert [(f["subject"], f["where"].rsplit(":", 1)[0]) for f in found] == [
+        ("recipe actuators.1", "arm.yaml:5"),
+        ("recipe actuators.2", "arm.yaml:5"),
+    ]
+
+
+def test_samples_of_a_composite_draw_each_robot_from_its_own_ranges(folder):
+    for name, factor in (("cart", 3), ("arm", 2)):
+        text = (folder / f"{name}.yaml").read_text()
+        ranges = f'randomize: {{joints: {{".*": {{kp: [{factor}, {factor}]}}}}}}\n'
+        (folder / f"{name}.yaml").write_text(text + ranges)
+    done = run(folder, "sample", "cart.yaml", "-n", "1", "--judge", "1", "-o", "drawn")
+    assert done.returncode == 0, done.stdout + done.stderr
+    model = mujoco.MjModel.from_xml_path(str(folder / "drawn/cart_000.xml"))
+    assert model.actuator_gainprm[:, 0].tolist() == pytest.approx([2700, 80, 80])

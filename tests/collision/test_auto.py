@@ -20,7 +20,7 @@ from assetbuild.collision.vhacd import VHacd
 from assetbuild.geometry.convert_mesh import write_converted
 from assetbuild.kinds import Pieces
 from assetbuild.mesh import coacd
-from assetbuild.mesh.coacd import Patience
+from assetbuild.mesh.coacd import CoAcdOptions, Patience
 from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.native import NativeError, NativeLimits
@@ -28,9 +28,9 @@ from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.mesh.volume import face_areas
 from assetbuild.mesh.weld import cleaned
-from assetbuild.recipe.collision import CoAcdOptions, VHacdOptions
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Box, Sphere
 from assetbuild.robot.pose import Pose

@@ -19,7 +19,7 @@ from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import TriangleMesh, merged
-from assetbuild.recipe.collision import VHacdOptions
+from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Box, Sphere
 

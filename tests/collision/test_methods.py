@@ -12,14 +12,14 @@ from tiny import run_step
 
 from assetbuild.collision import CollisionMethod, PlacedSource, PrimitiveSource
 from assetbuild.collision.coacd import CoAcd
-from assetbuild.collision.explicit import Explicit
+from assetbuild.collision.explicit import Explicit, ExplicitPiece
 from assetbuild.collision.hull import Hull
 from assetbuild.collision.primitive import FitPrimitive
 from assetbuild.collision.spheres import Spheres
 from assetbuild.collision.vhacd import VHacd
 from assetbuild.errors import StepError
 from assetbuild.geometry.convert_mesh import write_converted
-from assetbuild.kinds import Pieces, load_plugin, plugin_names
+from assetbuild.kinds import Pieces
 from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
@@ -27,8 +27,9 @@ from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh, merged
+from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.mesh.volume import is_closed, signed_volume
-from assetbuild.recipe.collision import ExplicitPiece, VHacdOptions
+from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Box, Capsule, Cylinder, Mesh, Sphere
 from assetbuild.robot.pose import Pose, quat_of_rpy
@@ -70,17 +71,12 @@ def fit(tmp_path: Path, method: CollisionMethod, *meshes: TriangleMesh, run: str
     return record.pieces, hulls, findings, files
 
 
-def test_the_methods_are_found_by_their_file_names():
-    assert plugin_names("assetbuild.collision") == (
-        "auto",
-        "coacd",
-        "explicit",
-        "hull",
-        "primitive",
-        "spheres",
-        "vhacd",
-    )
-    assert load_plugin(CollisionMethod, "assetbuild.collision", "hull") is Hull
+@pytest.mark.parametrize("name", [n for n in plugin_names(CollisionMethod) if n != "explicit"])
+def test_every_method_makes_the_same_pieces_of_an_l_twice(tmp_path, name):
+    method = load_plugin(CollisionMethod, name)(sources=MESH)
+    runs = [fit(tmp_path / run, method, l_shape()) for run in ("a", "b/c")]
+    assert runs[0][0]
+    assert runs[0][3] == runs[1][3]
 
 
 def test_the_hull_of_an_l_is_one_prism_and_the_gap_is_its_notch(tmp_path):

@@ -14,11 +14,13 @@ from assetbuild.compose.compose_parts import ComposeParts, PartOn
 from assetbuild.errors import RecipeError
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Shapes, Tree
+from assetbuild.robot.mount import At, Mount
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.tree import forward_kinematics, sample_positions
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 
-ARM = PartOn(folder="arm_", prefix="arm_", link="trunk", xyz=(0.1, 0.0, 0.2), rpy=(0.3, -0.2, 1.0))
+AT = At(link="trunk", xyz=(0.1, 0.0, 0.2), rpy=(0.3, -0.2, 1.0))
+ARM = PartOn(folder="arm_", prefix="arm_", at=AT)
 
 
 def put(folder: Path, robot: TinyRobot, file: str) -> None:
@@ -48,7 +50,7 @@ def total_mass(tree: Tree) -> float:
 def test_a_part_moves_as_alone_seen_from_its_place(tmp_path):
     tree, *_ = composed(tmp_path, ARM)
     alone = pendulum().links
-    place = Pose(ARM.xyz, quat_of_rpy(*ARM.rpy))
+    place = Pose(AT.xyz, quat_of_rpy(*AT.rpy))
     for positions in sample_positions(tree, 5, seed=1):
         whole = forward_kinematics(tree, positions)
         part = forward_kinematics(alone, {n[4:]: q for n, q in positions.items()})
@@ -59,7 +61,7 @@ def test_a_part_moves_as_alone_seen_from_its_place(tmp_path):
 
 def test_nothing_is_lost_and_the_mount_adds_its_mass(tmp_path):
     plate = ARM.model_copy(
-        update={"mount_mass": 0.3, "mount_size": (0.1, 0.1, 0.01), "mount_at": (0, 0, -0.005)}
+        update={"mount": Mount(mass=0.3, size=(0.1, 0.1, 0.01), at=(0, 0, -0.005))}
     )
     tree, shapes, _, findings = composed(tmp_path, plate)
     quadruped, arm = tiny_quadruped(), pendulum()
@@ -74,7 +76,13 @@ def test_nothing_is_lost_and_the_mount_adds_its_mass(tmp_path):
 
 
 def test_two_equal_parts_need_two_prefixes(tmp_path):
-    other = ARM.model_copy(update={"folder": "second_", "prefix": "second_", "xyz": (-0.1, 0, 0.2)})
+    other = ARM.model_copy(
+        update={
+            "folder": "second_",
+            "prefix": "second_",
+            "at": AT.model_copy(update={"xyz": (-0.1, 0, 0.2)}),
+        }
+    )
     tree, *_ = composed(tmp_path, ARM, other)
     assert {"arm_mount", "second_mount"} <= set(tree.by_joint)
     with pytest.raises(RecipeError, match="two parts have a"):
@@ -83,7 +91,7 @@ def test_two_equal_parts_need_two_prefixes(tmp_path):
 
 def test_a_place_that_is_no_link_is_refused(tmp_path):
     with pytest.raises(RecipeError, match="no link `trnk`") as caught:
-        composed(tmp_path, ARM.model_copy(update={"link": "trnk"}))
+        composed(tmp_path, ARM.model_copy(update={"at": At(link="trnk")}))
     assert "trunk" in str(caught.value)
 
 
@@ -108,7 +116,7 @@ def test_b1_with_z1_is_the_robot_that_somebody_merged_by_hand(tmp_path, go1_root
     by_hand = read(folder / "b1_description/urdf/b1-z1.urdf", tmp_path / "hand", "floating")
     read(folder / "b1_description/urdf/b1.urdf", tmp_path / "base", "floating")
     read(folder / "z1_description/urdf/z1.urdf", tmp_path / "arm_", "fixed")
-    place = PartOn(folder="arm_", prefix="arm_", link="trunk", xyz=(0.35, 0, 0.09), rpy=(0, 0, 0))
+    place = PartOn(folder="arm_", prefix="arm_", at=At(link="trunk", xyz=(0.35, 0, 0.09)))
     run_step(ComposeParts(parts=(place,)), tmp_path, tmp_path / "out")
     ours = decode(Tree, (tmp_path / "out/links.json").read_bytes())
 

@@ -3,60 +3,73 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import pytest
+from composites import Named, members
 
-from assetbuild.compose.merging import (
-    Mounted,
-    anchored,
-    composed,
-    home_of_parts,
-    left_out,
-    poses_in_source_keys,
-)
+from assetbuild.compose.merging import Composed, composed, left_out, pose_of, pose_rows
+from assetbuild.errors import RecipeError
+from assetbuild.pipeline.recipes import whole_model
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.ranges import first_match
 
-BASE_JOINTS = ("FL_hip_joint", "FR_hip_joint", "tail")
-ARM_JOINTS = ("arm_joint1", "arm_joint2")
+DOG = Named(("FL_hip_joint", "FR_hip_joint", "tail"), ("trunk", "FL_foot", "FR_foot", "tail_link"))
+ARM = Named(("joint1", "joint2"), ("base", "upper", "hand"))
 
 
-def recipe(**more) -> Recipe:
+def recipe(**more: Any) -> Recipe:
     head = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
-    return Recipe.model_validate(head | more)
+    return whole_model().model_validate(head | more)
 
 
-def whole(base: dict, arm: dict, **part) -> Recipe:
-    row = {"recipe": "arm.yaml", "as": "arm_", "at": {"link": "trunk"}} | part
-    base_recipe = recipe(compose=[row], **base)
-    links = ("arm_base", "arm_hand")
-    mounted = Mounted(base_recipe.compose[0], recipe(**arm), links, ARM_JOINTS)
-    return composed(base_recipe, [mounted])
+def whole(dog: dict[str, Any], arm: dict[str, Any], **row: Any) -> Composed:
+    base = Named(DOG.joints, DOG.links, dog)
+    return composed(members(base, arm_=Named(ARM.joints, ARM.links, arm, row)))
 
 
-def rows_of(made: Recipe, joint: str) -> list[float | None]:
-    return [row.kp for row in made.actuators if re.fullmatch(row.joints, joint)]
+def merged(dog: dict[str, Any], arm: dict[str, Any], **row: Any) -> Recipe:
+    return whole(dog, arm, **row).recipe
+
+
+def gains(made: Recipe) -> dict[str, list[float | None]]:
+    joints = [*DOG.joints, *(f"arm_{joint}" for joint in ARM.joints)]
+    return {j: [r.kp for r in made.actuators if re.fullmatch(r.joints, j)] for j in joints}
 
 
 def test_each_robot_keeps_its_own_rows_however_wide_their_patterns():
-    made = whole(
-        {"actuators": [{"joints": ".*", "kp": 80}]}, {"actuators": [{"joints": ".*", "kp": 20}]}
-    )
-    assert [rows_of(made, joint) for joint in BASE_JOINTS] == [[80]] * 3
-    assert [rows_of(made, joint) for joint in ARM_JOINTS] == [[20]] * 2
+    rows = {"actuators": [{"joints": ".*", "kp": 80}]}
+    made = merged(rows, {"actuators": [{"joints": "(?i)JOINT.*", "kp": 20}]})
+    arm = {"arm_joint1": [20], "arm_joint2": [20]}
+    assert gains(made) == {joint: [80] for joint in DOG.joints} | arm
 
 
-def test_a_row_of_the_base_that_names_the_prefix_wins_over_the_part():
-    made = whole(
-        {"actuators": [{"joints": ".*", "kp": 80}, {"joints": "arm_joint1", "kp": 33}]},
+def test_a_row_of_the_base_that_names_joints_of_a_part_wins_over_the_part():
+    made = merged(
+        {
+            "actuators": [
+                {"joints": ".*_hip_joint", "kp": 80},
+                {"joints": "tail|arm_joint1", "kp": 33},
+            ]
+        },
         {"actuators": [{"joints": "joint.*", "kp": 20}]},
     )
-    assert rows_of(made, "arm_joint1") == [33]
-    assert rows_of(made, "arm_joint2") == [20]
+    assert gains(made)["tail"] == gains(made)["arm_joint1"] == [33]
+    assert gains(made)["arm_joint2"] == [20]
+    assert len(made.actuators) == 3, "a row stays one row, however many names it has"
+
+
+def test_a_row_of_a_part_whose_joints_the_base_has_taken_is_gone():
+    rows = [{"joints": "joint1", "kp": 20}, {"joints": "joint2", "kp": 21}]
+    made = merged(
+        {"actuators": [{"joints": ".*", "kp": 1}, {"joints": "arm_joint1", "kp": 33}]},
+        {"actuators": rows},
+    )
+    assert [row.kp for row in made.actuators] == [1, 33, 21]
 
 
 def test_motors_come_with_the_part_and_keep_their_family():
-    made = whole(
+    made = merged(
         {"motors": {"m": {"gear": 6}}},
         {
             "motors": {"m": {"gear": 9}, "big": {"extends": "m", "effort": 60}},
@@ -70,7 +83,7 @@ def test_motors_come_with_the_part_and_keep_their_family():
 
 
 def test_home_is_of_all_parts():
-    made = whole(
+    made = merged(
         {"keyframes": {"home": {"joints": {".*_hip_joint": 0.1}}}},
         {"keyframes": {"home": {"joints": {"joint.*": 0.5}}}},
         home={"joint2": 1.5},
@@ -86,52 +99,76 @@ def test_home_is_of_all_parts():
     assert value("tail") == []
 
 
+def test_a_pose_of_the_base_wins_for_the_joints_of_a_part_that_it_names():
+    made = merged(
+        {"keyframes": {"home": {"joints": {"tail|arm_joint1": 0.1}}}},
+        {"keyframes": {"home": {"joints": {".*": 0.5}}}},
+        home={"joint1": 1.5},
+    )
+    assert made.keyframes["home"].joints == {"tail|arm_joint1": 0.1, "arm_joint2": 0.5}
+
+
+def test_two_patterns_for_the_same_joints_are_an_error_at_the_second():
+    poses = {"keyframes": {"home": {"joints": {"joint1": 0.5, "joint[1]": 0.6}}}}
+    with pytest.raises(RecipeError, match="`joint1` matches joint `arm_joint1` too") as error:
+        merged({"keyframes": {"home": {}}}, poses)
+    assert error.value.where is not None
+    assert error.value.where.file == "arm_.yaml"
+
+
 def test_collision_and_surface_of_a_part_stay_its_own():
-    made = whole(
+    made = merged(
         {"collision": {"links": {".*": {"method": "none"}}}, "contact": {"friction": [0.8, 0, 0]}},
         {"collision": {"default": {"method": "hull"}}, "contact": {"friction": [0.3, 0, 0]}},
         exclude=["trunk"],
+        mount={"mass": 1, "size": [1, 1, 1]},
     )
 
     def first(table, name):
         return next(v for pattern, v in table.items() if re.fullmatch(pattern, name))
 
     assert first(made.collision.links, "trunk").method == "none"
-    assert first(made.collision.links, "arm_hand").method == "hull"
-    assert first(made.contact.links, "arm_hand").friction == (0.3, 0, 0)
+    for link in ("arm_hand", "arm_mount_plate"):
+        assert first(made.collision.links, link).method == "hull"
+        assert first(made.contact.links, link).friction == (0.3, 0, 0)
     assert ("trunk", "arm_hand") in made.collision.exclude.pairs
-
-
-@pytest.mark.parametrize("pattern", ["a|b", ".*", "x(1|2)?"])
-def test_an_anchored_pattern_matches_what_the_part_would(pattern):
-    for name in ("a", "b", "x", "x1", "ab"):
-        alone = re.fullmatch(pattern, name) is not None
-        assert (re.fullmatch(anchored("arm_", pattern), f"arm_{name}") is not None) == alone
-        assert re.fullmatch(anchored("arm_", pattern), name) is None
+    assert ("trunk", "arm_mount_plate") not in made.collision.exclude.pairs
 
 
 def test_feet_of_all_parts_are_feet_and_no_others():
-    made = whole({"feet": {"links": ".*_foot"}}, {"feet": {"links": "pad"}})
+    made = merged({"feet": {"links": ".*_foot"}}, {"feet": {"links": "hand"}})
     assert made.feet is not None
-    found = [n for n in ("FL_foot", "arm_pad", "arm_foot") if re.fullmatch(made.feet.links, n)]
-    assert found == ["FL_foot", "arm_pad"]
-    assert whole({}, {}).feet is None
+    assert made.feet.links == "FL_foot|FR_foot|arm_hand"
+    assert merged({}, {}).feet is None
 
 
 def test_the_imu_is_the_bases_and_that_of_a_part_keeps_its_prefix():
-    made = whole({"imu": {"link": "trunk"}}, {"imu": {"link": "hand", "sensors": ["gyro"]}})
+    made = merged({"imu": {"link": "trunk"}}, {"imu": {"link": "hand", "sensors": ["gyro"]}})
     assert made.imu is not None
     assert made.imu.link == "trunk"
     assert {n: (s.kind, s.link) for n, s in made.sensors.items()} == {
         "arm_imu_ang_vel": ("gyro", "arm_hand")
     }
-    alone = whole({}, {"imu": {"link": "hand"}})
+    alone = merged({}, {"imu": {"link": "hand"}})
     assert alone.imu is not None
     assert (alone.imu.link, alone.sensors) == ("arm_hand", {})
 
 
+def test_sensors_and_cameras_of_a_part_sit_on_the_part():
+    arm = {
+        "sensors": {"speed": {"kind": "framelinvel", "link": "hand", "relative_to": "base"}},
+        "cameras": {"eye": {"link": "hand"}, "room": {}},
+    }
+    made = merged({}, arm)
+    assert (made.sensors["arm_speed"].link, made.sensors["arm_speed"].relative_to) == (
+        "arm_hand",
+        "arm_base",
+    )
+    assert {n: c.link for n, c in made.cameras.items()} == {"arm_eye": "arm_hand", "arm_room": None}
+
+
 def test_ranges_of_a_part_are_about_the_part():
-    made = whole(
+    made = merged(
         {"randomize": {"links": {".*": {"com": 0.02}}, "friction": [0.4, 1]}},
         {
             "randomize": {
@@ -147,6 +184,14 @@ def test_ranges_of_a_part_are_about_the_part():
     assert made.randomize.friction == (0.4, 1)
 
 
+def test_ranges_that_nobody_states_are_not_there():
+    assert merged({}, {"randomize": {"friction": [0.4, 1]}}).randomize is None
+    joints = {"randomize": {"joints": {".*": {"kp": [0.9, 1.1]}}}}
+    made = merged({}, joints).randomize
+    assert made is not None
+    assert list(made.joints) == ["arm_joint1|arm_joint2"]
+
+
 def test_what_only_one_can_decide_is_named():
     base, part = recipe(visual={"max_faces": 500}), recipe(visual={"max_faces": 900}, mjcf={})
     assert left_out(base, part) == ("visual",)
@@ -155,50 +200,102 @@ def test_what_only_one_can_decide_is_named():
 
 def test_of_a_part_from_mjcf_only_what_its_recipe_states_changes_its_surfaces():
     mjcf = {"source": {"path": ".", "mjcf": "arm.xml"}}
-    made = whole({"contact": {"friction": [0.8, 0, 0]}}, mjcf)
+    made = merged({"contact": {"friction": [0.8, 0, 0]}}, mjcf)
     assert made.contact.links == {}
     made = whole({}, mjcf | {"contact": {"condim": 4, "links": {"hand": {"priority": 1}}}})
-    said = {p: s.model_dump(exclude_none=True) for p, s in made.contact.links.items()}
-    assert said == {
-        anchored("arm_", "hand"): {"condim": 4, "priority": 1},
-        anchored("arm_", ".*"): {"condim": 4},
+    links = made.recipe.contact.links
+    assert {p: s.model_dump(exclude_none=True) for p, s in links.items()} == {
+        "arm_hand": {"condim": 4, "priority": 1},
+        "arm_base|arm_upper|arm_hand": {"condim": 4},
     }
+    assert made.common_surfaces == ("arm_base|arm_upper|arm_hand",)
 
 
 @pytest.mark.parametrize("merges", [(True, True), (True, False), (False, True), (False, False)])
 def test_each_side_merges_its_fixed_joints_as_its_own_recipe_says(merges):
     base, arm = ({"fixed_joints": {"merge": merge}} for merge in merges)
-    fixed = whole(base, arm).fixed_joints
+    fixed = merged(base, arm).fixed_joints
     for link, merge in zip(("trunk", "arm_hand"), merges, strict=True):
         stays = not fixed.merge or any(re.fullmatch(p, link) for p in fixed.keep_bodies)
         assert stays != merge
 
 
 def test_poses_of_a_source_hold_where_no_recipe_has_one():
-    row = {"recipe": "arm.yaml", "as": "arm_", "at": {"link": "trunk"}, "home": {"joint2": 9}}
-    base = recipe(compose=[row])
     poses = {"home": {"joint1": 1.0, "joint2": 2.0}, "up": {"joint1": 3.0, "joint2": 4.0}}
-    arm = Mounted(base.compose[0], recipe(), ("arm_base",), ARM_JOINTS, poses)
-
-    def values(pose: dict[str, float]) -> list[float]:
-        return [v for joint in ARM_JOINTS for k, v in pose.items() if re.fullmatch(k, joint)]
-
-    assert home_of_parts([arm]) is not None
-    assert values(home_of_parts([arm]).joints) == [1, 9]
-    added = poses_in_source_keys(base, [arm], ("home", "up", "lie"))
-    assert {name: values(pose) for name, pose in added.items()} == {
-        "home": [1, 9],
-        "up": [3, 4],
-        "lie": [1, 2],
+    arm = Named(ARM.joints, ARM.links, row={"home": {"joint2": 9}}, poses=poses)
+    found = members(DOG, arm_=arm)
+    assert composed(found).recipe.keyframes["home"].joints == {"arm_joint2": 9, "arm_joint1": 1}
+    stands = {name: pose_of(pose_rows(found, name)) for name in ("home", "up", "lie")}
+    assert {name: (p["arm_joint1"], p["arm_joint2"]) for name, p in stands.items()} == {
+        "home": (1, 9),
+        "up": (3, 4),
+        "lie": (1, 2),
     }
-    said = recipe(keyframes={"home": {"joints": {"joint.*": 5}}})
-    by_recipe = Mounted(base.compose[0], said, ("arm_base",), ARM_JOINTS, poses)
+    said = {"keyframes": {"home": {"joints": {"joint.*": 5}}}}
+    _, by_recipe = members(DOG, arm_=Named(ARM.joints, ARM.links, said, poses=poses))
     assert [by_recipe.pose_key(name) for name in ("home", "up", "lie")] == [
         ("home", False),
         ("up", True),
         ("home", False),
     ]
-    assert (
-        home_of_parts([Mounted(recipe(compose=[row | {"home": {}}]).compose[0], recipe(), (), ())])
-        is None
-    )
+    assert composed(members(DOG, arm_=ARM)).recipe.keyframes == {}
+
+
+@pytest.mark.parametrize(
+    ("key", "whose", "own"),
+    [
+        (("actuators", 0, "kp"), "base.yaml", ("actuators", 0, "kp")),
+        (("actuators", 1, "kp"), "arm_.yaml", ("actuators", 0, "kp")),
+        (("motors", "arm_m", "gear"), "arm_.yaml", ("motors", "m", "gear")),
+        (
+            ("collision", "links", "arm_hand", "method"),
+            "arm_.yaml",
+            ("collision", "links", "hand", "method"),
+        ),
+        (
+            ("collision", "exclude", "pairs", 1, 0),
+            "arm_.yaml",
+            ("collision", "exclude", "pairs", 0, 0),
+        ),
+        (("sensors", "arm_turn", "link"), "arm_.yaml", ("sensors", "turn", "link")),
+        (
+            ("keyframes", "home", "joints", "arm_joint1"),
+            "arm_.yaml",
+            ("keyframes", "home", "joints", "joint1"),
+        ),
+        (
+            ("keyframes", "home", "joints", "arm_joint2"),
+            "base.yaml",
+            ("compose", 0, "home", "joint2"),
+        ),
+        (
+            ("randomize", "links", "arm_upper", "com"),
+            "arm_.yaml",
+            ("randomize", "links", "upper", "com"),
+        ),
+        (("simulation", "timestep"), "base.yaml", ("simulation", "timestep")),
+    ],
+)
+def test_a_row_keeps_the_line_where_it_is_written(key, whose, own):
+    dog = {
+        "actuators": [{"joints": ".*", "kp": 80}],
+        "collision": {"exclude": {"pairs": [["trunk", "FL_foot"]]}},
+        "keyframes": {"home": {"joints": {"tail": 1}}},
+        "simulation": {"timestep": 0.004},
+    }
+    arm = {
+        "motors": {"m": {"gear": 9}},
+        "actuators": [{"joints": ".*", "kp": 20}],
+        "collision": {
+            "links": {"hand": {"method": "hull"}},
+            "exclude": {"pairs": [["hand", "base"]]},
+        },
+        "keyframes": {"home": {"joints": {"joint1": 0.5, "joint2": 0.1}}},
+        "sensors": {"turn": {"kind": "gyro", "link": "upper"}},
+        "randomize": {"links": {"upper": {"com": 0.001}}},
+    }
+    base = Named(DOG.joints, DOG.links, dog)
+    found = members(base, arm_=Named(ARM.joints, ARM.links, arm, {"home": {"joint2": 0.7}}))
+    recipes = {member.loaded.file: member.loaded for member in found}
+    assert composed(found).where(key) == recipes[whose].where(own)
+    assert recipes[whose].where(own) != recipes[whose].where(own[:-1])

@@ -17,8 +17,8 @@ from assetbuild.engine.resolver import Resolver
 from assetbuild.engine.rounds import settle
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
+from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plan import plan
-from assetbuild.recipe.loader import load_recipe
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 TABLE = Path(__file__).parents[1] / "golden" / "digests.json"

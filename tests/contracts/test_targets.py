@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 from tiny import pendulum, run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.kinds import Target, load_plugin, plugin_names
+from assetbuild.kinds import Target
+from assetbuild.plugins import load_plugin, plugin_names
 
 TINY = {"quadruped": tiny_quadruped, "pendulum": pendulum}
-TARGETS = plugin_names("assetbuild.targets")
+TARGETS = plugin_names(Target)
 
 
 def written(folder: Path) -> dict[str, bytes]:
@@ -24,7 +25,7 @@ def written(folder: Path) -> dict[str, bytes]:
 @pytest.mark.parametrize("robot", TINY)
 @pytest.mark.parametrize("name", TARGETS)
 def test_two_runs_in_two_folders_write_the_same_bytes(name: str, robot: str, tmp_path: Path):
-    target = load_plugin(Target, "assetbuild.targets", name)(robot="tiny")
+    target = load_plugin(Target, name)(robot="tiny")
     runs = []
     for folder in ("a", "b/c"):
         inputs = write_robot_ports(tmp_path / folder / "in", TINY[robot]())
@@ -37,7 +38,7 @@ def test_two_runs_in_two_folders_write_the_same_bytes(name: str, robot: str, tmp
 
 @pytest.mark.parametrize("name", TARGETS)
 def test_it_writes_below_its_own_name_and_says_what_it_reads(name: str):
-    target = load_plugin(Target, "assetbuild.targets", name)
+    target = load_plugin(Target, name)
     assert target.outputs == (f"{name}/",)
     assert set(target.reads) <= {
         "links.json", "tree.json", "shapes.json", "control.json", "ratings.json", "meshes/",

@@ -15,6 +15,7 @@ import pytest
 
 from assetbuild.control.control import ControlStep, half_height
 from assetbuild.engine.step import Files
+from assetbuild.pipeline.recipes import whole_model
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import decode, encode
@@ -65,7 +66,7 @@ def feet(radius: float = 0.02) -> Shapes:
 def recipe(**keys: object) -> Recipe:
     head = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": "p", "urdf": "r.urdf"}}
     table = [{"joints": ".*", "kp": 80.0, "kd": 4.0}]
-    return Recipe.model_validate({**head, "actuators": table, **keys})
+    return whole_model().model_validate({**head, "actuators": table, **keys})
 
 
 @pytest.fixture

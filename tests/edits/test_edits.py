@@ -16,11 +16,12 @@ from tiny import box_inertial, box_obj, pendulum, run_step, tiny_quadruped
 
 from assetbuild.errors import RecipeError
 from assetbuild.geometry.convert_mesh import ConvertMesh
-from assetbuild.kinds import Edit, load_plugin, plugin_names
+from assetbuild.kinds import Edit
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import solid_moments
+from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.inertia import matrix_of, principal_moments, tensor_of, triangle_violation
 from assetbuild.robot.model import (
@@ -54,7 +55,7 @@ def edited(tmp_path: Path, name: str, tree: Tree, shapes=EMPTY, meshes=(), **fie
         source.mkdir()
         (source / "mesh").write_bytes(data)
         run_step(ConvertMesh(format="obj"), source, inputs / "mesh" / str(index))
-    step = load_plugin(Edit, "assetbuild.edits", name).model_validate(fields, strict=True)
+    step = load_plugin(Edit, name).model_validate(fields, strict=True)
     findings = run_step(step, inputs, outputs)
     assert all(f.rule == f"edit.{name}" for f in findings)
     made = decode(Tree, (outputs / "links.json").read_bytes())
@@ -273,9 +274,9 @@ def test_a_wheel_with_limits_is_no_wheel(tmp_path):
     assert done.joints[0].kind == "revolute"
 
 
-@pytest.mark.parametrize("name", plugin_names("assetbuild.edits"))
+@pytest.mark.parametrize("name", plugin_names(Edit))
 def test_every_edit_describes_its_keys(name):
-    fields = load_plugin(Edit, "assetbuild.edits", name).model_fields
+    fields = load_plugin(Edit, name).model_fields
     assert fields
     assert all(field.description for field in fields.values())
 

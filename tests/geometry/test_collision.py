@@ -14,8 +14,9 @@ from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.step import Step
 from assetbuild.errors import RecipeError
 from assetbuild.geometry.convert_mesh import ConvertMesh
-from assetbuild.geometry.jobs import check_rule, collision_jobs, equal_shapes
-from assetbuild.recipe.loader import LoadedRecipe, load_recipe
+from assetbuild.geometry.jobs import check_files, collision_jobs, equal_shapes
+from assetbuild.pipeline.recipes import load_recipe
+from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.model import Body, Box, Joint, Mesh, Shape, Shapes, Tree
 from assetbuild.robot.pose import Pose, quat_of_rpy
 
@@ -110,7 +111,7 @@ def test_a_piece_without_its_file_is_refused_with_its_line(tmp_path, file, said)
     piece = f"{{type: mesh, file: {file}}}"
     recipe = loaded(tmp_path, f"  default: {{method: explicit, pieces: [{piece}]}}\n")
     with pytest.raises(RecipeError, match=said) as caught:
-        check_rule(recipe, recipe.recipe.collision.default, ("collision", "default"))
+        check_files(recipe, recipe.recipe.collision.default, ("collision", "default"))
     assert caught.value.where.line == 5
 
 
@@ -124,9 +125,8 @@ def test_a_piece_without_its_file_is_refused_with_its_line(tmp_path, file, said)
     ],
 )
 def test_a_key_that_a_method_does_not_have_is_refused_with_its_line(tmp_path, rule, key):
-    recipe = loaded(tmp_path, f"  default: {rule}\n")
     with pytest.raises(RecipeError, match=f"has no key `{key}`") as caught:
-        check_rule(recipe, recipe.recipe.collision.default, ("collision", "default"))
+        loaded(tmp_path, f"  default: {rule}\n")
     assert caught.value.where.line == 5
 
 

@@ -19,7 +19,8 @@ from assetbuild.init.drives import STEP_S
 from assetbuild.init.home import home_pose
 from assetbuild.init.look import Looked, look
 from assetbuild.init.source import find_source
-from assetbuild.recipe.loader import LoadedRecipe, load_recipe
+from assetbuild.pipeline.recipes import load_recipe
+from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.simulators.mujoco_trials import settle
 

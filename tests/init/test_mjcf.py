@@ -9,7 +9,7 @@ from mjcfs import ROBOTS
 
 from assetbuild.errors import SourceError
 from assetbuild.init import propose, write
-from assetbuild.recipe.loader import load_recipe
+from assetbuild.pipeline.recipes import load_recipe
 
 LEG = '<mujoco model="one leg"><compiler meshdir="../meshes"/><asset><mesh file="a.obj"/></asset><worldbody><body name="trunk"><freejoint/><geom size=".1"/><geom type="mesh" mesh="a" contype="0" conaffinity="0"/></body></worldbody></mujoco>'  # noqa: E501 # one robot per line
 TET = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"

@@ -9,7 +9,7 @@ import pytest
 
 from assetbuild.cli import main
 from assetbuild.init import propose, write
-from assetbuild.recipe.loader import load_recipe
+from assetbuild.pipeline.recipes import load_recipe
 
 SOUND = "<inertia ixx='0.01' iyy='0.01' izz='0.01' ixy='0' ixz='0' iyz='0'/>"
 BOX = "<{0}><geometry><box size='0.1 0.1 0.1'/></geometry></{0}>"

@@ -17,7 +17,7 @@ import pytest
 
 from assetbuild.errors import SourceError
 from assetbuild.init import propose, write
-from assetbuild.recipe.loader import load_recipe
+from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.recipe.models import Recipe
 
 INERTIAL = '<inertial><origin xyz="0 0 0.01"/><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'

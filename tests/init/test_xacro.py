@@ -9,7 +9,8 @@ import pytest
 from assetbuild.cli import main
 from assetbuild.errors import SourceError, UsageError
 from assetbuild.init import propose, write
-from assetbuild.recipe.loader import LoadedRecipe, load_recipe
+from assetbuild.pipeline.recipes import load_recipe
+from assetbuild.recipe.loader import LoadedRecipe
 
 NAMESPACE = "xmlns:xacro='http://www.ros.org/wiki/xacro'"
 MAIN = f"""<robot name='bot' {NAMESPACE}>

@@ -45,14 +45,18 @@ def test_an_edit_sees_the_names_that_the_one_before_gave(tmp_path):
     [
         ("set_mas: {link: tip}", "5:5", "no edit named `set_mas`"),
         ("set_mass: {link: tip}", "5:5", "missing key `mass`"),
-        ("set_mass: {link: tip, mass: -1}", "5:27", "greater than 0"),
+        ("set_mass: {link: tip, mass: -1}", "5:33", "greater than 0"),
         ("set_mass: {link: tip, mas: 1}", "5:27", "unknown key"),
         ("set_mass: {link: tipp, mass: 1}", "5:16", "matches no link"),
         ("rename: {joints: {nobody: a}}", "5:23", "matches no joint"),
         ("rename: {links: {'.*': a}}", "5:5", "would both be called `a`"),
         ("set_limits: {joint: j}", "5:5", "at least one of"),
         ("inertia_from_geometry: {link: tip}", "5:5", "exactly one of `density`, `mass`"),
-        ("{set_mass: {link: tip, mass: 1}, rename: {}}", "5:5", "one name and its keys"),
+        (
+            "{set_mass: {link: tip, mass: 1}, rename: {joints: {a: b}}}",
+            "5:5",
+            "one name and its keys",
+        ),
     ],
 )
 def test_a_wrong_edit_is_told_with_its_line(tmp_path, edit, place, said):

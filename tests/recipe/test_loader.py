@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from assetbuild.errors import RecipeError, Where
-from assetbuild.recipe.loader import load_recipe
+from assetbuild.pipeline.recipes import load_recipe
 
 GOOD = """\
 schema: assetbuild/v1
@@ -155,7 +155,10 @@ def test_of_several_mistakes_the_first_in_the_file_is_shown_and_the_rest_counted
         .replace("hull}", "hull, b: 1}")
     )
     error = refused(text)
-    assert "collision.default.b: unknown key (and 2 more errors in this file)" in error.message
+    assert (
+        "collision.default.b: `hull` has no key `b` (and 2 more errors in this file)"
+        in error.message
+    )
 
 
 @pytest.mark.parametrize("text", ["- a\n- b\n", "just text\n", "12\n"])
@@ -198,7 +201,7 @@ def test_fifty_thousand_mistakes_cost_little_time_and_memory(tmp_path):
     program = (
         "import resource, sys, time\n"
         "from assetbuild.errors import RecipeError\n"
-        "from assetbuild.recipe.loader import load_recipe\n"
+        "from assetbuild.pipeline.recipes import load_recipe\n"
         "memory = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
         "start, before = time.process_time(), memory()\n"
         "try: load_recipe(sys.argv[1])\n"

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from assetbuild.errors import RecipeError
-from assetbuild.recipe.loader import LoadedRecipe, load_recipe
+from assetbuild.pipeline.recipes import load_recipe
+from assetbuild.recipe.loader import LoadedRecipe
 
 HEAD = "schema: assetbuild/v1\nrobot: r\nsource: {path: p, urdf: r.urdf}\n"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from assetbuild.errors import RecipeError
-from assetbuild.recipe.loader import load_recipe
+from assetbuild.pipeline.recipes import load_recipe
 
 BASE = """\
 schema: assetbuild/v1

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from tiny import TinyRobot, tiny_quadruped
 
+from assetbuild.pipeline.recipes import whole_model
 from assetbuild.recipe.models import Recipe
 from assetbuild.report.facts import Subject
 
 
 def recipe(**more: object) -> Recipe:
     source = {"path": ".", "urdf": "r.urdf"}
-    return Recipe.model_validate(
+    return whole_model().model_validate(
         {"schema": "assetbuild/v1", "robot": "tiny", "source": source, **more}
     )
 

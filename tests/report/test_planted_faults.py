@@ -16,7 +16,8 @@ import pytest
 from tiny import FOOT_RADIUS_M, SEGMENT_M, TinyRobot, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.findings import Finding
-from assetbuild.kinds import Check, load_plugin, plugin_names
+from assetbuild.kinds import Check
+from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.report.document import CheckResult, make_report
 from assetbuild.report.facts import Subject
 from assetbuild.report.html import html_page
@@ -34,11 +35,10 @@ RECIPE = recipe(
 )
 CHECKS = [
     name
-    for name in plugin_names("assetbuild.checks")
-    if set(load_plugin(Check, "assetbuild.checks", name).needs) <= {"mjcf"}
+    for name in plugin_names(Check)
+    if set(load_plugin(Check, name).needs) <= {"mjcf"}
     and not any(
-        importlib.util.find_spec(module) is None
-        for module in load_plugin(Check, "assetbuild.checks", name).requires
+        importlib.util.find_spec(module) is None for module in load_plugin(Check, name).requires
     )
 ]
 
@@ -149,7 +149,7 @@ def checked(robot: TinyRobot, folder: Path) -> tuple[list[Finding], str]:
     found: list[Finding] = []
     checks = {}
     for name in CHECKS:
-        step = load_plugin(Check, "assetbuild.checks", name).configure(RECIPE)
+        step = load_plugin(Check, name).configure(RECIPE)
         if step is not None:
             own = run_step(step, inputs, folder / name)
             found += own

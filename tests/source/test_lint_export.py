@@ -14,7 +14,8 @@ from tiny import run_step
 from assetbuild.cli import main
 from assetbuild.findings import Finding
 from assetbuild.init import propose, write
-from assetbuild.kinds import plugin_names
+from assetbuild.kinds import Edit
+from assetbuild.plugins import plugin_names
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Body, Joint, Limits, Tree
 from assetbuild.source.urdf.lint_export import LintExport
@@ -143,7 +144,7 @@ def test_each_planted_defect_is_found_and_its_fix_named(
     for key, fix in fixes.items():
         assert key in findings
         assert fix in str(findings[key]["hint"])
-    edits = plugin_names("assetbuild.edits")
+    edits = plugin_names(Edit)
     assert {"set_limits", "set_mass", "set_inertia", "flip_axis"} <= set(edits)
 
 

@@ -20,7 +20,7 @@ from assetbuild.errors import LockError, OutOfDateError, RecipeError, SourceErro
 from assetbuild.lock import lock_path, read_lock
 from assetbuild.pipeline.checking import check
 from assetbuild.pipeline.opening import open_session, pin
-from assetbuild.recipe.loader import load_recipe
+from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.source.plan import argument_text, open_source
 
 URDF = """<robot name="r">

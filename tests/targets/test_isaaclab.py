@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.recipe.models import Recipe
+from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Body, Joint
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.ranges import Randomize
@@ -371,7 +371,7 @@ def test_losses_are_told(tmp_path: Path) -> None:
 def test_recipe_configures_it() -> None:
     base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
     wish = {"soft_joint_pos_limit_factor": 0.9}
-    recipe = Recipe.model_validate(base | {"targets": ["isaaclab"], "isaaclab": wish})
+    recipe = whole_model().model_validate(base | {"targets": ["isaaclab"], "isaaclab": wish})
     target = IsaacLab.configure(recipe)
     assert target.options.soft_joint_pos_limit_factor == 0.9
     assert not target.has_usd

@@ -22,7 +22,7 @@ from tiny import (
 from assetbuild.checks.mjcf_equal import MjcfEqual
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
-from assetbuild.recipe.models import Recipe
+from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Actuator, Camera, Contact, General, Place, Sensor
 from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.targets.mjcf import Mjcf
@@ -149,7 +149,7 @@ def test_a_sensor_without_its_place_is_refused(tmp_path: Path) -> None:
 
 def test_the_options_of_the_recipe_are_in_the_file(tmp_path: Path) -> None:
     said = {"solver": "CG", "iterations": 7, "ls_iterations": 9, "cone": "elliptic", "impratio": 3}
-    recipe = Recipe.model_validate(
+    recipe = whole_model().model_validate(
         {"schema": "assetbuild/v1", "robot": "robot", "source": {"path": "p", "urdf": "r"},
          "mjcf": said | {"integrator": "Euler"}}
     )  # fmt: skip

@@ -16,14 +16,13 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, wr
 
 from assetbuild.checks.mjlab_contract import MjlabContract
 from assetbuild.errors import StepError
-from assetbuild.recipe.mjcf import Mjx as Options
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, General, Mesh, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.ranges import Randomize
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
-from assetbuild.targets.mjx import Mjx
+from assetbuild.targets.mjx import Mjx, MjxOptions
 
 
 def built(robot: TinyRobot, folder: Path, target: object) -> Path:
@@ -59,7 +58,7 @@ def test_contacts_with_fewer_dimensions_are_told(tmp_path: Path) -> None:
     sole = robot.control.contact.model_copy(update={"condim": 6, "priority": 1})
     control = replace(robot.control, contacts=(("FR_foot_collision", sole),))
     inputs = write_robot_ports(tmp_path / "in", replace(robot, control=control))
-    asked = Options.model_validate({"condim": 3})
+    asked = MjxOptions.model_validate({"condim": 3})
     (finding,) = run_step(Mjx(robot="robot", options=asked), inputs, tmp_path / "out")
     assert (finding.rule, finding.data) == ("mjx.condim", {"condim": 3, "was": 6})
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjx/robot_mjx.xml"))
@@ -79,14 +78,14 @@ def test_a_hull_with_many_corners_is_capped_and_told(tmp_path: Path) -> None:
     inputs = write_robot_ports(
         tmp_path, replace(robot, shapes=replace(robot.shapes, shapes=shapes))
     )
-    target = Mjx(robot="robot", options=Options.model_validate({"max_vertices": 4}))
+    target = Mjx(robot="robot", options=MjxOptions.model_validate({"max_vertices": 4}))
     findings = run_step(target, inputs, tmp_path / "out")
     assert [f.rule for f in findings] == ["mjx.hull"]
     assert 'maxhullvert="4"' in (tmp_path / "out/mjx/robot_mjx.xml").read_text()
 
 
 def test_a_pattern_that_leaves_nothing_to_stand_on_is_refused(tmp_path: Path) -> None:
-    target = Mjx(robot="robot", options=Options.model_validate({"touching": "paw"}))
+    target = Mjx(robot="robot", options=MjxOptions.model_validate({"touching": "paw"}))
     with pytest.raises(StepError, match="leaves no collision shape"):
         built(tiny_quadruped(), tmp_path, target)
 

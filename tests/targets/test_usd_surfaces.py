@@ -13,16 +13,16 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, wi
 
 from assetbuild.checks.usd_equal import UsdEqual
 from assetbuild.findings import Finding
-from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.usd import Usd as Options
+from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Contact, Limits
+from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd import Usd
 
 
 def build(
     robot: TinyRobot, folder: Path, options: dict[str, object] | None = None
 ) -> tuple[UsdCore.Stage, list[Finding]]:
-    target = Usd(robot="robot", options=Options.model_validate(options or {}))
+    target = Usd(robot="robot", options=UsdOptions.model_validate(options or {}))
     inputs = check_inputs(folder, robot, target, "usd")
     found = run_step(target, inputs, folder / "again")
     return UsdCore.Stage.Open(str(inputs / "usd/robot.usda")), found
@@ -146,7 +146,7 @@ def test_the_recipe_decides_what_only_physx_knows(tmp_path: Path) -> None:
     assert [f.rule for f in found if f.subject == "joint FL_hip_joint"] == ["usd.mimic"]
     assert not [p for p in stage.Traverse() if p.IsInstance()]
     base = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
-    recipe = Recipe.model_validate(base | {"usd": options})
+    recipe = whole_model().model_validate(base | {"usd": options})
     assert Usd.configure(recipe).options == recipe.usd
 
 

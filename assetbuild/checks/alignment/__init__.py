@@ -7,22 +7,18 @@ Each row has two limits: the design's, for a warning, and the coarse one of prac
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import ClassVar, Self
+from typing import ClassVar
 
 from assetbuild.checks.alignment.gap import told
-from assetbuild.checks.alignment.pair import Pair
+from assetbuild.checks.alignment.pair import FloorLimits, Pair
 from assetbuild.checks.alignment.row import findings_of
 from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.recipe.models import FreeFall as FallWish
-from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.models import Sine as Wish
-from assetbuild.recipe.trials import Alignment as FloorWish
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco, physx
+from assetbuild.simulators.experiments import Fall, Swing
 from assetbuild.simulators.physx_causes import cause_of
 
 UNMEASURED = "unmeasured: docs/how-to/isaaclab.md says how to fill in that half"
@@ -49,31 +45,25 @@ class Alignment(Check):
     preload: ClassVar[tuple[str, ...]] = physx.PRELOAD
     limits: ClassVar[Limits] = Limits(wall_s=900.0, memory_mb=16384)
 
+    engines: ClassVar[tuple[str, ...]] = ("mujoco", "physx")
+    sections: ClassVar[Mapping[str, str]] = {"validate.alignment": "floor", "validate.sine": "sine"}
+    told: ClassVar[Mapping[str, str]] = {
+        "fall": "validate.free_fall",
+        "iterations": "usd.articulation.solver_position_iterations",
+    }
+
     robot: str
     """Name of the robot: the stem of the main files."""
-    sine: Wish | None = Wish.model_validate({})
-    fall: FallWish = FallWish.model_validate({})
-    floor: FloorWish = FloorWish.model_validate({})
+    sine: Swing | None = Swing()
+    fall: Fall = Fall()
+    floor: FloorLimits = FloorLimits()
     iterations: int = 8
     """Position iterations of PhysX's solver."""
 
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self | None:
-        """None unless the recipe names both simulators."""
-        if set(recipe.validate_.simulators) != {"mujoco", "physx"}:
-            return None
-        return cls(
-            robot=recipe.robot,
-            sine=recipe.validate_.sine,
-            fall=recipe.validate_.free_fall or FallWish.model_validate({}),
-            floor=recipe.validate_.alignment,
-            iterations=recipe.usd.articulation.solver_position_iterations,
-        )
-
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures: all rows, worst first within their rank."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, control = robot.tree, robot.control
         try:
             mujoco.load(files.inputs / "mjcf" / "scene.xml")
         except StepError as error:

@@ -8,19 +8,18 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from assetbuild.checks.alignment.gap import Ranges, ranges_of
 from assetbuild.checks.alignment.modules import World, module_rows
 from assetbuild.checks.alignment.response import Responses
 from assetbuild.checks.alignment.row import NUMBER, Rank, Row
 from assetbuild.engine.step import Files
-from assetbuild.recipe.models import FreeFall as FallWish
-from assetbuild.recipe.models import Sine as Wish
-from assetbuild.recipe.trials import Alignment as FloorWish
+from assetbuild.quantities import Model, Positive
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.robot.pose import Array, Pose, normalised_quat, vec3
 from assetbuild.simulators import mujoco, mujoco_motion, physx
-from assetbuild.simulators.experiments import Motion, Sine, sine_of
+from assetbuild.simulators.experiments import Fall, Motion, Sine, Swing, sine_of
 
 EXTERNAL = frozenset({"ideal_pd", "dc_motor", "motor", "general"})
 """Their law runs outside of the simulator; the sine gives both engines the same servo instead."""
@@ -31,6 +30,17 @@ LANDING_S = math.sqrt(2.0 * DROP_M / 9.81)
 """0.452 s from 1 m under the gravity of the earth; scaled to the recipe's below."""
 
 
+class FloorLimits(Model):
+    """Where MuJoCo and PhysX may part on a floor: a warning, and an error."""
+
+    stand_height: tuple[Positive, Positive] = Field(
+        (0.005, 0.01), description="m, between the roots after standing"
+    )
+    landing: tuple[Positive, Positive] = Field(
+        (0.03, 0.1), description="share of the time that a fall from 1 m takes, of either engine"
+    )
+
+
 @dataclass
 class Pair:
     """The two models of one robot, and what is asked of both."""
@@ -39,10 +49,10 @@ class Pair:
     robot: str
     tree: Tree
     control: Control
-    wish: Wish | None
+    wish: Swing | None
     iterations: int
-    fall: FallWish
-    floor: FloorWish
+    fall: Fall
+    floor: FloorLimits
 
     @property
     def home(self) -> Keyframe | None:

@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from assetbuild.checks.alignment.row import SLOWER, SOFT, Row
-from assetbuild.recipe.models import Sine as Wish
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.simulators import mujoco_motion
-from assetbuild.simulators.experiments import Motion, Sine, compare_response, phasor
+from assetbuild.simulators.experiments import Motion, Sine, Swing, compare_response, phasor
 
 FRICTION, COUPLING = "dry friction", "coupling of joints"
 EXPLAINED = 0.5
@@ -28,7 +27,7 @@ class Responses:
     tree: Tree
     control: Control
     sine: Sine
-    wish: Wish
+    wish: Swing
     servos: Mapping[str, Actuator]
 
     def pure(self, theirs: Motion, step: float) -> Iterator[Row]:

@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 
 from assetbuild.checks.mjcf_equal import senses
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.recipe.models import Recipe
+from assetbuild.quantities import Positive
 from assetbuild.robot.chains import axis_in_body, find_chains
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import (
     MOVING,
     Actuator,
@@ -59,26 +59,24 @@ class MjcfEqual(Check):
     reads = ("tree.json", "shapes.json", "control.json")
 
     robot: str
-    tolerance: float = 1e-9
-    """Relative to the size of what is compared; rounding of MuJoCo's own sums is about 1e-15."""
+    section = "validate"
 
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self:
-        """The limit stands in `validate.equality`."""
-        return cls(robot=recipe.robot, tolerance=recipe.validate_.equality)
+    equality: Positive = Field(
+        1e-9,
+        le=1e-6,
+        description="relative: any number of the MJCF, read back, against the robot's, error",
+    )
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/<robot>.xml`."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
         try:
             model = mujoco.load(files.inputs / "mjcf" / f"{self.robot}.xml").model
         except StepError as error:
             write_figures(files, {"skipped": "the MJCF does not load"})
             yield LOAD("robot", f"nothing to compare: {error.message}")
             return
-        comparison = _Comparison(model, tree, shapes, control, self.tolerance)
+        comparison = _Comparison(model, robot.tree, robot.shapes, robot.control, self.equality)
         yield from comparison.findings()
         write_figures(files, comparison.figures())
 
@@ -112,7 +110,7 @@ class _Comparison:
         control: Control,
         tolerance: float,
     ) -> None:
-        self.tolerance = tolerance
+        self.equality = tolerance
         self.model, self.tree, self.shapes, self.control = model, tree, shapes, control
         self.names = mujoco.body_names(tree)
         chains = find_chains(tree, {shape.link for shape in shapes.shapes})
@@ -157,7 +155,7 @@ class _Comparison:
         return {
             "total_mass_kg": float(np.sum(self.model.body_mass)),
             "total_mass_expected_kg": math.fsum(masses),
-            "tolerance": self.tolerance,
+            "tolerance": self.equality,
             "worst_relative_error": dict(self.worst.values),
         }
 
@@ -443,7 +441,7 @@ class _Comparison:
         distance, size = float(np.linalg.norm(a - b)), float(np.linalg.norm(a))
         if size > 0.0:
             self.worst.note(what, distance / size)
-        if not distance <= self.tolerance * size + ROUNDING:
+        if not distance <= self.equality * size + ROUNDING:
             yield _differs(what, subject, words, a.ravel().tolist(), b.ravel().tolist())
 
     def compare_pose(self, subject: str, expected: Pose, found: Pose) -> Iterator[Finding]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 from assetbuild.checks.mjcf_source.compare import ROUGH
@@ -17,10 +18,8 @@ from assetbuild.checks.mjcf_source.motion import Motion
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, write_figures
-from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Tree
+from assetbuild.kinds import Check, RecipeView, write_figures
+from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco
 
 SHOWN = 12
@@ -49,28 +48,29 @@ class MjcfSource(Check):
     """Of actuators, base, collision, contact, decimated, merge, and names of options."""
 
     @classmethod
-    def configure(cls, recipe: Recipe) -> MjcfSource | None:
+    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
         """None for a robot that comes from no MJCF."""
-        if recipe.source.mjcf is None:
+        if recipe.value("source.mjcf") is None:
             return None
-        rules = [recipe.collision.default, *recipe.collision.links.values()]
+        links, default = (recipe.value(f"collision.{key}") for key in ("links", "default"))
         said = {
-            "actuators": bool(recipe.actuators),
-            "base": "base" in recipe.model_fields_set,
-            "collision": any(r.method != "keep" or r.from_ == "visual" for r in rules),
-            "contact": bool(recipe.contact.model_fields_set),
-            "decimated": recipe.visual.max_faces is not None,
-            "merge": "merge" in recipe.fixed_joints.model_fields_set,
-            "timestep": "timestep" in recipe.simulation.model_fields_set,
-            "gravity": "gravity" in recipe.simulation.model_fields_set,
+            "actuators": bool(recipe.value("actuators")),
+            "base": recipe.states("base"),
+            "collision": any(
+                rule.method != "keep" or rule.from_ == "visual"
+                for rule in (default, *links.values())
+            ),
+            "contact": bool(recipe.stated("contact")),
+            "decimated": recipe.value("visual.max_faces") is not None,
+            "merge": "merge" in recipe.stated("fixed_joints"),
         }
-        options = recipe.mjcf.model_fields_set
-        stated = {key for key, value in said.items() if value} | options
-        return cls(robot=recipe.robot, stated=tuple(sorted(stated)))
+        stated = {key for key, value in said.items() if value}
+        stated |= {*recipe.stated("simulation"), *recipe.stated("mjcf")}
+        return {"robot": recipe.value("robot"), "stated": tuple(sorted(stated))}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `source.xml`, `files/` and `mjcf/<robot>.xml`."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        tree = RobotFiles(files.inputs).tree
         try:
             flat = ElementTree.fromstring((files.inputs / "source.xml").read_bytes())  # noqa: S314 # `flatten_mjcf` wrote it
             if tree.root != "world":

@@ -18,7 +18,7 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Inertial, Tree
 from assetbuild.robot.pose import Array, Pose, normalised_quat, vec3
@@ -72,15 +72,14 @@ class Oracle(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Writes figures.json even when the two cannot be compared."""
-        links = decode(Tree, (files.inputs / "links.json").read_bytes())
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
+        robot = RobotFiles(files.inputs)
         figures: dict[str, object] = {"poses": self.poses}
         findings: list[Finding] = []
-        odd = [j for j in links.joints if j.kind in ("floating", "planar")]
+        odd = [j for j in robot.links.joints if j.kind in ("floating", "planar")]
         if odd:
             findings.append(_unsupported(odd[0].name, odd[0].kind))
         else:
-            findings += self._compare(files, links, tree, figures)
+            findings += self._compare(files, robot.links, robot.tree, figures)
         write_figures(files, figures)
         yield from findings
 

@@ -19,7 +19,7 @@ from pydantic import Field
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Body, Inertial, Tree
 
 HEAD = 4096
@@ -76,7 +76,7 @@ class LintExport(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """What wrote it; where its table differs; names that fit no joint; limits all alike."""
         head = (files.inputs / "robot.urdf").read_bytes()[:HEAD]
-        tree = decode(Tree, (files.inputs / "links.json").read_bytes())
+        tree = RobotFiles(files.inputs).links
         written = _exporter(head, self.table, self.names)
         if written is None:
             return

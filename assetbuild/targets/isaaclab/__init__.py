@@ -11,20 +11,19 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Target
-from assetbuild.recipe.isaaclab import IsaacLab as Options
-from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.usd import Usd
-from assetbuild.robot.codec import decode
+from assetbuild.kinds import RecipeView, Target
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.robot.ranges import Randomize, first_match
 from assetbuild.simulators.usd_names import joint_identifiers
+from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.isaaclab import events
 from assetbuild.targets.isaaclab.measure import script
+from assetbuild.targets.isaaclab.options import IsaacLabOptions
 
 Generation = Literal[2, 3]
 
@@ -77,9 +76,12 @@ class IsaacLab(Target):
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     folder = "python"
 
-    options: Options = Options.model_validate({})
+    sections: ClassVar[Mapping[str, str]] = {"isaaclab": "options"}
+    told: ClassVar[Mapping[str, str]] = {"usd": "usd", "randomize": "randomize"}
+
+    options: IsaacLabOptions = IsaacLabOptions()
     """The recipe's `isaaclab`."""
-    usd: Usd = Usd.model_validate({})
+    usd: UsdOptions = UsdOptions()
     """The recipe's `usd`: the modules repeat it, so that no default of Isaac Lab's slips in."""
     randomize: Randomize | None = None
     """The recipe's ranges, for the modules' event terms."""
@@ -87,20 +89,15 @@ class IsaacLab(Target):
     """Whether the bundle holds the USD that the modules spawn."""
 
     @classmethod
-    def configure(cls, recipe: Recipe) -> Self:
-        """With what the recipe says under `isaaclab` and `usd`."""
-        return cls(
-            robot=recipe.robot,
-            options=recipe.isaaclab,
-            usd=recipe.usd,
-            randomize=recipe.randomize,
-            has_usd="usd" in recipe.targets,
-        )
+    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
+        """Knows whether the USD is built too."""
+        found = super().values(recipe)
+        return None if found is None else found | {"has_usd": "usd" in recipe.value("targets")}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """One module for each generation."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, control = robot.tree, robot.control
         folder = files.outputs / "isaaclab"
         folder.mkdir()
         generations: tuple[Generation, ...] = (2, 3)
@@ -157,8 +154,8 @@ class Module:
     generation: Generation
     tree: Tree
     control: Control
-    options: Options
-    usd: Usd
+    options: IsaacLabOptions
+    usd: UsdOptions
     randomize: Randomize | None = None
 
     def text(self) -> str:

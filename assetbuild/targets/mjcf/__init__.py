@@ -6,16 +6,14 @@ Mass, centre of mass and inertia stand on every body, so no geom and no mesh add
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Self
+from collections.abc import Iterator, Mapping
+from typing import ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
-from assetbuild.recipe.mjcf import Mjcf as Options
-from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Tree
 from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjcf.chains import explain_chains
 from assetbuild.targets.mjcf.drives import explain_losses
@@ -30,6 +28,7 @@ from assetbuild.targets.mjcf.files import (
     write_xml,
 )
 from assetbuild.targets.mjcf.opaque import with_opaque
+from assetbuild.targets.mjcf.options import MjcfOptions
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver
 from assetbuild.targets.mjcf.scene import scene
 
@@ -51,23 +50,19 @@ class Mjcf(Target):
     outputs = ("mjcf/",)
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
 
-    options: Options = Options.model_validate({})
+    sections: ClassVar[Mapping[str, str]] = {"mjcf": "options"}
+
+    options: MjcfOptions = MjcfOptions()
     """cone None: elliptic for a floating base (feet slip less), else MuJoCo's default;
     impratio None: 100 with an elliptic cone, as Menagerie's legged robots have, else MuJoCo's 1."""
-
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self:
-        """With the solver options of the recipe."""
-        return cls(robot=recipe.robot, options=recipe.mjcf)
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError for joints and actuators that MJCF cannot say."""
         refuse_name(self.robot)
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
+        robot = RobotFiles(files.inputs)
+        tree, shapes, control = robot.tree, robot.shapes, robot.control
 
-        without = unreadable_textures(shapes, files.inputs / "meshes")
+        without = unreadable_textures(shapes, robot.mesh_dir)
         plain = without_textures(shapes, without)
         shapes = one_per_look(plain)
         folder = files.outputs / "mjcf"
@@ -77,7 +72,7 @@ class Mjcf(Target):
         write_xml(
             folder / "scene.xml", scene(self.robot, self.robot, tree, control, model.free_name)
         )
-        copy_assets(files.inputs / "meshes", folder / "assets", shapes)
+        copy_assets(robot.mesh_dir, folder / "assets", shapes)
         yield from _explain_names(tree)
         yield from _explain_planar(tree)
         yield from explain_chains(tree, shapes)

@@ -8,15 +8,14 @@ and a root that rests above the ground.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Self
+from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Target
-from assetbuild.recipe.models import Recipe
-from assetbuild.robot.codec import decode
+from assetbuild.kinds import RecipeView, Target
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Shapes, Tree
 from assetbuild.robot.ranges import Randomize
 from assetbuild.targets.mjcf.files import (
@@ -69,33 +68,34 @@ class Mjlab(Target):
     folder = ""
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
 
+    told: ClassVar[Mapping[str, str]] = {
+        "feet": "feet.links",
+        "imu": "imu.link",
+        "randomize": "randomize",
+    }
+
     feet: str | None = None
     """Pattern of the source links that the robot stands on."""
     imu: str | None = None
     """The IMU's link; None: the root's own frame."""
     rows: tuple[str, ...] = ()
-    """Patterns of the actuator table, to name joints by."""
+    """Patterns of the actuator table, to name joints by; none of a composite, which has names."""
     randomize: Randomize | None = None
     """The recipe's ranges, for the module's events."""
 
     @classmethod
-    def configure(cls, recipe: Recipe) -> Self:
-        """With the recipe's feet, IMU and the patterns of its actuator table."""
-        return cls(
-            robot=recipe.robot,
-            feet=recipe.feet.links if recipe.feet else None,
-            imu=recipe.imu.link if recipe.imu else None,
-            rows=tuple(row.joints for row in recipe.actuators),
-            randomize=recipe.randomize,
-        )
+    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
+        """With the patterns of the actuator table; a composite's are lists of names."""
+        found = super().values(recipe)
+        rows = () if recipe.value("compose") else recipe.value("actuators")
+        return None if found is None else found | {"rows": tuple(row.joints for row in rows)}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises StepError for joints that MJCF cannot say."""
         refuse_name(self.robot)
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
-        without = unreadable_textures(shapes, files.inputs / "meshes")
+        robot = RobotFiles(files.inputs)
+        tree, shapes, control = robot.tree, robot.shapes, robot.control
+        without = unreadable_textures(shapes, robot.mesh_dir)
         shapes = one_per_look(without_textures(shapes, without))
 
         facts = self._facts(tree, shapes, control)
@@ -107,7 +107,7 @@ class Mjlab(Target):
         opaque = tuple(o for o in control.mjcf_only if o.place not in NOT_BARE)
         root = with_opaque(model.element(bare=True), opaque, model.body_names)
         write_xml(folder / "mjcf" / f"{self.robot}_bare.xml", root)
-        copy_assets(files.inputs / "meshes", folder / "mjcf" / "assets", shapes)
+        copy_assets(robot.mesh_dir, folder / "mjcf" / "assets", shapes)
         module = folder / "python" / f"{self.robot.replace('-', '_').replace('.', '_')}_mjlab.py"
         module.parent.mkdir(parents=True)
         module.write_text(module_text(facts), encoding="utf-8")

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import ClassVar
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.kinds import Target
-from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.usd import Usd as Options
-from assetbuild.robot.codec import decode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control, Shapes, Tree
 from assetbuild.robot.tree import forward_kinematics
+from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd.bodies import apply_rigid_bodies, write_base
 from assetbuild.targets.usd.colliders import (
     apply_filtered_pairs,
@@ -49,20 +48,16 @@ class Usd(Target):
         "pxr.UsdShade",
     )
 
-    options: Options = Options.model_validate({})
-    """The recipe's `usd`."""
+    sections: ClassVar[Mapping[str, str]] = {"usd": "options"}
 
-    @classmethod
-    def configure(cls, recipe: Recipe) -> Self:
-        """With what the recipe says under `usd`."""
-        return cls(robot=recipe.robot, options=recipe.usd)
+    options: UsdOptions = UsdOptions()
+    """The recipe's `usd`."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Writes the layers from the inside out, so that each finds what it refers to."""
-        tree = decode(Tree, (files.inputs / "tree.json").read_bytes())
-        shapes = decode(Shapes, (files.inputs / "shapes.json").read_bytes())
-        control = decode(Control, (files.inputs / "control.json").read_bytes())
-        meshes = files.inputs / "meshes"
+        robot = RobotFiles(files.inputs)
+        tree, shapes, control = robot.tree, robot.shapes, robot.control
+        meshes = robot.mesh_dir
         names = Names.of(self.robot, tree, shapes)
         folder = files.outputs / "usd"
         payloads = folder / PAYLOADS

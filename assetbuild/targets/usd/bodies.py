@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.recipe.usd import UsdRigidBody
 from assetbuild.robot.inertia import Tensor, matrix_of
 from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose, Quat, Vec3, quat_of, vec3
+from assetbuild.simulators.usd_options import UsdRigidBody
 from assetbuild.targets.usd.layers import apply_foreign, label, new_layer, place, save
 from assetbuild.targets.usd.names import Names
 from assetbuild.targets.usd.units import to_usd_degrees

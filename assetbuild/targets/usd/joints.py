@@ -10,12 +10,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from assetbuild.errors import StepError
-from assetbuild.recipe.usd import Usd as Options
-from assetbuild.recipe.usd import UsdArticulation
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import MOVING, Actuator, Control, Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply
 from assetbuild.simulators.usd_names import JOINTS
+from assetbuild.simulators.usd_options import UsdArticulation, UsdOptions
 from assetbuild.targets.usd.layers import apply_foreign, label
 from assetbuild.targets.usd.names import Names
 from assetbuild.targets.usd.units import coordinate, gain, is_angular, limits
@@ -53,7 +52,7 @@ def joint_axis(axis: Vec3) -> tuple[str, Quat]:
 
 
 def define_joints(
-    stage: Usd.Stage, names: Names, tree: Tree, control: Control, options: Options
+    stage: Usd.Stage, names: Names, tree: Tree, control: Control, options: UsdOptions
 ) -> None:
     """Every joint of the tree, with limits, drive and passive properties."""
     from pxr import UsdGeom

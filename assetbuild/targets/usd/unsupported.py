@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.recipe.usd import Usd as Options
 from assetbuild.robot.model import Contact, Control, Joint, Tree
+from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd.joints import starting_positions
 from assetbuild.targets.usd.units import is_angular, limits
 
@@ -73,7 +73,7 @@ MIMIC = Rule(
 )
 
 
-def unsupported(tree: Tree, control: Control, options: Options) -> Iterator[Finding]:
+def unsupported(tree: Tree, control: Control, options: UsdOptions) -> Iterator[Finding]:
     """Findings for all that is missing, clamped or read differently."""
     for joint in tree.moving_joints:
         yield from _limits(joint)
@@ -122,7 +122,7 @@ def _limits(joint: Joint) -> Iterator[Finding]:
         )
 
 
-def _mimic(tree: Tree, joint: Joint, options: Options) -> Iterator[Finding]:
+def _mimic(tree: Tree, joint: Joint, options: UsdOptions) -> Iterator[Finding]:
     if joint.mimic is None:
         return
     subject, leader = f"joint {joint.name}", tree.by_joint[joint.mimic.joint]

@@ -6,8 +6,6 @@ from collections.abc import Iterable, Sequence
 
 from pydantic import BaseModel, ConfigDict
 
-from assetbuild.recipe.models import Recipe
-
 
 class Side(BaseModel):
     """One robot of a composite; a robot without parts has one side, itself.
@@ -15,8 +13,7 @@ class Side(BaseModel):
     prefix: of all its names, "" of the base. from_mjcf: its source says what drives it, how it
     stands and what its surfaces are, where its recipe is silent. stated: keys that the recipe
     states against that, such as `simulation.timestep`. adjacent: bodies on the two sides of a
-    joint never touch. keeps: the bodies of the source stay as they are. merge: else, whether
-    fixed joints are merged.
+    joint never touch. keeps: the bodies of the source stay as they are.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -26,23 +23,6 @@ class Side(BaseModel):
     stated: tuple[str, ...] = ()
     adjacent: bool = True
     keeps: bool = False
-    merge: bool = True
-
-    @classmethod
-    def of(cls, recipe: Recipe, prefix: str = "") -> Side:
-        """What a recipe says of its own robot."""
-        exclude, fixed = recipe.collision.exclude, recipe.fixed_joints
-        from_mjcf = recipe.source.mjcf is not None
-        # An MJCF has pairs of its own.
-        own_pairs = from_mjcf and "adjacent" not in exclude.model_fields_set
-        return cls(
-            prefix=prefix,
-            from_mjcf=from_mjcf,
-            stated=_stated_keys(recipe) if from_mjcf else (),
-            adjacent=exclude.adjacent and not own_pairs,
-            keeps=from_mjcf and "merge" not in fixed.model_fields_set,
-            merge=fixed.merge,
-        )
 
     @property
     def drives_itself(self) -> bool:
@@ -58,11 +38,3 @@ def side_of(sides: Sequence[Side], name: str) -> Side:
 def moving_by_source(sides: Sequence[Side], joints: Iterable[str]) -> frozenset[str]:
     """Joints that no row of an actuator table has to match."""
     return frozenset(joint for joint in joints if side_of(sides, joint).drives_itself)
-
-
-def _stated_keys(recipe: Recipe) -> tuple[str, ...]:
-    """What the recipe itself says of all that an MJCF may say too: `simulation.timestep`."""
-    found: list[str] = ["actuators"] if recipe.actuators else []
-    for name in ("contact", "simulation", "mjcf"):
-        found += [f"{name}.{key}" for key in getattr(recipe, name).model_fields_set]
-    return tuple(sorted(found))

@@ -7,7 +7,7 @@ from pydantic import Field
 from assetbuild.quantities import Model, NonNegative
 
 
-class IsaacLab(Model):
+class IsaacLabOptions(Model):
     """What only Isaac Lab's configuration has."""
 
     soft_joint_pos_limit_factor: float = Field(

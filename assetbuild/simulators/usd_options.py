@@ -39,7 +39,7 @@ class UsdArticulation(Model):
     stabilization_threshold: NonNegative = Field(0.0, description="m2/s2; 0 = no extra damping")
 
 
-class Usd(Model):
+class UsdOptions(Model):
     """What only USD and PhysX know of."""
 
     instanceable: bool = Field(True, description="meshes are shared between shapes, read-only")

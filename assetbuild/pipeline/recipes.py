@@ -1,0 +1,234 @@
+"""Recipes read with the keys of the plug-ins that they name.
+
+`recipe/` declares what every robot has; a target, check, edit or collision method declares its own
+keys, and here they become one model: so a recipe is checked, explained and described whole.
+"""
+
+from __future__ import annotations
+
+import functools
+import operator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union
+
+from pydantic import BaseModel, Discriminator, Field, Tag, create_model
+
+from assetbuild.collision import CollisionMethod
+from assetbuild.errors import RecipeError, did_you_mean
+from assetbuild.geometry.jobs import BUILT_IN
+from assetbuild.kinds import Check, Edit, Plugin, Target
+from assetbuild.plugins import load_plugin, plugin_names
+from assetbuild.quantities import Model, Pattern, unstated
+from assetbuild.recipe.collision import CollisionRule, ShapedRule
+from assetbuild.recipe.loader import LoadedRecipe, load
+from assetbuild.recipe.models import Collision, OneEdit, Recipe, Validate
+from assetbuild.recipe.schema import schema_of
+from assetbuild.recipe.validation import locate
+from assetbuild.recipe.yaml_tree import Node
+
+Fields = dict[str, Any]  # Any: what create_model takes
+
+
+def load_recipe(path: Path | str, variant: str | None = None) -> LoadedRecipe:
+    """Read, check and (with `variant`) patch one recipe; raises RecipeError, never anything else.
+
+    All variants are checked, also those that nobody asked for.
+    """
+    return load(Path(path), variant, model_of, whole_model)
+
+
+def schema_text() -> str:
+    """What `assetbuild schema` prints: JSON Schema of recipes with the keys of every plug-in."""
+    return schema_of(whole_model())
+
+
+def whole_model() -> type[Recipe]:
+    """A recipe that may name any plug-in."""
+    return _model(
+        _Named(
+            plugin_names(Target), plugin_names(Edit), (*plugin_names(CollisionMethod), *BUILT_IN)
+        )
+    )
+
+
+def model_of(root: Node) -> type[Recipe]:
+    """A recipe with the keys of the plug-ins that its tree names; no other is imported."""
+    return _model(_named(root))
+
+
+def collision_rule(**keys: object) -> CollisionRule:
+    """The rule with these keys of a method, as a recipe would state it."""
+    return _rule(str(keys.get("method", "auto"))).model_validate(keys)
+
+
+# --- which plug-ins a recipe names ----------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Named:
+    """Names of plug-ins, sorted."""
+
+    targets: tuple[str, ...]
+    edits: tuple[str, ...]
+    methods: tuple[str, ...]
+
+
+def _named(root: Node) -> _Named:
+    """RecipeError at the line of an edit or method that there is not."""
+    targets = {str(node.value) for _, node in _items(root, "targets")} | _keys(root)
+    edits: set[str] = set()
+    for index, node in _items(root, "edits"):
+        for name in _keys(node):
+            _must_be(Edit, name, plugin_names(Edit), root, ("edits", index), "no edit named")
+            edits.add(name)
+    methods = {"auto"}
+    known = (*plugin_names(CollisionMethod), *BUILT_IN)
+    for key, rule in _rules(root):
+        stated = _child(rule, "method")
+        if stated is not None and isinstance(stated.value, str):
+            what = f"{'.'.join(key)}: no collision method"
+            _must_be(CollisionMethod, stated.value, known, root, (*key, "method"), what)
+            methods.add(stated.value)
+    chosen = targets & set(plugin_names(Target))
+    return _Named(tuple(sorted(chosen)), tuple(sorted(edits)), tuple(sorted(methods)))
+
+
+def _must_be(
+    kind: type[object],
+    name: str,
+    known: Iterable[str],
+    root: Node,
+    key: tuple[str | int, ...],
+    what: str,
+) -> None:
+    if name not in known:
+        raise RecipeError(
+            f"{what} `{name}`", where=locate(root, key), hint=did_you_mean(name, known)
+        )
+
+
+def _rules(root: Node) -> Iterator[tuple[tuple[str, ...], Node]]:
+    """The collision rules of a tree, with their keys."""
+    collision = _child(root, "collision")
+    default = _child(collision, "default")
+    if default is not None:
+        yield ("collision", "default"), default
+    links = _child(collision, "links")
+    for pattern in _keys(links):
+        rule = _child(links, pattern)
+        if rule is not None:
+            yield ("collision", "links", pattern), rule
+
+
+def _child(node: Node | None, key: str) -> Node | None:
+    value = node.value if node else None
+    return value[key].node if isinstance(value, dict) and key in value else None
+
+
+def _keys(node: Node | None) -> set[str]:
+    return set(node.value) if node and isinstance(node.value, dict) else set()
+
+
+def _items(root: Node, key: str) -> Iterator[tuple[int, Node]]:
+    listed = _child(root, key)
+    if listed is not None and isinstance(listed.value, tuple):
+        yield from enumerate(listed.value)
+
+
+# --- one model of their keys ----------------------------------------------------------------
+
+
+@functools.cache
+def _model(named: _Named) -> type[Recipe]:
+    checks = [load_plugin(Check, name) for name in plugin_names(Check)]
+    targets = [load_plugin(Target, name) for name in named.targets]
+    fields: Fields = {path: field for target in targets for path, field in _sections(target)}
+    validate = _validate(tuple(checks))
+    edit: Any = _one_edit(named.edits)  # Any: a model made just now
+    collision = _collision(named.methods)
+    fields |= {
+        "collision": (collision, collision()),
+        "edits": (tuple[edit, ...], Recipe.model_fields["edits"]),
+        "validate_": (validate, Field(validate(), alias="validate")),
+    }
+    return create_model("Recipe", __base__=Recipe, __doc__=Recipe.__doc__, **fields)
+
+
+def _sections(plugin: type[Plugin]) -> Iterator[tuple[str, tuple[Any, Any]]]:  # Any: as Fields
+    """(path, field) of every section that a plug-in declares."""
+    for path, name in plugin.sections.items():
+        info = plugin.model_fields[name]
+        yield path, (info.annotation, info.get_default(call_default_factory=True))
+    if plugin.keys() and plugin.section != "validate":
+        keys = _own_keys(plugin)
+        default = keys() if plugin.wanted else None
+        yield plugin.section, (keys, Field(default, description=plugin.about or None))
+
+
+def _own_keys(plugin: type[Plugin]) -> type[BaseModel]:
+    fields: Fields = {name: (info.annotation, info) for name, info in plugin.keys().items()}
+    return create_model(plugin.__name__, __base__=Model, __doc__=plugin.__doc__, **fields)
+
+
+@functools.cache
+def _validate(checks: tuple[type[Check], ...]) -> type[Validate]:
+    """`validate` with the keys of all checks; null turns a check off."""
+    fields: Fields = {}
+    for check in checks:
+        for path, (kind, default) in _sections(check):
+            fields[path.removeprefix("validate.")] = (Union[kind, None], default)  # noqa: UP007 # a runtime type
+        if check.section == "validate":
+            fields |= {name: (info.annotation, info) for name, info in check.keys().items()}
+    for key in ("linters", "smoke"):
+        names = [check.listed_as() for check in checks if check.listed_in == f"validate.{key}"]
+        word: Any = Literal[tuple(names)]  # Any: a type made just now
+        fields[key] = (tuple[word, ...], Validate.model_fields[key])
+    return create_model("Validate", __base__=Validate, __doc__=Validate.__doc__, **fields)
+
+
+def _one_edit(names: tuple[str, ...]) -> type[OneEdit]:
+    fields: Fields = {name: (load_plugin(Edit, name), Field(None)) for name in names}
+    return create_model("OneEdit", __base__=OneEdit, __doc__=OneEdit.__doc__, **fields)
+
+
+@functools.cache
+def _collision(methods: tuple[str, ...]) -> type[Collision]:
+    rules: list[Any] = [Annotated[_rule(name), Tag(f"method {name}")] for name in methods]
+    rule: Any = _rule(methods[0])  # Any: a type made just now
+    if len(rules) > 1:
+        rule = Annotated[functools.reduce(operator.or_, rules), Discriminator(_method)]
+    links = Collision.model_fields["links"]
+    return create_model(
+        "Collision",
+        __base__=Collision,
+        __doc__=Collision.__doc__,
+        default=(rule, Field(_rule("auto")(), description="of links that no pattern matches")),
+        links=(dict[Pattern, rule], links),
+    )
+
+
+def _method(raw: object) -> str:
+    stated = raw.get("method") if isinstance(raw, Mapping) else getattr(raw, "method", None)
+    return f"method {'auto' if stated is None else stated}"
+
+
+@functools.cache
+def _rule(method: str) -> type[CollisionRule]:
+    """The keys of a rule with this method; what it does not state is left to the method."""
+    default: Any = "auto" if method == "auto" else ...  # Any: as create_model takes it
+    what = Field(default, description=CollisionRule.model_fields["method"].description)
+    kind: Any = Literal[method]  # Any: as above
+    name = f"{method.title().replace('_', '')}Rule"
+    if method in BUILT_IN:
+        return create_model(
+            name, __base__=CollisionRule, __doc__=CollisionRule.__doc__, method=(kind, what)
+        )
+    plugin = load_plugin(CollisionMethod, method)
+    keys: Fields = {key: (info.annotation, info) for key, info in plugin.keys().items()}
+    own = unstated(create_model(f"{name}Keys", __base__=Model, **keys))
+    optional: Fields = {key: (info.annotation, info) for key, info in own.model_fields.items()}
+    return create_model(
+        name, __base__=ShapedRule, __doc__=plugin.__doc__, method=(kind, what), **optional
+    )

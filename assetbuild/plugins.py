@@ -1,0 +1,96 @@
+"""Where plug-ins are found: files of this package, and entry points of other distributions.
+
+A kind of plug-in is a step class with a `group`: `targets` stands for the files of
+`assetbuild/targets/` and for the entry points of the group `assetbuild.targets`, each of which
+names a module, or a class in one. A plug-in's name is its file's or its entry point's.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import pkgutil
+from collections.abc import Mapping
+from importlib.metadata import EntryPoint, entry_points
+from types import ModuleType
+from typing import TypeVar
+
+from assetbuild.engine.step import Step
+from assetbuild.errors import MachineError
+
+P = TypeVar("P", bound=Step)
+
+
+def plugin_names(kind: type[Step]) -> tuple[str, ...]:
+    """Names of the plug-ins of a kind; imports none of them. MachineError: two have one name."""
+    return tuple(sorted((*_own(_group(kind)), *_foreign(_group(kind)))))
+
+
+def load_plugin(kind: type[P], name: str) -> type[P]:
+    """The plug-in of a kind with this name.
+
+    KeyError when there is none; MachineError, with its distribution, for one that cannot be loaded.
+    """
+    group = _group(kind)
+    if name in _own(group):
+        module = importlib.import_module(f"assetbuild.{group}.{name}")
+        return _only(kind, module, module.__name__)
+    point = _foreign(group)[name]
+    whose = f"plug-in `{name}` ({group}) of {_distribution(point)}"
+    try:
+        found = point.load()
+    except Exception as problem:  # whatever somebody else's module does when it is imported
+        reason = f"{type(problem).__name__}: {problem}"
+        raise MachineError(
+            f"{whose} cannot be loaded: {reason}", hint="repair or uninstall it"
+        ) from problem
+    plugin = _only(kind, found, whose) if isinstance(found, ModuleType) else found
+    if not (isinstance(plugin, type) and issubclass(plugin, kind)):
+        raise MachineError(f"{whose} is no {kind.__name__}", hint="repair or uninstall it")
+    return plugin
+
+
+def _group(kind: type[Step]) -> str:
+    return str(getattr(kind, "group"))  # noqa: B009 # a class constant of the kinds alone
+
+
+@functools.cache
+def _own(group: str) -> tuple[str, ...]:
+    path = importlib.import_module(f"assetbuild.{group}").__path__
+    return tuple(m.name for m in pkgutil.iter_modules(path) if not m.name.startswith("_"))
+
+
+@functools.cache
+def _foreign(group: str) -> Mapping[str, EntryPoint]:
+    """Entry points of other distributions, by name."""
+    found: dict[str, EntryPoint] = {}
+    for point in entry_points(group=f"assetbuild.{group}"):
+        taken = _distribution(found[point.name]) if point.name in found else ""
+        taken = "assetbuild itself" if point.name in _own(group) else taken
+        if taken:
+            raise MachineError(
+                f"two plug-ins are called `{point.name}` ({group}): "
+                f"of {_distribution(point)} and of {taken}",
+                hint="uninstall one of them",
+            )
+        found[point.name] = point
+    return found
+
+
+def _distribution(point: EntryPoint) -> str:
+    return f"{point.dist.name} {point.dist.version}" if point.dist else "an unknown distribution"
+
+
+def _only(kind: type[P], module: ModuleType, whose: str) -> type[P]:
+    """The one subclass of `kind` that a module defines."""
+    own = [
+        value
+        for value in vars(module).values()
+        if isinstance(value, type) and value.__module__ == module.__name__
+    ]
+    found = [value for value in own if issubclass(value, kind)]
+    if len(found) != 1:
+        raise MachineError(
+            f"{whose} must define exactly one {kind.__name__}, it defines {len(found)}"
+        )
+    return found[0]

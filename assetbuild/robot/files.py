@@ -1,0 +1,56 @@
+"""A robot as the files of a folder: each is read when it is asked for, and once."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+
+from assetbuild.robot.codec import decode_file
+from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.robot.source import SourceControl
+
+
+class RobotFiles:
+    """The robot below `folder`, under the names that every step, target and check uses.
+
+    A step has only the files that it declares; asking for another raises FileNotFoundError.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    @cached_property
+    def links(self) -> Tree:
+        """The source's links, before fixed joints are merged."""
+        return decode_file(Tree, self.folder / "links.json")
+
+    @cached_property
+    def tree(self) -> Tree:
+        """The bodies that will be simulated, after merging."""
+        return decode_file(Tree, self.folder / "tree.json")
+
+    @cached_property
+    def shapes(self) -> Shapes:
+        """Visual and collision shapes with their materials."""
+        return decode_file(Shapes, self.folder / "shapes.json")
+
+    @cached_property
+    def control(self) -> Control:
+        """Actuators, keyframes, contact and sensors."""
+        return decode_file(Control, self.folder / "control.json")
+
+    @cached_property
+    def ratings(self) -> Control:
+        """What a gain leaves alone: effort, velocity, damping and friction of the joints."""
+        return decode_file(Control, self.folder / "ratings.json")
+
+    @cached_property
+    def source_control(self) -> SourceControl | None:
+        """What the source says beyond links and shapes; None of a source that says nothing."""
+        file = self.folder / "source_control.json"
+        return decode_file(SourceControl, file) if file.is_file() else None
+
+    @property
+    def mesh_dir(self) -> Path:
+        """Folder of the files that `shapes.meshes` names."""
+        return self.folder / "meshes"

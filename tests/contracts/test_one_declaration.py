@@ -1,0 +1,133 @@
+"""A key of `simulation` or `contact` is declared once, and nobody on its way can forget it.
+
+From the recipe to the control data, into the MJCF, into the check that compares the two, and back
+from an MJCF as a source: a new key fails here until each of them knows it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tiny import TinyRobot, check_inputs, run_step, tiny_quadruped, write_robot_ports
+
+from assetbuild.checks.mjcf_equal import MjcfEqual
+from assetbuild.control.control import ControlStep
+from assetbuild.control.source_control import Stated, join
+from assetbuild.findings import Finding
+from assetbuild.quantities import Model
+from assetbuild.robot.contact import Contact, Contacts
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.sides import Side
+from assetbuild.robot.simulation import Simulation
+from assetbuild.robot.source import SourceControl
+from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
+from assetbuild.source.mjcf.read_mjcf import ReadMjcf
+from assetbuild.targets.mjcf import Mjcf
+
+NOT_IN_MJCF = {"simulation.decimation": "MuJoCo has no control step: the trainers' modules hold it"}
+OTHER: dict[str, Any] = {
+    "contact.condim": 6,
+    "contact.solref": (0.01, 0.9),
+    "contact.solimp": (0.8, 0.9, 0.002, 0.4, 3.0),
+    "contact.priority": 3,
+    "contact.mask": 5,
+    "contact.partners": 3,
+}
+"""Values that a rule of thumb would not find."""
+
+
+def keys(model: type[Model], section: str) -> list[str]:
+    return [f"{section}.{key}" for key in model.model_fields]
+
+
+KEYS = [*keys(Simulation, "simulation"), *keys(Contact, "contact")]
+IN_MJCF = [key for key in KEYS if key not in NOT_IN_MJCF]
+
+
+def other(key: str, value: Any) -> Any:
+    """A value that is not the default."""
+    if key in OTHER:
+        return OTHER[key]
+    if isinstance(value, tuple):
+        return tuple(0.5 * part + 0.25 for part in value)
+    return type(value)(2 * value + 0.001) if isinstance(value, float) else 2 * value + 1
+
+
+def with_other(robot: TinyRobot, key: str) -> TinyRobot:
+    section, _, name = key.partition(".")
+    model = getattr(robot.control, section)
+    changed = model.model_copy(update={name: other(key, getattr(model, name))})
+    return replace(robot, control=replace(robot.control, **{section: changed}))
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The MJCF of a quadruped whose keys have their defaults."""
+    folder = tmp_path_factory.mktemp("plain")
+    return check_inputs(folder, tiny_quadruped(), Mjcf(robot="robot"), "mjcf")
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_the_recipe_s_value_arrives_in_the_control_data(key: str, tmp_path: Path):
+    section, _, name = key.partition(".")
+    model = {"simulation": Simulation, "contact": Contacts}[section]()
+    value = other(key, getattr(model, name))
+    step = ControlStep.model_validate({section: {name: value}, "rows": ()})
+    inputs = write_robot_ports(tmp_path / "in", tiny_quadruped())
+    run_step(step, inputs, tmp_path / "out")
+    control = RobotFiles(tmp_path / "out").control
+    assert getattr(getattr(control, section), name) == value
+
+
+@pytest.mark.parametrize("key", IN_MJCF)
+def test_the_check_sees_that_an_mjcf_has_another_value(key: str, plain: Path, tmp_path: Path):
+    """And so that the target writes it: robot and file are made of different values."""
+    assert list(equal(plain, tmp_path / "same")) == []
+    changed = write_robot_ports(tmp_path / "robot", with_other(tiny_quadruped(), key))
+    (changed / "mjcf").symlink_to(plain / "mjcf")
+    assert list(equal(changed, tmp_path / "found")), f"`mjcf_equal` does not compare `{key}`"
+
+
+@pytest.mark.parametrize("key", IN_MJCF)
+def test_the_target_writes_it_and_the_reader_of_mjcf_reads_it(key: str, tmp_path: Path):
+    robot = with_other(tiny_quadruped(), key)
+    inputs = check_inputs(tmp_path / "written", robot, Mjcf(robot="robot"), "mjcf")
+    assert list(equal(inputs, tmp_path / "equal")) == [], f"`mjcf` does not write `{key}`"
+    section, _, name = key.partition(".")
+    said = getattr(read_back(inputs / "mjcf", tmp_path).control, section)
+    assert getattr(said, name) == pytest.approx(getattr(getattr(robot.control, section), name))
+
+
+@pytest.mark.parametrize("key", IN_MJCF)
+def test_the_recipe_wins_over_an_mjcf_where_it_states_the_key(key: str):
+    robot, section = tiny_quadruped(), key.partition(".")[0]
+    source = SourceControl(with_other(robot, key).control)
+    own = robot.control
+    for stated, winner in (((), source.control), ((key,), own)):
+        sides = Stated((Side(from_mjcf=True, stated=stated),))
+        joined = join(own, source, robot.tree, robot.shapes, sides).control
+        name = key.partition(".")[2]
+        assert getattr(getattr(joined, section), name) == getattr(getattr(winner, section), name)
+
+
+def equal(inputs: Path, outputs: Path) -> Iterator[Finding]:
+    yield from run_step(MjcfEqual(robot="robot"), inputs, outputs)
+
+
+def read_back(mjcf: Path, folder: Path) -> SourceControl:
+    """What the reader of MJCF makes of our own file."""
+    flat, tree = folder / "flat", folder / "tree"
+    files = {path.relative_to(mjcf): path for path in mjcf.rglob("*") if path.is_file()}
+    for name, path in files.items():
+        (tree / "tree" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tree / "tree" / name).write_bytes(path.read_bytes())
+    run_step(FlattenMjcf(file="robot.xml"), tree, flat)
+    for name, path in files.items():
+        (flat / "files" / name).parent.mkdir(parents=True, exist_ok=True)
+        (flat / "files" / name).write_bytes(path.read_bytes())
+    run_step(ReadMjcf(base=None), flat, folder / "read")
+    return RobotFiles(folder / "read").source_control

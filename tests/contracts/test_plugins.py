@@ -1,0 +1,56 @@
+"""Every plug-in declares the keys that a recipe may have for it, and reads keys that exist."""
+
+from __future__ import annotations
+
+import inspect
+import re
+
+import pytest
+
+from assetbuild.collision import CollisionMethod
+from assetbuild.kinds import Check, Edit, Plugin, Target
+from assetbuild.pipeline.recipes import whole_model
+from assetbuild.plugins import load_plugin, plugin_names
+from assetbuild.recipe.schema import known_keys
+
+PLUGINS = [(kind, name) for kind in (Target, Check) for name in plugin_names(kind)]
+KINDS = (Target, Check, Edit, CollisionMethod)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), PLUGINS, ids=lambda value: getattr(value, "__name__", value)
+)
+def test_what_it_is_told_are_keys_of_the_recipe(kind: type[Plugin], name: str):
+    plugin = load_plugin(kind, name)
+    for field, path in plugin.told.items():
+        *above, key = path.split(".")
+        assert field in plugin.model_fields, field
+        assert key in known_keys(whole_model(), tuple(above)), path
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), PLUGINS, ids=lambda value: getattr(value, "__name__", value)
+)
+def test_its_sections_stand_at_the_top_or_below_validate(kind: type[Plugin], name: str):
+    plugin = load_plugin(kind, name)
+    paths = [*plugin.sections, *([plugin.section] if plugin.keys() else [])]
+    allowed = r"validate(\.\w+)?" if kind is Check else r"\w+"
+    assert all(re.fullmatch(allowed, path) for path in paths), paths
+    assert set(plugin.sections.values()) <= set(plugin.model_fields)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_its_name_is_its_file_s(kind: type[Plugin]):
+    for name in plugin_names(kind):
+        plugin = load_plugin(kind, name)
+        assert plugin.step_name() == name
+        assert inspect.getdoc(plugin), name
+
+
+def test_a_plug_in_that_a_recipe_does_not_name_has_its_defaults():
+    recipe = whole_model().model_validate(
+        {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
+    )
+    for name in plugin_names(Target):
+        target = load_plugin(Target, name).configure(recipe)
+        assert target.robot == "r"
