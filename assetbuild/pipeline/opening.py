@@ -62,7 +62,7 @@ def open_session(
         each.recipe.robot: f"{each.path}#{each.variant}" if each.variant else str(each.path)
         for each in loaded
     }
-    builds = names if len(names) > 1 else {"": next(iter(names.values()))}
+    builds = names if len(names) > 1 else {"": "".join(names.values())}
     return Session(open_store(Path(cache_root())), builds=builds, rehash=rehash, remote=remote)
 
 
