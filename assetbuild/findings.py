@@ -19,6 +19,8 @@ from typing import Literal, get_args
 
 Severity = Literal["error", "warning", "info"]
 Scalar = float | int | str | bool | None
+Data = Mapping[str, Scalar | tuple[Scalar, ...]]
+"""The numbers behind a finding."""
 SEVERITIES: tuple[Severity, ...] = get_args(Severity)
 
 
@@ -39,7 +41,7 @@ class Finding:
     message: str
     hint: str = ""
     where: str = ""
-    data: Mapping[str, Scalar | tuple[Scalar, ...]] = field(default_factory=dict)
+    data: Data = field(default_factory=dict)
 
     def at(self, where: str) -> Finding:
         """The same finding with its place in the source filled in."""
@@ -83,7 +85,7 @@ class Rule:
         *,
         severity: Severity | None = None,
         where: str = "",
-        data: Mapping[str, Scalar | tuple[Scalar, ...]] | None = None,
+        data: Data | None = None,
     ) -> Finding:
         """A finding of this rule, of its usual severity unless another declared one is given."""
         severity = severity or self.severities[0]

@@ -9,15 +9,18 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, is_hypothesis_test, settings
 
 from assetbuild.engine.folders import cache_root
 
 # A busy machine is no reason to fail: nothing here is timed.
-settings.register_profile(
-    "any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow]
-)
-settings.load_profile("any machine")
+for name, examples in (("quick", 25), ("ci", 100)):
+    settings.register_profile(
+        name,
+        max_examples=examples,
+        deadline=None,
+        suppress_health_check=[HealthCheck.too_slow],
+    )
 
 ROBOTS = Path(__file__).parent / "robots"
 PACKAGE = "example-robot-data==6.0.0"
@@ -34,6 +37,25 @@ UNPACKED = (
     "z1_",
 )
 """Robots that tests use: the beginnings of their folders' names."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Load the number of random examples: few while somebody waits, many with `-m slow`."""
+    settings.load_profile("ci" if _asks_for_slow(config) else "quick")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """With all its examples a test of random inputs is a slow one: `-m slow` runs it again."""
+    if not _asks_for_slow(config):
+        return
+    for item in items:
+        if is_hypothesis_test(getattr(item, "obj", None)):
+            item.add_marker("slow")
+
+
+def _asks_for_slow(config: pytest.Config) -> bool:
+    return bool(config.getoption("markexpr") == "slow")
 
 
 @pytest.fixture(scope="session")

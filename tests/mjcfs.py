@@ -24,6 +24,8 @@ from assetbuild.targets.mjcf import Mjcf
 
 ROBOTS = Path(__file__).parent / "robots" / "mjcf"
 MAIN = "arm/robot.xml"
+TET = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+"""An OBJ: a corner of a box of 1 x 2 x 3 m, 1 m3."""
 
 
 @dataclass

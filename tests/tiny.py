@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 import shutil
+import struct
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from hypothesis import settings
 from hypothesis import strategies as st
 
 from assetbuild.engine.step import Files, Step
@@ -127,6 +129,14 @@ def box_obj(size: Vec3) -> bytes:
     for a, b, c, d in quads:
         lines += [f"f {a} {b} {c}", f"f {a} {c} {d}"]
     return ("\n".join(lines) + "\n").encode()
+
+
+def stl(corners: np.ndarray, header: bytes = b"", count: int | None = None) -> bytes:
+    """A binary STL. corners: (n, 3, 3) m. count: what its header states, n unless given."""
+    record = np.zeros(len(corners), dtype=[("n", "<f4", 3), ("c", "<f4", (3, 3)), ("a", "<u2")])
+    record["c"] = corners
+    stated = len(corners) if count is None else count
+    return header.ljust(80, b" ") + struct.pack("<I", stated) + record.tobytes()
 
 
 def flat_obj() -> bytes:
@@ -299,6 +309,11 @@ def pendulum() -> TinyRobot:
 # --- random trees -------------------------------------------------------------------------------
 
 _unit = st.floats(-1.0, 1.0, allow_nan=False)
+
+
+def examples(most: int) -> int:
+    """As many random examples as a dear test has with `-m slow`; a quarter of them without."""
+    return most * settings().max_examples // 100
 
 
 @st.composite

@@ -7,21 +7,21 @@ implies the next; size, density and smallness are judged besides.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 from assetbuild.findings import Finding, Rule, Scalar, Severity
 from assetbuild.robot.chains import Chain, find_chains, is_massless, weighs
 from assetbuild.robot.inertia import (
     LEAST_MOMENT_KG_M2,
     InertiaBounds,
-    Tensor,
     equivalent_radius,
     least_second_moment,
     principal_moments,
     triangle_violation,
 )
 from assetbuild.robot.model import Inertial, Shapes, Tree
+from assetbuild.robot.pose import Vec3
 
 ROUNDING = 1e-9
 """Relative: smaller violations are the noise of turning a tensor into other axes."""
@@ -117,7 +117,7 @@ def inertia_findings(
         elif body.inertial is None:
             yield _missing(subject, worst)
         else:
-            for finding in _judge(subject, body.inertial, bounds, worst):
+            for finding in _Judged(subject, body.inertial, bounds, worst).findings():
                 kept = _of_this(finding, moves=body.name in driven, shows=body.name in shaped)
                 if kept:
                     yield kept
@@ -130,7 +130,7 @@ def _of_this(finding: Finding, *, moves: bool, shows: bool) -> Finding | None:
     if moves:
         return finding
     if finding.rule == RADIUS.id:  # what never turns may be as lazy as it likes
-        return replace(finding, severity=_note(finding.severity))
+        return replace(finding, severity=_below(finding.severity))
     return finding if finding.rule != MASS_SMALL.id else None
 
 
@@ -155,112 +155,87 @@ def _between(subject: str, chain: Chain) -> Finding:
 
 def _missing(subject: str, worst: Severity) -> Finding:
     message = "it moves but has no <inertial>: no simulator can accelerate it"
-    return MISSING(
-        subject,
-        message,
-        "give it a mass: edit `inertia_from_geometry`, or `set_inertia`",
-        severity=worst,
-    )
+    hint = "give it a mass: edit `inertia_from_geometry`, or `set_inertia`"
+    return MISSING(subject, message, hint, severity=worst)
 
 
-def _judge(
-    subject: str, inertial: Inertial, bounds: InertiaBounds, worst: Severity
-) -> Iterator[Finding]:
-    mass, tensor = inertial.mass_kg, inertial.inertia_com_kg_m2
-    moments = principal_moments(tensor)
-    data: dict[str, Scalar | tuple[Scalar, ...]] = {"mass_kg": mass, "principal_kg_m2": moments}
-    if mass <= 0.0:
-        message = f"mass is {mass:g} kg"
-        hint = "give it its real one: edit `set_mass`, or `inertia_from_geometry` with a density"
-        yield MASS(subject, message, hint, severity=worst, data=data)
-        return
-    if mass < bounds.small_mass:
-        yield MASS_SMALL(
-            subject,
-            f"mass is only {mass:g} kg",
-            "merge it into a neighbour, or give it its real mass",
-            severity=_note(worst),
-            data={"mass_kg": mass, "bound_kg": bounds.small_mass},
-        )
-    broken = _broken(subject, tensor, moments, bounds, worst, data)
-    if broken:
-        yield broken
-    if not broken or broken.rule != POSITIVE.id:
-        yield from _size(subject, inertial, bounds, worst, moments)
+@dataclass(frozen=True)
+class _Judged:
+    """The mass properties of one body, and how grave a mistake in them is."""
+
+    subject: str
+    inertial: Inertial
+    bounds: InertiaBounds
+    worst: Severity
+
+    @property
+    def moments(self) -> Vec3:
+        return principal_moments(self.inertial.inertia_com_kg_m2)
+
+    @property
+    def data(self) -> dict[str, Scalar | tuple[Scalar, ...]]:
+        return {"mass_kg": self.inertial.mass_kg, "principal_kg_m2": self.moments}
+
+    def findings(self) -> Iterator[Finding]:
+        mass, worst = self.inertial.mass_kg, self.worst
+        if mass <= 0.0:
+            message = f"mass is {mass:g} kg"
+            hint = "give it its real one: edit `set_mass`, or `inertia_from_geometry` with a "
+            hint += "density"
+            yield MASS(self.subject, message, hint, severity=worst, data=self.data)
+            return
+        if mass < self.bounds.small_mass:
+            message = f"mass is only {mass:g} kg"
+            hint = "merge it into a neighbour, or give it its real mass"
+            data = {"mass_kg": mass, "bound_kg": self.bounds.small_mass}
+            yield MASS_SMALL(self.subject, message, hint, severity=_below(worst), data=data)
+        broken = self._broken()
+        if broken:
+            yield broken
+        if not broken or broken.rule != POSITIVE.id:
+            yield from self._size(equivalent_radius(self.inertial))
+
+    def _broken(self) -> Finding | None:
+        a, b, c = self.moments
+        shown = f"({a:.4g}, {b:.4g}, {c:.4g}) kg m²"
+        if a <= SINGULAR * abs(c):
+            message = f"principal moments {shown} are not all positive"
+            hint = "a product with the wrong sign, or a dummy? edit `inertia_from_geometry`"
+            return POSITIVE(self.subject, message, hint, severity=self.worst, data=self.data)
+        violation = triangle_violation(self.inertial.inertia_com_kg_m2)
+        if violation > ROUNDING:
+            severity = self.worst if violation > self.bounds.triangle_slack else "warning"
+            message = f"principal moments A + B < C by {100 * violation:.3g} % of C: {shown}"
+            hint = "was it taken about the centre of mass? MuJoCo refuses it: edit "
+            hint += "`balance_inertia`"
+            data = self.data | {"violation": violation}
+            return TRIANGLE(self.subject, message, hint, severity=severity, data=data)
+        least = least_second_moment(self.inertial.inertia_com_kg_m2)
+        if least <= ROUNDING * c:
+            message = f"its pseudo-inertia is singular: all mass lies in a plane, moments {shown}"
+            hint = "a real part has thickness; randomised or identified masses can turn invalid"
+            data = self.data | {"least_second_moment_kg_m2": least}
+            return PSEUDO(self.subject, message, hint, severity=_below(self.worst), data=data)
+        return None
+
+    def _size(self, radius: float) -> Iterator[Finding]:
+        mass, bounds = self.inertial.mass_kg, self.bounds
+        data = {"radius_m": radius, **self.data}
+        refused = self.moments[0] < LEAST_MOMENT_KG_M2
+        if refused or mass > bounds.density * 4.0 / 3.0 * math.pi * radius**3:
+            also = f"; MuJoCo refuses moments below {LEAST_MOMENT_KG_M2:g} kg m²"
+            message = f"{mass:g} kg with the inertia of a ball of {radius:.3g} m radius: denser "
+            message += "than any matter" + also * refused
+            hint = "is it a dummy value? `inertia_from_geometry` computes it from the shapes"
+            severity = self.worst if refused else _below(self.worst)
+            yield DENSE(self.subject, message, hint, severity=severity, data=data)
+        if radius > bounds.radius * (1.0 + ROUNDING):
+            message = f"its inertia is that of a ball of {radius:.3g} m radius with {mass:g} kg"
+            hint = "are the units kg m² (not kg mm² or g cm²), and the tensor about the centre of "
+            hint += "mass?"
+            yield RADIUS(self.subject, message, hint, data=data)
 
 
-def _broken(
-    subject: str,
-    tensor: Tensor,
-    moments: tuple[float, float, float],
-    bounds: InertiaBounds,
-    worst: Severity,
-    data: Mapping[str, Scalar | tuple[Scalar, ...]],
-) -> Finding | None:
-    a, b, c = moments
-    shown = f"({a:.4g}, {b:.4g}, {c:.4g}) kg m²"
-    if a <= SINGULAR * abs(c):
-        message = f"principal moments {shown} are not all positive"
-        hint = "a product with the wrong sign, or a dummy? edit `inertia_from_geometry`"
-        return POSITIVE(subject, message, hint, severity=worst, data=data)
-    violation = triangle_violation(tensor)
-    if violation > ROUNDING:
-        severity = worst if violation > bounds.triangle_slack else "warning"
-        message = f"principal moments A + B < C by {100 * violation:.3g} % of C: {shown}"
-        hint = "was it taken about the centre of mass? MuJoCo refuses it: edit `balance_inertia`"
-        extra = {**data, "violation": violation}
-        return TRIANGLE(subject, message, hint, severity=severity, data=extra)
-    least = least_second_moment(tensor)
-    if least <= ROUNDING * c:
-        message = f"its pseudo-inertia is singular: all mass lies in a plane, moments {shown}"
-        hint = "a real part has thickness; randomised or identified masses can turn invalid"
-        extra = {**data, "least_second_moment_kg_m2": least}
-        return PSEUDO(subject, message, hint, severity=_note(worst), data=extra)
-    return None
-
-
-def _size(
-    subject: str,
-    inertial: Inertial,
-    bounds: InertiaBounds,
-    worst: Severity,
-    moments: tuple[float, float, float],
-) -> Iterator[Finding]:
-    radius_m = equivalent_radius(inertial)
-    yield from _dense(subject, inertial, bounds, worst, moments, radius_m)
-    if radius_m <= bounds.radius * (1.0 + ROUNDING):
-        return
-    yield RADIUS(
-        subject,
-        f"its inertia is that of a ball of {radius_m:.3g} m radius with {inertial.mass_kg:g} kg",
-        "are the units kg m² (not kg mm² or g cm²), and the tensor about the centre of mass?",
-        data={"radius_m": radius_m, "mass_kg": inertial.mass_kg, "principal_kg_m2": moments},
-    )
-
-
-def _dense(
-    subject: str,
-    inertial: Inertial,
-    bounds: InertiaBounds,
-    worst: Severity,
-    moments: tuple[float, float, float],
-    radius_m: float,
-) -> Iterator[Finding]:
-    refused = moments[0] < LEAST_MOMENT_KG_M2
-    ball = 4.0 / 3.0 * math.pi * radius_m**3
-    if not refused and inertial.mass_kg <= bounds.density * ball:
-        return
-    also = f"; MuJoCo refuses moments below {LEAST_MOMENT_KG_M2:g} kg m²" if refused else ""
-    yield DENSE(
-        subject,
-        f"{inertial.mass_kg:g} kg with the inertia of a ball of {radius_m:.3g} m radius: "
-        f"denser than any matter{also}",
-        "is it a dummy value? `inertia_from_geometry` computes it from the shapes",
-        severity=worst if refused else _note(worst),
-        data={"radius_m": radius_m, "mass_kg": inertial.mass_kg, "principal_kg_m2": moments},
-    )
-
-
-def _note(worst: Severity) -> Severity:
+def _below(worst: Severity) -> Severity:
     """One step below `worst`, for what is odd and not wrong."""
     return "warning" if worst == "error" else "info"

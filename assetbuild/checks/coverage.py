@@ -194,7 +194,7 @@ def _solids(
 ) -> list[Distance]:
     return [
         distance_to(_solid(shape, meshes), X_body_shape)
-        for shape, X_body_shape in _placed(tree, shapes, body, "collision")
+        for shape, X_body_shape in _shapes_of(tree, shapes, body, "collision")
     ]
 
 
@@ -222,13 +222,13 @@ def _surfaces(
             if isinstance(shape.geometry, Mesh)
             else tessellate(shape.geometry)
         ).placed(X_body_shape)
-        for shape, X_body_shape in _placed(tree, shapes, body, role)
+        for shape, X_body_shape in _shapes_of(tree, shapes, body, role)
     ]
 
 
-def _placed(tree: Tree, shapes: Shapes, body: str, role: str) -> Iterator[tuple[Shape, Pose]]:
+def _shapes_of(tree: Tree, shapes: Shapes, body: str, role: str) -> Iterator[tuple[Shape, Pose]]:
     """A body's shapes of one role, each with X_body_shape."""
     for shape in shapes.shapes:
-        owner, X_body_link = tree.placement(shape.link)
+        owner, X_body_shape = tree.shape_placement(shape)
         if owner == body and shape.role == role:
-            yield shape, X_body_link @ shape.X_link_shape
+            yield shape, X_body_shape

@@ -9,7 +9,8 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.mirror import Tolerances, mirror_findings, parts_of, twins
+from assetbuild.robot.mirror import Tolerances, mirror_findings
+from assetbuild.robot.twins import parts_of, twins
 
 
 class Mirror(Check):

@@ -16,6 +16,8 @@ from assetbuild.quantities import Pattern, Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control
 from assetbuild.simulators import mujoco
+from assetbuild.simulators.mujoco_stand import Gains, stand
+from assetbuild.simulators.mujoco_stand import Stand as Stood
 
 FAR = 10.0
 """Times `sole`: feet so far from the floor at the start are an error; a reset drops the robot."""
@@ -119,7 +121,7 @@ class Stand(Check):
         tree, shapes, control = robot.tree, robot.shapes, robot.control
         try:
             model = mujoco.load(files.inputs / "mjcf" / "scene.xml", visuals=False).model
-            stood = mujoco.stand(model, self.keyframe, self.seconds, _external(control))
+            stood = stand(model, self.keyframe, self.seconds, _external(control))
         except StepError as error:
             write_figures(files, {"skipped": error.message})
             yield LOAD("robot", f"cannot stand: {error.message}")
@@ -144,7 +146,7 @@ class Stand(Check):
     def _is_foot(self, link: str) -> bool:
         return self.feet_pattern is None or re.fullmatch(self.feet_pattern, link) is not None
 
-    def _judge_start(self, stood: mujoco.Stand, link_of: Mapping[str, str]) -> Iterator[Finding]:
+    def _judge_start(self, stood: Stood, link_of: Mapping[str, str]) -> Iterator[Finding]:
         """Every foot by the pattern; without one, the lowest point of the robot."""
         lowest: dict[str, float] = {}
         for geom, gap in stood.gap_m.items():
@@ -171,7 +173,7 @@ class Stand(Check):
                     data={"gap_m": gap, "tolerance_m": self.sole},
                 )
 
-    def _judge_base(self, stood: mujoco.Stand) -> Iterator[Finding]:
+    def _judge_base(self, stood: Stood) -> Iterator[Finding]:
         if stood.sag_m > self.fall * stood.height_m or stood.tilt_rad > self.fall:
             yield FALL(
                 "robot",
@@ -201,7 +203,7 @@ class Stand(Check):
                     data={f"value_{unit}": value, f"limit_{unit}": limit},
                 )
 
-    def _judge_contacts(self, stood: mujoco.Stand, link_of: Mapping[str, str]) -> Iterator[Finding]:
+    def _judge_contacts(self, stood: Stood, link_of: Mapping[str, str]) -> Iterator[Finding]:
         at_end = {link_of.get(geom, geom) for geom in stood.touching}
         ever = {link_of.get(geom, geom) for geom in stood.touched}
         for link in sorted(ever):
@@ -216,7 +218,7 @@ class Stand(Check):
         if not at_end:
             yield CONTACT("robot", "nothing touches the floor at the end", severity="error")
 
-    def _judge_overlaps(self, stood: mujoco.Stand, link_of: Mapping[str, str]) -> Iterator[Finding]:
+    def _judge_overlaps(self, stood: Stood, link_of: Mapping[str, str]) -> Iterator[Finding]:
         for (a, b), depth in stood.overlapping.items():
             if depth > self.sole:
                 yield OVERLAP(
@@ -226,7 +228,7 @@ class Stand(Check):
                     data={"depth_m": depth},
                 )
 
-    def _judge_loads(self, stood: mujoco.Stand) -> Iterator[Finding]:
+    def _judge_loads(self, stood: Stood) -> Iterator[Finding]:
         for joint, load in stood.load.items():
             if load >= self.saturated:
                 yield TORQUE(
@@ -237,15 +239,11 @@ class Stand(Check):
                 )
 
 
-def _external(control: Control) -> dict[str, mujoco.Gains]:
-    return {
-        a.joint: mujoco.Gains(a.kp, a.kd, a.effort)
-        for a in control.actuators
-        if a.model in EXTERNAL
-    }
+def _external(control: Control) -> dict[str, Gains]:
+    return {a.joint: Gains(a.kp, a.kd, a.effort) for a in control.actuators if a.model in EXTERNAL}
 
 
-def _figures(stood: mujoco.Stand) -> dict[str, object]:
+def _figures(stood: Stood) -> dict[str, object]:
     """Numbers that JSON can hold; of an unstable run only that it was."""
     if not stood.finite:
         return {"finite": False, "mujoco_warnings": list(stood.warnings[:10])}

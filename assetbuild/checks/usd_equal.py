@@ -415,7 +415,7 @@ def _compare_shapes(robot: RobotFiles, prims: Prims, book: Book) -> None:
     for shape in robot.shapes.shapes:
         subject = f"shape {shape.name}"
         prim = prims.shapes.get(shape.name)
-        body, X_body_link = robot.tree.placement(shape.link)
+        body, X_body_shape = robot.tree.shape_placement(shape)
         carrier = prims.bodies.get(body)
         if prim is None or carrier is None:
             book.differ("missing", subject, "is not below its body in USD")
@@ -423,7 +423,7 @@ def _compare_shapes(robot: RobotFiles, prims: Prims, book: Book) -> None:
         relative = np.linalg.inv(prims.world(carrier)) @ prims.world(prim)
         scale = np.linalg.norm(relative[:3, :3], axis=0)
         relative[:3, :3] /= scale
-        _compare_pose("shape", subject, relative, X_body_link @ shape.X_link_shape, book)
+        _compare_pose("shape", subject, relative, X_body_shape, book)
         _compare_size(subject, shape.geometry, prim, scale, book)
         if shape.role == "collision":
             _compare_surface(robot, shape.name, prim, book)

@@ -30,7 +30,7 @@ from assetbuild.robot import model
 from assetbuild.robot.actuator_table import ActuatorRow, Motor
 from assetbuild.robot.actuators import RowError, resolve
 from assetbuild.robot.chains import find_chains
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import encode
 from assetbuild.robot.contact import Contacts, Exclude
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mimic import with_mimics
@@ -39,7 +39,6 @@ from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.sensing import Camera, Feet, Imu, Sensor
 from assetbuild.robot.sides import Side, moving_by_source, side_of
 from assetbuild.robot.simulation import Simulation
-from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import forward_kinematics
 
 LIMIT_TOLERANCE = 1e-9
@@ -170,9 +169,8 @@ class ControlStep(Step):
             cameras=placed_cameras(tree, self.cameras),
             simulation=self.simulation,
         )
-        said = files.inputs / "source_control.json"
-        if said.is_file():
-            source = decode(SourceControl, said.read_bytes())
+        source = robot.source_control
+        if source is not None:
             poses = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}
             stated = Stated(self.sides, self.rows, self.contact.links, poses)
             joined = join(control, source, tree, shapes, stated)

@@ -117,8 +117,7 @@ def _floating(tree: Tree, shapes: Shapes) -> str:
         SubElement(element, "freejoint")
         SubElement(element, "inertial", {"pos": "0 0 0", "mass": "1", "diaginertia": "1 1 1"})
         for shape in own[body.name]:
-            _, X_body_link = tree.placement(shape.link)
-            _add_geom(element, shape, X_body_link @ shape.X_link_shape)
+            _add_geom(element, shape, tree.shape_placement(shape)[1])
     return tostring(root, encoding="unicode")
 
 

@@ -12,13 +12,13 @@ from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.geometry.mesh_companions import MeshCompanions
 from assetbuild.mesh.companions import Naming
-from assetbuild.source.plan import Source
+from assetbuild.source.plan import SourceFiles
 
 Companions = Mapping[str, Mapping[str, Ref]]
 """Path of a mesh -> name from the mesh's folder -> file. What the source lacks is not in it."""
 
 
-def companions(files: Mapping[str, Ref], source: Source, p: Planner) -> Companions | None:
+def companions(files: Mapping[str, Ref], source: SourceFiles, p: Planner) -> Companions | None:
     """What every mesh names and the source has; None while a question is open.
 
     A material library names pictures in its turn; what those are called from the mesh's folder

@@ -47,7 +47,7 @@ def propose(
     source = find_source(file, packages, args or {})
     robot = look(source)
     anatomy = study(robot)
-    robot = judge(robot, anatomy.base.kind)
+    robot = judge(robot.links, robot.shapes, anatomy.base)
     path = out or Path(f"{recipe_name(robot.links.name)}.yaml")
     return Proposal(path, recipe_text(robot, anatomy, source, path))
 

@@ -7,14 +7,14 @@ recipe for the user to judge.
 from __future__ import annotations
 
 import re
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from assetbuild.init.look import Looked
-from assetbuild.robot.model import Base, Joint, Tree
+from assetbuild.init.look import InspectedRobot
+from assetbuild.robot.model import MOVING, Base, Joint, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.tree import forward_kinematics
 
@@ -59,33 +59,29 @@ class Leg:
 
 
 @dataclass(frozen=True)
-class BaseChoice:
-    """Floating or fixed, and why."""
-
-    kind: Base
-    reason: str
-
-
-@dataclass(frozen=True)
 class Anatomy:
-    """sensors: kind -> names of source links. size_m: largest extent of the links' origins."""
+    """base_reason: why it is floating or fixed. sensors: kind -> names of source links.
 
-    base: BaseChoice
+    size_m: largest extent of the links' origins.
+    """
+
+    base: Base
+    base_reason: str
     legs: tuple[Leg, ...]
     sensors: Mapping[str, tuple[str, ...]]
     size_m: float
 
 
-def study(robot: Looked) -> Anatomy:
+def study(robot: InspectedRobot) -> Anatomy:
     """Look the robot over."""
     tree = robot.tree
     at_zero = forward_kinematics(robot.links, {})
     origins = np.array([pose.xyz for pose in at_zero.values()])
-    size = float(np.ptp(origins, axis=0).max())
-    legs = _legs(robot, at_zero)
-    return Anatomy(
-        _base(robot, legs, at_zero), legs, _sensors(robot.links), size if tree.joints else 0.0
-    )
+    extent = np.ptp(origins, axis=0)
+    limbs = [_limb(robot, at_zero, tip) for tip in _leaves(tree)]
+    legs = _legs(limbs, at_zero, float(extent[2]))
+    size = float(extent.max()) if tree.joints else 0.0
+    return Anatomy(*_base(robot, legs, limbs), legs, _sensors(robot.links), size)
 
 
 def chain_to(tree: Tree, body: str) -> tuple[Joint, ...]:
@@ -101,56 +97,43 @@ def chain_to(tree: Tree, body: str) -> tuple[Joint, ...]:
 # --- legs -----------------------------------------------------------------------------------
 
 
-def _legs(robot: Looked, at_zero: Mapping[str, Pose]) -> tuple[Leg, ...]:
+def _legs(limbs: list[Leg], at_zero: Mapping[str, Pose], height: float) -> tuple[Leg, ...]:
     """Limbs of at least two joints that reach down to the lowest level; at least two alike."""
-    tree = robot.tree
-    limbs = [_limb(robot, at_zero, tip) for tip in _leaves(tree)]
-    tips = [pose.xyz[2] for pose in at_zero.values()]
-    height = max(tips) - min(tips)
     lowest = min((limb.X_root_foot.xyz[2] for limb in limbs), default=0.0)
     down = []
     for limb in limbs:
-        if len(limb.joints) < 2 or _is_wheel(limb) or _is_arm(limb):
-            continue
-        start, end = at_zero[limb.joints[0].child].xyz[2], limb.X_root_foot.xyz[2]
-        if end - lowest <= LOW * height and start - end >= REACH * height:
-            down.append(limb)
-    alike = Counter(_likeness(limb) for limb in down)
-    return tuple(limb for limb in down if alike[_likeness(limb)] >= 2)
+        if _can_walk(limb) and not _is_arm(limb):
+            start, end = at_zero[limb.joints[0].child].xyz[2], limb.X_root_foot.xyz[2]
+            if end - lowest <= LOW * height and start - end >= REACH * height:
+                down.append(limb)
+    return _alike(down, 2)
 
 
-def _is_wheel(limb: Leg) -> bool:
-    """What turns without end at the tip of a limb, and is not called a part of a leg."""
+def _called_legs(limbs: list[Leg]) -> tuple[Leg, ...]:
+    """Four limbs or more that are called legs, wherever they point at the zero pose."""
+    named = [limb for limb in limbs if _can_walk(limb) and _LEG.fullmatch(limb.joints[-1].child)]
+    return _alike(named, 4)
+
+
+def _alike(limbs: list[Leg], least: int) -> tuple[Leg, ...]:
+    """Those of which there are at least so many with the same kinds of joints."""
+    kinds = [tuple(joint.kind for joint in limb.joints) for limb in limbs]
+    return tuple(limb for limb, own in zip(limbs, kinds, strict=True) if kinds.count(own) >= least)
+
+
+def _can_walk(limb: Leg) -> bool:
+    """It bends, and is no wheel: what turns without end at the tip, unless it is called a leg."""
+    if len(limb.joints) < 2:
+        return False
     last = limb.joints[-1]
-    return last.kind == "continuous" and (
-        _WHEEL.fullmatch(last.child + last.name) is not None or not _LEG.fullmatch(last.child)
-    )
+    called_leg = _LEG.fullmatch(last.child) and not _WHEEL.fullmatch(last.child + last.name)
+    return last.kind != "continuous" or bool(called_leg)
 
 
 def _is_arm(limb: Leg) -> bool:
     """By its words: hanging arms reach low, and some dogs have shoulders."""
-    words = _words(limb)
+    words = [limb.foot, *(joint.child for joint in limb.joints)]
     return any(map(_ARM.fullmatch, words)) and not any(map(_LEG.fullmatch, words))
-
-
-def _words(limb: Leg) -> list[str]:
-    return [limb.foot, *(joint.child for joint in limb.joints)]
-
-
-def _called_legs(robot: Looked, at_zero: Mapping[str, Pose]) -> tuple[str, ...]:
-    """Tips of four limbs or more that are called legs, wherever they point at the zero pose."""
-    limbs = [_limb(robot, at_zero, tip) for tip in _leaves(robot.tree)]
-    named = [
-        limb
-        for limb in limbs
-        if len(limb.joints) >= 2 and not _is_wheel(limb) and _LEG.fullmatch(limb.joints[-1].child)
-    ]
-    alike = Counter(_likeness(limb) for limb in named)
-    return tuple(limb.tip for limb in named if alike[_likeness(limb)] >= 4)
-
-
-def _likeness(limb: Leg) -> tuple[str, ...]:
-    return tuple(joint.kind for joint in limb.joints)
 
 
 def _leaves(tree: Tree) -> list[str]:
@@ -158,43 +141,33 @@ def _leaves(tree: Tree) -> list[str]:
     return [body.name for body in tree.bodies if body.name not in parents]
 
 
-def _is_spring(tree: Tree, joint: Joint) -> bool:
-    """A last body on a joint that nothing drives, as Cassie's heel: no limb of its own."""
-    return joint.limits.effort == 0.0 and joint.child in _leaves(tree)
-
-
-def _limb(robot: Looked, at_zero: Mapping[str, Pose], tip: str) -> Leg:
+def _limb(robot: InspectedRobot, at_zero: Mapping[str, Pose], tip: str) -> Leg:
     """The chain from the last body where the robot branches to `tip`."""
-    tree = robot.tree
-    branches: dict[str, int] = defaultdict(int)
-    for joint in tree.joints:
-        branches[joint.parent] += not _is_spring(tree, joint)
+    tree, leaves = robot.tree, _leaves(robot.tree)
+    # A last body on a joint that nothing drives, as Cassie's heel, is no limb of its own.
+    springs = {j.name for j in tree.joints if j.limits.effort == 0.0 and j.child in leaves}
+    branches = Counter(joint.parent for joint in tree.joints if joint.name not in springs)
     joints: list[Joint] = []
     for joint in chain_to(tree, tip)[::-1]:
-        if joint.mimic is None and joint.kind in ("revolute", "continuous", "prismatic"):
+        if joint.mimic is None and joint.kind in MOVING:
             joints.append(joint)
         if branches[joint.parent] > 1:
             break
-    foot = _foot(robot, at_zero, tip)
-    return Leg(
-        tuple(joints[::-1]),
-        tip,
-        foot,
-        at_zero[foot],
-        _soles(robot, tip, foot, len(joints)),
+    links, solid = robot.links_of(tip), robot.solid_links
+    foot = max(
+        links,
+        key=lambda link: (  # what touches the ground: with collision, called a foot, lowest
+            link in solid,
+            _FOOT.fullmatch(link) is not None,
+            -round(at_zero[link].xyz[2], 6),
+            -links.index(link),
+        ),
     )
-
-
-def _soles(robot: Looked, tip: str, foot: str, joints: int) -> tuple[str, ...]:
-    """With an ankle the whole last body; else the foot and what holds it to the shank."""
-    solid = {shape.link for shape in robot.shapes.of("collision")} or {
-        shape.link for shape in robot.shapes.of("visual")
-    }
-    links = [b.name for b in robot.links.bodies if robot.tree.placement(b.name)[0] == tip]
-    if joints < ANKLE:
-        above = set(_holders(robot.links, foot, tip))
-        links = [link for link in links if link in above and not _SHANK.fullmatch(link)]
-    return tuple(link for link in links if link in solid) or (foot,)
+    if len(joints) < ANKLE:
+        holders = set(_holders(robot.links, foot, tip))
+        links = [link for link in links if link in holders and not _SHANK.fullmatch(link)]
+    soles = tuple(link for link in links if link in solid) or (foot,)
+    return Leg(tuple(joints[::-1]), tip, foot, at_zero[foot], soles)
 
 
 def _holders(links: Tree, foot: str, tip: str) -> Iterator[str]:
@@ -208,58 +181,40 @@ def _holders(links: Tree, foot: str, tip: str) -> Iterator[str]:
         link = joint.parent
 
 
-def _foot(robot: Looked, at_zero: Mapping[str, Pose], tip: str) -> str:
-    """The link of the tip that touches the ground: with collision, called a foot, lowest."""
-    links = [b.name for b in robot.links.bodies if robot.tree.placement(b.name)[0] == tip]
-    solid = {shape.link for shape in robot.shapes.of("collision")} or {
-        shape.link for shape in robot.shapes.of("visual")
-    }
-    return max(
-        links,
-        key=lambda link: (
-            link in solid,
-            _FOOT.fullmatch(link) is not None,
-            -round(at_zero[link].xyz[2], 6),
-            -links.index(link),
-        ),
-    )
-
-
 # --- base and sensors -----------------------------------------------------------------------
 
 
-def _base(robot: Looked, legs: tuple[Leg, ...], at_zero: Mapping[str, Pose]) -> BaseChoice:
+def _base(robot: InspectedRobot, legs: tuple[Leg, ...], limbs: list[Leg]) -> tuple[Base, str]:
     links, tree = robot.links, robot.tree
     if links.root.lower() in _WORLD:
-        return BaseChoice("fixed", f"the root link is called `{links.root}`")
+        return "fixed", f"the root link is called `{links.root}`"
     if legs:
         feet = ", ".join(leg.foot for leg in legs)
-        return BaseChoice("floating", f"{len(legs)} legs of like joints reach the ground: {feet}")
+        return "floating", f"{len(legs)} legs of like joints reach the ground: {feet}"
     rolling = [
         joint.child
         for joint in tree.joints
         if joint.kind == "continuous" and _WHEEL.fullmatch(joint.child + joint.name)
     ]
     if len(rolling) >= 2:
-        return BaseChoice("floating", f"it rolls on {len(rolling)} wheels: {', '.join(rolling)}")
-    names = [links.name, *(body.name for body in links.bodies)]
+        return "floating", f"it rolls on {len(rolling)} wheels: {', '.join(rolling)}"
+    names = [links.name, *links.by_body]
     props = [name for name in names[1:] if _PROP.fullmatch(name)]
     flying = [name for name in names if _FLYING.fullmatch(name)] + props[: len(props) // 2]
     if flying:
-        return BaseChoice("floating", f"it flies, by the name of `{flying[0]}`")
-    if walking := _called_legs(robot, at_zero):
-        reason = f"{', '.join(walking[:4])}: legs by their names, but at 0 they do not reach down"
-        return BaseChoice("floating", reason)
+        return "floating", f"it flies, by the name of `{flying[0]}`"
+    if walking := _called_legs(limbs):
+        named = ", ".join(leg.tip for leg in walking[:4])
+        return "floating", f"{named}: legs by their names, but at 0 they do not reach down"
     if not tree.moving_joints:
-        return BaseChoice("floating", "nothing moves in it: a loose object")
-    return BaseChoice("fixed", f"no legs and no wheels: an arm or a hand, bolted at `{tree.root}`")
+        return "floating", "nothing moves in it: a loose object"
+    return "fixed", f"no legs and no wheels: an arm or a hand, bolted at `{tree.root}`"
 
 
 def _sensors(links: Tree) -> dict[str, tuple[str, ...]]:
     """Frames that people look for, by kind."""
-    found: dict[str, tuple[str, ...]] = {}
-    for kind, pattern in SENSORS.items():
-        names = tuple(body.name for body in links.bodies if re.fullmatch(pattern, body.name))
-        if names:
-            found[kind] = names
-    return found
+    found = {
+        kind: tuple(name for name in links.by_body if re.fullmatch(pattern, name))
+        for kind, pattern in SENSORS.items()
+    }
+    return {kind: names for kind, names in found.items() if names}

@@ -11,14 +11,15 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from assetbuild.init.anatomy import Leg
 from assetbuild.robot.dynamics import dynamics, holding_torques
+from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Joint, Tree
-from assetbuild.robot.tree import forward_kinematics
+from assetbuild.robot.pose import Array
 
 FULL_ERROR = {"rad": 0.3, "m": 0.02}
 """Tracking error at which a drive gives all its effort."""
@@ -50,12 +51,12 @@ BRAKE_S = 0.05
 
 
 @dataclass(frozen=True)
-class Row:
-    """Joints with the same limits. Gains None: a passive row. inertia: largest, kg m2 or kg.
+class DriveRow:
+    """Joints with the same limits. inertia: largest, kg m2 or kg.
 
-    Either kp and kd are set, or frequency (Hz) with damping_ratio. drops_damping, drops_friction:
-    the source's number cannot be meant: joints would creep for minutes, or never move.
-
+    gains: keys of the recipe's row, kp and kd or frequency (Hz) and damping_ratio; none = passive.
+    drops: numbers of the source that cannot be meant: joints would creep for minutes (damping), or
+    never move (friction).
     locked: equal limits hold them, so that a drive could move nothing.
     standing: least inertia of those that belong to a standing leg; 0 without one.
     """
@@ -65,18 +66,14 @@ class Row:
     velocity: float | None
     unit: str
     inertia: float
-    kp: float | None = None
-    kd: float | None = None
-    frequency: float | None = None
-    damping_ratio: float | None = None
-    drops_damping: bool = False
-    drops_friction: bool = False
+    gains: Mapping[str, float] = field(default_factory=dict)
+    drops: tuple[str, ...] = ()
     locked: bool = False
     standing: float = 0.0
 
     def outruns(self, step_s: float) -> bool:
         """Whether a leg's drive acts faster than steps of this length can follow."""
-        return self.kd is not None and self.kd * step_s > OUTRUN * self.standing > 0.0
+        return self.gains.get("kd", 0.0) * step_s > OUTRUN * self.standing > 0.0
 
 
 @dataclass(frozen=True)
@@ -89,7 +86,9 @@ class _Felt:
     load: float
 
 
-def drive_rows(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> tuple[Row, ...]:
+def drive_rows(
+    tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]
+) -> tuple[DriveRow, ...]:
     """Joints grouped by kind, effort and velocity, with gains; mimic joints need no row."""
     felt = _felt(tree, pose, legs)
     groups: dict[tuple[str, float | None, float | None, bool], list[Joint]] = defaultdict(list)
@@ -105,29 +104,29 @@ def drive_rows(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> 
         names = tuple(joint.name for joint in joints)
         found = [felt[name] for name in names]
         inertia = max(one.inertia for one in found)
-        row = Row(names, effort, velocity, unit, inertia, locked=locked)
+        row = DriveRow(names, effort, velocity, unit, inertia, locked=locked)
         rows.append(_driven(row, effort, found) if effort is not None else row)
     return tuple(rows)
 
 
-def _driven(row: Row, effort: float, felt: Sequence[_Felt]) -> Row:
+def _driven(row: DriveRow, effort: float, felt: Sequence[_Felt]) -> DriveRow:
     row = _with_gains(row, effort, felt)
-    return replace(
-        row,
-        drops_damping=max(_own_ratio(row, one) for one in felt) > MOST_DAMPED,
-        drops_friction=any((one.joint.friction or 0.0) > STUCK * effort for one in felt),
-    )
+    cannot_be_meant = {
+        "damping": max(_own_ratio(row, one) for one in felt) > MOST_DAMPED,
+        "friction": any((one.joint.friction or 0.0) > STUCK * effort for one in felt),
+    }
+    return replace(row, drops=tuple(word for word, bad in cannot_be_meant.items() if bad))
 
 
-def _own_ratio(row: Row, one: _Felt) -> float:
+def _own_ratio(row: DriveRow, one: _Felt) -> float:
     """Damping ratio that the joint's own damping makes with the row's stiffness."""
     if not one.joint.damping or one.inertia <= 0.0:
         return 0.0
-    kp = row.kp if row.kp is not None else one.inertia * _square(row.frequency or 0.0)
+    kp = row.gains.get("kp") or one.inertia * _square(row.gains["frequency"])
     return one.joint.damping / (2 * math.sqrt(kp * max(one.inertia, one.load)))
 
 
-def _with_gains(row: Row, effort: float, felt: Sequence[_Felt]) -> Row:
+def _with_gains(row: DriveRow, effort: float, felt: Sequence[_Felt]) -> DriveRow:
     """kp and kd that suit every joint of the group, else a frequency and a damping ratio."""
     unit, moved = row.unit, [one.inertia for one in felt if one.inertia > 0.0]
     if len(moved) < len(felt):  # edits give the links their masses; the build knows them
@@ -149,25 +148,23 @@ def _with_gains(row: Row, effort: float, felt: Sequence[_Felt]) -> Row:
         brake = min(brake, 2 * DAMPING_RATIO * math.sqrt(kp * max(one.load for one in felt)))
     lightest = min((one.inertia for one in felt if one.load and one.inertia > 0.0), default=0.0)
     kd = min(max(kd, brake), most)
-    return replace(row, kp=_rounded(kp), kd=_rounded(kd), standing=lightest)
+    return replace(row, gains={"kp": _rounded(kp), "kd": _rounded(kd)}, standing=lightest)
 
 
-def _by_frequency(row: Row, felt: Sequence[_Felt]) -> Row:
+def _by_frequency(row: DriveRow, felt: Sequence[_Felt]) -> DriveRow:
     """Fast enough that no joint sags, and damped no less than the joints themselves are.
 
     Unless these are damped beyond use; the row then drops it.
     """
-    wanted = [one.holding / SAG[row.unit] / one.inertia for one in felt if one.inertia > 0.0]
-    frequency = math.sqrt(max(wanted, default=0.0)) / (2 * math.pi)
+    moved = [one for one in felt if one.inertia > 0.0]
+    wanted = max((one.holding / SAG[row.unit] / one.inertia for one in moved), default=0.0)
+    frequency = math.sqrt(wanted) / (2 * math.pi)
     frequency = _rounded(min(max(frequency, USUAL_HZ), FASTEST_HZ))
-    own = [
-        (one.joint.damping or 0.0) / (2 * one.inertia * 2 * math.pi * frequency)
-        for one in felt
-        if one.inertia > 0.0
-    ]
+    own = [(one.joint.damping or 0.0) / (4 * math.pi * one.inertia * frequency) for one in moved]
     most = max(own, default=0.0)
     ratio = 1.1 * most if most <= MOST_DAMPED else 1.0
-    return replace(row, frequency=frequency, damping_ratio=_rounded(max(1.0, ratio)))
+    gains = {"frequency": frequency, "damping_ratio": _rounded(max(1.0, ratio))}
+    return replace(row, gains=gains)
 
 
 def _square(frequency: float) -> float:
@@ -180,40 +177,26 @@ def _rounded(value: float) -> float:
 
 
 def _felt(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> dict[str, _Felt]:
-    """By joint, from the mass matrix at home; the feet carry the robot, where it has any."""
+    """By joint, from the mass matrix at home; the feet carry the robot, where it has any.
+
+    A leg's joint moves the leg's share of the robot at the leg's length.
+    """
     robot = dynamics(tree, pose, {})
-    feet = []
+    feet: list[tuple[str, Array]] = []
+    loads: dict[str, float] = {}
     for leg in legs:
         body, X_body_foot = tree.placement(leg.foot)
-        X_root_foot = robot.motions[body].pose @ X_body_foot
-        feet.append((body, np.asarray(X_root_foot.xyz)))
+        foot = np.asarray((robot.motions[body].pose @ X_body_foot).xyz)
+        hip = np.asarray(robot.motions[leg.joints[0].child].pose.xyz)
+        load = total_mass(tree) / len(legs) * float(np.linalg.norm(hip - foot)) ** 2
+        loads |= {joint.name: load for joint in leg.joints}
+        feet.append((body, foot))
     torque, left_over = holding_torques(robot, feet)
     if tree.base == "floating" and left_over > 0.05:
         torque = {}  # it would tip over: nothing is held
-    inertia, carried = robot.effective_inertia, _carried(tree, pose, legs)
-    found = {}
+    found, inertias = {}, robot.effective_inertia
     for joint in tree.moving_joints:
-        moved = inertia.get(joint.name, 0.0)
-        found[joint.name] = _Felt(
-            joint,
-            moved if math.isfinite(moved) else 0.0,
-            abs(torque.get(joint.name, 0.0)),
-            carried.get(joint.name, 0.0),
-        )
-    return found
-
-
-def _carried(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> dict[str, float]:
-    """What a standing leg's joints move: each leg's share of the robot, on a leg's length."""
-    if not legs:
-        return {}
-    mass = sum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
-    X_root = forward_kinematics(tree, pose)
-    found: dict[str, float] = {}
-    for leg in legs:
-        body, X_body_foot = tree.placement(leg.foot)
-        foot = X_root[body].apply(X_body_foot.xyz)
-        hip = np.asarray(X_root[leg.joints[0].child].xyz)
-        length = float(np.linalg.norm(hip - foot))
-        found |= {joint.name: mass / len(legs) * length**2 for joint in leg.joints}
+        name, moved = joint.name, inertias.get(joint.name, 0.0)
+        inertia = moved if math.isfinite(moved) else 0.0
+        found[name] = _Felt(joint, inertia, abs(torque.get(name, 0.0)), loads.get(name, 0.0))
     return found

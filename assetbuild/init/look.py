@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import json
-import tempfile
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 from assetbuild.body.lint_bodies import LintBodies
 from assetbuild.body.lint_links import LintLinks
-from assetbuild.engine.step import Files, Step
+from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.findings import Finding
 from assetbuild.init.packages import is_file
-from assetbuild.init.source import Found
+from assetbuild.init.source import UrdfSource
 from assetbuild.init.words import some
-from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.codec import encode
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Base, Shapes, Tree
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 
 
 @dataclass(frozen=True)
-class Looked:
+class InspectedRobot:
     """links: before merging fixed joints; tree: after; link_findings, body_findings: the lints'."""
 
     links: Tree
@@ -31,18 +32,30 @@ class Looked:
     link_findings: tuple[Finding, ...] = ()
     body_findings: tuple[Finding, ...] = ()
 
+    @property
+    def solid_links(self) -> frozenset[str]:
+        """Links with collision shapes; of a robot that has none, those with visual shapes."""
+        solid = self.shapes.of("collision") or self.shapes.of("visual")
+        return frozenset(shape.link for shape in solid)
 
-def look(source: Found) -> Looked:
+    def links_of(self, body: str) -> list[str]:
+        """The links that became one body."""
+        return [name for name in self.links.by_body if self.tree.placement(name)[0] == body]
+
+
+def look(source: UrdfSource) -> InspectedRobot:
     """Read. Raises SourceError with file and line, as a build would."""
-    step = ReadUrdf(file=source.shown, base="floating", packages=dict(source.packages))
-    read, _ = _run(step, {"robot.urdf": source.data})
-    _refuse_absent(source, json.loads(read["meshes.json"]))
-    links, shapes = decode(Tree, read["links.json"]), decode(Shapes, read["shapes.json"])
-    tree, _ = merge_fixed_joints(links, True, ())
-    return Looked(links, tree, shapes)
+    with scratch() as ports:
+        ports.put("robot.urdf", source.data)
+        packages = dict(source.packages)
+        ports.run(ReadUrdf(file=source.shown, base="floating", packages=packages))
+        _refuse_absent(source, json.loads(ports.read("meshes.json")))
+        read = RobotFiles(ports.folder)
+        tree, _ = merge_fixed_joints(read.links, True, ())
+        return InspectedRobot(read.links, tree, read.shapes)
 
 
-def _refuse_absent(source: Found, meshes: list[dict[str, str]]) -> None:
+def _refuse_absent(source: UrdfSource, meshes: list[dict[str, str]]) -> None:
     """A build would stop there too, at the first; here all are named."""
     absent = [mesh for mesh in meshes if not is_file(source.root / mesh["path"])]
     if not absent:
@@ -58,30 +71,19 @@ def _refuse_absent(source: Found, meshes: list[dict[str, str]]) -> None:
     )
 
 
-def _listing(folder: Path) -> list[Path]:
+def _listing(folder: Path) -> Iterable[Path]:
     try:
         return sorted(folder.iterdir())
     except OSError:
-        return []
+        return ()
 
 
-def judge(robot: Looked, base: Base) -> Looked:
+def judge(links: Tree, shapes: Shapes, base: Base) -> InspectedRobot:
     """The robot on this base, with what the lints say of it there."""
-    links = replace(robot.links, base=base)
+    links = replace(links, base=base)
     tree, _ = merge_fixed_joints(links, True, ())
-    shapes = encode(robot.shapes)
-    _, of_links = _run(LintLinks(), {"links.json": encode(links), "shapes.json": shapes})
-    _, of_bodies = _run(LintBodies(), {"tree.json": encode(tree), "shapes.json": shapes})
-    return Looked(links, tree, robot.shapes, of_links, of_bodies)
-
-
-def _run(step: Step, inputs: dict[str, bytes]) -> tuple[dict[str, bytes], tuple[Finding, ...]]:
-    """A light step without store or child process: what it wrote, and what it said."""
-    with tempfile.TemporaryDirectory(prefix="assetbuild-init-") as folder:
-        files = Files(inputs=Path(folder) / "in", outputs=Path(folder) / "out")
-        files.inputs.mkdir()
-        files.outputs.mkdir()
-        for name, data in inputs.items():
-            (files.inputs / name).write_bytes(data)
-        findings = tuple(step.run(files))
-        return {path.name: path.read_bytes() for path in files.outputs.iterdir()}, findings
+    with scratch() as ports:
+        for name, value in (("links", links), ("tree", tree), ("shapes", shapes)):
+            ports.put(f"{name}.json", encode(value))
+        of_links, of_bodies = ports.run(LintLinks()), ports.run(LintBodies())
+    return InspectedRobot(links, tree, shapes, of_links, of_bodies)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -22,16 +22,14 @@ def mesh_of(root: Path, mesh: Mesh) -> SourceMesh | None:
 
     root: the folder that the mesh's path starts from.
     """
-    suffix = PurePosixPath(mesh.mesh).suffix.lower().lstrip(".")
-    for format in get_args(Format):
-        if suffix == format:
-            try:
-                path = root / mesh.mesh
-                if path.stat().st_size > LARGEST:
-                    return None
-                return read_mesh(path.read_bytes(), format)
-            except (StepError, OSError):
-                return None
+    path = root / mesh.mesh
+    formats: dict[str, Format] = {f".{format}": format for format in get_args(Format)}
+    format = formats.get(path.suffix.lower())
+    try:
+        if format is not None and path.stat().st_size <= LARGEST:
+            return read_mesh(path.read_bytes(), format)
+    except (StepError, OSError):
+        pass
     return None
 
 

@@ -4,50 +4,37 @@ from __future__ import annotations
 
 import os
 import re
-from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from assetbuild.errors import SourceError, UsageError, Where
+from assetbuild.errors import UsageError
 from assetbuild.source.urdf.xml import Node
 
 LEVELS = 12
 """Folders above the URDF that are looked at for a package: a tree of files, not a disk."""
 
 _PACKAGE = re.compile(r"package:/*([^/]+)/(.+)")
+Uses = list[tuple[str, Node]]
+"""(uri, element) of meshes and textures."""
 
 
-def files_named(root: Node) -> list[tuple[str, Node]]:
-    """(uri, element) of every mesh and texture."""
-    found = []
-    for element in root.element.iter("mesh", "texture"):
-        uri = (element.get("filename") or "").strip()
-        if uri:
-            found.append((uri, Node(element, root.file)))
-    return found
+def files_named(root: Node) -> Uses:
+    """Every mesh and texture of a description."""
+    elements = root.element.iter("mesh", "texture")
+    named = [((element.get("filename") or "").strip(), element) for element in elements]
+    return [(uri, Node(element, root.file)) for uri, element in named if uri]
 
 
-def by_package(uses: list[tuple[str, Node]]) -> dict[str, list[str]]:
-    """Paths inside each package that a `package://` names."""
-    inside: dict[str, list[str]] = defaultdict(list)
-    for uri, _ in uses:
-        match = _PACKAGE.fullmatch(uri)
-        if match:
-            inside[match[1]].append(match[2])
-    return dict(inside)
-
-
-def find_packages(
-    uses: list[tuple[str, Node]], file: Path, known: Mapping[str, Path]
-) -> dict[str, Path]:
+def find_packages(uses: Uses, file: Path, known: Mapping[str, Path]) -> dict[str, Path]:
     """The folder of every package that a `package://` names: as known, else searched.
 
     SourceError with the line where one is not found.
     """
-    return {
-        name: known[name] if name in known else searched(name, inside, file, uses)
-        for name, inside in by_package(uses).items()
-    }
+    inside: dict[str, Uses] = {}
+    for uri, node in uses:
+        if match := _PACKAGE.fullmatch(uri):
+            inside.setdefault(match[1], []).append((match[2], node))
+    return {name: known.get(name) or _searched(name, inside[name], file) for name in inside}
 
 
 def above(file: Path) -> list[Path]:
@@ -63,21 +50,18 @@ def stated(name: str, folder: Path) -> Path:
     return Path(os.path.realpath(folder))
 
 
-def searched(name: str, inside: list[str], file: Path, uses: list[tuple[str, Node]]) -> Path:
+def _searched(name: str, inside: Uses, file: Path) -> Path:
     """The nearest folder above the URDF that holds the files, under the package's name or not."""
     folders = above(file)
     called = [folder for folder in folders if folder.name == name]
-    beside = [folder / name for folder in folders]
-    for folder in (*called, *beside, *folders):
-        if any(is_file(folder / path) for path in inside):
+    for folder in (*called, *(folder / name for folder in folders), *folders):
+        if any(is_file(folder / path) for path, _ in inside):
             return Path(os.path.realpath(folder))
-    uri, node = next(
-        (uri, node) for uri, node in uses if uri.startswith("package:") and name in uri
-    )
-    raise SourceError(
+    node = inside[0][1]
+    uri = (node.element.get("filename") or "").strip()
+    raise node.error(
         f"`{uri}`: no folder above the URDF holds the package `{name}`",
-        where=Where(node.file, node.line),
-        hint=f"say where it is: `--package {name}=FOLDER`",
+        f"say where it is: `--package {name}=FOLDER`",
     )
 
 
@@ -89,7 +73,7 @@ def is_file(path: Path) -> bool:
         return False
 
 
-def common_folder(file: Path, folders: Iterable[Path], uses: list[tuple[str, Node]]) -> Path:
+def common_folder(file: Path, folders: Iterable[Path], uses: Uses) -> Path:
     """The lowest folder that holds the URDF, its packages and what relative names lead to."""
     relative = [
         Path(os.path.normpath(file.parent / uri)).parent

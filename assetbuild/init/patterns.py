@@ -22,6 +22,12 @@ def patterns_of(group: Sequence[str], everything: Sequence[str]) -> tuple[str, .
     return patterns_of(group[:half], everything) + patterns_of(group[half:], everything)
 
 
+def pattern_of(group: Sequence[str], everything: Sequence[str]) -> str:
+    """The same as one pattern, however long."""
+    patterns = patterns_of(group, everything)
+    return patterns[0] if len(patterns) == 1 else f"({'|'.join(patterns)})"
+
+
 def _matched(pattern: str, names: Iterable[str]) -> set[str]:
     return {name for name in names if re.fullmatch(pattern, name)}
 

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from assetbuild.init.anatomy import Leg, chain_to
+from assetbuild.init.joint_range import bounds
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Array
@@ -75,9 +76,7 @@ def _relieve(
 
 
 def _values(joint: Joint) -> list[float]:
-    lower, upper = joint.limits.lower, joint.limits.upper
-    if joint.kind == "continuous" or lower is None or upper is None or lower >= upper:
-        lower, upper = -math.pi, math.pi
+    lower, upper = bounds(joint)
     lower, upper = max(lower, -math.pi), min(upper, math.pi)
     margin = 0.02 * (upper - lower)
     return [float(v) for v in np.linspace(lower + margin, upper - margin, VALUES)]

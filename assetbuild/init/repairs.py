@@ -7,16 +7,16 @@ measure (the mass of a link that states none) is a guess that says so.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.findings import Finding
-from assetbuild.init.look import Looked
+from assetbuild.init.look import InspectedRobot
 from assetbuild.init.mesh_points import is_flat
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.targets import not_in_usd
-from assetbuild.init.words import plain, quoted, some
+from assetbuild.init.words import inline, plain, some
 from assetbuild.robot.model import Mesh
 
 GUESSED_DENSITY = 1000
@@ -26,45 +26,52 @@ GUESSED_MASS = 0.01
 DUMMY_DENSITY = 1e6
 """kg/m3: fifty times the densest matter. Below, a small inertia is odd but can be simulated."""
 
+EDITS = """\
+# The source says what no simulator takes; these edits repair it. Check the numbers: the
+# report compares before and after.
+edits:"""
+
 _BROKEN = {"inertia.missing", "inertia.mass", "inertia.positive", "inertia.dense"}
-_LIMITS = {"joint.limits", "joint.locked"}
 
 
 @dataclass(frozen=True)
 class _Repair:
-    """edit: with `{name}` for the pattern; why: of its kind, beside it; on: a link or joint."""
+    """on: a link or joint. keys: of the edit, besides the name of it; why: of its kind."""
 
     on: str
     edit: str
+    keys: Mapping[str, object]
     why: str
     finding: str
 
 
-def repairs(robot: Looked, root: Path) -> list[str]:
-    """The section `edits:`; [] when there is nothing to repair. root: of the source's files."""
-    wanted = [*_inertias(robot, root), *_shares(robot), *_limits(robot)]
-    if not wanted:
-        return [*_hints(robot)]
-    lines = [
-        "# The source says what no simulator takes; these edits repair it. Check the numbers: the",
-        "# report compares before and after.",
-        "edits:",
-    ]
-    for edit in dict.fromkeys(repair.edit for repair in wanted):
-        alike = [repair for repair in wanted if repair.edit == edit]
-        names = tuple(dict.fromkeys(repair.on for repair in alike))
-        lines.append(f"  # {some(names)}: {plain(alike[0].finding, 300)}")
-        lines.append(f"  # {alike[0].why}")
-        known = robot.links.by_joint if "{joint:" in edit else robot.links.by_body
-        patterns = patterns_of(names, list(known))
-        lines += ["  - " + edit.format(name=quoted(pattern)) for pattern in patterns]
-    return [*lines, *_hints(robot)]
+def repairs(robot: InspectedRobot, root: Path) -> Iterator[str]:
+    """The section `edits:`; no line when nothing needs one. root: of the source's files."""
+    alike: dict[str, list[_Repair]] = {}
+    for repair in (*_inertias(robot, root), *_shares(robot), *_limits(robot)):
+        alike.setdefault(f"{repair.edit} {inline(repair.keys)}", []).append(repair)
+    if alike:
+        yield EDITS
+    for first, *others in alike.values():
+        names = tuple(dict.fromkeys(repair.on for repair in (first, *others)))
+        yield f"  # {some(names)}: {plain(first.finding, 300)}"
+        yield f"  # {first.why}"
+        kind = "joint" if first.edit == "set_limits" else "link"
+        known = robot.links.by_joint if kind == "joint" else robot.links.by_body
+        for pattern in patterns_of(names, list(known)):
+            yield f"  - {first.edit}: {inline({kind: pattern, **first.keys})}"
+    yield from _hints(robot)
+
+
+def _subject(finding: Finding) -> str:
+    """The name of the link or joint that it speaks of."""
+    return finding.subject.partition(" ")[2]
 
 
 # --- what to do -----------------------------------------------------------------------------
 
 
-def _inertias(robot: Looked, root: Path) -> Iterator[_Repair]:
+def _inertias(robot: InspectedRobot, root: Path) -> Iterator[_Repair]:
     """One repair for each link that makes a body impossible."""
     for link, findings in _broken_links(robot).items():
         rules = {finding.rule for finding in findings}
@@ -72,21 +79,17 @@ def _inertias(robot: Looked, root: Path) -> Iterator[_Repair]:
         if rules & _BROKEN:
             yield _remade(robot, root, link, worst)
         else:
-            yield _Repair(
-                link,
-                "balance_inertia: {{link: {name}}}",
-                "MuJoCo refuses such a tensor; the smallest moment is raised as far as needed",
-                worst.message,
-            )
+            why = "MuJoCo refuses such a tensor; the smallest moment is raised as far as needed"
+            yield _Repair(link, "balance_inertia", {}, why, worst.message)
 
 
-def _broken_links(robot: Looked) -> dict[str, list[Finding]]:
+def _broken_links(robot: InspectedRobot) -> dict[str, list[Finding]]:
     """Links to repair with the findings on them; of a merged body those that spoil it."""
     bad: dict[str, Finding] = {}
     for finding in robot.body_findings:
         grave = finding.rule in _BROKEN and (finding.severity == "error" or _is_dummy(finding))
         if grave or finding.rule == "inertia.triangle":  # MuJoCo refuses small violations too
-            bad[finding.subject.partition(" ")[2]] = finding
+            bad[_subject(finding)] = finding
     found: dict[str, list[Finding]] = {}
     for finding in robot.link_findings:
         kind, _, name = finding.subject.partition(" ")
@@ -106,36 +109,32 @@ def _is_dummy(finding: Finding) -> bool:
     return mass > DUMMY_DENSITY * 4.0 / 3.0 * math.pi * radius**3
 
 
-def _spoils(robot: Looked, link: str) -> bool:
+def _spoils(robot: InspectedRobot, link: str) -> bool:
     """A massless frame that was merged into a body is no reason for its mass properties."""
     inertial = robot.links.by_body[link].inertial
     return link in robot.tree.by_body or (inertial is not None and inertial.mass_kg > 0.0)
 
 
-def _remade(robot: Looked, root: Path, link: str, finding: Finding) -> _Repair:
+def _remade(robot: InspectedRobot, root: Path, link: str, finding: Finding) -> _Repair:
     inertial = robot.links.by_body[link].inertial
     mass = inertial.mass_kg if inertial else 0.0
     shown = [role for role in ("visual", "collision") if _is_solid(robot, root, link, role)]
     if not shown:
         return _ball(link, mass, finding)
-    how = f"from: {shown[0]}, open: hull" if shown[0] != "visual" else "open: hull"
+    how = {"open": "hull"} if shown[0] == "visual" else {"from": shown[0], "open": "hull"}
     if mass > 0.0:
-        return _Repair(
-            link,
-            f"inertia_from_geometry: {{{{link: {{name}}, mass: {mass!r}, {how}}}}}",
-            f"its mass as it is, spread over its {shown[0]} shapes (an open mesh: over its hull)",
-            finding.message,
+        matter = {"mass": mass}
+        why = f"its mass as it is, spread over its {shown[0]} shapes (an open mesh: over its hull)"
+    else:
+        matter = {"density": GUESSED_DENSITY}
+        why = (
+            f"a guess, as the source states no mass: the volume of its {shown[0]} shapes times the "
+            "density of water; put the `mass` here when you know it"
         )
-    return _Repair(
-        link,
-        f"inertia_from_geometry: {{{{link: {{name}}, density: {GUESSED_DENSITY}, {how}}}}}",
-        f"a guess, as the source states no mass: the volume of its {shown[0]} shapes times the "
-        "density of water; put the `mass` here when you know it",
-        finding.message,
-    )
+    return _Repair(link, "inertia_from_geometry", {**matter, **how}, why, finding.message)
 
 
-def _is_solid(robot: Looked, root: Path, link: str, role: str) -> bool:
+def _is_solid(robot: InspectedRobot, root: Path, link: str, role: str) -> bool:
     """Whether the link has shapes of this role, and each spans a volume."""
     shapes = [s.geometry for s in robot.shapes.shapes if (s.link, s.role) == (link, role)]
     meshes = [geometry for geometry in shapes if isinstance(geometry, Mesh)]
@@ -147,59 +146,43 @@ def _ball(link: str, mass: float, finding: Finding) -> _Repair:
     ball = mass or GUESSED_MASS
     radius = (3.0 * ball / (4.0 * math.pi * GUESSED_DENSITY)) ** (1.0 / 3.0)
     moment = float(f"{0.4 * ball * radius**2:.3g}")
-    stated = "" if mass else f"mass: {ball!r}, "
-    moments = f"{{{{ixx: {moment!r}, iyy: {moment!r}, izz: {moment!r}}}}}"
-    return _Repair(
-        link,
-        f"set_inertia: {{{{link: {{name}}, {stated}inertia: {moments}}}}}",
-        f"a guess, as it has no solid shape: a ball of {ball:g} kg and the density of water",
-        finding.message,
-    )
+    keys: dict[str, object] = {} if mass else {"mass": ball}
+    keys["inertia"] = dict.fromkeys(("ixx", "iyy", "izz"), moment)
+    why = f"a guess, as it has no solid shape: a ball of {ball:g} kg and the density of water"
+    return _Repair(link, "set_inertia", keys, why, finding.message)
 
 
-def _shares(robot: Looked) -> Iterator[_Repair]:
+def _shares(robot: InspectedRobot) -> Iterator[_Repair]:
     if not_in_usd(robot):
         return  # MuJoCo needs none: several joints on one body
+    why = (
+        "PhysX wants mass on every body: some is moved here from the body beyond, to where "
+        "the axes meet, which changes no motion; without the target usd, leave it out"
+    )
     for finding in robot.link_findings:
         if finding.rule == "inertia.between":
-            yield _Repair(
-                finding.subject.partition(" ")[2],
-                "share_mass: {{link: {name}}}",
-                "PhysX wants mass on every body: some is moved here from the body beyond, to where "
-                "the axes meet, which changes no motion; without the target usd, leave it out",
-                "a massless link between two joints",
-            )
+            found = "a massless link between two joints"
+            yield _Repair(_subject(finding), "share_mass", {}, why, found)
 
 
-def _limits(robot: Looked) -> Iterator[_Repair]:
+def _limits(robot: InspectedRobot) -> Iterator[_Repair]:
     for finding in robot.link_findings:
+        name = _subject(finding)
         if finding.rule == "joint.limits":
-            joint = robot.links.by_joint[finding.subject.partition(" ")[2]]
-            lower, upper = joint.limits.upper, joint.limits.lower
-            yield _Repair(
-                joint.name,
-                f"set_limits: {{{{joint: {{name}}, lower: {lower!r}, upper: {upper!r}}}}}",
-                "the two limits change places",
-                finding.message,
-            )
-        if finding.rule == "joint.mimic_limits":
-            name = finding.subject.partition(" ")[2]
-            lower, upper = (
-                float(f"{finding.data[f'led_{end}']:.9g}") for end in ("lower", "upper")
-            )
-            yield _Repair(
-                name,
-                f"set_limits: {{{{joint: {{name}}, lower: {lower!r}, upper: {upper!r}}}}}",
-                "no simulator holds both orders: it gets the range that it is led to",
-                finding.message,
-            )
+            limits = robot.links.by_joint[name].limits
+            keys = {"lower": limits.upper, "upper": limits.lower}
+            yield _Repair(name, "set_limits", keys, "the two limits change places", finding.message)
+        elif finding.rule == "joint.mimic_limits":
+            keys = {e: float(f"{finding.data[f'led_{e}']:.9g}") for e in ("lower", "upper")}
+            why = "no simulator holds both orders: it gets the range that it is led to"
+            yield _Repair(name, "set_limits", keys, why, finding.message)
 
 
-def _hints(robot: Looked) -> Iterator[str]:
+def _hints(robot: InspectedRobot) -> Iterator[str]:
     """What builds but may be a mistake, as a comment."""
     locked = [f for f in robot.link_findings if f.rule == "joint.locked"]
     if locked:
         yield "# Equal limits lock a joint. If it is meant to move, give it a range under `edits`:"
     for finding in locked:
-        name = finding.subject.partition(" ")[2]
-        yield f"#   - set_limits: {{joint: {quoted(name)}, lower: 0, upper: 0}}"
+        keys = {"joint": _subject(finding), "lower": 0, "upper": 0}
+        yield f"#   - set_limits: {inline(keys)}"

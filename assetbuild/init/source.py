@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -16,7 +16,7 @@ from assetbuild.source.urdf.xml import parse
 
 
 @dataclass(frozen=True)
-class Found:
+class UrdfSource:
     """key: of the recipe's source that names `file`. data: the description, a xacro's expanded.
 
     root: absolute, without links; file and the package folders: below it, `/` between.
@@ -28,8 +28,8 @@ class Found:
     file: str
     packages: Mapping[str, str]
     data: bytes
-    args: Mapping[str, str] = field(default_factory=dict)
-    defaults: Mapping[str, str] = field(default_factory=dict)
+    args: Mapping[str, str]
+    defaults: Mapping[str, str]
 
     @property
     def shown(self) -> str:
@@ -39,42 +39,30 @@ class Found:
 
 def find_source(
     file: Path, packages: Mapping[str, Path], args: Mapping[str, str] | None = None
-) -> Found:
+) -> UrdfSource:
     """Read the description and find what its file names mean.
 
     Raises SourceError where a package is not found, UsageError for a `--package` that is no
     folder and for `--arg` without a xacro.
     """
-    data = read_small_file(file, shown_path(file), SourceError)
+    args, name = args or {}, shown_path(file)
+    data = read_small_file(file, name, SourceError)
     folders = {name: stated(name, folder) for name, folder in packages.items()}
     real = Path(os.path.realpath(file))
-    if is_xacro(file, data):
-        return _found(
-            "xacro", real, shown_path(file), expand(real, data, folders, args or {}), folders
-        )
-    if args:
-        where = Where(shown_path(file))
-        raise UsageError("`--arg` is for a xacro file", where=where, hint="leave it out")
-    return _found("urdf", real, shown_path(file), Expanded(data, {}), folders)
-
-
-def _found(
-    key: Literal["urdf", "xacro"],
-    file: Path,
-    shown: str,
-    read: Expanded,
-    stated_folders: Mapping[str, Path],
-) -> Found:
-    uses = files_named(parse(read.data, shown))
-    used = {**stated_folders, **read.packages}
-    used |= find_packages(uses, file, used)
-    root = common_folder(file, used.values(), uses)
-    return Found(
-        key=key,
+    by_xacro = is_xacro(file, data)
+    if args and not by_xacro:
+        raise UsageError("`--arg` is for a xacro file", where=Where(name), hint="leave it out")
+    read = expand(real, data, folders, args) if by_xacro else Expanded(data, {}, {})
+    uses = files_named(parse(read.data, name))
+    used = {**folders, **read.packages}
+    used |= find_packages(uses, real, used)
+    root = common_folder(real, used.values(), uses)
+    return UrdfSource(
+        key="xacro" if by_xacro else "urdf",
         root=root,
-        file=file.relative_to(root).as_posix(),
+        file=real.relative_to(root).as_posix(),
         packages={name: used[name].relative_to(root).as_posix() for name in sorted(used)},
         data=read.data,
-        args=read.args,
+        args=args,
         defaults=read.defaults,
     )

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from assetbuild.edits.share_mass import meeting_point
 from assetbuild.errors import RecipeError
-from assetbuild.init.look import Looked
+from assetbuild.init.look import InspectedRobot
 from assetbuild.init.words import plain
 from assetbuild.robot.chains import find_chains, is_massless, weighs
 
 
-def targets(robot: Looked) -> str:
+def targets(robot: InspectedRobot) -> str:
     """The line of the recipe."""
     free = next((joint.name for joint in robot.tree.joints if joint.kind == "floating"), None)
     if free is not None:
@@ -21,7 +21,7 @@ def targets(robot: Looked) -> str:
     return "targets: [urdf, mjcf, usd]"
 
 
-def not_in_usd(robot: Looked) -> str:
+def not_in_usd(robot: InspectedRobot) -> str:
     """Why no articulation of PhysX is this robot, exactly; "" when one is."""
     for joint in robot.tree.joints:
         if joint.kind == "planar":

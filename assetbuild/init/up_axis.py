@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from assetbuild.geometry.lint_meshes import judge_up_axes
-from assetbuild.init.look import Looked
+from assetbuild.init.look import InspectedRobot
 from assetbuild.init.mesh_points import mesh_of, scaled_points
-from assetbuild.init.source import Found
+from assetbuild.init.source import UrdfSource
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.robot.model import Mesh, Shape
 from assetbuild.robot.pose import vec3
@@ -15,7 +15,7 @@ HEAD = 1 << 16
 """Bytes in which a COLLADA file tells its axis: its asset comes first."""
 
 
-def turned(source: Found, robot: Looked) -> list[str]:
+def turned(source: UrdfSource, robot: InspectedRobot) -> list[str]:
     """The line `honour_up_axis` with its reason; nothing where no mesh needs it."""
     doubted = [s for s in robot.shapes.shapes if _says_so(source, s)]
     if not doubted:
@@ -35,7 +35,7 @@ def turned(source: Found, robot: Looked) -> list[str]:
     return [f'  honour_up_axis: [".*"]   # meshes stand as their files say: {told}']
 
 
-def _says_so(source: Found, shape: Shape) -> bool:
+def _says_so(source: UrdfSource, shape: Shape) -> bool:
     if not isinstance(shape.geometry, Mesh) or not shape.geometry.mesh.lower().endswith(".dae"):
         return False
     try:
@@ -46,7 +46,7 @@ def _says_so(source: Found, shape: Shape) -> bool:
     return any(word in head for word in SAYS)
 
 
-def _bounds(source: Found, mesh: Mesh) -> ConvertedMesh | None:
+def _bounds(source: UrdfSource, mesh: Mesh) -> ConvertedMesh | None:
     """What `convert_mesh` would say of its bounds; None for one that it would refuse."""
     read = mesh_of(source.root, mesh)
     if read is None:

@@ -1,13 +1,31 @@
-"""Words of a recipe: YAML scalars, lists and comments."""
+"""Words of a recipe: YAML scalars, flow maps, lists and comments."""
 
 from __future__ import annotations
 
 import json
+import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 
 WIDTH = 100
 """Characters in a line of a recipe."""
+
+
+def written(*sections: Iterable[str]) -> str:
+    """The recipe of the lines of its sections; one without lines is left out."""
+    blocks = ["\n".join(section) for section in sections]
+    return "\n\n".join(block for block in blocks if block) + "\n"
+
+
+def source_section(root: Path, recipe: Path, key: str, file: str, *more: str) -> Iterator[str]:
+    """The section `source:` of a recipe that will lie at `recipe`; more: further lines."""
+    relative = os.path.relpath(root, os.path.realpath(recipe.parent))
+    yield "source:"
+    yield f"  path: {quoted(Path(relative).as_posix())}   # relative to this file"
+    yield f"  {key}: {quoted(file)}"
+    yield from more
+    yield "  # license: MIT   # the SPDX name of the source's licence; please state it"
 
 
 def flow(head: str, items: Sequence[str], tail: str) -> list[str]:
@@ -23,6 +41,15 @@ def flow(head: str, items: Sequence[str], tail: str) -> list[str]:
             line = indent
         line += item + ", "
     return [*lines, line.rstrip(" ,") + tail]
+
+
+def inline(value: object) -> str:
+    """A value in YAML's flow style; numbers keep all their digits."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{inline(k)}: {inline(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(inline, value)) + "]"
+    return quoted(value) if isinstance(value, str) else repr(value)
 
 
 def quoted(text: str) -> str:

@@ -8,13 +8,13 @@ from __future__ import annotations
 import json
 import os
 import re
-import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from xml.etree.ElementTree import ParseError
 
-from assetbuild.engine.step import Files
+from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError
 from assetbuild.init.packages import above, common_folder
 from assetbuild.source.urdf.expand_xacro import INCLUDED, ExpandXacro
@@ -29,12 +29,11 @@ _NAMED = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 
 @dataclass(frozen=True)
 class Expanded:
-    """data: URDF; packages: the folders that were used; args, defaults: see `source.Found`."""
+    """data: URDF; packages: the folders that were used; defaults: see `UrdfSource`."""
 
     data: bytes
     packages: Mapping[str, Path]
-    args: Mapping[str, str] = field(default_factory=dict)
-    defaults: Mapping[str, str] = field(default_factory=dict)
+    defaults: Mapping[str, str]
 
 
 def is_xacro(file: Path, data: bytes) -> bool:
@@ -56,25 +55,22 @@ def expand(
         args=dict(sorted(args.items())),
         packages={name: f.relative_to(root).as_posix() for name, f in sorted(folders.items())},
     )
-    with tempfile.TemporaryDirectory(prefix="assetbuild-init-") as scratch:
-        files = Files(inputs=Path(scratch) / "in", outputs=Path(scratch) / "out")
-        _link(files.inputs / "tree", root, [file, *_readable(file.parent)])
-        for folder in folders.values():
-            _link(files.inputs / "tree", root, _readable(folder))
-        files.outputs.mkdir()
+    with scratch() as ports:
+        for path in (file, *_readable(file.parent), *chain(*map(_readable, folders.values()))):
+            ports.link(f"tree/{path.relative_to(root)}", path)
         try:
-            list(step.run(files))
+            ports.run(step)
         except SourceError as error:
             raise _reworded(error) from None
-        urdf = (files.outputs / "robot.urdf").read_bytes()
-        used = [root / name for name in json.loads((files.outputs / "used.json").read_bytes())]
+        urdf = ports.read("robot.urdf")
+        used = [root / name for name in json.loads(ports.read("used.json"))]
     text = urdf.decode("utf-8")
     needed = {
         name: folder
         for name, folder in folders.items()
         if f"package://{name}/" in text or any(path.is_relative_to(folder) for path in used)
     }
-    return Expanded(urdf, needed, dict(args), _defaults([file, *used]))
+    return Expanded(urdf, needed, _defaults([file, *used]))
 
 
 def _reworded(error: SourceError) -> SourceError:
@@ -92,32 +88,26 @@ def _reworded(error: SourceError) -> SourceError:
 
 def _packages(file: Path, data: bytes, stated: Mapping[str, Path]) -> dict[str, Path]:
     """Folders of all packages that the file and what it may include speak of, where they exist."""
-    folders = dict(stated)
-    missing: set[str] = set()
+    found: dict[str, Path | None] = dict(stated)
     waiting = [data.decode("utf-8", "replace")]
     waiting += [_text(path) for folder in stated.values() for path in _readable(folder)]
     while waiting:
         for match in _FIND.finditer(waiting.pop()):
             name = match[1] or match[2]
-            if name in folders or name in missing:
-                continue
-            folder = _folder(name, file)
-            if folder is None:
-                missing.add(name)
-                continue
-            folders[name] = folder
-            waiting += [_text(path) for path in _readable(folder) if path.suffix != ".yaml"]
-    return folders
+            if name not in found:
+                folder = found[name] = _folder(name, file)
+                if folder is not None:
+                    waiting += [_text(p) for p in _readable(folder) if p.suffix != ".yaml"]
+    return {name: folder for name, folder in found.items() if folder is not None}
 
 
 def _folder(name: str, file: Path) -> Path | None:
     """The nearest folder above the file, or beside one of those, that is the package."""
     folders = above(file)
-    for folder in folders:
-        if folder.name == name or _declares(folder, name):
-            return folder
-    beside = (folder / name for folder in folders)
-    return next((Path(os.path.realpath(folder)) for folder in beside if folder.is_dir()), None)
+    called = (folder for folder in folders if folder.name == name or _declares(folder, name))
+    beside = (folder / name for folder in folders if (folder / name).is_dir())
+    found = next(chain(called, beside), None)
+    return found and Path(os.path.realpath(found))
 
 
 def _declares(folder: Path, name: str) -> bool:
@@ -143,14 +133,6 @@ def _readable(folder: Path) -> Iterator[Path]:
                 count += 1
         if count > MOST_FILES:
             return
-
-
-def _link(tree: Path, root: Path, files: Iterator[Path] | list[Path]) -> None:
-    for path in files:
-        link = tree / path.relative_to(root)
-        if not link.exists():
-            link.parent.mkdir(parents=True, exist_ok=True)
-            link.symlink_to(path)
 
 
 # --- arguments ------------------------------------------------------------------------------

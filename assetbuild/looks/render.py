@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -36,8 +36,10 @@ BODY = (2, 3)
 """What stands for the robot: visual geometry, and collision geometry of bodies without any."""
 HULLS = ("mjVIS_CONVEXHULL",)
 """A collision mesh that is not convex is shown as what MuJoCo collides: its hull."""
-GREY = (0.72, 0.74, 0.77, 1.0)
-MOVED = (0.95, 0.50, 0.10, 1.0)
+Rgba = tuple[float, float, float, float]
+CLEAR: Rgba = (0.0, 0.0, 0.0, 0.0)
+GREY: Rgba = (0.72, 0.74, 0.77, 1.0)
+MOVED: Rgba = (0.95, 0.50, 0.10, 1.0)
 
 NO_PICTURES = Rule(
     "pictures.none",
@@ -131,11 +133,14 @@ class Stage:
     def __init__(self, studio: Studio, model: Model, data: Data) -> None:
         self.studio, self.model, self.data = studio, model, data
         self.center, self.size, self.distance = extent(model, data)
-        visual = np.flatnonzero(np.asarray(model.geom_group) == 2)
-        self._with_visual = frozenset(int(model.geom_bodyid[geom]) for geom in visual)
-        self.looks = (0, 2) if self._with_visual else (0, 3)
+        groups, bodies = np.asarray(model.geom_group), np.asarray(model.geom_bodyid)
+        visual, pieces = bodies[groups == 2], groups == 3
+        self._pieces = frozenset(np.flatnonzero(pieces).tolist())
+        self._spare = frozenset(np.flatnonzero(pieces & np.isin(bodies, visual)).tolist())
+        """Collision geometry of bodies that have visual geometry to be seen by."""
+        self.looks = (0, 2) if len(visual) else (0, 3)
         """Of a robot without any visual geometry one sees what collides, not an empty floor."""
-        self.seen = f"the {'visual' if self._with_visual else 'collision'} geometry"
+        self.seen = f"the {'visual' if len(visual) else 'collision'} geometry"
         scale = model.vis.scale
         # MuJoCo draws decorations in units of the model's mean size, which a small head decides.
         unit = self.size / float(model.stat.meansize)
@@ -174,60 +179,46 @@ class Stage:
             pixels = self.studio.frame(self.data, self.view(**more))
             yield Picture(f"{name}.png", title, alt, pixels)
 
+    def tile(self, data: Data, **more: Any) -> Pixels:  # Any: the fields of View
+        """One of many small pictures."""
+        return self.studio.frame(data, self.view(width=TILE_WIDTH, height=TILE_HEIGHT, **more))
+
     def turntable(self, count: int) -> Iterator[Picture]:
         """One strip of views all around."""
-        tiles = [
-            self.studio.frame(
-                self.data,
-                self.view(
-                    azimuth=140.0 + 360.0 * n / count,
-                    width=TILE_WIDTH,
-                    height=TILE_HEIGHT,
-                    groups=self.looks,
-                ),
-            )
-            for n in range(count)
-        ]
+        turns = [140.0 + 360.0 * n / count for n in range(count)]
+        tiles = [self.tile(self.data, azimuth=turn, groups=self.looks) for turn in turns]
         if tiles:
             alt = f"{self.seen} from {count} sides"
-            yield Picture("turntable.png", "Turntable", alt, sheet(tiles, [""] * count, 4))
+            yield Picture("turntable.png", "Turntable", alt, sheet(tiles, [""] * count))
 
     def directions(self) -> Iterator[Picture]:
         """Each joint turned by -0.3 and +0.3 rad from home; what moves is orange."""
         import mujoco as mj
 
-        turning = (mj.mjtJoint.mjJNT_HINGE.value, mj.mjtJoint.mjJNT_SLIDE.value)
-        joints = [j for j in range(self.model.njnt) if int(self.model.jnt_type[j]) in turning]
+        hinge, slide = mj.mjtJoint.mjJNT_HINGE.value, mj.mjtJoint.mjJNT_SLIDE.value
+        kinds = [int(kind) for kind in self.model.jnt_type]
+        joints = [joint for joint, kind in enumerate(kinds) if kind in (hinge, slide)]
         if not joints or len(joints) > MOST_JOINTS:
             return
         tiles, texts = [], []
         for joint in joints:
+            name = mujoco.name_of(self.model, "joint", joint)
+            turns = kinds[joint] == hinge
+            unit, travel = ("rad", TURN) if turns else ("m", self._travel(joint))
             paint = self._highlighted(self._below(int(self.model.jnt_bodyid[joint])))
-            for value in self._offsets(joint):
-                tiles.append(self._turned(joint, value, paint))
-                unit = "rad" if int(self.model.jnt_type[joint]) == turning[0] else "m"
-                name = mujoco.name_of(self.model, "joint", joint)
+            for value in (-travel, travel):
+                data = at_home(self.model)
+                data.qpos[int(self.model.jnt_qposadr[joint])] += value
+                mj.mj_kinematics(self.model, data)
+                tiles.append(self.tile(data, groups=BODY, paint=paint))
                 texts.append(caption(name, f" {value:+.2g} {unit}"))
         alt = "each joint turned to both sides of home; the part that moves is orange"
-        yield Picture("directions.png", "Joint directions", alt, sheet(tiles, texts, 4))
+        yield Picture("directions.png", "Joint directions", alt, sheet(tiles, texts))
 
-    def _offsets(self, joint: int) -> tuple[float, float]:
-        import mujoco as mj
-
-        if int(self.model.jnt_type[joint]) == mj.mjtJoint.mjJNT_HINGE.value:
-            return (-TURN, TURN)
+    def _travel(self, joint: int) -> float:
+        """How far a slide is moved, m."""
         lower, upper = (float(v) for v in self.model.jnt_range[joint])
-        travel = TURN * (upper - lower) if self.model.jnt_limited[joint] else 0.1
-        return (-travel, travel)
-
-    def _turned(self, joint: int, value: float, paint: offscreen.Paint) -> Pixels:
-        import mujoco as mj
-
-        data = at_home(self.model)
-        data.qpos[int(self.model.jnt_qposadr[joint])] += value
-        mj.mj_kinematics(self.model, data)
-        view = self.view(groups=BODY, width=TILE_WIDTH, height=TILE_HEIGHT, paint=paint)
-        return self.studio.frame(data, view)
+        return TURN * (upper - lower) if self.model.jnt_limited[joint] else 0.1
 
     def _below(self, body: int) -> frozenset[int]:
         """A body and all that hangs on it."""
@@ -237,54 +228,40 @@ class Stage:
                 found.add(child)
         return frozenset(found)
 
-    def _is_robot(self, geom: Any) -> bool:  # Any: mjvGeom
-        import mujoco as mj
-
-        is_geom = geom.objtype == mj.mjtObj.mjOBJ_GEOM.value
-        return bool(is_geom and self.model.geom_bodyid[geom.objid] != 0)
-
-    def _is_spare(self, geom: Any) -> bool:  # Any: mjvGeom
-        """Collision geometry of a body that has visual geometry to be seen by."""
-        is_collision = int(self.model.geom_group[geom.objid]) == 3
-        return is_collision and int(self.model.geom_bodyid[geom.objid]) in self._with_visual
-
-    def _is_free_joint(self, geom: Any) -> bool:  # Any: mjvGeom
-        import mujoco as mj
-
-        is_joint = geom.objtype == mj.mjtObj.mjOBJ_JOINT.value
-        return bool(is_joint and self.model.jnt_type[geom.objid] == mj.mjtJoint.mjJNT_FREE.value)
-
     def _by_piece(self, alpha: float) -> offscreen.Paint:
         """A colour of its own for each collision piece; visual geometry keeps its own."""
-
-        def paint(geom: Any) -> None:  # Any: mjvGeom
-            if self._is_robot(geom) and int(self.model.geom_group[geom.objid]) == 3:
-                plain(geom, (*hue(geom.objid), alpha))
-
-        return paint
+        return self._painted(lambda geom: (*hue(geom), alpha) if geom in self._pieces else None)
 
     def _faded(self, alpha: float, *, spare: bool = True) -> offscreen.Paint:
-        def paint(geom: Any) -> None:  # Any: mjvGeom
-            if self._is_robot(geom):
-                plain(geom, (*GREY[:3], 0.0 if spare and self._is_spare(geom) else alpha))
-            elif self._is_free_joint(geom):
-                geom.rgba[3] = 0.0  # a box in the middle of the robot says nothing
-
-        return paint
+        hidden = self._spare if spare else frozenset()
+        return self._painted(lambda geom: (*GREY[:3], 0.0 if geom in hidden else alpha))
 
     def _highlighted(self, bodies: frozenset[int]) -> offscreen.Paint:
-        def paint(geom: Any) -> None:  # Any: mjvGeom
-            if self._is_robot(geom):
-                if self._is_spare(geom):
-                    plain(geom, (0.0, 0.0, 0.0, 0.0))
-                    return
-                moves = int(self.model.geom_bodyid[geom.objid]) in bodies
-                plain(geom, MOVED if moves else GREY)
+        def colour(geom: int) -> Rgba:
+            moves = int(self.model.geom_bodyid[geom]) in bodies
+            return CLEAR if geom in self._spare else MOVED if moves else GREY
+
+        return self._painted(colour)
+
+    def _painted(self, colour: Callable[[int], Rgba | None]) -> offscreen.Paint:
+        """The robot's geometry, each in the colour for its number; None = as it is."""
+        import mujoco as mj
+
+        of_geom, of_joint = mj.mjtObj.mjOBJ_GEOM.value, mj.mjtObj.mjOBJ_JOINT.value
+        free = mj.mjtJoint.mjJNT_FREE.value
+
+        def paint(drawn: Any) -> None:  # Any: mjvGeom
+            if drawn.objtype == of_geom and self.model.geom_bodyid[drawn.objid] != 0:
+                rgba = colour(drawn.objid)
+                if rgba is not None:
+                    plain(drawn, rgba)
+            elif drawn.objtype == of_joint and self.model.jnt_type[drawn.objid] == free:
+                drawn.rgba[3] = 0.0  # a box in the middle of the robot says nothing
 
         return paint
 
 
-def plain(geom: Any, rgba: tuple[float, float, float, float]) -> None:  # Any: mjvGeom
+def plain(geom: Any, rgba: Rgba) -> None:  # Any: mjvGeom
     """One colour without gloss, whatever its material says."""
     geom.rgba[:] = rgba
     geom.matid = -1
@@ -328,11 +305,11 @@ def caption(name: str, tail: str) -> str:
     return name + tail
 
 
-def sheet(tiles: Sequence[Pixels], texts: Sequence[str], columns: int) -> Pixels:
-    """Tiles in rows, each with its text above."""
+def sheet(tiles: Sequence[Pixels], texts: Sequence[str]) -> Pixels:
+    """Tiles in rows of four, each with its text above."""
     from PIL import Image, ImageDraw, ImageFont
 
-    height, width = tiles[0].shape[:2]
+    columns, (height, width) = 4, tiles[0].shape[:2]
     band = 16 if any(texts) else 0
     rows = -(-len(tiles) // columns)
     page = Image.new("RGB", (columns * width, rows * (height + band)), (250, 250, 250))

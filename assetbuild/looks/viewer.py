@@ -20,8 +20,8 @@ from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.solids import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Box, Geometry, Mesh, Shape, Shapes, Sphere, Tree
-from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.model import Geometry, Mesh, Shapes, Tree
+from assetbuild.robot.pose import Array
 
 SPAN_M = 0.03
 """Distances between visual and collision geometry are told up to this; beyond it, all is one."""
@@ -118,13 +118,13 @@ def _shapes(
     colours = {material.name: material.rgba for material in shapes.materials}
     solids: dict[str, list[Distance]] = {}
     for shape in shapes.of("collision"):
-        body, X_body_shape = _placed(tree, shape)
+        body, X_body_shape = tree.shape_placement(shape)
         geometry = shape.geometry
         solid = meshes[geometry.mesh].vertices if isinstance(geometry, Mesh) else geometry
         solids.setdefault(body, []).append(distance_to(solid, X_body_shape))
     rows = []
     for shape in shapes.shapes:
-        body, X_body_shape = _placed(tree, shape)
+        body, X_body_shape = tree.shape_placement(shape)
         row: dict[str, object] = {
             "name": shape.name,
             "link": shape.link,
@@ -149,16 +149,8 @@ def in_bytes(distance_m: Array) -> NDArray[np.uint8]:
     return np.asarray(steps + 128.0, dtype=np.uint8)
 
 
-def _placed(tree: Tree, shape: Shape) -> tuple[str, Pose]:
-    body, X_body_link = tree.placement(shape.link)
-    return body, X_body_link @ shape.X_link_shape
-
-
 def _described(geometry: Geometry) -> dict[str, object]:
+    kind = type(geometry).__name__.lower()
     if isinstance(geometry, Mesh):
-        return {"kind": "mesh", "mesh": geometry.mesh}
-    if isinstance(geometry, Box):
-        return {"kind": "box", "dims": list(geometry.size)}
-    if isinstance(geometry, Sphere):
-        return {"kind": "sphere", "dims": [geometry.radius]}
-    return {"kind": type(geometry).__name__.lower(), "dims": [geometry.radius, geometry.length]}
+        return {"kind": kind, "mesh": geometry.mesh}
+    return {"kind": kind, "dims": np.ravel([*vars(geometry).values()]).tolist()}

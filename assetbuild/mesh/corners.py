@@ -37,8 +37,8 @@ def corners_by_body(tree: Tree, shapes: Shapes, mesh_dir: Path) -> Corners:
 
     found: dict[tuple[str, Literal["visual", "collision"]], list[Array]] = {}
     for shape in shapes.shapes:
-        body, X_body_link = tree.placement(shape.link)
-        placed = (X_body_link @ shape.X_link_shape).apply(corners(shape.geometry))
+        body, X_body_shape = tree.shape_placement(shape)
+        placed = X_body_shape.apply(corners(shape.geometry))
         found.setdefault((body, shape.role), []).append(placed)
     return {key: np.concatenate(parts) for key, parts in found.items()}
 

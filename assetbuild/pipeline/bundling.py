@@ -6,12 +6,13 @@ import datetime
 import json
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild import __version__
 from assetbuild.engine.digest import digest_bytes
-from assetbuild.engine.graph import Graph
+from assetbuild.engine.graph import Graph, Ref
 from assetbuild.engine.keys import tool_version
 from assetbuild.engine.make import NodeResult
 from assetbuild.engine.publish import (
@@ -23,9 +24,9 @@ from assetbuild.engine.publish import (
     publish,
 )
 from assetbuild.engine.session import Session
-from assetbuild.engine.store import machine_error
+from assetbuild.engine.store import Listing, machine_error
 from assetbuild.errors import StepError, UsageError
-from assetbuild.lock import GitPin, Lock, lock_path
+from assetbuild.lock import GitPin, Lock, Pin, lock_path
 from assetbuild.plan import Outline, part_lock
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
@@ -58,46 +59,26 @@ def bundle_files(
     graph: Graph,
 ) -> list[BundleFile]:
     """Everything that the bundle of one recipe holds, manifest and provenance last."""
-    recipe = loaded.recipe
-    pinned = _pinned(recipe, lock)
-    files = _target_files(outline, results, session) + _licence_files(outline, results, session)
-    subject = _subject(loaded, pinned, outline, session, results)
-    files += _report_files(subject, outline, report, session, results)
-    files.append(
-        notice(
-            [
-                (recipe, pinned),
-                *((p.recipe, _pinned(p.recipe, part_lock(p))) for p in loaded.parts),
-            ]
-        )
-    )
-    if outline.ranges is not None:
-        stated = session.read(results[outline.ranges.label]["dr.yaml"])
-        files.append(BundleFile.of_bytes("dr.yaml", "randomization", stated))
-    if outline.expanded is not None:
-        expanded = results[outline.expanded.node][outline.expanded.output]
-        size = len(session.read(expanded))
-        files.append(BundleFile("report/expanded.urdf", "report", expanded, size))
+    recipe, built = loaded.recipe, _Built(outline, results, session)
+    locks = [(recipe, lock), *((part.recipe, part_lock(part)) for part in loaded.parts)]
+    pins = [(each, held.pin_of(each.source) if held else None) for each, held in locks]
+    told = [(each, dict(pin.model_dump()) if pin else {}) for each, pin in pins]
+    tree, shapes, control = built.robot()
+    subject = Subject(recipe, told[0][1], tree, shapes, control)
+    files = [*built.targets(), *built.licences(), *_report_files(subject, report, built)]
+    files += [notice(told), *built.others()]
     files.append(manifest(recipe.robot, files))
-    materials = _tools(graph) + _materials(recipe, lock)
-    for part in loaded.parts:
-        materials += _materials(part.recipe, part_lock(part))
+    materials = [*_tools(graph), *(material for pin in pins for material in _material(*pin))]
     materials += _named(loaded, files_read(loaded, graph, session))
-    recipe_digest = session.sources.digest(loaded.path)
-    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     run = {
-        "finishedOn": now,
+        "finishedOn": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "assetbuild_host": platform.node(),
         "assetbuild_python": platform.python_version(),
     }
     parameters = {"recipe": loaded.path.name, "variant": loaded.variant}
+    recipe_digest = session.sources.digest(loaded.path)
     files.append(provenance(files, recipe_digest, parameters, materials, run))
     return files
-
-
-def _pinned(recipe: Recipe, lock: Lock | None) -> dict[str, object]:
-    pin = lock.pin_of(recipe.source) if lock else None
-    return dict(pin.model_dump()) if pin else {}
 
 
 def files_read(loaded: LoadedRecipe, graph: Graph, session: Session) -> dict[str, str]:
@@ -111,8 +92,7 @@ def files_read(loaded: LoadedRecipe, graph: Graph, session: Session) -> dict[str
 def _tools(graph: Graph) -> list[dict[str, object]]:
     """assetbuild, and the libraries whose versions are part of the steps' keys."""
     names = {name for node in graph.nodes.values() for name in node.step.tools}
-    versions = {name: tool_version(name) for name in names}
-    versions["assetbuild"] = __version__
+    versions = {name: tool_version(name) for name in names} | {"assetbuild": __version__}
     return [{"uri": package_url(*pair)} for pair in sorted(versions.items())]
 
 
@@ -125,114 +105,103 @@ def _named(loaded: LoadedRecipe, read: Mapping[str, str]) -> list[dict[str, obje
     ]
 
 
-def _materials(recipe: Recipe, lock: Lock | None) -> list[dict[str, object]]:
-    """What was downloaded, each with its digest."""
+def _material(recipe: Recipe, pin: Pin | GitPin | None) -> Iterator[dict[str, object]]:
+    """What was downloaded, with its digest."""
     if recipe.source.url is not None:
-        return [{"uri": recipe.source.url, "digest": {"sha256": recipe.source.sha256}}]
-    pin = lock.pin_of(recipe.source) if lock else None
-    if pin is None:
-        return []
-    if isinstance(pin, GitPin):
-        uri = f"git+{pin.git}@{pin.commit}"
-        return [{"uri": uri, "digest": {"gitCommit": pin.commit, "sha256": pin.sha256}}]
-    uri = f"pkg:pypi/{pin.name}@{pin.version}"
-    return [{"uri": uri, "digest": {"sha256": pin.sha256}}]
+        yield {"uri": recipe.source.url, "digest": {"sha256": recipe.source.sha256}}
+    elif isinstance(pin, GitPin):
+        digest = {"gitCommit": pin.commit, "sha256": pin.sha256}
+        yield {"uri": f"git+{pin.git}@{pin.commit}", "digest": digest}
+    elif pin is not None:
+        yield {"uri": f"pkg:pypi/{pin.name}@{pin.version}", "digest": {"sha256": pin.sha256}}
 
 
-def _target_files(
-    outline: Outline, results: Mapping[str, NodeResult], session: Session
-) -> list[BundleFile]:
-    """Files of all targets, each path once; StepError when two targets disagree about one."""
-    files: dict[str, BundleFile] = {}
-    for name, node in outline.targets.items():
-        tree = session.tree(results[node.label][f"{name}/"])
-        folder = getattr(type(node.step), "folder", None)
-        prefix = f"{name}/" if folder is None else f"{folder}/" if folder else ""
-        for path, (digest, size) in sorted(tree.items()):
-            file = BundleFile(f"{prefix}{path}", name, digest, size)
-            if files.setdefault(file.path, file).sha256 != digest:
-                raise StepError(f"targets {files[file.path].role} and {name} both write {path}")
-    return list(files.values())
+@dataclass(frozen=True)
+class _Built:
+    """What the steps of one recipe made, by its outline."""
+
+    outline: Outline
+    results: Mapping[str, NodeResult]
+    session: Session
+
+    def read(self, ref: Ref) -> bytes:
+        """The content of an output."""
+        return self.session.read(self.results[ref.node][ref.output])
+
+    def listing(self, ref: Ref) -> Listing:
+        """Path -> (digest, size) of an output that is a folder."""
+        return self.session.tree(self.results[ref.node][ref.output])
+
+    def robot(self) -> tuple[Tree, Shapes, Control]:
+        """The robot that the targets wrote."""
+        tree, shapes, control = (
+            self.read(self.outline.robot[port])
+            for port in ("tree.json", "shapes.json", "control.json")
+        )
+        return decode(Tree, tree), decode(Shapes, shapes), decode(Control, control)
+
+    def targets(self) -> list[BundleFile]:
+        """Files of all targets, each path once; StepError when two disagree about one."""
+        files: dict[str, BundleFile] = {}
+        for name, node in self.outline.targets.items():
+            folder = getattr(type(node.step), "folder", None)
+            prefix = f"{name}/" if folder is None else f"{folder}/" if folder else ""
+            for path, (digest, size) in sorted(self.listing(node[f"{name}/"]).items()):
+                file = BundleFile(f"{prefix}{path}", name, digest, size)
+                if files.setdefault(file.path, file).sha256 != digest:
+                    raise StepError(f"targets {files[file.path].role} and {name} both write {path}")
+        return list(files.values())
+
+    def licences(self) -> Iterator[BundleFile]:
+        """The licence texts of the source and of its parts."""
+        for path, ref in sorted(self.outline.licenses.items()):
+            if ref.node:
+                digest, size = self.listing(ref)[ref.member]
+            else:
+                file = Path(ref.output)
+                digest, size = self.session.sources.digest(file), file.stat().st_size
+            yield BundleFile(f"LICENSES/{path}", "licence", digest, size)
+
+    def others(self) -> Iterator[BundleFile]:
+        """What not every recipe makes: `dr.yaml`, the expanded xacro."""
+        if self.outline.ranges is not None:
+            stated = self.read(self.outline.ranges["dr.yaml"])
+            yield BundleFile.of_bytes("dr.yaml", "randomization", stated)
+        if self.outline.expanded is not None:
+            expanded = self.read(self.outline.expanded)
+            yield BundleFile.of_bytes("report/expanded.urdf", "report", expanded)
+
+    def pictures(self) -> Iterator[tuple[Picture, BundleFile]]:
+        """Each picture, for the page and as a file."""
+        node = self.outline.looks.get("pictures")
+        if node is None:
+            return
+        images = self.listing(node["images/"])
+        for row in json.loads(self.read(node["pictures.json"]))["pictures"]:
+            digest, size = images[row["file"]]
+            file = BundleFile(f"report/images/{row['file']}", "report", digest, size)
+            yield Picture(row["title"], row["alt"], self.session.read(digest)), file
+
+    def view(self) -> View | None:
+        """The 3D view; None in a bundle without."""
+        node = self.outline.looks.get("viewer")
+        if node is None:
+            return None
+        return View(self.read(node["viewer.json"]).decode(), self.read(node["three.js"]).decode())
 
 
-def _licence_files(
-    outline: Outline, results: Mapping[str, NodeResult], session: Session
-) -> list[BundleFile]:
-    files = []
-    for path, ref in sorted(outline.licenses.items()):
-        if ref.node:
-            digest, size = session.tree(results[ref.node][ref.output])[ref.member]
-        else:
-            digest, size = session.sources.digest(Path(ref.output)), Path(ref.output).stat().st_size
-        files.append(BundleFile(f"LICENSES/{path}", "licence", digest, size))
-    return files
-
-
-def _report_files(
-    subject: Subject,
-    outline: Outline,
-    report: Report,
-    session: Session,
-    results: Mapping[str, NodeResult],
-) -> list[BundleFile]:
+def _report_files(subject: Subject, report: Report, built: _Built) -> list[BundleFile]:
     """The report for machines, for people, for a job's page; its pictures."""
-    pictures, files = _pictures(outline, session, results)
-    page = html_page(report, subject, pictures, _view(outline, session, results))
-    return [
-        BundleFile.of_text("report/report.json", "report", json_text(report.to_json())),
-        BundleFile.of_text("report/index.html", "report", page),
-        BundleFile.of_text("report/report.md", "report", summary(report)),
-        BundleFile.of_text(
-            "report/robot.json",
-            "report",
-            robot_json(subject.tree, subject.shapes, subject.control),
-        ),
-        BundleFile.of_text("model_card.md", "report", model_card(subject, report)),
-        *files,
-    ]
-
-
-def _pictures(
-    outline: Outline, session: Session, results: Mapping[str, NodeResult]
-) -> tuple[list[Picture], list[BundleFile]]:
-    node = outline.looks.get("pictures")
-    if node is None:
-        return [], []
-    made = results[node.label]
-    images = session.tree(made["images/"])
-    shown, files = [], []
-    for row in json.loads(session.read(made["pictures.json"]))["pictures"]:
-        digest, size = images[row["file"]]
-        shown.append(Picture(row["title"], row["alt"], session.read(digest)))
-        files.append(BundleFile(f"report/images/{row['file']}", "report", digest, size))
-    return shown, files
-
-
-def _view(outline: Outline, session: Session, results: Mapping[str, NodeResult]) -> View | None:
-    node = outline.looks.get("viewer")
-    if node is None:
-        return None
-    made = results[node.label]
-    return View(
-        session.read(made["viewer.json"]).decode("ascii"), session.read(made["three.js"]).decode()
-    )
-
-
-def _subject(
-    loaded: LoadedRecipe,
-    pinned: Mapping[str, object],
-    outline: Outline,
-    session: Session,
-    results: Mapping[str, NodeResult],
-) -> Subject:
-    def built(port: str) -> bytes:
-        ref = outline.robot[port]
-        return session.read(results[ref.node][ref.output])
-
-    tree = decode(Tree, built("tree.json"))
-    shapes = decode(Shapes, built("shapes.json"))
-    control = decode(Control, built("control.json"))
-    return Subject(loaded.recipe, pinned, tree, shapes, control)
+    shown = list(built.pictures())
+    texts = {
+        "report/report.json": json_text(report.to_json()),
+        "report/index.html": html_page(report, subject, [p for p, _ in shown], built.view()),
+        "report/report.md": summary(report),
+        "report/robot.json": robot_json(subject.tree, subject.shapes, subject.control),
+        "model_card.md": model_card(subject, report),
+    }
+    files = [BundleFile.of_text(path, "report", text) for path, text in texts.items()]
+    return [*files, *(file for _, file in shown)]
 
 
 def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,46 +43,38 @@ def findings_of(
     """What the steps say, under the names of the robot: a step knows neither mesh nor part."""
     findings: list[Finding] = []
     for label, result in results.items():
-        if label == PICTURE_MODEL:
-            continue  # the target `mjcf` has said it already
-        subject = outline.subjects.get(label)
-        own = _of_part(loaded, label, result.findings)
-        findings += [replace(f, subject=subject) for f in own] if subject else own
+        if label != PICTURE_MODEL:  # the target `mjcf` says the same
+            subject = outline.subjects.get(label)
+            own = _of_part(loaded, label, result.findings)
+            findings += (replace(f, subject=subject) for f in own) if subject else own
     return findings
 
 
-def _licences(loaded: LoadedRecipe, outline: Outline) -> list[Finding]:
+def _licences(loaded: LoadedRecipe, outline: Outline) -> Iterator[Finding]:
     """What the licences of the robot and of its parts ask; texts lie below each part's prefix."""
-    texts = {row.as_: 0 for row in loaded.recipe.compose}
-    own = 0
-    for path in outline.licenses:
-        prefix = path.partition("/")[0]
-        if prefix in texts:
-            texts[prefix] += 1
-        else:
-            own += 1
-    found = licence_findings(loaded.recipe.source.license, own)
-    for row, part in zip(loaded.recipe.compose, loaded.parts, strict=True):
-        for finding in licence_findings(part.recipe.source.license, texts[row.as_]):
-            message = f"part `{row.as_}`: {finding.message}"
-            found.append(replace(finding, subject="recipe compose", message=message))
-    return found
+    parts = {row.as_: part for row, part in zip(loaded.recipe.compose, loaded.parts, strict=True)}
+    prefixes = [path.partition("/")[0] for path in outline.licenses]
+    own = sum(prefix not in parts for prefix in prefixes)
+    yield from licence_findings(loaded.recipe.source.license, own)
+    for name, part in parts.items():
+        for finding in licence_findings(part.recipe.source.license, prefixes.count(name)):
+            message = f"part `{name}`: {finding.message}"
+            yield replace(finding, subject="recipe compose", message=message)
 
 
-def _of_part(loaded: LoadedRecipe, label: str, found: Iterable[Finding]) -> list[Finding]:
+def _of_part(loaded: LoadedRecipe, label: str, found: Iterable[Finding]) -> Iterator[Finding]:
     """What a step says of a part by the part's own names, under the names of the whole."""
     prefix = label.partition(" ")[0]
     if prefix not in {row.as_ for row in loaded.recipe.compose}:
-        return list(found)
-    moved = []
+        yield from found
+        return
     for finding in found:
         kind = finding.subject.partition(" ")[0]
         subject = "recipe compose"
         if kind not in ("recipe", "robot"):
             subject = prefixed_subject(finding.subject, prefix)
         said = f"part `{prefix}`: {finding.message}" if kind == "robot" else finding.message
-        moved.append(replace(finding, subject=subject, message=said))
-    return moved
+        yield replace(finding, subject=subject, message=said)
 
 
 def locator(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 from assetbuild.findings import Finding, Rule
 
@@ -54,35 +55,19 @@ _TERMS = {
 """Terms of Creative Commons in an SPDX identifier, `CC-BY-NC-ND-4.0`."""
 
 
-def licence_findings(license_id: str | None, texts: int) -> list[Finding]:
+def licence_findings(license_id: str | None, texts: int) -> Iterator[Finding]:
     """license_id: SPDX expression of the recipe; texts: licence files that the source brings."""
-    subject, found = "recipe source", []
     if license_id is None:
-        found.append(
-            UNSTATED(
-                subject,
-                "the recipe does not say under which licence the robot comes",
-                hint="add `license:` with an SPDX identifier below `source`",
-            )
-        )
+        message = "the recipe does not say under which licence the robot comes"
+        hint = "add `license:` with an SPDX identifier below `source`"
+        yield UNSTATED("recipe source", message, hint)
     for word in re.findall(r"[A-Za-z0-9.+-]+", license_id or ""):
-        parts = word.upper().split("-")
+        first, *terms = word.upper().split("-")
         for term, (rule, message, hint) in _TERMS.items():
-            if parts[0] == "CC" and term in parts:
-                found.append(
-                    rule(
-                        "recipe source.license",
-                        f"{word} {message}",
-                        hint,
-                        data={"license": word},
-                    )
-                )
+            if first == "CC" and term in terms:
+                data = {"license": word}
+                yield rule("recipe source.license", f"{word} {message}", hint, data=data)
     if not texts:
-        found.append(
-            NO_TEXT(
-                subject,
-                "the source brings no licence text, so the bundle has none",
-                hint="add the text to the source: most licences ask that it is passed on",
-            )
-        )
-    return found
+        message = "the source brings no licence text, so the bundle has none"
+        hint = "add the text to the source: most licences ask that it is passed on"
+        yield NO_TEXT("recipe source", message, hint)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from assetbuild.errors import MachineError
@@ -42,7 +42,7 @@ def asking(loaded: LoadedRecipe, consumers: Sequence[str]) -> LoadedRecipe:
     )
 
 
-def lacks(reports: Sequence[Report], consumers: Sequence[str]) -> Iterator[str]:
+def lacks(reports: Iterable[Report], consumers: Sequence[str]) -> Iterator[str]:
     """Consumers that were asked for and did not run, with the reason."""
     for report in reports:
         for consumer in consumers:

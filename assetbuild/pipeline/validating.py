@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import functools
 import json
-import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.engine.execute import Listener
-from assetbuild.engine.step import Files, Step
+from assetbuild.engine.scratch import scratch
 from assetbuild.errors import AssetBuildError, SourceError, UsageError
 from assetbuild.findings import Finding, Rule, worst_first
 from assetbuild.pipeline.trying import UNTRIED
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.mirror import Tolerances, mirror_findings, parts_of, twins
+from assetbuild.robot.mirror import Tolerances, mirror_findings
 from assetbuild.robot.model import Control
+from assetbuild.robot.twins import parts_of, twins
 
 KINDS = {
     ".xml": "mjcf",
@@ -59,10 +59,12 @@ def validate(path: Path, wish: Wish) -> list[Validated]:
     known here.
     """
     if path.is_dir():
-        return [_validated(file, path, replace(wish, simulate=False)) for file in _of_bundle(path)]
+        read_only = replace(wish, simulate=False)
+        files = _of_bundle(path)
+        return [_validated(file, file.relative_to(path).as_posix(), read_only) for file in files]
     if not path.is_file():
         raise UsageError(f"no such file or folder: `{path}`")
-    return [_validated(path, path, wish)]
+    return [_validated(path, str(path), wish)]
 
 
 def _of_bundle(folder: Path) -> list[Path]:
@@ -80,28 +82,19 @@ def _of_bundle(folder: Path) -> list[Path]:
     return found
 
 
-def _validated(file: Path, asked: Path, wish: Wish) -> Validated:
-    name = file.relative_to(asked).as_posix() if asked.is_dir() else str(file)
+def _validated(file: Path, name: str, wish: Wish) -> Validated:
     if file.stat().st_size > LARGEST_MB << 20:
         raise UsageError(f"{name}: larger than {LARGEST_MB} MB")
-    kind = _kind(file, name)
-    run = {"mjcf": _mjcf, "urdf": _urdf, "usd": _usd}[kind]
-    findings = list(run(file))
+    kind = KINDS.get(file.suffix.lower())
+    if kind is None:
+        hint = f"known: {', '.join(KINDS)}"
+        raise UsageError(f"{name}: not a kind of file that can be validated", hint=hint)
+    if kind == "mjcf" and b"<robot" in file.read_bytes()[:4096]:
+        kind = "urdf"
+    findings = list({"mjcf": _mjcf, "urdf": _urdf, "usd": _usd}[kind](file))
     if wish.simulate and kind in TRIALS:
         findings += TRIALS[kind](file, wish, findings)
     return Validated(name, kind, tuple(worst_first(findings)))
-
-
-def _kind(file: Path, name: str) -> str:
-    suffix = file.suffix.lower()
-    if suffix not in KINDS:
-        known = ", ".join(KINDS)
-        raise UsageError(
-            f"{name}: not a kind of file that can be validated", hint=f"known: {known}"
-        )
-    if KINDS[suffix] == "mjcf" and b"<robot" in file.read_bytes()[:4096]:
-        return "urdf"
-    return KINDS[suffix]
 
 
 def _mjcf(file: Path) -> Iterator[Finding]:
@@ -112,8 +105,7 @@ def _mjcf(file: Path) -> Iterator[Finding]:
 
     findings = list(lint_file(file))
     yield from findings
-    loads = not any(finding.rule == "mjcf.load" for finding in findings)
-    if not loads:
+    if any(finding.rule == "mjcf.load" for finding in findings):
         return
     if "mjx" in file.stem:
         yield from judge(load(file).model)
@@ -137,29 +129,28 @@ def _urdf(file: Path) -> Iterator[Finding]:
     from assetbuild.source.urdf.read_urdf import ReadUrdf, named_packages
 
     data = file.read_bytes()
-    with tempfile.TemporaryDirectory() as folder:
-        ports = Path(folder)
-        (ports / "robot.urdf").write_bytes(data)
-        steps: tuple[Step, ...] = (
-            ReadUrdf(file=file.name, packages=named_packages(data)),
-            LintLinks(),
-            MergeFixedJoints(merge=True, keep_bodies=()),
-            LintBodies(),
-        )
-        lines: dict[str, int] = {}
-        for step in steps:
-            try:
-                for finding in step.run(Files(inputs=ports, outputs=ports)):
-                    yield _at(finding, file, lines)
-            except SourceError as error:
-                where = str(error.where or "")
-                yield UNREADABLE("robot", error.message, error.hint, where=where)
-                return
-            if isinstance(step, ReadUrdf):
-                lines |= _lines(ports)
-        tree = RobotFiles(ports).tree
-        for finding in mirror_findings(twins(parts_of(tree, Control())), Tolerances()):
-            yield _at(finding, file, lines)
+    lines: dict[str, int] = {}
+
+    def placed(findings: Iterable[Finding]) -> Iterator[Finding]:
+        for finding in findings:
+            line = lines.get(finding.subject)
+            yield finding.at(f"{file.name}:{line}") if line else finding
+
+    with scratch() as ports:
+        ports.put("robot.urdf", data)
+        try:
+            read = ports.run(ReadUrdf(file=file.name, packages=named_packages(data)))
+        except SourceError as error:
+            where = str(error.where or "")
+            yield UNREADABLE("robot", error.message, error.hint, where=where)
+            return
+        yield from read
+        lines |= json.loads(ports.read("source_map.json"))["lines"]
+        merge = MergeFixedJoints(merge=True, keep_bodies=())
+        for step in (LintLinks(), merge, LintBodies()):
+            yield from placed(ports.run(step))
+        tree = RobotFiles(ports.folder).tree
+    yield from placed(mirror_findings(twins(parts_of(tree, Control())), Tolerances()))
 
 
 def _try_urdf(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
@@ -200,15 +191,6 @@ TRIALS: Mapping[str, Callable[[Path, Wish, Sequence[Finding]], list[Finding]]] =
     "usd": _try_usd,
 }
 """What a file of a kind is tried with; an MJCF is tried while it is read."""
-
-
-def _lines(ports: Path) -> dict[str, int]:
-    return dict(json.loads((ports / "source_map.json").read_bytes())["lines"])
-
-
-def _at(finding: Finding, file: Path, lines: dict[str, int]) -> Finding:
-    line = lines.get(finding.subject)
-    return replace(finding, where=f"{file.name}:{line}") if line else finding
 
 
 def worst(validated: list[Validated]) -> bool:

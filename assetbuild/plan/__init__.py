@@ -39,7 +39,7 @@ from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Shapes, Tree
 from assetbuild.samples.state_ranges import StateRanges
 from assetbuild.source.export import lint_export
-from assetbuild.source.plan import Description, Source, description_of, open_source
+from assetbuild.source.plan import Description, SourceFiles, description_of, open_source
 from assetbuild.source.reading import Reading, read_description
 
 
@@ -174,7 +174,7 @@ def part_lock(part: LoadedRecipe) -> Lock | None:
 
 
 def _geometry(
-    loaded: LoadedRecipe, source: Source, description: Description, read: Reading, p: Planner
+    loaded: LoadedRecipe, source: SourceFiles, description: Description, read: Reading, p: Planner
 ) -> Geometry | None:
     """The source's meshes; None while it is not known which there are."""
     meshes, shapes = p.ask(read.meshes), p.ask(read.robot["shapes.json"])

@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterator
 
 from assetbuild.report.document import Report
-from assetbuild.report.facts import Subject, center_of_mass, principal, total_mass
+from assetbuild.report.facts import Subject, center_of_mass, principal
 from assetbuild.report.grade import grade
-from assetbuild.report.tables import Table, markdown_table, table
-from assetbuild.robot.model import Joint, Mesh, Shape
+from assetbuild.report.tables import Record, Table, markdown_table, records, table
+from assetbuild.robot.inertia import total_mass
+from assetbuild.robot.model import Actuator, Body, Geometry, Joint, Mesh
 
 CHANGES = ("edit.", "merge.", "urdf.dropped", "visual.decimated", "mesh.")
 """Families of rules that tell what is not as the source has it."""
@@ -51,38 +52,37 @@ def card_tables(subject: Subject, report: Report) -> tuple[Table, ...]:
 
 def _identity(subject: Subject) -> Table:
     recipe = subject.recipe
-    rows: list[tuple[str, object]] = [
-        ("robot", recipe.robot),
-        ("source", recipe.source.origin),
-        ("description", recipe.source.description),
-        *sorted(subject.pin.items()),
-        ("licence", recipe.source.license or "not stated in the recipe"),
-        ("base", subject.tree.base),
-        ("targets", ", ".join(recipe.targets)),
-    ]
-    return table("Identity", ("what", "value"), rows)
+    facts = {
+        "robot": recipe.robot,
+        "source": recipe.source.origin,
+        "description": recipe.source.description,
+        **dict(sorted(subject.pin.items())),
+        "licence": recipe.source.license or "not stated in the recipe",
+        "base": subject.tree.base,
+        "targets": ", ".join(recipe.targets),
+    }
+    return table("Identity", ("what", "value"), facts.items())
 
 
 def _counts(subject: Subject) -> Table:
     tree, shapes, control = subject.tree, subject.shapes, subject.control
     home = control.keyframes[0] if control.keyframes else None
-    com = center_of_mass(tree, home)
-    rows: list[tuple[str, object]] = [
-        ("bodies", len(tree.bodies)),
-        ("frames of merged links", len(tree.frames)),
-        ("moving joints", len(tree.moving_joints)),
-        ("actuators", sum(a.model != "passive" for a in control.actuators)),
-        ("total mass, kg", total_mass(tree)),
-        (f"centre of mass at {home.name if home else 'zero'}, m", com),
-        ("visual shapes", len(shapes.of("visual"))),
-        ("collision shapes", len(shapes.of("collision"))),
-        ("triangles of all meshes", sum(asset.faces for asset in shapes.meshes)),
-        ("excluded pairs", len(control.excludes)),
-        ("timestep, s", control.simulation.timestep),
-        ("decimation", control.simulation.decimation),
-        ("friction: sliding, torsional m, rolling m", control.contact.friction),
-    ]
-    return table("Counts", ("what", "value"), rows)
+    facts = {
+        "bodies": len(tree.bodies),
+        "frames of merged links": len(tree.frames),
+        "moving joints": len(tree.moving_joints),
+        "actuators": sum(a.model != "passive" for a in control.actuators),
+        "total mass, kg": total_mass(tree),
+        f"centre of mass at {home.name if home else 'zero'}, m": center_of_mass(tree, home),
+        "visual shapes": len(shapes.of("visual")),
+        "collision shapes": len(shapes.of("collision")),
+        "triangles of all meshes": sum(asset.faces for asset in shapes.meshes),
+        "excluded pairs": len(control.excludes),
+        "timestep, s": control.simulation.timestep,
+        "decimation": control.simulation.decimation,
+        "friction: sliding, torsional m, rolling m": control.contact.friction,
+    }
+    return table("Counts", ("what", "value"), facts.items())
 
 
 def _quality(subject: Subject, report: Report) -> Table:
@@ -93,97 +93,73 @@ def _quality(subject: Subject, report: Report) -> Table:
 
 
 def _bodies(subject: Subject) -> Table:
-    rows: list[tuple[object, ...]] = []
-    for body in subject.tree.bodies:
-        if body.inertial is None:
-            rows.append((body.name, None, None, None, None, None))
-            continue
-        moments, axes = principal(body.inertial)
-        mass, com = body.inertial.mass_kg, body.inertial.com_m
-        rows.append((body.name, mass, com, moments, axes, body.inertial.inertia_com_kg_m2))
-    head = (
-        "body",
-        "mass, kg",
-        "centre of mass, m",
-        "principal moments, kg m2",
-        "their axes, wxyz",
-        "inertia xx, yy, zz, xy, xz, yz, kg m2",
-    )
-    return table("Bodies", head, rows, "inertia about the centre of mass, in the body's axes")
+    def columns(body: Body) -> Record:
+        inertial = body.inertial
+        moments, axes = principal(inertial) if inertial else (None, None)
+        return {
+            "body": body.name,
+            "mass, kg": inertial and inertial.mass_kg,
+            "centre of mass, m": inertial and inertial.com_m,
+            "principal moments, kg m2": moments,
+            "their axes, wxyz": axes,
+            "inertia xx, yy, zz, xy, xz, yz, kg m2": inertial and inertial.inertia_com_kg_m2,
+        }
+
+    note = "inertia about the centre of mass, in the body's axes"
+    return records("Bodies", map(columns, subject.tree.bodies), note)
 
 
 def _joints(subject: Subject) -> Table:
-    def row(joint: Joint) -> tuple[object, ...]:
-        mimic = f"{joint.mimic.joint} x {joint.mimic.multiplier:g}" if joint.mimic else None
-        lower, upper = joint.limits.lower, joint.limits.upper
-        limits, spread = (lower, upper), None
-        if lower is not None and upper is not None and joint.kind != "prismatic":
-            spread = math.degrees(upper - lower)
-        stated = (joint.limits.effort, joint.limits.velocity)
-        return (joint.name, joint.kind, joint.parent, joint.axis, *limits, spread, *stated, mimic)
+    def columns(joint: Joint) -> Record:
+        lower, upper, mimic = joint.limits.lower, joint.limits.upper, joint.mimic
+        slides = joint.kind == "prismatic" or lower is None or upper is None
+        return {
+            "joint": joint.name,
+            "kind": joint.kind,
+            "parent": joint.parent,
+            "axis": joint.axis,
+            "lower, rad or m": lower,
+            "upper": upper,
+            "range, deg": None if slides else math.degrees((upper or 0.0) - (lower or 0.0)),
+            "effort in the source, N m or N": joint.limits.effort,
+            "velocity in the source, rad/s or m/s": joint.limits.velocity,
+            "mimics": mimic and f"{mimic.joint} x {mimic.multiplier:g}",
+        }
 
-    head = (
-        "joint",
-        "kind",
-        "parent",
-        "axis",
-        "lower, rad or m",
-        "upper",
-        "range, deg",
-        "effort in the source, N m or N",
-        "velocity in the source, rad/s or m/s",
-        "mimics",
-    )
-    return table("Joints", head, (row(joint) for joint in subject.tree.moving_joints))
+    return records("Joints", map(columns, subject.tree.moving_joints))
 
 
 def _drives(subject: Subject) -> Table:
-    rows = [
-        (
-            a.joint,
-            a.model,
-            a.kp,
-            a.kd,
-            a.damping,
-            a.friction,
-            a.armature,
-            a.effort,
-            a.velocity,
-            a.motor,
-            a.source,
-        )
-        for a in subject.control.actuators
-    ]
-    head = (
-        "joint",
-        "model",
-        "kp",
-        "kd",
-        "damping",
-        "friction",
-        "armature, kg m2",
-        "effort",
-        "velocity",
-        "motor",
-        "source",
-    )
+    def columns(drive: Actuator) -> Record:
+        return {
+            "joint": drive.joint,
+            "model": drive.model,
+            "kp": drive.kp,
+            "kd": drive.kd,
+            "damping": drive.damping,
+            "friction": drive.friction,
+            "armature, kg m2": drive.armature,
+            "effort": drive.effort,
+            "velocity": drive.velocity,
+            "motor": drive.motor,
+            "source": drive.source,
+        }
+
     note = "SI units per rad or per m; kd is of the drive, damping of the joint: they add up"
-    return table("Actuators", head, rows, note)
+    return records("Actuators", map(columns, subject.control.actuators), note)
 
 
 def _collision(subject: Subject) -> Table:
     assets = {asset.name: asset for asset in subject.shapes.meshes}
 
-    def size(shape: Shape) -> object:
-        geometry = shape.geometry
+    def size(geometry: Geometry) -> str:
         if isinstance(geometry, Mesh):
             asset = assets[geometry.mesh]
             return f"{asset.vertices} vertices" + ("" if asset.convex else ", not convex")
-        fields = vars(geometry)
-        return ", ".join(f"{name} {_short(value)}" for name, value in fields.items())
+        return ", ".join(f"{name} {_short(value)}" for name, value in vars(geometry).items())
 
     rows = [
-        (shape.name, shape.link, type(shape.geometry).__name__.lower(), size(shape))
+        (shape.name, shape.link, type(shape.geometry).__name__.lower(), size(shape.geometry))
         for shape in subject.shapes.of("collision")
     ]
     return table("Collision geometry", ("shape", "link", "kind", "size, m"), rows)
@@ -191,12 +167,12 @@ def _collision(subject: Subject) -> Table:
 
 def _short(value: object) -> str:
     values = value if isinstance(value, tuple) else (value,)
-    return " x ".join(f"{v:.4g}" for v in values if isinstance(v, float))
+    return " x ".join(f"{v:.4g}" for v in values)
 
 
 def _keyframes(subject: Subject) -> Table:
     rows = [
-        (k.name, k.base.xyz if k.base else None, ", ".join(f"{n} {v:.6g}" for n, v in k.joints))
+        (k.name, k.base and k.base.xyz, ", ".join(f"{n} {v:.6g}" for n, v in k.joints))
         for k in subject.control.keyframes
     ]
     return table("Keyframes", ("keyframe", "base, m", "joints, rad or m"), rows)
@@ -204,10 +180,10 @@ def _keyframes(subject: Subject) -> Table:
 
 def _sensors(subject: Subject) -> Table:
     control = subject.control
-    rows: list[tuple[object, ...]] = [
-        (s.name, s.kind, f"{s.at.kind} {s.at.name}".strip(), s.noise) for s in control.sensors
+    rows = [
+        *((s.name, s.kind, f"{s.at.kind} {s.at.name}".strip(), s.noise) for s in control.sensors),
+        *((c.name, "camera", f"link {c.link or 'world'}", None) for c in control.cameras),
     ]
-    rows += [(c.name, "camera", f"link {c.link or 'world'}", None) for c in control.cameras]
     return table("Sensors and cameras", ("name", "kind", "at", "noise"), rows)
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Literal
 
 from assetbuild import __version__
-from assetbuild.findings import SEVERITIES, Finding, Rule, Severity, is_consequence, worst_first
+from assetbuild.findings import SEVERITIES, Finding, Rule, is_consequence, worst_first
 from assetbuild.recipe.models import Waiver
 
 Status = Literal["pass", "fail", "skip"]
@@ -45,14 +45,11 @@ class Report:
 
     def to_json(self) -> dict[str, object]:
         """The content of `report.json`."""
+        verdict = asdict(self.verdict) | {"blocked_by": list(self.verdict.blocked_by)}
         return {
             "robot": self.robot,
             "assetbuild": __version__,
-            "verdict": {
-                "ready": self.verdict.ready,
-                "blocked_by": list(self.verdict.blocked_by),
-                "next_step": self.verdict.next_step,
-            },
+            "verdict": verdict,
             "findings": [finding.to_json() for finding in self.findings],
             "checks": {
                 name: {"status": check.status, "figures": dict(check.figures)}
@@ -104,13 +101,10 @@ def _waived(finding: Finding, waivers: Mapping[str, Waiver]) -> Finding:
 
 def _unused(findings: Sequence[Finding], waivers: Mapping[str, Waiver]) -> list[Finding]:
     found = {finding.rule for finding in findings}
-    severity: Severity = "info"
+    hint = "remove it, or check its spelling"
     return [
         UNUSED(
-            f"recipe rules.{rule}",
-            f"the recipe changes rule `{rule}`, which found nothing",
-            severity=severity,
-            hint="remove it, or check its spelling",
+            f"recipe rules.{rule}", f"the recipe changes rule `{rule}`, which found nothing", hint
         )
         for rule in waivers
         if rule not in found

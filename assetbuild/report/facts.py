@@ -26,11 +26,6 @@ class Subject:
     control: Control
 
 
-def total_mass(tree: Tree) -> float:
-    """kg, of all bodies."""
-    return math.fsum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
-
-
 def center_of_mass(tree: Tree, keyframe: Keyframe | None) -> Vec3 | None:
     """Of the whole robot in the world at a keyframe, m; None without mass."""
     X_root_body = forward_kinematics(tree, dict(keyframe.joints) if keyframe else {})

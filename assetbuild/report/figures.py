@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
+from typing import TypeGuard
 
 from assetbuild.report.document import CheckResult
-from assetbuild.report.tables import Table, html_table, table, text_of
+from assetbuild.report.markup import code, folded
+from assetbuild.report.tables import Record, Table, html_table, table, text_of
 
 FIRST = (
     *("", "rank", "row", "of", "name", "robot", "link", "body", "joint", "pair", "a", "b"),
@@ -19,31 +21,31 @@ FOLDED = 12
 
 def check_section(name: str, check: CheckResult) -> str:
     """One check: its result in the summary line, all of its figures below."""
-    scalars = {k: v for k, v in check.figures.items() if not isinstance(v, Mapping | Sequence)}
-    scalars |= {k: v for k, v in check.figures.items() if isinstance(v, str)}
-    nested = {k: v for k, v in check.figures.items() if k not in scalars and v not in ([], {})}
-    key = ", ".join(f"{words(k)} {text_of(v)}" for k, v in sorted(scalars.items())[:3])
+    figures = dict(sorted(check.figures.items()))
+    scalars = {k: v for k, v in figures.items() if not (isinstance(v, Mapping) or _is_list(v))}
+    key = ", ".join(f"{words(k)} {text_of(v)}" for k, v in list(scalars.items())[:3])
     hint = f' <span class="soft">{escape(check.note or key)}</span>' if check.note or key else ""
     parts = [
         f'<details class="check"{" open" if check.status == "fail" else ""}>',
-        f'<summary><code>{escape(name)}</code> <span class="{check.status}">{check.status}</span>'
-        f"{hint}</summary>",
+        f'<summary>{code(name)} <span class="{check.status}">{check.status}</span>{hint}</summary>',
     ]
     if scalars:
-        rows = [(words(k), v) for k, v in sorted(scalars.items())]
+        rows = [(words(k), v) for k, v in scalars.items()]
         parts.append(html_table(table(f"figures of {name}", ("figure", "value"), rows)))
-    for key, value in sorted(nested.items()):
-        parts += [_folded(shown) for shown in tables_of(key, value)]
-    parts.append("</details>")
-    return "".join(parts)
+    for key, value in figures.items():
+        if key not in scalars and value not in ([], {}):
+            parts += [
+                f"<h3>{escape(shown.title)}</h3>{html_table(shown)}"
+                if len(shown.rows) <= FOLDED
+                else folded_table(shown)
+                for shown in tables_of(key, value)
+            ]
+    return "".join([*parts, "</details>"])
 
 
-def _folded(shown: Table) -> str:
-    body = html_table(shown)
-    if len(shown.rows) <= FOLDED:
-        return f"<h3>{escape(shown.title)}</h3>{body}"
-    head = f"{escape(shown.title)} ({len(shown.rows)})"
-    return f"<details><summary>{head}</summary>{body}</details>"
+def folded_table(shown: Table) -> str:
+    """A table that is closed at first, with the number of its rows."""
+    return folded(f"{escape(shown.title)} ({len(shown.rows)})", html_table(shown))
 
 
 def tables_of(name: str, value: object) -> Iterator[Table]:
@@ -57,34 +59,31 @@ def tables_of(name: str, value: object) -> Iterator[Table]:
                 yield from tables_of(f"{name}: {key}", inner)
         else:
             yield table(title, ("name", "value"), [(k, _flat(v)) for k, v in value.items()])
-    elif _is_rows(value) and isinstance(value, Sequence):
+    elif _is_rows(value):
         yield _of_rows(title, value)
-    elif isinstance(value, Sequence) and not isinstance(value, str):
-        lists = [v if isinstance(v, Sequence) and not isinstance(v, str) else [v] for v in value]
-        width = max(map(len, lists))
-        rows = [tuple(map(_flat, row)) + ("",) * (width - len(row)) for row in lists]
-        head = ("value",) if width == 1 else tuple(f"value {n + 1}" for n in range(width))
+    elif _is_list(value):
+        lists = [v if _is_list(v) else [v] for v in value]
+        width = max(map(len, lists), default=1)
+        rows = [(*map(_flat, row), *[""] * (width - len(row))) for row in lists]
+        head = ("value",) if width == 1 else [f"value {n + 1}" for n in range(width)]
         yield table(title, head, rows)
     else:
         yield table(title, ("value",), [(_flat(value),)])
 
 
-def _is_rows(value: object) -> bool:
-    return (
-        isinstance(value, Sequence)
-        and not isinstance(value, str)
-        and bool(value)
-        and all(isinstance(row, Mapping) for row in value)
-    )
+def _is_list(value: object) -> TypeGuard[Sequence[object]]:
+    return isinstance(value, Sequence) and not isinstance(value, str)
 
 
-def _of_rows(title: str, rows: Sequence[Mapping[str, object]]) -> Table:
-    head = tuple(dict.fromkeys(key for row in rows for key in row))
-    # What names a row stands first, whatever the sorting of the JSON.
-    first = [key for key in FIRST if key in head]
-    head = (*first, *(key for key in head if key not in first))
-    body = [tuple(_flat(row.get(key)) for key in head) for row in rows]
-    return table(title, tuple(words(key) for key in head), body)
+def _is_rows(value: object) -> TypeGuard[Sequence[Record]]:
+    return _is_list(value) and bool(value) and all(isinstance(row, Mapping) for row in value)
+
+
+def _of_rows(title: str, rows: Sequence[Record]) -> Table:
+    """What names a row stands first, whatever the sorting of the JSON."""
+    keys = dict.fromkeys(key for row in rows for key in row)
+    head = sorted(keys, key=lambda key: FIRST.index(key) if key in FIRST else len(FIRST))
+    return table(title, map(words, head), [[_flat(row.get(key)) for key in head] for row in rows])
 
 
 def _flat(value: object) -> object:

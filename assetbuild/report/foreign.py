@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import tempfile
 from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 
-from assetbuild.engine.step import Files
+from assetbuild.engine.scratch import scratch
 from assetbuild.errors import UsageError
 from assetbuild.report.isaaclab_config import isaaclab_facts
 from assetbuild.report.snapshot import Facts, Snapshot, Value, kinds_text, robot_facts
@@ -77,15 +76,11 @@ def _value(value: object) -> Value:
 
 def _urdf_facts(path: Path) -> Facts:
     """As a build would read it: fixed joints merged, no recipe, so no drives."""
-    with tempfile.TemporaryDirectory() as folder:
-        inputs, outputs = Path(folder, "in"), Path(folder, "out")
-        inputs.mkdir()
-        outputs.mkdir()
-        (inputs / "robot.urdf").write_bytes(path.read_bytes())
+    with scratch() as ports:
+        ports.put("robot.urdf", path.read_bytes())
         packages = named_packages(path.read_bytes())
-        step = ReadUrdf(file=path.name, base="floating", packages=packages)
-        list(step.run(Files(inputs=inputs, outputs=outputs)))
-        robot = RobotFiles(outputs)
+        ports.run(ReadUrdf(file=path.name, base="floating", packages=packages))
+        robot = RobotFiles(ports.folder)
         facts = robot_facts(merge_fixed_joints(robot.links, True, ())[0], robot.shapes, None)
     del facts["robot", "robot", "base"]  # a URDF does not say
     return facts

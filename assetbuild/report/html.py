@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import base64
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from itertools import groupby
-from pathlib import Path
 
 from assetbuild import __version__
 from assetbuild.findings import SEVERITIES, Finding, is_consequence
 from assetbuild.report.card import card_tables
 from assetbuild.report.document import CheckResult, Report
-from assetbuild.report.facts import Subject, total_mass
-from assetbuild.report.figures import check_section
+from assetbuild.report.facts import Subject
+from assetbuild.report.figures import check_section, folded_table
+from assetbuild.report.markup import asset, code, filled, folded, prose
 from assetbuild.report.tables import html_table, text_of
 from assetbuild.report.view import view_data
+from assetbuild.robot.inertia import total_mass
 
 SHOWN_OF_A_RULE = 2
-ASSETS = Path(__file__).parent / "assets"
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("equality", "The same robot in every format",
      ("oracle", "urdf_reload", "mjcf_equal", "mjcf_source", "mjcf_compiles",
@@ -53,59 +52,40 @@ def html_page(
     report: Report, subject: Subject, pictures: Sequence[Picture], view: View | None
 ) -> str:
     """The whole page; nothing in it is fetched from anywhere."""
+    view = view if view and view.library else None
     sections = [
         ("findings", f"Findings ({len(report.findings)})", _findings(report.findings)),
-        ("view", "3D view", _view(subject, view)),
+        ("view", "3D view", _viewer(subject) if view else ""),
         ("pictures", "Pictures", _pictures(pictures)),
         *_checks(report.checks),
         ("card", "Model card", _card(subject, report)),
         ("provenance", "Provenance", _provenance(subject)),
     ]
     shown = [section for section in sections if section[2]]
-    toc = "".join(f'<li><a href="#{key}">{escape(title)}</a></li>' for key, title, _ in shown)
-    body = "".join(
-        f'<section aria-labelledby="{key}"><h2 id="{key}">{escape(title)}</h2>{content}</section>'
-        for key, title, content in shown
+    return filled(
+        "page.html",
+        name=escape(report.robot),
+        style=asset("page.css"),
+        verdict=_verdict(report),
+        tiles=_tiles(report, subject),
+        toc="".join(f'<li><a href="#{key}">{escape(title)}</a></li>' for key, title, _ in shown),
+        body="".join(
+            f'<section aria-labelledby="{key}"><h2 id="{key}">{escape(title)}</h2>{content}'
+            "</section>"
+            for key, title, content in shown
+        ),
+        scripts=_scripts(subject, view) if view else "",
     )
-    name = escape(report.robot)
-    return "\n".join(
-        (
-            "<!doctype html>",
-            '<html lang="en"><head><meta charset="utf-8">',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            '<link rel="icon" href="data:,">',
-            f"<title>{name}: report</title><style>{_asset('page.css')}</style></head>",
-            '<body><a class="skip-link" href="#main">Skip to the report</a>',
-            f'<header class="top"><h1>{name}</h1>{_verdict(report)}{_tiles(report, subject)}'
-            "</header>",
-            f'<nav class="toc" aria-label="Sections"><ul>{toc}</ul></nav>',
-            f'<main id="main" tabindex="-1">{body}</main>',
-            _scripts(subject, view),
-            "</body></html>",
-            "",
-        )
-    )
-
-
-def _asset(name: str) -> str:
-    return (ASSETS / name).read_text(encoding="utf-8")
 
 
 def _verdict(report: Report) -> str:
     verdict = report.verdict
-    kind = "ready" if verdict.ready else "error"
-    answer = "yes" if verdict.ready else "no"
-    blocked = ", ".join(f"<code>{escape(rule)}</code>" for rule in verdict.blocked_by)
+    kind, answer = ("ready", "yes") if verdict.ready else ("error", "no")
     parts = [f"<strong>Ready for training: {answer}</strong>"]
-    if blocked:
-        parts.append(f"<p>Blocked by {blocked}</p>")
-    parts.append(f"<p>Next: {_prose(verdict.next_step)}</p>")
+    if verdict.blocked_by:
+        parts.append(f"<p>Blocked by {', '.join(map(code, verdict.blocked_by))}</p>")
+    parts.append(f"<p>Next: {prose(verdict.next_step)}</p>")
     return f'<div class="verdict {kind}" role="status">{"".join(parts)}</div>'
-
-
-def _prose(text: str) -> str:
-    """A sentence whose backticks become code."""
-    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
 def _tiles(report: Report, subject: Subject) -> str:
@@ -141,52 +121,18 @@ def _pictures(pictures: Sequence[Picture]) -> str:
     return f'<div class="pictures">{"".join(figures)}</div>' if figures else ""
 
 
-LAYERS = (
-    ("visual", "visual", True),
-    ("collision", "collision", False),
-    ("inertia", "inertia", False),
-    ("frames", "frames", False),
-    ("axes", "joint axes", False),
-    ("names", "names", False),
-)
-
-
-def _view(subject: Subject, view: View | None) -> str:
-    if view is None or not view.library:
-        return ""
-    boxes = "".join(
-        f'<label><input type="checkbox" data-layer="{key}"{" checked" if on else ""}> '
-        f"{text}</label>"
-        for key, text, on in LAYERS
-    )
+def _viewer(subject: Subject) -> str:
     label = f"3D view of {subject.recipe.robot}: drag or arrow keys turn, plus and minus zoom"
-    return (
-        '<div id="viewer"><div class="viewer-stage">'
-        f'<canvas tabindex="0" role="application" aria-label="{escape(label)}"></canvas>'
-        '<div class="viewer-labels" aria-hidden="true" hidden></div>'
-        '<div class="viewer-legend" hidden><i></i><div><span>collision in front, 30 mm</span>'
-        "<span>not covered, 30 mm</span></div></div></div>"
-        '<div class="viewer-panel" tabindex="0" role="region" aria-label="Controls of the 3D view">'
-        f"<fieldset><legend>Show</legend>{boxes}</fieldset>"
-        '<p><label>Colour <select data-colour><option value="own">as it is</option>'
-        '<option value="distance">distance of visual and collision</option></select></label></p>'
-        '<fieldset class="viewer-poses"><legend>Pose</legend></fieldset>'
-        '<p><label>Link <select data-link><option value="">click one</option></select></label></p>'
-        '<div aria-live="polite"><dl class="viewer-facts"></dl></div>'
-        '<h3>Joints</h3><div class="viewer-joints"></div></div></div>'
-        '<p class="soft viewer-note">Drag or arrow keys: turn. Shift and drag: move. '
-        "Wheel (after a click) or + and -: zoom. Click a link for its numbers.</p>"
-    )
+    lines = filled("viewer.html", label=escape(label)).splitlines()
+    return "".join(map(str.strip, lines))
 
 
-def _scripts(subject: Subject, view: View | None) -> str:
-    if view is None or not view.library:
-        return ""
+def _scripts(subject: Subject, view: View) -> str:
     robot = view_data(subject).replace("<", "\\u003c")  # nothing may end the script early
     return (
         f'<script type="application/json" id="viewer-geometry">{view.geometry}</script>\n'
         f'<script type="application/json" id="viewer-robot">{robot}</script>\n'
-        f"<script>{view.library}</script>\n<script>{_asset('viewer.js')}</script>"
+        f"<script>{view.library}</script>\n<script>{asset('viewer.js')}</script>"
     )
 
 
@@ -201,16 +147,13 @@ def _findings(findings: Sequence[Finding]) -> str:
     following = [f for f in loud if is_consequence(f)]
     parts = _grouped([f for f in loud if f not in following])
     if following:
-        inner = "".join(_finding(f) for f in following)
         head = f"{len(following)} checks had nothing to work on, for what stands above"
-        parts.append(f"<details><summary>{head}</summary>{inner}</details>")
+        parts.append(folded(head, _each(following)))
     parts = parts or ["<p>No errors and no warnings.</p>"]
     if waived:
-        parts.append(f"<h3>Waived by the recipe ({len(waived)})</h3>")
-        parts += [_finding(f) for f in waived]
+        parts.append(f"<h3>Waived by the recipe ({len(waived)})</h3>{_each(waived)}")
     if quiet:
-        inner = "".join(_finding(f) for f in quiet)
-        parts.append(f"<details><summary>{len(quiet)} for information</summary>{inner}</details>")
+        parts.append(folded(f"{len(quiet)} for information", _each(quiet)))
     return "".join(parts)
 
 
@@ -218,43 +161,42 @@ def _grouped(findings: Sequence[Finding]) -> list[str]:
     """In order; of a rule that speaks of many subjects the first is open, the others are folded."""
     parts = []
     for (_, rule), same in groupby(findings, key=lambda f: (f.severity, f.rule)):
-        group = list(same)
-        parts.append(_finding(group[0]))
-        rest = "".join(_finding(f) for f in group[1:])
-        if len(group) > SHOWN_OF_A_RULE:
-            names = ", ".join(f.subject for f in group[1:])
-            head = f"{len(group) - 1} more of <code>{escape(rule)}</code>: {escape(names)}"
-            rest = f"<details><summary>{head}</summary>{rest}</details>"
-        parts.append(rest)
+        first, *others = same
+        rest = _each(others)
+        if len(others) >= SHOWN_OF_A_RULE:
+            names = escape(", ".join(f.subject for f in others))
+            rest = folded(f"{len(others)} more of {code(rule)}: {names}", rest)
+        parts += [_finding(first), rest]
     return parts
 
 
+def _each(findings: Sequence[Finding]) -> str:
+    return "".join(map(_finding, findings))
+
+
 def _finding(finding: Finding) -> str:
-    where = f" <code>{escape(finding.where)}</code>" if finding.where else ""
+    where = f" {code(finding.where)}" if finding.where else ""
     parts = [
         f'<div class="finding {finding.severity}">{finding.severity} '
-        f"<code>{escape(finding.rule)}</code> · {escape(finding.subject)}{where}"
-        f"<p>{_prose(finding.message)}</p>"
+        f"{code(finding.rule)} · {escape(finding.subject)}{where}"
+        f"<p>{prose(finding.message)}</p>"
     ]
-    because = finding.data.get("because")
+    numbers = dict(sorted(finding.data.items()))
+    before, because = numbers.pop("severity_before", None), numbers.pop("because", None)
     if because:
-        before = finding.data.get("severity_before")
         parts.append(f"<p>Waived, was {escape(str(before))}: {escape(str(because))}</p>")
     if finding.hint:
-        parts.append(f"<p>Fix: {_prose(finding.hint)}</p>")
-    numbers = {k: v for k, v in finding.data.items() if k not in ("because", "severity_before")}
+        parts.append(f"<p>Fix: {prose(finding.hint)}</p>")
     if numbers:
         rows = "".join(
             f"<div><dt>{escape(key)}</dt><dd>{escape(text_of(value))}</dd></div>"
-            for key, value in sorted(numbers.items())
+            for key, value in numbers.items()
         )
         parts.append(f'<dl class="numbers">{rows}</dl>')
     if finding.severity != "info":
         waiver = f'rules: {{{finding.rule}: {{severity: info, because: "..."}}}}'
-        parts.append(
-            "<details><summary>Accept it as it is</summary>"
-            f'<pre class="fix" tabindex="0">{escape(waiver)}</pre></details>'
-        )
+        shown = f'<pre class="fix" tabindex="0">{escape(waiver)}</pre>'
+        parts.append(folded("Accept it as it is", shown))
     return "".join([*parts, "</div>"])
 
 
@@ -278,25 +220,22 @@ def _rank(name: str, beginnings: Sequence[str]) -> int:
 
 
 def _card(subject: Subject, report: Report) -> str:
-    parts = []
-    for number, shown in enumerate(card_tables(subject, report)):
-        content = html_table(shown)
-        if number < 3:
-            parts.append(f"<h3>{escape(shown.title)}</h3>{content}")
-        else:
-            head = f"{escape(shown.title)} ({len(shown.rows)})"
-            parts.append(f"<details><summary>{head}</summary>{content}</details>")
-    return "".join(parts)
+    tables = card_tables(subject, report)
+    opened = [f"<h3>{escape(shown.title)}</h3>{html_table(shown)}" for shown in tables[:3]]
+    return "".join([*opened, *map(folded_table, tables[3:])])
 
 
 def _provenance(subject: Subject) -> str:
     source = subject.recipe.source
-    rows = [("built by", f"assetbuild {__version__}"), ("source", source.origin)]
-    rows += [(key, str(value)) for key, value in sorted(subject.pin.items())]
-    rows.append(("licence of the source", source.license or "not stated"))
+    rows = {
+        "built by": f"assetbuild {__version__}",
+        "source": source.origin,
+        **dict(sorted(subject.pin.items())),
+        "licence of the source": source.license or "not stated",
+    }
     items = "".join(
-        f"<tr><th scope='row'>{escape(k)}</th><td><code>{escape(v)}</code></td></tr>"
-        for k, v in rows
+        f"<tr><th scope='row'>{escape(key)}</th><td>{code(str(value))}</td></tr>"
+        for key, value in rows.items()
     )
     return (
         f"<table>{items}</table><p>Digests of all files: <code>manifest.json</code>; who built it, "

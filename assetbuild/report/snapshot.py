@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 
 from assetbuild.errors import UsageError
-from assetbuild.report.facts import total_mass
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.inertia import principal_moments
+from assetbuild.robot.inertia import principal_moments, total_mass
 from assetbuild.robot.model import Control, Mesh, Shape, Shapes, Tree
 from assetbuild.simulators.readings import FALL, HEIGHT, fall_m
 

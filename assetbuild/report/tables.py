@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+
+Record = Mapping[str, object]
+"""Column -> value."""
 
 
 @dataclass(frozen=True)
@@ -20,10 +23,17 @@ class Table:
 
 
 def table(
-    title: str, head: Sequence[str], rows: Iterable[Sequence[object]], note: str = "", **more: str
+    title: str, head: Iterable[str], rows: Iterable[Sequence[object]], note: str = "", **more: str
 ) -> Table:
     """A table from any sequences."""
     return Table(title, tuple(head), tuple(tuple(row) for row in rows), note, **more)
+
+
+def records(title: str, rows: Iterable[Record], note: str = "") -> Table:
+    """A table of rows that name their own columns."""
+    every = list(rows)
+    head = dict.fromkeys(key for row in every for key in row)
+    return table(title, tuple(head), [[row.get(key) for key in head] for row in every], note)
 
 
 def text_of(value: object) -> str:
@@ -56,12 +66,12 @@ def html_table(shown: Table) -> str:
     """With a caption for screen readers; numbers to the right; wide ones scroll by themselves."""
     if not shown.rows:
         return f"<p>{escape(shown.empty)}</p>"
+    styles = [_column_style(column) for column in zip(*shown.rows, strict=True)]
     head = "".join(
-        f'<th scope="col"{_number_style(shown, column)}>{escape(text)}</th>'
-        for column, text in enumerate(shown.head)
+        f'<th scope="col"{style}>{escape(text)}</th>'
+        for text, style in zip(shown.head, styles, strict=True)
     )
-    numbers = {column for column in range(len(shown.head)) if _number_style(shown, column)}
-    rows = "".join(f"<tr>{''.join(_html_cells(row, numbers))}</tr>" for row in shown.rows)
+    rows = "".join(f"<tr>{''.join(map(_html_cell, row, styles))}</tr>" for row in shown.rows)
     note = f"<caption>{escape(shown.note)}</caption>" if shown.note else ""
     # A part that scrolls must be reachable by the keyboard.
     return (
@@ -70,20 +80,15 @@ def html_table(shown: Table) -> str:
     )
 
 
-def _number_style(shown: Table, column: int) -> str:
+def _column_style(values: Sequence[object]) -> str:
     """A column of numbers stands to the right; one where some happen to be numbers does not."""
-    told = [row[column] for row in shown.rows if row[column] not in (None, "")]
-    return ' class="number"' if told and all(map(_is_number, told)) else ""
+    told = [value for value in values if value not in (None, "")]
+    numbers = all(isinstance(v, int | float) and not isinstance(v, bool) for v in told)
+    return ' class="number"' if told and numbers else ""
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _html_cells(row: Sequence[object], numbers: Collection[int]) -> Iterable[str]:
-    for column, value in enumerate(row):
-        style = ' class="number"' if column in numbers else ""
-        text = text_of(value)
-        if text in ("pass", "fail", "skip", "error", "warning"):
-            style = f' class="{text}"'
-        yield f"<td{style}>{escape(text)}</td>"
+def _html_cell(value: object, style: str) -> str:
+    text = text_of(value)
+    if text in ("pass", "fail", "skip", "error", "warning"):
+        style = f' class="{text}"'
+    return f"<td{style}>{escape(text)}</td>"

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterator
+from dataclasses import asdict
 
 from assetbuild.report.facts import Subject, ellipsoid, principal
 from assetbuild.report.tables import text_of
-from assetbuild.robot.model import Body, Joint, Keyframe, Tree
+from assetbuild.robot.model import Body, Joint, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.tree import forward_kinematics
 
 
 def view_data(subject: Subject) -> str:
     """JSON for `viewer.js`. m, rad, quaternions wxyz; poses of joints are in the parent body."""
-    tree = subject.tree
-    keyframes = subject.control.keyframes
-    poses = [_pose(tree, k) for k in keyframes]
+    tree, keyframes = subject.tree, subject.control.keyframes
+    poses: list[object] = [
+        {"name": k.name, "joints": dict(k.joints), **_plain_pose(tree.root_pose(k))}
+        for k in keyframes
+    ]
     first = tree.root_pose(keyframes[0] if keyframes else None)
-    poses.append({"name": "all joints 0", "joints": {}, **_placed(first)})
+    poses.append({"name": "all joints 0", "joints": {}, **_plain_pose(first)})
     content = {
         "robot": subject.recipe.robot,
         "floating": tree.base == "floating",
@@ -31,12 +35,7 @@ def view_data(subject: Subject) -> str:
     return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
-def _pose(tree: Tree, keyframe: Keyframe) -> dict[str, object]:
-    placed = _placed(tree.root_pose(keyframe))
-    return {"name": keyframe.name, "joints": dict(keyframe.joints), **placed}
-
-
-def _placed(pose: Pose) -> dict[str, object]:
+def _plain_pose(pose: Pose) -> dict[str, object]:
     return {"xyz": list(pose.xyz), "quat": list(pose.quat)}
 
 
@@ -62,15 +61,13 @@ def _joint(joint: Joint) -> dict[str, object]:
         "lower": lower,
         "upper": upper,
         "unit": "m" if joint.kind == "prismatic" else "rad",
-        "mimic": None
-        if mimic is None
-        else {"joint": mimic.joint, "multiplier": mimic.multiplier, "offset": mimic.offset},
-        **_placed(joint.X_parent_joint),
+        "mimic": mimic and asdict(mimic),
+        **_plain_pose(joint.X_parent_joint),
     }
 
 
 def _body(body: Body, subject: Subject) -> dict[str, object]:
-    row: dict[str, object] = {"name": body.name, "facts": _facts(body, subject)}
+    row: dict[str, object] = {"name": body.name, "facts": list(_facts(body, subject))}
     if body.inertial is None:
         return row
     row["com"] = list(body.inertial.com_m)
@@ -80,27 +77,26 @@ def _body(body: Body, subject: Subject) -> dict[str, object]:
     return row
 
 
-def _facts(body: Body, subject: Subject) -> list[tuple[str, str]]:
-    tree, rows = subject.tree, []
-    rows.append(("link", body.name))
+def _facts(body: Body, subject: Subject) -> Iterator[tuple[str, str]]:
+    tree = subject.tree
+    yield "link", body.name
     if body.inertial is not None:
-        rows.append(("mass", f"{body.inertial.mass_kg:.6g} kg"))
-        rows.append(("centre of mass", f"{text_of(body.inertial.com_m)} m"))
-        rows.append(("principal moments", f"{text_of(principal(body.inertial)[0])} kg m²"))
+        yield "mass", f"{body.inertial.mass_kg:.6g} kg"
+        yield "centre of mass", f"{text_of(body.inertial.com_m)} m"
+        yield "principal moments", f"{text_of(principal(body.inertial)[0])} kg m²"
     merged = [frame.name for frame in tree.frames if frame.body == body.name]
     if merged:
-        rows.append(("holds", ", ".join(merged)))
+        yield "holds", ", ".join(merged)
     joint = tree.joint_above.get(body.name)
     if joint is not None:
-        rows.append(("joint", f"{joint.name}, {joint.kind}, axis {text_of(joint.axis)}"))
-        rows.append(("limits", f"{text_of(joint.limits.lower)} to {text_of(joint.limits.upper)}"))
+        yield "joint", f"{joint.name}, {joint.kind}, axis {text_of(joint.axis)}"
+        yield "limits", f"{text_of(joint.limits.lower)} to {text_of(joint.limits.upper)}"
         drive = subject.control.by_joint.get(joint.name)
         if drive is not None:
-            rows.append(("drive", f"{drive.model}, kp {drive.kp:g}, kd {drive.kd:g}"))
-            rows.append(("effort", text_of(drive.effort)))
-            rows.append(("armature", f"{drive.armature:.4g} kg m²"))
+            yield "drive", f"{drive.model}, kp {drive.kp:g}, kd {drive.kd:g}"
+            yield "effort", text_of(drive.effort)
+            yield "armature", f"{drive.armature:.4g} kg m²"
     links = {body.name, *merged}
     pieces = [s for s in subject.shapes.of("collision") if s.link in links]
     kinds = sorted({type(shape.geometry).__name__.lower() for shape in pieces})
-    rows.append(("collision", f"{len(pieces)} pieces" + (f": {', '.join(kinds)}" if kinds else "")))
-    return rows
+    yield "collision", f"{len(pieces)} pieces" + (f": {', '.join(kinds)}" if kinds else "")

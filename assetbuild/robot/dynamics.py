@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Inertial, Tree
+from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.tree import forward_kinematics
 
@@ -93,7 +94,8 @@ def dynamics(
             continue
         motion = motions[body.name]
         linear = motion.at(motion.pose.apply(inertial.com_m))
-        tensor = _tensor(inertial, motion.pose.rotation)
+        turn = motion.pose.rotation
+        tensor = turn @ matrix_of(inertial.inertia_com_kg_m2) @ turn.T
         mass += inertial.mass_kg * linear.T @ linear + motion.angular.T @ tensor @ motion.angular
         held -= inertial.mass_kg * np.asarray(gravity) @ linear
     for name, gain in gains.items():
@@ -138,14 +140,6 @@ def _motions(
                 angular += step  # the child's origin lies on the axis
         motions[joint.child] = Motion(pose, linear, angular)
     return motions
-
-
-def _tensor(inertial: Inertial, rotation: Array) -> Array:
-    """(3, 3) about the centre of mass in world axes, kg m2."""
-    xx, yy, zz, xy, xz, yz = inertial.inertia_com_kg_m2
-    own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    turned: Array = rotation @ own @ rotation.T
-    return turned
 
 
 def holding_torques(

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from assetbuild.quantities import Model, Positive
-from assetbuild.robot.model import Inertial
+from assetbuild.robot.model import Inertial, Tree
 from assetbuild.robot.pose import Array, Pose, Quat, Vec3, rotation_of, vec3
 
 Tensor = tuple[float, float, float, float, float, float]
@@ -43,10 +43,10 @@ LEAST_MOMENT_KG_M2 = 1e-15
 """MuJoCo refuses a moving body with a smaller principal moment (its mjMINVAL)."""
 
 
-def matrix_of(tensor: Tensor) -> Array:
-    """(3, 3) symmetric matrix of (xx, yy, zz, xy, xz, yz)."""
-    xx, yy, zz, xy, xz, yz = tensor
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+def matrix_of(tensor: Tensor | Array) -> Array:
+    """(..., 3, 3) symmetric matrices of (..., 6) tensors xx, yy, zz, xy, xz, yz."""
+    places = ((0, 3, 4), (3, 1, 5), (4, 5, 2))
+    return np.asarray(tensor, dtype=np.float64)[..., places]
 
 
 def tensor_of(matrix: ArrayLike) -> Tensor:
@@ -111,6 +111,11 @@ def combine(parts: Sequence[Inertial]) -> Inertial:
         terms += [part.inertia_com_kg_m2, parallel_axis(part.mass_kg, offset)]
     xx, yy, zz, xy, xz, yz = (math.fsum(term[i] for term in terms) for i in range(6))
     return Inertial(mass, com, (xx, yy, zz, xy, xz, yz))
+
+
+def total_mass(tree: Tree) -> float:
+    """kg, of all bodies."""
+    return math.fsum(body.inertial.mass_kg for body in tree.bodies if body.inertial)
 
 
 def about_point(inertial: Inertial, point_m: Vec3) -> Tensor:

@@ -11,35 +11,18 @@ warning: a range or a pose with the other side's sign, a mass or a gain twice th
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from pydantic import Field
 
 from assetbuild.findings import Finding, Rule, Scalar, Severity
 from assetbuild.quantities import Model, Positive
-from assetbuild.robot.inertia import matrix_of
-from assetbuild.robot.model import Actuator, Body, Control, Joint, Limits, Tree
-from assetbuild.robot.pose import Array, Pose
-from assetbuild.robot.tree import forward_kinematics
+from assetbuild.robot.pose import Array
+from assetbuild.robot.twins import PLACE_M, Motion, Part, Twins
 
-SIDES = (
-    r"(?i:left|right)",
-    r"(?<![A-Za-z0-9])[lLrR](?![A-Za-z0-9])",
-    r"(?<![A-Za-z])[FfRrBbHhMm][lLrR](?![a-z])",
-    r"(?<![A-Za-z])[lLrR][FfBbHhMm](?![a-z])",
-    r"(?<![A-Za-z0-9])[LR](?=[A-Z][A-Za-z])",
-)
-"""How names say left and right: `left`, `l_hip`, `FL`, `LF`, `LHip`."""
-OTHER = {"left": "right", "right": "left", "l": "r", "r": "l"}
 SLIP = 2.0
 """Times the twin's value: more than two builds of one part differ by."""
-DRIVE = ("kp", "kd", "damping", "friction", "armature", "effort", "velocity")
-"""What of an `Actuator` is compared; a joint that nothing drives yet has the last two."""
-PLANES = (1, 0, 2)
-"""Axes of the root that may point to the side, the usual one first."""
 
 LIMITS = Rule(
     "mirror.limits",
@@ -95,7 +78,7 @@ class Tolerances(Model):
     """
 
     place: Positive = Field(
-        0.005, description="m: parts whose places mirror each other so closely are compared"
+        PLACE_M, description="m: parts whose places mirror each other so closely are compared"
     )
     mass: Positive = Field(0.02, description="relative difference of mass")
     center: Positive = Field(0.005, description="m, of the centre of mass")
@@ -106,188 +89,6 @@ class Tolerances(Model):
     gains: Positive = Field(
         0.01, description="relative, of kp, kd, damping, friction, armature, effort, velocity"
     )
-
-
-@dataclass(frozen=True)
-class Motion:
-    """One joint of a part. axis: (3,) in the frame of the root; home: at the first keyframe.
-
-    limits: None = unlimited. drive: kp, kd, effort, ... by name; None = unlimited or unstated.
-    """
-
-    name: str
-    turns: bool
-    axis: Array
-    limits: tuple[float, float] | None = None
-    home: float | None = None
-    drive: Mapping[str, float | None] = field(default_factory=dict)
-
-    @property
-    def unit(self) -> str:
-        """Of its coordinate."""
-        return "rad" if self.turns else "m"
-
-
-@dataclass(frozen=True)
-class Part:
-    """A body with the joints that carry it, all at 0, in the frame of the root.
-
-    place, com: (3,) m; inertia: (3, 3) kg m2 about the centre of mass. mass 0: it has none.
-    """
-
-    name: str
-    place: Array
-    mass: float = 0.0
-    com: Array = field(default_factory=lambda: np.zeros(3))
-    inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
-    joints: tuple[Motion, ...] = ()
-
-
-def parts_of(tree: Tree, control: Control) -> tuple[Part, ...]:
-    """Every body of a robot with what the table and the first keyframe say of its joint."""
-    poses = forward_kinematics(tree, {})
-    home = dict(control.keyframes[0].joints) if control.keyframes else {}
-    parts = []
-    for body in tree.bodies:
-        joint = tree.joint_above.get(body.name)
-        moving = joint is not None and joint in tree.moving_joints and joint.mimic is None
-        motions = (
-            (_motion(joint, poses[body.name], home, control.by_joint.get(joint.name)),)
-            if joint is not None and moving
-            else ()
-        )
-        parts.append(_part(body, poses[body.name], motions))
-    return tuple(parts)
-
-
-def _part(body: Body, X_root_body: Pose, joints: tuple[Motion, ...]) -> Part:
-    place = np.asarray(X_root_body.xyz)
-    if body.inertial is None:
-        return Part(body.name, place, joints=joints)
-    turn = X_root_body.rotation
-    return Part(
-        body.name,
-        place,
-        body.inertial.mass_kg,
-        X_root_body.apply(body.inertial.com_m),
-        turn @ matrix_of(body.inertial.inertia_com_kg_m2) @ turn.T,
-        joints,
-    )
-
-
-def _motion(
-    joint: Joint, X_root_child: Pose, home: Mapping[str, float], drive: Actuator | None
-) -> Motion:
-    lower, upper = joint.limits.lower, joint.limits.upper
-    source: Actuator | Limits = drive or joint.limits
-    values = {name: getattr(source, name) for name in DRIVE if hasattr(source, name)}
-    return Motion(
-        joint.name,
-        joint.kind != "prismatic",
-        X_root_child.rotation @ np.asarray(joint.axis),
-        None if lower is None or upper is None else (lower, upper),
-        home.get(joint.name),
-        values,
-    )
-
-
-# --- who belongs to whom --------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Twins:
-    """Pairs of parts (left, right), and the axis of the root that points to the side."""
-
-    pairs: tuple[tuple[Part, Part], ...]
-    axis: int
-
-    @property
-    def flip(self) -> Array:
-        """(3, 3) mirror image."""
-        flip = np.eye(3)
-        flip[self.axis, self.axis] = -1.0
-        return flip
-
-
-def twins(parts: Sequence[Part], tolerance_m: float = Tolerances().place) -> Twins:
-    """Parts whose names say left and right and whose places are mirror images.
-
-    Fingers of one hand, or an arm beside another, are mirrored elsewhere and are no twins.
-    """
-    named = _named(parts)
-    found = [
-        Twins(
-            tuple((a, b) for a, b in named if _opposite(a.place, b.place, axis, tolerance_m)),
-            axis,
-        )
-        for axis in PLANES
-    ]
-    return max(found, key=lambda one: len(one.pairs))  # the first of equals
-
-
-def _opposite(p: Array, q: Array, axis: int, tolerance_m: float) -> bool:
-    image = np.array(p)
-    image[axis] *= -1.0
-    return bool(np.linalg.norm(image - q) <= tolerance_m <= abs(p[axis]))
-
-
-def _named(parts: Sequence[Part]) -> list[tuple[Part, Part]]:
-    """By the body's name, or by that of its joint."""
-    bodies = {part.name: part for part in parts}
-    joints = {motion.name: part for part in parts for motion in part.joints}
-    found = []
-    for left in parts:
-        right = bodies.get(other_side(left.name, bodies))
-        for motion in left.joints:
-            right = right or joints.get(other_side(motion.name, joints))
-        if right is not None and right is not left:
-            found.append((left, right))
-    return found
-
-
-def other_side(name: str, known: Collection[str]) -> str:
-    """The name on the right of one on the left, "" when there is none among the known.
-
-    A left finger of the left hand is the image of the right finger of the right hand, where there
-    is one: all words for a side change before one alone does.
-    """
-    for pattern in SIDES:
-        words = list(re.finditer(pattern, name))
-        for chosen in ([words] if len(words) > 1 else []) + [[word] for word in words]:
-            if _is_left(chosen[0][0]):
-                other = _with_others(name, chosen)
-                if other in known:
-                    return other
-    return ""
-
-
-def _with_others(name: str, words: Sequence[re.Match[str]]) -> str:
-    for word in reversed(words):  # from the end, so that the places before stay
-        name = name[: word.start()] + _other_word(word[0]) + name[word.end() :]
-    return name
-
-
-def _other_word(word: str) -> str:
-    """`Left` -> `Right`, `FL` -> `FR`, `lf` -> `rf`: in the letters of the word."""
-    if word.lower() in OTHER:
-        other = OTHER[word.lower()]
-        return other.upper() if word.isupper() else other.capitalize() if word.istitle() else other
-    at = _side_letter(word)
-    letter = OTHER[word[at].lower()]
-    return word[:at] + (letter.upper() if word[at].isupper() else letter) + word[at + 1 :]
-
-
-def _side_letter(word: str) -> int:
-    """Where a word of two letters says the side: `RL` is rear left, `LH` left hind."""
-    return 1 if word[1].lower() in "lr" else 0
-
-
-def _is_left(word: str) -> bool:
-    word = word.lower()
-    return word in ("left", "l") or (len(word) == 2 and word[_side_letter(word)] == "l")
-
-
-# --- what differs ---------------------------------------------------------------------------
 
 
 def mirror_findings(found: Twins, allowed: Tolerances) -> Iterator[Finding]:
@@ -303,46 +104,29 @@ def mirror_findings(found: Twins, allowed: Tolerances) -> Iterator[Finding]:
 
 
 def _masses(left: Part, right: Part, flip: Array, allowed: Tolerances) -> Iterator[Finding]:
-    apart = abs(left.mass - right.mass) / max(left.mass, right.mass)
-    if apart > allowed.mass:
-        yield _finding(
-            MASS,
-            f"link {right.name}",
-            left.name,
-            f"{right.mass:.4g} kg, but `{left.name}` has {left.mass:.4g} kg",
-            "edit `set_mass`, of the side that is wrong",
-            max(left.mass, right.mass) >= SLIP * min(left.mass, right.mass),
-            {"mass_kg": right.mass, "mass_of_other_kg": left.mass},
-        )
+    low, high = sorted((left.mass, right.mass))
+    if (high - low) / high > allowed.mass:
+        message = f"{right.mass:.4g} kg, but `{left.name}` has {left.mass:.4g} kg"
+        hint = "edit `set_mass`, of the side that is wrong"
+        data = {"mass_kg": right.mass, "mass_of_other_kg": left.mass}
+        yield _finding(MASS, "link", left, right, message, hint, data, slip=high >= SLIP * low)
     away = float(np.linalg.norm(flip @ left.com - right.com))
     if away > allowed.center:
-        yield _finding(
-            CENTER,
-            f"link {right.name}",
-            left.name,
-            f"its centre of mass is {1e3 * away:.3g} mm from the mirror image of `{left.name}`'s",
-            "edit `set_inertia`; a sign that was not turned, or the same part on both sides?",
-            False,
-            {"distance_m": away},
-        )
-    yield from _inertias(left, right, flip, allowed)
-
-
-def _inertias(left: Part, right: Part, flip: Array, allowed: Tolerances) -> Iterator[Finding]:
+        apart = f"{1e3 * away:.3g} mm"
+        message = f"its centre of mass is {apart} from the mirror image of `{left.name}`'s"
+        hint = "edit `set_inertia`; a sign that was not turned, or the same part on both sides?"
+        yield _finding(CENTER, "link", left, right, message, hint, {"distance_m": away})
     wanted = flip @ left.inertia @ flip
-    own, other = (float(np.linalg.norm(part)) for part in (right.inertia, wanted))
-    difference = float(np.linalg.norm(wanted - right.inertia)) / (max(own, other) or 1.0)
+    low, high = sorted(float(np.linalg.norm(inertia)) for inertia in (right.inertia, wanted))
+    difference = float(np.linalg.norm(wanted - right.inertia)) / (high or 1.0)
     if difference > allowed.inertia:
-        yield _finding(
-            INERTIA,
-            f"link {right.name}",
-            left.name,
+        message = (
             f"its inertia (largest {_largest(right):.3g} kg m²) is {difference:.0%} off the mirror "
-            f"image of `{left.name}`'s (largest {_largest(left):.3g} kg m²)",
-            "edit `set_inertia`; a sign of a product of inertia lost?",
-            max(own, other) >= SLIP**2 * min(own, other),
-            {"relative": difference},
+            f"image of `{left.name}`'s (largest {_largest(left):.3g} kg m²)"
         )
+        hint = "edit `set_inertia`; a sign of a product of inertia lost?"
+        data, slip = {"relative": difference}, high >= SLIP**2 * low
+        yield _finding(INERTIA, "link", left, right, message, hint, data, slip=slip)
 
 
 def _largest(part: Part) -> float:
@@ -355,54 +139,43 @@ def _motions(left: Motion, right: Motion, flip: Array, allowed: Tolerances) -> I
     cosine = float(np.clip(image @ right.axis, -1.0, 1.0))
     angle = float(np.arccos(abs(cosine)))
     if angle > allowed.axis:
-        yield _finding(
-            AXES,
-            f"joint {right.name}",
-            left.name,
-            f"its axis is {np.degrees(angle):.3g} degrees off the mirror image of `{left.name}`'s",
-            "edit `flip_axis` turns an axis round; a tilt stands in the source",
-            False,
-            {"angle_rad": angle},
-        )
+        off = f"{np.degrees(angle):.3g} degrees"
+        message = f"its axis is {off} off the mirror image of `{left.name}`'s"
+        hint = "edit `flip_axis` turns an axis round; a tilt stands in the source"
+        yield _finding(AXES, "joint", left, right, message, hint, {"angle_rad": angle})
         return
     sign = 1.0 if cosine > 0.0 else -1.0
-    slipped = False
-    if left.limits != right.limits or sign < 0.0:
-        for finding in _limits(left, right, sign, allowed.limits):
-            slipped = slipped or finding.severity == "warning"
-            yield finding
-    if not slipped:  # a joint that counts the wrong way has the wrong pose too
+    found = _limits(left, right, sign, allowed.limits)
+    if found is not None:
+        yield found
+    if found is None or found.severity != "warning":
         yield from _home(left, right, sign, allowed.home)
+    # A joint that counts the wrong way has the wrong pose too, and one finding is enough.
 
 
-def _limits(left: Motion, right: Motion, sign: float, tolerance: float) -> Iterator[Finding]:
-    if left.limits is None and right.limits is None:
-        return
+def _limits(left: Motion, right: Motion, sign: float, tolerance: float) -> Finding | None:
+    hint, slip = "edit `set_limits`, of the side that is wrong", False
     if left.limits is None or right.limits is None:
+        if left.limits == right.limits:
+            return None
         one, other = (left, right) if left.limits is None else (right, left)
         message = f"`{one.name}` has no limits, but `{other.name}` has {_shown(other)}"
-        yield _limit_finding(left, right, message, slip=False, counts="")
-        return
-    wanted = _turned(left.limits, sign)
-    if _apart(wanted, right.limits) <= tolerance:
-        return
-    swapped = _apart(_turned(wanted, -1.0), right.limits) <= tolerance
-    message = f"its range is {_shown(right)}, but as the mirror image of `{left.name}` it would be "
-    message += f"{wanted[0]:g} to {wanted[1]:g} {right.unit}"
-    counts = f"flip_axis: {{joint: {right.name}, limits: keep}}"
-    yield _limit_finding(left, right, message, swapped, counts)
-
-
-def _limit_finding(left: Motion, right: Motion, message: str, slip: bool, counts: str) -> Finding:
-    hint = "edit `set_limits`, of the side that is wrong"
+    else:
+        wanted = _turned(left.limits, sign)
+        if _apart(wanted, right.limits) <= tolerance:
+            return None
+        message = f"its range is {_shown(right)}, but as the mirror image of `{left.name}` it "
+        message += f"would be {wanted[0]:g} to {wanted[1]:g} {right.unit}"
+        slip = _apart(_turned(wanted, -1.0), right.limits) <= tolerance
     if slip:
         message += ": the limits of left and right are swapped, or an axis points the wrong way"
-        hint = f"`set_limits` for swapped limits; `{counts}`, or of the other, for an axis"
+        turned = f"flip_axis: {{joint: {right.name}, limits: keep}}"
+        hint = f"`set_limits` for swapped limits; `{turned}`, or of the other, for an axis"
     data: dict[str, Scalar] = {}
     for joint, ending in ((left, "_of_other"), (right, "")):
         if joint.limits is not None:
             data |= {f"lower{ending}": joint.limits[0], f"upper{ending}": joint.limits[1]}
-    return _finding(LIMITS, f"joint {right.name}", left.name, message, hint, slip, data)
+    return _finding(LIMITS, "joint", left, right, message, hint, data, slip=slip)
 
 
 def _home(left: Motion, right: Motion, sign: float, tolerance: float) -> Iterator[Finding]:
@@ -411,17 +184,12 @@ def _home(left: Motion, right: Motion, sign: float, tolerance: float) -> Iterato
     wanted = sign * left.home
     if abs(wanted - right.home) <= tolerance:
         return
-    turned = abs(wanted + right.home) <= tolerance
-    yield _finding(
-        HOME,
-        f"joint {right.name}",
-        left.name,
-        f"the first keyframe has it at {right.home:g} {right.unit}; as the mirror image of "
-        f"`{left.name}` it would be at {wanted:g}",
-        "correct the keyframe, unless the pose leans on purpose",
-        turned,
-        {"position": right.home, "mirrored": wanted},
-    )
+    slip = abs(wanted + right.home) <= tolerance
+    message = f"the first keyframe has it at {right.home:g} {right.unit}; as the mirror image of "
+    message += f"`{left.name}` it would be at {wanted:g}"
+    hint = "correct the keyframe, unless the pose leans on purpose"
+    data = {"position": right.home, "mirrored": wanted}
+    yield _finding(HOME, "joint", left, right, message, hint, data, slip=slip)
 
 
 def _drives(left: Motion, right: Motion, allowed: Tolerances) -> Iterator[Finding]:
@@ -433,28 +201,26 @@ def _drives(left: Motion, right: Motion, allowed: Tolerances) -> Iterator[Findin
         small, large = min(values), max(values)
         if np.isfinite(large) and large - small <= allowed.gains * large:
             continue
-        yield _finding(
-            GAINS,
-            f"actuator {right.name}",
-            left.name,
-            f"its {name} is {_value(own)}, but that of `{left.name}` is {_value(other)}",
-            "one row of `actuators` for both",
-            large >= SLIP * small,
-            {"of": name, "value": own, "value_of_other": other},
-        )
+        message = f"its {name} is {_value(own)}, but that of `{left.name}` is {_value(other)}"
+        hint, slip = "one row of `actuators` for both", large >= SLIP * small
+        data = {"of": name, "value": own, "value_of_other": other}
+        yield _finding(GAINS, "actuator", left, right, message, hint, data, slip=slip)
 
 
 def _finding(
     rule: Rule,
-    subject: str,
-    other: str,
+    kind: str,
+    left: Part | Motion,
+    right: Part | Motion,
     message: str,
     hint: str,
-    slip: bool,
     data: Mapping[str, Scalar],
+    *,
+    slip: bool = False,
 ) -> Finding:
     severity: Severity = "warning" if slip else "info"
-    return rule(subject, message, hint, severity=severity, data={**data, "other": other})
+    whole = {**data, "other": left.name}
+    return rule(f"{kind} {right.name}", message, hint, severity=severity, data=whole)
 
 
 def _turned(limits: tuple[float, float], sign: float) -> tuple[float, float]:

@@ -159,6 +159,11 @@ class Tree:
         frame = self._by_frame[link]
         return frame.body, frame.X_body_frame
 
+    def shape_placement(self, shape: Shape) -> tuple[str, Pose]:
+        """(body, X_body_shape) of a shape, which hangs on a link of the source."""
+        body, X_body_link = self.placement(shape.link)
+        return body, X_body_link @ shape.X_link_shape
+
     @cached_property
     def _by_frame(self) -> dict[str, Frame]:
         return {frame.name: frame for frame in self.frames}

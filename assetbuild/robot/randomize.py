@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from assetbuild.robot.inertia import pseudo_inertia, tensor_of
+from assetbuild.robot.inertia import matrix_of, pseudo_inertia, tensor_of
 from assetbuild.robot.model import Inertial
 from assetbuild.robot.pose import Array, Vec3, vec3
 
@@ -145,7 +145,7 @@ class Draws:
     def inertial(self, index: int) -> Inertial:
         """One of them."""
         row = self.rows[index]
-        return Inertial(float(row[0]), vec3(row[1:4]), tensor_of(matrices_of(row[None, 4:])[0]))
+        return Inertial(float(row[0]), vec3(row[1:4]), tensor_of(matrix_of(row[4:])))
 
     @property
     def acceptance(self) -> float:
@@ -284,7 +284,7 @@ def _enclosing_weights(points: Array, tolerance: float) -> Array:
 
 def inconsistent(rows: Array) -> Array:
     """Which of (n, 10) draws no matter could have: mass or a second moment of mass <= 0, (n,)."""
-    moments = np.linalg.eigvalsh(matrices_of(rows[:, 4:]))
+    moments = np.linalg.eigvalsh(matrix_of(rows[:, 4:]))
     least = (moments[:, 0] + moments[:, 1] - moments[:, 2]) / 2
     return np.asarray((rows[:, 0] <= 0.0) | (least <= 0.0))
 
@@ -305,9 +305,3 @@ def _rows_of(pseudo: Array) -> Array:
     inertia = trace[:, None, None] * np.eye(3) - second
     upper = [inertia[:, i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     return np.column_stack([mass, com, *upper])
-
-
-def matrices_of(tensors: Array) -> Array:
-    """(n, 3, 3) of (n, 6) tensors."""
-    xx, yy, zz, xy, xz, yz = tensors.T
-    return np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=1).reshape(-1, 3, 3)

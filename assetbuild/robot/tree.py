@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -155,7 +155,7 @@ def merge_fixed_joints(
     merged = replace(
         tree,
         bodies=tuple(bodies),
-        joints=tuple(_attach(joint, placed) for joint in _remaining(tree, placed)),
+        joints=tuple(_attached(tree, placed)),
         frames=tuple(frames[b.name] for b in tree.bodies if b.name in frames),
     )
     return merged, tuple(facts)
@@ -176,7 +176,8 @@ def _groups(tree: Tree, merge: bool, kept: frozenset[str]) -> list[list[str]]:
 def _name_giver(tree: Tree, members: list[str]) -> str:
     """The link whose name and frame the body takes."""
     first = members[0]
-    masses = {link: _mass(tree, link) for link in members}
+    inertials = {link: tree.by_body[link].inertial for link in members}
+    masses = {link: own.mass_kg if own else 0.0 for link, own in inertials.items()}
     if first != tree.root or masses[first] >= PLACEHOLDER_KG:
         return first
     heaviest = max(members, key=lambda link: masses[link])  # the first of equals
@@ -184,11 +185,6 @@ def _name_giver(tree: Tree, members: list[str]) -> str:
         return first
     mounted = tree.base == "fixed" and _poses_from(first, tree, members)[heaviest] != IDENTITY
     return first if mounted else heaviest
-
-
-def _mass(tree: Tree, link: str) -> float:
-    inertial = tree.by_body[link].inertial
-    return inertial.mass_kg if inertial else 0.0
 
 
 def _poses_from(origin: str, tree: Tree, members: list[str]) -> dict[str, Pose]:
@@ -212,12 +208,10 @@ def _poses_from(origin: str, tree: Tree, members: list[str]) -> dict[str, Pose]:
     return poses
 
 
-def _remaining(tree: Tree, placed: Mapping[str, tuple[str, Pose]]) -> list[Joint]:
-    """The joints that still connect two bodies."""
-    return [j for j in tree.joints if placed[j.parent][0] != placed[j.child][0]]
-
-
-def _attach(joint: Joint, placed: Mapping[str, tuple[str, Pose]]) -> Joint:
-    """The joint between the bodies that its links became part of."""
-    parent, X_body_link = placed[joint.parent]
-    return replace(joint, parent=parent, X_parent_joint=X_body_link @ joint.X_parent_joint)
+def _attached(tree: Tree, placed: Mapping[str, tuple[str, Pose]]) -> Iterator[Joint]:
+    """The joints that still connect two bodies, between those that their links became part of."""
+    for joint in tree.joints:
+        parent, X_body_link = placed[joint.parent]
+        if parent != placed[joint.child][0]:
+            pose = X_body_link @ joint.X_parent_joint
+            yield replace(joint, parent=parent, X_parent_joint=pose)

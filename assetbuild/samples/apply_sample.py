@@ -67,5 +67,5 @@ def _scaled(actuator: Actuator, by: JointSample) -> Actuator:
         damping=actuator.damping * by.damping,
         friction=actuator.friction * by.friction,
         armature=actuator.armature * by.armature,
-        effort=None if actuator.effort is None else actuator.effort * by.effort,
+        effort=actuator.effort and actuator.effort * by.effort,
     )

@@ -12,7 +12,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.inertia import combine, move_inertial, principal_moments
+from assetbuild.robot.inertia import combine, matrix_of, move_inertial, principal_moments
 from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.randomize import (
@@ -28,13 +28,11 @@ from assetbuild.robot.randomize import (
     draw,
     homogeneous_box,
     inconsistent,
-    matrices_of,
     unit_draws,
 )
 from assetbuild.robot.ranges import (
     JOINT_FACTORS,
     Randomize,
-    RandomMatter,
     RandomPayload,
     first_match,
     per_axis,
@@ -84,16 +82,15 @@ class DrawSamples(Step):
         return max(self.keep, self.judge)
 
     def _draws(self, tree: Tree, rooms: Mapping[str, Ellipsoid]) -> Iterator[tuple[str, Draws]]:
-        for body in tree.bodies:
-            matter = first_match(self.randomize.links, body.name)
-            if matter is None or body.inertial is None or body.name not in rooms:
+        count, seed = self._count, self.randomize.seed
+        for name, body in tree.by_body.items():
+            matter = first_match(self.randomize.links, name)
+            if matter is None or body.inertial is None or name not in rooms:
                 continue
-            ranges, room = _ranges(matter), rooms[body.name]
+            com, stretch, shear = per_axis(matter.com), matter.stretch, matter.shear
+            ranges = InertialRanges(matter.density, com, stretch, shear)
             try:
-                yield (
-                    body.name,
-                    draw(body.inertial, ranges, self._count, self.randomize.seed, body.name, room),
-                )
+                yield name, draw(body.inertial, ranges, count, seed, name, rooms[name])
             except DoesNotFitError as error:
                 raise StepError(
                     str(error), hint="narrow `com`, `stretch` or `shear` in `randomize.links`"
@@ -143,10 +140,6 @@ class DrawSamples(Step):
         return [float(value) for value in row]
 
 
-def _ranges(matter: RandomMatter) -> InertialRanges:
-    return InertialRanges(matter.density, per_axis(matter.com), matter.stretch, matter.shear)
-
-
 def _scaled(pair: tuple[float, float], unit: float) -> float:
     """-1..1 onto a range."""
     return (pair[0] + pair[1]) / 2 + (pair[1] - pair[0]) / 2 * unit
@@ -191,7 +184,7 @@ def _spread(values: Array) -> dict[str, object]:
 
 
 def _moments(rows: Array) -> Array:
-    return np.asarray(np.linalg.eigvalsh(matrices_of(rows[:, 4:])))
+    return np.asarray(np.linalg.eigvalsh(matrix_of(rows[:, 4:])))
 
 
 def _noise_share(moments: Array, noise: float, count: int) -> float:

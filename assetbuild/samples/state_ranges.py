@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from assetbuild.engine.step import Files, Step
@@ -63,25 +63,11 @@ class StateRanges(Step):
         bodies, frames = list(tree.by_body), [frame.name for frame in tree.frames]
         moving = [joint.name for joint in tree.moving_joints]
         for pattern in self.randomize.links:
-            if not any(re.fullmatch(pattern, name) for name in bodies):
-                merged = [name for name in frames if re.fullmatch(pattern, name)]
-                hint = (
-                    f"`{merged[0]}` was merged into `{tree.placement(merged[0])[0]}`"
-                    if merged
-                    else did_you_mean(pattern, bodies)
-                )
-                raise RowError(
-                    f"randomize.links: pattern `{pattern}` matches no body",
-                    key=("randomize", "links", pattern),
-                    hint=hint,
-                )
+            merged = next((name for name in frames if re.fullmatch(pattern, name)), None)
+            hint = f"`{merged}` was merged into `{tree.placement(merged)[0]}`" if merged else ""
+            _must_match("links", pattern, bodies, "body", hint)
         for pattern in self.randomize.joints:
-            if not any(re.fullmatch(pattern, name) for name in moving):
-                raise RowError(
-                    f"randomize.joints: pattern `{pattern}` matches no moving joint",
-                    key=("randomize", "joints", pattern),
-                    hint=did_you_mean(pattern, moving),
-                )
+            _must_match("joints", pattern, moving, "moving joint")
         for index, payload in enumerate(self.randomize.payloads):
             if payload.link not in bodies and payload.link not in frames:
                 raise RowError(
@@ -117,15 +103,11 @@ class StateRanges(Step):
         names = [joint.name for joint in tree.moving_joints]
         own = {joint.name for joint in tree.moving_joints if joint.mimic is None}
         for _, ranges, joints in claimed(self.randomize.joints, names):
-            for key in JOINT_FACTORS:
-                if key in DRIVE and getattr(ranges, key) != (1.0, 1.0):
-                    without = [
-                        joint
-                        for joint in joints
-                        if joint in own and not getattr(control.by_joint.get(joint), key, 0.0)
-                    ]
-                    idle.setdefault(key, []).extend(without)
-        idle = {key: joints for key, joints in idle.items() if joints}
+            for key in DRIVE:
+                if getattr(ranges, key) != (1.0, 1.0):
+                    for joint in joints:
+                        if joint in own and not getattr(control.by_joint.get(joint), key, 0.0):
+                            idle.setdefault(key, []).append(joint)
         if idle:
             kept = sum(item.place == "actuator" for item in control.mjcf_only)
             shown = "; ".join(
@@ -211,6 +193,15 @@ class StateRanges(Step):
                 hint='add `source: "CAD tolerance"`, a datasheet or a measurement',
                 data={"without": without},
             )
+
+
+def _must_match(key: str, pattern: str, names: Sequence[str], what: str, hint: str = "") -> None:
+    if not any(re.fullmatch(pattern, name) for name in names):
+        raise RowError(
+            f"randomize.{key}: pattern `{pattern}` matches no {what}",
+            key=("randomize", key, pattern),
+            hint=hint or did_you_mean(pattern, names),
+        )
 
 
 def _matter(body: Body, matter: RandomMatter) -> dict[str, Any]:

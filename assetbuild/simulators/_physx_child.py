@@ -13,6 +13,7 @@ import json
 import math
 import os
 import sys
+from collections.abc import Sequence
 from importlib.metadata import distribution
 from pathlib import Path
 from typing import Any
@@ -22,16 +23,7 @@ import numpy as np
 Sim = Any  # ovphysx.PhysX: its types are not checked here
 Stage = Any  # ovstage.Stage: as above
 
-ROOT = (
-    "isFixedBase",
-    "dofCount",
-    "linkCount",
-    "jointCount",
-    "shapeCount",
-    "rootPosition",
-    "rootOrientation",
-    "centerOfMassWorld",
-)
+ROOT = ("isFixedBase", "dofCount", "shapeCount", "rootPosition", "rootOrientation")
 LINK = (
     "mass",
     "inertia",
@@ -41,20 +33,6 @@ LINK = (
     "dynamicFriction",
     "restitution",
 )
-JOINT = (
-    "jointPosition",
-    "jointPositionTarget",
-    "jointStiffness",
-    "jointDamping",
-    "jointLimit",
-    "jointMaxVelocity",
-    "jointMaxForce",
-    "jointArmature",
-    "jointStaticFriction",
-    "jointDynamicFriction",
-    "jointViscousFriction",
-    "jointDriveType",
-)
 Table = dict[str, dict[str, list[float]]]
 
 
@@ -63,7 +41,7 @@ def main() -> None:
     job = json.loads(Path(sys.argv[-1]).read_bytes())
     sim = _start()
     for run in job["runs"]:
-        _perform(sim, run, Path(job["answers"]))
+        _perform(sim, run, job["joint_numbers"], Path(job["answers"]))
     sim.destroy()
 
 
@@ -83,7 +61,8 @@ def _start() -> Sim:
     return sim
 
 
-def _perform(sim: Sim, run: dict[str, Any], answers: Path) -> None:  # Any: JSON
+def _perform(sim: Sim, run: dict[str, Any], numbers: list[str], answers: Path) -> None:
+    # Any: JSON
     """Load one stage, say what it holds, step it, write down where it went."""
     import ovstage
 
@@ -96,7 +75,7 @@ def _perform(sim: Sim, run: dict[str, Any], answers: Path) -> None:  # Any: JSON
     sim.wait_all()
     paths = ovstage.PathDictionary(stage)
     try:
-        text = json.dumps(_held(sim, paths))
+        text = json.dumps(_held(sim, paths, numbers))
         (answers / f"{run['name']}.json").write_text(text, encoding="utf-8")
         if run["steps"]:
             track = _simulate(sim, paths, run)
@@ -116,18 +95,19 @@ def _perform(sim: Sim, run: dict[str, Any], answers: Path) -> None:  # Any: JSON
 # --- what PhysX holds -----------------------------------------------------------------------
 
 
-def _held(sim: Sim, paths: Any) -> dict[str, Table]:  # Any: ovstage.PathDictionary
+def _held(sim: Sim, paths: Any, joint_numbers: list[str]) -> dict[str, Table]:
+    # Any: ovstage.PathDictionary
     from ovphysx.types import SimObjectType
 
     return {
         "articulations": _read_each(sim, paths, SimObjectType.ARTICULATION, ROOT),
         "links": _read_each(sim, paths, SimObjectType.ARTICULATION_LINK, LINK),
-        "joints": _read_each(sim, paths, SimObjectType.ARTICULATION_JOINT, JOINT),
+        "joints": _read_each(sim, paths, SimObjectType.ARTICULATION_JOINT, joint_numbers),
         "loose": _read_each(sim, paths, SimObjectType.RIGID_BODY, ("mass",)),
     }
 
 
-def _read_each(sim: Sim, paths: Any, kind: Any, attributes: tuple[str, ...]) -> Table:
+def _read_each(sim: Sim, paths: Any, kind: Any, attributes: Sequence[str]) -> Table:
     # Any: as above, and ovphysx's enumeration
     """Values by prim path and attribute; one read per attribute keeps groups and names simple."""
     table: Table = {}

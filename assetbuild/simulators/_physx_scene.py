@@ -47,7 +47,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Names:
+class StageNames:
     """The robot's names by prim path below `/World/robot`, and which joints are angles."""
 
     bodies: Mapping[str, str]
@@ -55,7 +55,7 @@ class Names:
     angular: frozenset[str]
 
 
-def write_world(path: Path, main: Path, setting: Setting) -> Names:
+def write_world(path: Path, main: Path, setting: Setting) -> StageNames:
     """Write a stage that references `main`; returns whose prims are whose."""
     from pxr import Usd, UsdGeom
 
@@ -79,7 +79,7 @@ def write_world(path: Path, main: Path, setting: Setting) -> Names:
     return names
 
 
-def _names(stage: Usd.Stage) -> Names:
+def _names(stage: Usd.Stage) -> StageNames:
     from pxr import Usd, UsdPhysics
 
     bodies, joints, angular = {}, {}, set()
@@ -91,7 +91,7 @@ def _names(stage: Usd.Stage) -> Names:
             joints[str(prim.GetPath())] = name
             if prim.IsA(UsdPhysics.RevoluteJoint):
                 angular.add(name)
-    return Names(bodies, joints, frozenset(angular))
+    return StageNames(bodies, joints, frozenset(angular))
 
 
 def _place(prim: Usd.Prim, pose: Pose) -> None:
@@ -170,7 +170,7 @@ def _hold_base(stage: Usd.Stage) -> None:
         root.RemoveAppliedSchema("PhysxArticulationAPI")
 
 
-def _change(prim: Usd.Prim, names: Names, setting: Setting) -> None:
+def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:
     from pxr import UsdPhysics
 
     if not setting.contacts and prim.HasAPI(UsdPhysics.CollisionAPI):

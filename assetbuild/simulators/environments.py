@@ -19,11 +19,10 @@ from pathlib import Path
 
 from assetbuild.engine.folders import cache_root
 from assetbuild.errors import MachineError
+from assetbuild.simulators.children import last_line, run_child
 
 MADE = "assetbuild.json"
 """Written last: an environment without it is half made."""
-KEPT = ("PATH", "LD_LIBRARY_PATH", "HOME", "TMPDIR")
-"""Variables of ours that a consumer sees."""
 
 
 @dataclass(frozen=True)
@@ -75,42 +74,25 @@ def ask(
     """
     path = folder / "job.json"
     path.write_text(json.dumps(job), encoding="utf-8")
-    fixed = {
-        "PYTHONHASHSEED": "0",
-        "PYTHONUTF8": "1",
+    variables = {
         "WARP_CACHE_PATH": str(python.parents[1] / "kernels"),
         "MUJOCO_GL": "disable",
         "WANDB_MODE": "disabled",
     }
-    child = subprocess.Popen(
-        [str(python), "-P", "-s", str(program), str(path)],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        env={name: os.environ[name] for name in KEPT if name in os.environ} | fixed,
-        cwd=folder,
+    ended = run_child(
+        [str(python), "-P", "-s", str(program), str(path)], folder, seconds, variables
     )
-    try:
-        _, said = child.communicate(timeout=seconds)
-    except subprocess.TimeoutExpired:
-        return None, f"it took more than {seconds:g} s and was stopped"
-    finally:
-        if child.poll() is None:
-            child.kill()
-            child.communicate()
     answer = folder / "answer.json"
-    if child.returncode == 0 and answer.exists():
+    if not ended and answer.exists():
         return json.loads(answer.read_bytes()), ""
-    if child.returncode < 0:
-        return None, f"it crashed with signal {-child.returncode}"
-    return None, said.decode("utf-8", "replace").strip().rpartition("\n")[2][:400]
+    # An exception of the program speaks for itself.
+    return None, f"it {ended or 'wrote no answer'}".removeprefix("it failed: ")
 
 
 def _run(command: Sequence[str]) -> None:
     done = subprocess.run(command, check=False, capture_output=True)
     if done.returncode:
-        last = done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2][:400]
         raise MachineError(
-            f"the environment could not be made: {last}",
+            f"the environment could not be made: {last_line(done.stderr)}",
             hint="pip needs the network; `assetbuild doctor` looks at the machine",
         )

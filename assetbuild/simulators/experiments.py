@@ -67,6 +67,20 @@ class FreeFall:
         return abs(self.drop_m - self.expected_m) / max(self.expected_m, 1e-12)
 
 
+def fall_of(
+    moved: Array, seconds: float, gravity: Array, extra_s: float, *, finite: bool = True
+) -> FreeFall:
+    """The fall by `moved` (3,) m from rest against g/2 t (t + extra), m; gravity: (3,) m/s2.
+
+    extra_s: what the integrator of an engine adds to the exact law.
+    """
+    g = float(np.linalg.norm(gravity))
+    down = gravity / g if g else np.array([0.0, 0.0, -1.0])
+    drop = float(moved @ down)
+    sideways = float(np.linalg.norm(moved - drop * down))
+    return FreeFall(seconds, drop, g / 2 * seconds * (seconds + extra_s), sideways, finite)
+
+
 @dataclass(frozen=True)
 class Sine:
     """Every joint's target at once: middle + swing sin(2 pi f t). rad or m, by joint name."""

@@ -1,14 +1,14 @@
-"""MuJoCo as checks use it: load, drop, stand. Versions 3.11 to 4.
+"""MuJoCo as checks use it: load, look, drop. Versions 3.11 to 4.
 
 MuJoCo's own warnings are caught: without a handler they go to a log file in the working folder.
 """
 
 from __future__ import annotations
 
-import math
+import copy
 import re
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ import numpy as np
 from assetbuild.errors import StepError
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array, rotation_of
-from assetbuild.simulators.experiments import FreeFall
+from assetbuild.simulators.experiments import FreeFall, fall_of
 
 Model = Any  # mujoco.MjModel: its extension module has no types
 Data = Any  # mujoco.MjData: as above
@@ -121,141 +121,41 @@ def mass_matrix(model: Model, data: Data) -> Array:
     return full
 
 
-# --- free fall ----------------------------------------------------------------------------------
+# --- states -------------------------------------------------------------------------------------
 
 
-def free_fall(model: Model, seconds: float) -> FreeFall:
-    """Drops the robot from its first keyframe with contacts, limits and drives off.
-
-    MuJoCo's integrators are semi-implicit: n steps of h from rest fall g/2 t (t + h), t = n h.
-    """
+def without(model: Model, *flags: str) -> Model:
+    """A copy to change and to step, with some of MuJoCo's features off: `CONTACT`, `LIMIT`."""
     import mujoco
 
-    # A foreign model stays as it was: flags are put back.
-    flags = int(model.opt.disableflags)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
-    try:
-        with caught_warnings():
-            data = _at_key(model, 0 if model.nkey else None)
-            start = np.array(data.subtree_com[0])
-            steps = max(1, round(seconds / model.opt.timestep))
-            for _ in range(steps):
-                mujoco.mj_step(model, data)
-            mujoco.mj_forward(model, data)
-            moved = np.array(data.subtree_com[0]) - start
-            finite = _is_finite(data)
-    finally:
-        model.opt.disableflags = flags
-    gravity = np.array(model.opt.gravity)
-    g = float(np.linalg.norm(gravity))
-    down = gravity / g if g else np.array([0.0, 0.0, -1.0])
-    t = steps * float(model.opt.timestep)
-    drop = float(moved @ down)
-    return FreeFall(
-        seconds=t,
-        drop_m=drop,
-        expected_m=g / 2 * t * (t + float(model.opt.timestep)),
-        sideways_m=float(np.linalg.norm(moved - drop * down)),
-        finite=finite,
-    )
+    changed = copy.copy(model)
+    for flag in flags:
+        changed.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
+    return changed
 
 
-# --- standing -----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Gains:
-    """A PD law outside the simulator. effort: N m or N, None = unlimited."""
-
-    kp: float
-    kd: float
-    effort: float | None = None
-
-
-@dataclass(frozen=True)
-class Stand:
-    """What a robot did that held a keyframe on the floor. Names are of geoms and joints.
-
-    gap_m: lowest point over the floor at the start, by collision geom, m.
-    sag_m: base lower than at the start; tilt_rad: of the base's z axis; drift_m: sideways.
-    touching, touched: geoms on the floor at the end, and at any time.
-    overlapping: pairs of the robot's own geoms in contact at the start, with depth in m.
-    joint_sag: target minus position at the end, rad or m; load: |torque| / effort at the end.
-    """
-
-    seconds: float
-    finite: bool
-    warnings: tuple[str, ...]
-    height_m: float
-    gap_m: Mapping[str, float]
-    sag_m: float
-    tilt_rad: float
-    drift_m: float
-    touching: tuple[str, ...]
-    touched: tuple[str, ...]
-    overlapping: Mapping[tuple[str, str], float]
-    joint_sag: Mapping[str, float]
-    load: Mapping[str, float]
-
-
-def stand(
-    model: Model, keyframe: str, seconds: float, external: Mapping[str, Gains] | None = None
-) -> Stand:
-    """Holds a keyframe of a scene with a floor (a plane of the world at z = 0) for a while.
-
-    external: PD laws by joint name, for joints whose actuator is a plain torque motor.
-    Raises StepError when there is no such keyframe or no floor.
-    """
-    import mujoco
-
-    key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, keyframe)
-    if key < 0:
-        raise StepError(f"the model has no keyframe `{keyframe}`")
-    floor = _floor(model)
-    with caught_warnings() as said:
-        data = _at_key(model, key)
-        target = np.array(data.qpos)
-        gaps = _gaps(model, data)
-        overlapping = _overlaps(model, data)
-        X_start = np.array(data.xpos[1]), np.array(data.xmat[1]).reshape(3, 3)
-        touched: set[str] = set()
-        for _ in range(max(1, round(seconds / model.opt.timestep))):
-            _drive_outside(model, data, target, external or {})
-            mujoco.mj_step(model, data)
-            touched |= _on_floor(model, data, floor)
-        mujoco.mj_forward(model, data)
-        finite = _is_finite(data)
-    turned = X_start[1].T @ np.array(data.xmat[1]).reshape(3, 3)
-    moved = np.array(data.xpos[1]) - X_start[0]
-    return Stand(
-        seconds=float(data.time),
-        finite=finite,
-        warnings=tuple(said),
-        height_m=float(X_start[0][2]),
-        gap_m=gaps,
-        sag_m=-float(moved[2]),
-        tilt_rad=math.acos(max(-1.0, min(1.0, float(turned[2, 2])))),
-        drift_m=math.hypot(float(moved[0]), float(moved[1])),
-        touching=tuple(sorted(_on_floor(model, data, floor))),
-        touched=tuple(sorted(touched)),
-        overlapping=overlapping,
-        joint_sag=_joint_sag(model, data, target),
-        load=_load(model, data),
-    )
-
-
-def _at_key(model: Model, key: int | None) -> Data:
+def at_key(model: Model, key: int = 0) -> Data:
+    """A keyframe with its controls; zero where the model has none."""
     import mujoco
 
     data = mujoco.MjData(model)
-    if key is not None:
+    if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, key)
     mujoco.mj_forward(model, data)
     return data
 
 
-def _is_finite(data: Data) -> bool:
+def step_for(model: Model, data: Data, seconds: float) -> int:
+    """Steps for so long, at least once; how often."""
+    import mujoco
+
+    steps = max(1, round(seconds / float(model.opt.timestep)))
+    mujoco.mj_step(model, data, steps)
+    mujoco.mj_forward(model, data)
+    return steps
+
+
+def is_finite(data: Data) -> bool:
     """MuJoCo starts over silently when a state goes bad: its counters tell."""
     import mujoco
 
@@ -270,109 +170,81 @@ def _is_finite(data: Data) -> bool:
     return bool(np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all())
 
 
-def _floor(model: Model) -> int:
+def overlaps(model: Model, data: Data, kind: str) -> dict[tuple[str, str], float]:
+    """Depth (m) of the contacts of the robot with itself, by pair of names of `geom` or `body`."""
+    found: dict[tuple[str, str], float] = {}
+    for contact in data.contact[: data.ncon]:
+        bodies = [int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2)]
+        if 0 not in bodies:
+            pair = bodies if kind == "body" else (int(contact.geom1), int(contact.geom2))
+            a, b = sorted(name_of(model, kind, index) for index in pair)
+            found[a, b] = max(found.get((a, b), 0.0), -float(contact.dist))
+    return dict(sorted(found.items()))
+
+
+def turning(model: Model) -> list[int]:
+    """Hinges and slides."""
     import mujoco
 
-    planes = np.flatnonzero(
-        (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & (model.geom_bodyid == 0)
-    )
-    if not len(planes):
-        raise StepError("the scene has no floor: no plane in its world")
-    return int(planes[0])
+    kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    return [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in kinds]
+
+
+def raise_base(model: Model, data: Data, height_m: float) -> None:
+    """Lift what floats; call before the next step."""
+    import mujoco
+
+    for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
+        data.qpos[int(model.jnt_qposadr[joint]) + 2] += height_m
+
+
+def driven_joint(model: Model, actuator: int) -> str:
+    """Name of the joint that an actuator of the Robot drives."""
+    return name_of(model, "joint", int(model.actuator_trnid[actuator, 0]))
+
+
+def largest_force(model: Model, actuator: int) -> float | None:
+    """N m or N: the limit of an actuator, that of the command of a plain motor; None = none."""
+    if model.actuator_forcelimited[actuator]:
+        return float(model.actuator_forcerange[actuator, 1])
+    if model.actuator_ctrllimited[actuator] and not model.actuator_biastype[actuator]:
+        return float(model.actuator_ctrlrange[actuator, 1])
+    return None
+
+
+# --- free fall ----------------------------------------------------------------------------------
+
+
+def free_fall(model: Model, seconds: float) -> FreeFall:
+    """Drops the robot from its first keyframe with contacts, limits and drives off.
+
+    MuJoCo's integrators are semi-implicit: n steps of h from rest fall g/2 t (t + h), t = n h.
+    """
+    falling = without(model, "CONSTRAINT", "ACTUATION")
+    with caught_warnings():
+        data = at_key(falling)
+        start = np.array(data.subtree_com[0])
+        t = step_for(falling, data, seconds) * float(model.opt.timestep)
+    moved = np.array(data.subtree_com[0]) - start
+    gravity, h = np.array(model.opt.gravity), float(model.opt.timestep)
+    return fall_of(moved, t, gravity, h, finite=is_finite(data))
+
+
+# --- shapes -------------------------------------------------------------------------------------
+
+
+def floors(model: Model) -> list[int]:
+    """Planes of the world."""
+    import mujoco
+
+    planes = model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)
+    return [int(i) for i in np.flatnonzero(planes & (model.geom_bodyid == 0))]
 
 
 def collision_geoms(model: Model) -> list[int]:
     """Geoms of the robot that can touch something."""
     solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     return [int(i) for i in np.flatnonzero(solid & (model.geom_bodyid != 0))]
-
-
-def _gaps(model: Model, data: Data) -> dict[str, float]:
-    return {name_of(model, "geom", i): lowest_z(model, data, i) for i in collision_geoms(model)}
-
-
-def lowest_z(model: Model, data: Data, geom: int) -> float:
-    """World z of the lowest point of a sphere, capsule, cylinder, ellipsoid, box or mesh, m."""
-    import mujoco
-
-    kinds = mujoco.mjtGeom
-    kind, size = int(model.geom_type[geom]), np.array(model.geom_size[geom])
-    z = float(data.geom_xpos[geom][2])
-    down = np.array(data.geom_xmat[geom]).reshape(3, 3)[2]  # world z in the axes of the geom
-    if kind == kinds.mjGEOM_SPHERE:
-        return z - float(size[0])
-    if kind == kinds.mjGEOM_CAPSULE:
-        return z - float(size[0] + size[1] * abs(down[2]))
-    if kind == kinds.mjGEOM_CYLINDER:
-        return z - float(size[0] * math.hypot(down[0], down[1]) + size[1] * abs(down[2]))
-    if kind == kinds.mjGEOM_BOX:
-        return z - float(size @ np.abs(down))
-    if kind == kinds.mjGEOM_ELLIPSOID:
-        return z - float(np.linalg.norm(size * down))
-    if kind == kinds.mjGEOM_MESH:
-        mesh = int(model.geom_dataid[geom])
-        first = int(model.mesh_vertadr[mesh])
-        vertices = model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])]
-        return z + float((vertices @ down).min())
-    raise StepError(f"no lowest point of a geom of type {kind}")
-
-
-def _overlaps(model: Model, data: Data) -> dict[tuple[str, str], float]:
-    found: dict[tuple[str, str], float] = {}
-    for contact in data.contact[: data.ncon]:
-        if 0 in (model.geom_bodyid[contact.geom1], model.geom_bodyid[contact.geom2]):
-            continue
-        a, b = sorted(name_of(model, "geom", int(g)) for g in (contact.geom1, contact.geom2))
-        found[a, b] = max(found.get((a, b), 0.0), -float(contact.dist))
-    return dict(sorted(found.items()))
-
-
-def _on_floor(model: Model, data: Data, floor: int) -> set[str]:
-    names = set()
-    for contact in data.contact[: data.ncon]:
-        if floor in (contact.geom1, contact.geom2):
-            other = contact.geom2 if contact.geom1 == floor else contact.geom1
-            names.add(name_of(model, "geom", int(other)))
-    return names
-
-
-def _drive_outside(model: Model, data: Data, target: Array, external: Mapping[str, Gains]) -> None:
-    """What a controller with these gains would command before this step."""
-    if not external:
-        return
-    for actuator in range(model.nu):
-        joint = int(model.actuator_trnid[actuator, 0])
-        gains = external.get(name_of(model, "joint", joint))
-        if gains is None:
-            continue
-        q, v = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
-        torque = gains.kp * (target[q] - data.qpos[q]) - gains.kd * data.qvel[v]
-        if gains.effort is not None:
-            torque = max(-gains.effort, min(gains.effort, torque))
-        data.ctrl[actuator] = torque
-
-
-def _joint_sag(model: Model, data: Data, target: Array) -> dict[str, float]:
-    sag = {}
-    for joint in range(model.njnt):
-        q = int(model.jnt_qposadr[joint])
-        if model.jnt_type[joint] in (2, 3):  # slide, hinge
-            sag[name_of(model, "joint", joint)] = float(target[q] - data.qpos[q])
-    return sag
-
-
-def _load(model: Model, data: Data) -> dict[str, float]:
-    load = {}
-    for actuator in range(model.nu):
-        limit = 0.0
-        if model.actuator_forcelimited[actuator]:
-            limit = float(model.actuator_forcerange[actuator, 1])
-        elif model.actuator_ctrllimited[actuator] and not model.actuator_biastype[actuator]:
-            limit = float(model.actuator_ctrlrange[actuator, 1])
-        if limit > 0.0:
-            joint = name_of(model, "joint", int(model.actuator_trnid[actuator, 0]))
-            load[joint] = abs(float(data.actuator_force[actuator])) / limit
-    return load
 
 
 def passes(model: Model, a: int, b: int) -> bool:

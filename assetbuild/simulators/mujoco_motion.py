@@ -13,7 +13,16 @@ import numpy as np
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.pose import Array
 from assetbuild.simulators.experiments import Motion, Sine
-from assetbuild.simulators.mujoco import Data, Model, caught_warnings, name_of
+from assetbuild.simulators.mujoco import (
+    Data,
+    Model,
+    caught_warnings,
+    driven_joint,
+    largest_force,
+    name_of,
+    raise_base,
+    turning,
+)
 
 HARD = 0.9999
 """Impedance of hard constraints: a ten thousandth of what loads them moves them."""
@@ -118,12 +127,10 @@ def keyframe_motion(
 
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key(keyframe).id)
-    for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
-        data.qpos[int(model.jnt_qposadr[joint]) + 2] += raised_m
+    raise_base(model, data, raised_m)
     for index in range(model.nu):
-        driven = int(model.actuator_trnid[index, 0])
-        if name_of(model, "joint", driven) in (servos or {}):
-            data.ctrl[index] = data.qpos[int(model.jnt_qposadr[driven])]
+        if (joint := driven_joint(model, index)) in (servos or {}):
+            data.ctrl[index] = data.qpos[int(model.joint(joint).qposadr[0])]
     with caught_warnings():
         mujoco.mj_forward(model, data)
         return _track(model, data, steps, every, None)
@@ -133,22 +140,16 @@ def joint_numbers(model: Model, joint: str) -> dict[str, float]:
     """kp, kd, damping, effort, armature, friction of a joint; an infinite effort = no limit."""
     index = int(model.joint(joint).id)
     dof = int(model.jnt_dofadr[index])
-    numbers = {
-        "kp": 0.0,
-        "kd": 0.0,
+    drives = [int(a) for a in np.flatnonzero(model.actuator_trnid[:, 0] == index)]
+    efforts = [force for a in drives if (force := largest_force(model, a)) is not None]
+    return {
+        "kp": sum((-float(model.actuator_biasprm[a, 1]) for a in drives), 0.0),
+        "kd": sum((-float(model.actuator_biasprm[a, 2]) for a in drives), 0.0),
         "damping": float(model.dof_damping[dof]),
-        "effort": math.inf,
+        "effort": efforts[-1] if efforts else math.inf,
         "armature": float(model.dof_armature[dof]),
         "friction": float(model.dof_frictionloss[dof]),
     }
-    for actuator in np.flatnonzero(model.actuator_trnid[:, 0] == index):
-        numbers["kp"] += -float(model.actuator_biasprm[actuator, 1])
-        numbers["kd"] += -float(model.actuator_biasprm[actuator, 2])
-        if model.actuator_forcelimited[actuator]:
-            numbers["effort"] = float(model.actuator_forcerange[actuator, 1])
-        elif model.actuator_ctrllimited[actuator] and not model.actuator_biastype[actuator]:
-            numbers["effort"] = float(model.actuator_ctrlrange[actuator, 1])
-    return numbers
 
 
 def drive_as(model: Model, gains: Mapping[str, Actuator]) -> None:
@@ -159,7 +160,7 @@ def drive_as(model: Model, gains: Mapping[str, Actuator]) -> None:
     import mujoco
 
     for index in range(model.nu):
-        actuator = gains.get(name_of(model, "joint", int(model.actuator_trnid[index, 0])))
+        actuator = gains.get(driven_joint(model, index))
         if actuator is None:
             continue
         model.actuator_gaintype[index] = mujoco.mjtGain.mjGAIN_FIXED
@@ -179,18 +180,14 @@ def _track(model: Model, data: Data, steps: int, every: int, sine: Sine | None) 
     rows: list[Array] = []
     roots: list[Array] = []
     coms: list[Array] = []
-    driven: dict[int, str] = {}
     touched = False
-    if sine is not None:
-        for index in range(model.nu):
-            joint = name_of(model, "joint", int(model.actuator_trnid[index, 0]))
-            if joint in sine.middle:
-                driven[index] = joint
+    sine = sine or Sine({}, {})
+    drives = {index: driven_joint(model, index) for index in range(model.nu)}
     for step in range(steps + 1):
         if step:
-            for index, joint in driven.items():
-                assert sine is not None  # noqa: S101 - for the type checker: driven is empty then
-                data.ctrl[index] = sine.target(joint, step * model.opt.timestep)
+            for index, joint in drives.items():
+                if joint in sine.middle:
+                    data.ctrl[index] = sine.target(joint, step * model.opt.timestep)
             mujoco.mj_step(model, data)
             touched = touched or data.ncon > 0
         if step % every and step != steps:
@@ -202,9 +199,5 @@ def _track(model: Model, data: Data, steps: int, every: int, sine: Sine | None) 
         roots.append(np.concatenate([data.xpos[1], data.xquat[1]]))
         coms.append(np.array(data.subtree_com[0]))
     q, root = np.array(rows), np.array(roots)
-    joints = {
-        name_of(model, "joint", j): q[:, int(model.jnt_qposadr[j])]
-        for j in range(model.njnt)
-        if model.jnt_type[j] in (2, 3)  # slide, hinge
-    }
+    joints = {name_of(model, "joint", j): q[:, int(model.jnt_qposadr[j])] for j in turning(model)}
     return Motion(np.array(times), joints, root[:, :3], root[:, 3:], np.array(coms), touched)

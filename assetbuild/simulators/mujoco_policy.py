@@ -7,8 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from assetbuild.robot.actuators import action_scale
-from assetbuild.simulators.mujoco import Data, Model, caught_warnings, name_of
-from assetbuild.simulators.mujoco_trials import SEED, at_first_key, servo_joint, turning, unchanged
+from assetbuild.simulators.mujoco import (
+    Model,
+    at_key,
+    caught_warnings,
+    is_finite,
+    name_of,
+    turning,
+    without,
+)
+from assetbuild.simulators.mujoco_trials import SEED, servo_joint
 
 CONTROL_S = 0.02
 """Between two commands."""
@@ -41,9 +49,10 @@ def shake(model: Model, seconds: float = 5.0, seed: int = SEED, finer: int = 1) 
     dofs = np.array([int(model.jnt_dofadr[joint]) for joint in joints])
     random, speeds = np.random.default_rng(seed), np.zeros(len(joints))
     ended = None
-    with unchanged(model), caught_warnings():
+    model = without(model)
+    with caught_warnings():
         model.opt.timestep = model.opt.timestep / finer
-        data = at_first_key(model)
+        data = at_key(model)
         commands = np.array(data.ctrl)
         each = max(1, round(CONTROL_S / model.opt.timestep))
         for step in range(each * round(seconds / CONTROL_S)):
@@ -51,21 +60,12 @@ def shake(model: Model, seconds: float = 5.0, seed: int = SEED, finer: int = 1) 
                 for actuator, scale in servos:
                     data.ctrl[actuator] = commands[actuator] + scale * random.standard_normal()
             mujoco.mj_step(model, data)
-            if _blown(data):
+            if not is_finite(data):
                 ended = step * model.opt.timestep
                 break
             speeds = np.maximum(speeds, np.abs(data.qvel[dofs]))
     name = name_of(model, "joint", joints[int(speeds.argmax())])
     return Shaken(ended, name, float(speeds.max()))
-
-
-def _blown(data: Data) -> bool:
-    """Whether MuJoCo gave up and started anew."""
-    import mujoco
-
-    kinds = mujoco.mjtWarning
-    bad = (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)
-    return any(data.warning[int(kind)].number for kind in bad)
 
 
 def _action(model: Model, actuator: int) -> float:

@@ -6,14 +6,27 @@ Each takes a compiled model and leaves it as it was, so that one compilation ser
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from assetbuild.robot.pose import Array
-from assetbuild.simulators.mujoco import Data, Model, caught_warnings, name_of
+from assetbuild.simulators.mujoco import (
+    Data,
+    Model,
+    at_key,
+    caught_warnings,
+    driven_joint,
+    floors,
+    is_finite,
+    name_of,
+    overlaps,
+    raise_base,
+    step_for,
+    turning,
+    without,
+)
 
 SWING_RAD, SWING_M = 0.1, 0.02
 """How far a drive is told to move its joint; less where the range is short."""
@@ -26,32 +39,6 @@ HELD_KG = 1e6
 ten thousandth. Much more costs the constraints of light fingers the solver's digits."""
 
 
-@contextmanager
-def unchanged(model: Model) -> Iterator[None]:
-    """Whatever is written into the listed fields inside is put back."""
-    options = ("disableflags", "timestep")
-    arrays = ("dof_damping", "dof_frictionloss", "dof_armature", "jnt_stiffness", "geom_margin")
-    saved = {name: np.array(getattr(model, name)) for name in arrays}
-    scalars = {name: getattr(model.opt, name) for name in options}
-    gravity = np.array(model.opt.gravity)
-    try:
-        yield
-    finally:
-        for name, values in saved.items():
-            getattr(model, name)[:] = values
-        for name, value in scalars.items():
-            setattr(model.opt, name, value)
-        model.opt.gravity[:] = gravity
-
-
-def disable(model: Model, *flags: str) -> None:
-    """`disable(model, "CONTACT")`: MuJoCo's flags by name."""
-    import mujoco
-
-    for flag in flags:
-        model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
-
-
 def hold_base(model: Model) -> None:
     """A floating base with the inertia of a hill: see `HELD_KG`."""
     import mujoco
@@ -59,25 +46,6 @@ def hold_base(model: Model) -> None:
     for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
         first = int(model.jnt_dofadr[joint])
         model.dof_armature[first : first + 6] = HELD_KG
-
-
-def at_first_key(model: Model) -> Data:
-    """The first keyframe with its controls, or zero."""
-    import mujoco
-
-    data = mujoco.MjData(model)
-    if model.nkey:
-        mujoco.mj_resetDataKeyframe(model, data, 0)
-    mujoco.mj_forward(model, data)
-    return data
-
-
-def turning(model: Model) -> list[int]:
-    """Hinges and slides."""
-    import mujoco
-
-    kinds = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
-    return [j for j in range(model.njnt) if int(model.jnt_type[j]) in map(int, kinds)]
 
 
 # --- drives -------------------------------------------------------------------------------------
@@ -100,8 +68,8 @@ def answers(model: Model) -> Mapping[str, Answer]:
     import mujoco
 
     found = {}
-    with unchanged(model), caught_warnings():
-        disable(model, "CONTACT", "LIMIT")
+    model = without(model, "CONTACT", "LIMIT")
+    with caught_warnings():
         hold_base(model)
         model.opt.gravity[:] = 0.0
         steps = max(4, round(1.0 / FREQUENCY_HZ / model.opt.timestep))
@@ -109,7 +77,7 @@ def answers(model: Model) -> Mapping[str, Answer]:
             joint = servo_joint(model, actuator)
             if joint is None:
                 continue
-            data = at_first_key(model)
+            data = at_key(model)
             asked = _swing(model, joint)
             at, middle = int(model.jnt_qposadr[joint]), float(data.ctrl[actuator])
             start, moved = float(data.qpos[at]), 0.0
@@ -118,7 +86,7 @@ def answers(model: Model) -> Mapping[str, Answer]:
                 data.ctrl[actuator] = middle + asked * wave
                 mujoco.mj_step(model, data)
                 moved = max(moved, abs(float(data.qpos[at]) - start))
-            found[name_of(model, "joint", joint)] = Answer(asked, moved)
+            found[driven_joint(model, actuator)] = Answer(asked, moved)
     return found
 
 
@@ -150,12 +118,12 @@ def energy_drift(model: Model, seconds: float = 1.0) -> float:
     """
     import mujoco
 
-    with unchanged(model), caught_warnings():
-        disable(model, "CONSTRAINT", "ACTUATION")
+    model = without(model, "CONSTRAINT", "ACTUATION")
+    with caught_warnings():
         model.opt.gravity[:] = 0.0
         for name in ("dof_damping", "dof_frictionloss", "jnt_stiffness"):
             getattr(model, name)[:] = 0.0
-        data = at_first_key(model)
+        data = at_key(model)
         random = np.random.default_rng(SEED)
         data.qvel[:] = 0.0
         for joint in turning(model):
@@ -165,7 +133,7 @@ def energy_drift(model: Model, seconds: float = 1.0) -> float:
         for _ in range(max(1, round(seconds / model.opt.timestep))):
             mujoco.mj_step(model, data)
             worst = max(worst, abs(_kinetic(model, data) - start))
-        if not np.isfinite(data.qvel).all() or data.time < 0.5 * seconds:
+        if not is_finite(data):
             return math.nan
     return worst / start if start > 0.0 else 0.0
 
@@ -174,9 +142,8 @@ def _kinetic(model: Model, data: Data) -> float:
     import mujoco
 
     mujoco.mj_forward(model, data)
-    product = np.zeros(model.nv)
-    mujoco.mj_mulM(model, data, product, np.array(data.qvel))
-    return 0.5 * float(product @ data.qvel)
+    mujoco.mj_energyVel(model, data)
+    return float(data.energy[1])
 
 
 def timestep_error(model: Model, finer: int = 4) -> Mapping[str, float]:
@@ -198,20 +165,19 @@ def _commanded(model: Model, finer: int, seconds: float = 0.3) -> Array:
     import mujoco
 
     rows = []
-    with unchanged(model), caught_warnings():
-        disable(model, "CONTACT")
+    model = without(model, "CONTACT")
+    with caught_warnings():
         hold_base(model)
         steps = max(2, round(seconds / model.opt.timestep))
         model.opt.timestep = model.opt.timestep / finer
-        data = at_first_key(model)
+        data = at_key(model)
         for actuator in range(model.nu):
             joint = servo_joint(model, actuator)
             if joint is not None:
                 data.ctrl[actuator] += 0.5 * _swing(model, joint)
         for _ in range(steps):
-            for _ in range(finer):
-                mujoco.mj_step(model, data)
-            rows.append(np.array(data.qpos) if data.time > 0.0 else np.full(model.nq, np.nan))
+            mujoco.mj_step(model, data, finer)
+            rows.append(np.array(data.qpos) if is_finite(data) else np.full(model.nq, np.nan))
     return np.array(rows)
 
 
@@ -224,7 +190,7 @@ def touching_pairs(model: Model, poses: int) -> Mapping[tuple[str, str], float]:
 
     counts: dict[tuple[str, str], int] = {}
     random = np.random.default_rng(SEED)
-    data = at_first_key(model)
+    data = at_key(model)
     joints = turning(model)
     for _ in range(poses):
         for joint in joints:
@@ -233,22 +199,17 @@ def touching_pairs(model: Model, poses: int) -> Mapping[tuple[str, str], float]:
             data.qpos[int(model.jnt_qposadr[joint])] = random.uniform(lower, upper)
         _follow(model, data)
         mujoco.mj_fwdPosition(model, data)
-        for pair in _own_pairs(model, data):
-            counts[pair] = counts.get(pair, 0) + 1
-    shares = {pair: count / poses for pair, count in counts.items()}
-    return dict(sorted(shares.items(), key=lambda item: (-item[1], item[0])))
+        for pair, depth in overlaps(model, data, "body").items():
+            counts[pair] = counts.get(pair, 0) + (depth > 1e-3)
+    return _largest_first({pair: count / poses for pair, count in counts.items() if count})
 
 
 def overlaps_at_home(model: Model) -> Mapping[tuple[str, str], float]:
     """Depth (m) in which bodies of the robot lie in one another at the first keyframe."""
-    data = at_first_key(model)
-    found: dict[tuple[str, str], float] = {}
-    for contact in data.contact:
-        bodies = [int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2)]
-        if 0 not in bodies and bodies[0] != bodies[1]:
-            first, second = sorted(name_of(model, "body", body) for body in bodies)
-            depth = max(-float(contact.dist), found.get((first, second), 0.0))
-            found[first, second] = depth
+    return _largest_first(overlaps(model, at_key(model), "body"))
+
+
+def _largest_first(found: Mapping[tuple[str, str], float]) -> Mapping[tuple[str, str], float]:
     return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))
 
 
@@ -267,16 +228,6 @@ def _follow(model: Model, data: Data) -> None:
         data.qpos[at] = model.qpos0[at] + sum(float(c) * x**n for n, c in enumerate(terms))
 
 
-def _own_pairs(model: Model, data: Data) -> set[tuple[str, str]]:
-    pairs = set()
-    for contact in data.contact[: data.ncon]:
-        a, b = (int(model.geom_bodyid[int(g)]) for g in (contact.geom1, contact.geom2))
-        if contact.dist < -1e-3 and 0 not in (a, b):
-            first, second = sorted((name_of(model, "body", a), name_of(model, "body", b)))
-            pairs.add((first, second))
-    return pairs
-
-
 # --- on the floor -------------------------------------------------------------------------------
 
 
@@ -293,9 +244,10 @@ def support(model: Model) -> Support:
 
     margin None: the robot touches the floor in less than three points that span an area.
     """
-    with unchanged(model), caught_warnings():
+    model = without(model)
+    with caught_warnings():
         model.geom_margin[:] = TOUCH_M
-        data = at_first_key(model)
+        data = at_key(model)
         points = [
             np.array(contact.pos[:2])
             for contact in data.contact[: data.ncon]
@@ -308,45 +260,34 @@ def support(model: Model) -> Support:
 def polygon_margin(points: Array, inside: Array) -> float | None:
     """Distance (m) of a point to the border of the convex hull of points (n, 2); None: no area.
 
-    A line through two points is a side when all others lie on one side of it: for a few dozen
-    contacts that is quicker than to load a library for it.
+    Outside of a corner the nearest side's line is nearer than the corner: the sign counts.
     """
+    from scipy.spatial import ConvexHull
+
     if len(points) < 3 or np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] < 1e-3:
         return None
-    along = points[None, :] - points[:, None]
-    length = np.linalg.norm(along, axis=2, keepdims=True)
-    outward = np.stack([along[..., 1], -along[..., 0]], axis=2) / np.where(length > 0, length, 1.0)
-    beyond = np.einsum("ijc,ijkc->ijk", outward, points[None, None] - points[:, None, None])
-    is_side = (beyond.max(axis=2) <= 1e-9) & (length[..., 0] > 1e-9)
-    distance = np.einsum("ijc,ijc->ij", outward, inside - points[:, None])
-    # Outside of a corner the nearest side's line is nearer than the corner: the sign counts.
-    return -float(distance[is_side].max())
+    sides = ConvexHull(points).equations  # (k, 3): outward normal and offset
+    return -float((sides[:, :2] @ inside + sides[:, 2]).max())
 
 
 def stands_free(model: Model) -> bool:
     """Whether its first joint is free, and there is a floor to stand on."""
-    import mujoco
-
-    planes = (model.geom_bodyid == 0) & (model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE))
-    return bool(model.njnt) and int(model.jnt_type[0]) == 0 and bool(planes.any())
+    return bool(model.njnt) and int(model.jnt_type[0]) == 0 and bool(floors(model))
 
 
 def passive(model: Model, seconds: float = 1.0) -> Mapping[str, float | None]:
     """How far the base sinks (m) and tilts (rad) at the first keyframe with all drives off."""
-    import mujoco
-
-    with unchanged(model), caught_warnings():
-        disable(model, "ACTUATION")
-        data = at_first_key(model)
+    model = without(model, "ACTUATION")
+    with caught_warnings():
+        data = at_key(model)
         height, upright = float(data.xpos[1][2]), np.array(data.xmat[1]).reshape(3, 3)[:, 2]
-        for _ in range(max(1, round(seconds / model.opt.timestep))):
-            mujoco.mj_step(model, data)
-        mujoco.mj_forward(model, data)
-        sunk = height - float(data.xpos[1][2])
-        now = np.array(data.xmat[1]).reshape(3, 3)[:, 2]
-        finite = bool(np.isfinite(data.qpos).all()) and data.time > 0.5 * seconds
-    tilt = math.acos(float(np.clip(upright @ now, -1.0, 1.0))) if finite else None
-    return {"seconds": seconds, "base_sinks_m": sunk if finite else None, "base_tilts_rad": tilt}
+        step_for(model, data, seconds)
+    if not is_finite(data):
+        return {"seconds": seconds, "base_sinks_m": None, "base_tilts_rad": None}
+    now = np.array(data.xmat[1]).reshape(3, 3)[:, 2]
+    tilt = math.acos(float(np.clip(upright @ now, -1.0, 1.0)))
+    sunk = height - float(data.xpos[1][2])
+    return {"seconds": seconds, "base_sinks_m": sunk, "base_tilts_rad": tilt}
 
 
 @dataclass(frozen=True)
@@ -368,21 +309,16 @@ def settle(
     """
     import mujoco
 
-    with unchanged(model), caught_warnings():
-        model.opt.timestep, steps = model.opt.timestep / finer, steps * finer
-        data = at_first_key(model)
-        for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
-            data.qpos[int(model.jnt_qposadr[joint]) + 2] += drop_m
-        settling = max(1, round(seconds / model.opt.timestep))
-        for _ in range(settling):
-            mujoco.mj_step(model, data)
+    model = without(model)
+    with caught_warnings():
+        model.opt.timestep = model.opt.timestep / finer
+        data = at_key(model)
+        raise_base(model, data, drop_m)
+        mujoco.mj_step(model, data, max(1, round(seconds / model.opt.timestep)))
         speeds = [abs(float(data.qvel[int(model.jnt_dofadr[j])])) for j in turning(model)]
         depth = max((-float(c.dist) for c in data.contact[: data.ncon]), default=0.0)
         place = np.array(data.xpos[1])
-        for _ in range(steps):
-            mujoco.mj_step(model, data)
+        mujoco.mj_step(model, data, steps * finer)
         mujoco.mj_forward(model, data)
-        restarted = data.time < (settling + steps - 1) * model.opt.timestep
-        finite = bool(np.isfinite(data.qpos).all()) and not restarted
         drift = math.dist(place, np.array(data.xpos[1]))
-    return Settled(finite, max(speeds, default=0.0), max(depth, 0.0), drift)
+    return Settled(is_finite(data), max(speeds, default=0.0), max(depth, 0.0), drift)

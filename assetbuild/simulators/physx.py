@@ -10,22 +10,21 @@ import json
 import math
 import os
 import shutil
-import subprocess
 import sys
-import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from assetbuild.findings import Rule
 from assetbuild.robot.pose import IDENTITY, Array, Pose, normalised_quat, vec3
-from assetbuild.simulators._physx_scene import Names, write_world
 from assetbuild.simulators._physx_scene import Setting as Setting  # checks take it from here
-from assetbuild.simulators.experiments import FreeFall, Motion, Sine
+from assetbuild.simulators._physx_scene import StageNames, write_world
+from assetbuild.simulators.children import run_child
+from assetbuild.simulators.experiments import FreeFall, Motion, Sine, fall_of
 
 REQUIRES: Mapping[str, str] = {"ovphysx": "physx", "physx_usd_schemas": "physx"}
 """Modules of the extra, for `Check.requires`."""
@@ -41,7 +40,6 @@ _PROGRAM = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from assetbuild.simulators import _physx_child; _physx_child.main()"
 )
-_KEPT = ("PATH", "LD_LIBRARY_PATH", "HOME", "TMPDIR")
 
 LOAD = Rule(
     "physx.load", "error", "PhysX refuses the asset, or crashes on it", "read the `usd.*` findings"
@@ -87,6 +85,14 @@ class HeldLink:
     surfaces: tuple[tuple[float, float, float], ...]
 
 
+def _read(attribute: str, angle: int = 0, *, end: int = 0, limit: bool = False) -> Any:
+    """A field of `HeldJoint`: which number of PhysX it is. Any: as `dataclasses.field`.
+
+    angle: power of the coordinate's unit in it, degrees in PhysX; end: place in the attribute.
+    """
+    return field(metadata={"attribute": attribute, "angle": angle, "end": end, "limit": limit})
+
+
 @dataclass(frozen=True)
 class HeldJoint:
     """One joint as PhysX holds it. SI and radians; None = unlimited.
@@ -94,19 +100,18 @@ class HeldJoint:
     drive: 0 none, 1 force, 2 acceleration.
     """
 
-    position: float
-    target: float
-    lower: float | None
-    upper: float | None
-    kp: float
-    kd: float
-    effort: float | None
-    velocity: float | None
-    armature: float
-    static_friction: float
-    dynamic_friction: float
-    viscous_friction: float
-    drive: int
+    position: float = _read("jointPosition", 1)
+    lower: float | None = _read("jointLimit", 1, limit=True)
+    upper: float | None = _read("jointLimit", 1, end=1, limit=True)
+    kp: float = _read("jointStiffness", -1)
+    kd: float = _read("jointDamping", -1)
+    effort: float | None = _read("jointMaxForce", limit=True)
+    velocity: float | None = _read("jointMaxVelocity", 1, limit=True)
+    armature: float = _read("jointArmature")
+    static_friction: float = _read("jointStaticFriction")
+    dynamic_friction: float = _read("jointDynamicFriction")
+    viscous_friction: float = _read("jointViscousFriction", -1)
+    drive: float = _read("jointDriveType")
 
 
 @dataclass(frozen=True)
@@ -170,7 +175,8 @@ def perform(
     seconds: wall-clock limit of the whole. copied: with its whole folder, as the inputs of a step
     must be: they are links into the store, and a resolver that follows them gets lost.
     """
-    with _workplace() as folder:
+    with TemporaryDirectory(prefix="physx-") as temporary:
+        folder = Path(temporary).resolve()
         asset = main.resolve()
         if copied:
             shutil.copytree(main.parent, folder / "asset")
@@ -197,13 +203,7 @@ def perform(
         }
 
 
-@contextmanager
-def _workplace() -> Iterator[Path]:
-    with tempfile.TemporaryDirectory(prefix="physx-") as folder:
-        yield Path(folder).resolve()
-
-
-def _job(experiment: Experiment, names: Names, stage: Path) -> dict[str, object]:
+def _job(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, object]:
     sine, dt = experiment.sine, experiment.setting.timestep
     paths = {name: path for path, name in names.joints.items()}
     drives = {}
@@ -231,7 +231,7 @@ def _job(experiment: Experiment, names: Names, stage: Path) -> dict[str, object]
     }
 
 
-def _shown(joint: str, value: float, names: Names) -> float:
+def _shown(joint: str, value: float, names: StageNames) -> float:
     """A coordinate in the unit of the interface: degrees or metres."""
     return math.degrees(value) if joint in names.angular else value
 
@@ -239,34 +239,16 @@ def _shown(joint: str, value: float, names: Names) -> float:
 def _start(runs: list[dict[str, object]], folder: Path, seconds: float) -> str:
     """Run the child on some jobs; how it died, or "" when it ended well."""
     job = folder / "job.json"
-    job.write_text(json.dumps({"answers": str(folder), "runs": runs}), encoding="utf-8")
+    numbers = sorted({each.metadata["attribute"] for each in fields(HeldJoint)})
+    asked = {"answers": str(folder), "runs": runs, "joint_numbers": numbers}
+    job.write_text(json.dumps(asked), encoding="utf-8")
     path = json.dumps([os.path.abspath(p) for p in sys.path if p])  # noqa: PTH100
-    fixed = {"PYTHONHASHSEED": "0", "PYTHONUTF8": "1", "TZ": "UTC", "LC_ALL": "C"}
-    child = subprocess.Popen(
-        [sys.executable, "-P", "-s", "-c", _PROGRAM, path, str(job)],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        env={name: os.environ[name] for name in _KEPT if name in os.environ} | fixed,
-        cwd=folder,
-    )
-    try:
-        said, _ = child.communicate(timeout=seconds)
-    except subprocess.TimeoutExpired:
-        return f"PhysX took more than {seconds:g} s and was stopped"
-    finally:
-        if child.poll() is None:
-            child.kill()
-            child.communicate()
-    if child.returncode == 0:
-        return ""
-    if child.returncode < 0:
-        return f"PhysX crashed with signal {-child.returncode}"
-    last = said.decode("utf-8", "replace").strip().rpartition("\n")[2][:300]
-    return f"PhysX failed: {last}"
+    command = [sys.executable, "-P", "-s", "-c", _PROGRAM, path, str(job)]
+    ended = run_child(command, folder, seconds, {"TZ": "UTC", "LC_ALL": "C"})
+    return f"PhysX {ended}" if ended else ""
 
 
-def _outcome(folder: Path, names: Names, experiment: Experiment, failure: str) -> Outcome:
+def _outcome(folder: Path, names: StageNames, experiment: Experiment, failure: str) -> Outcome:
     held, motion = None, None
     answer = folder / f"{experiment.name}.json"
     if answer.exists():
@@ -283,7 +265,7 @@ def _outcome(folder: Path, names: Names, experiment: Experiment, failure: str) -
 # --- from the interface's units to ours -----------------------------------------------------
 
 
-def _held(raw: dict[str, Any], names: Names) -> Held:  # Any: JSON of the child
+def _held(raw: dict[str, Any], names: StageNames) -> Held:  # Any: JSON of the child
     roots = list(raw["articulations"].values())
     first = roots[0] if roots else {}
     return Held(
@@ -322,29 +304,17 @@ def _link(row: dict[str, list[float]]) -> HeldLink:
 
 def _joint(row: dict[str, list[float]], angular: bool) -> HeldJoint:
     one = math.radians(1.0) if angular else 1.0
-    lower, upper = row["jointLimit"]
-    return HeldJoint(
-        position=row["jointPosition"][0] * one,
-        target=row["jointPositionTarget"][0] * one,
-        lower=_limited(lower, one),
-        upper=_limited(upper, one),
-        kp=row["jointStiffness"][0] / one,
-        kd=row["jointDamping"][0] / one,
-        effort=_limited(row["jointMaxForce"][0], 1.0),
-        velocity=_limited(row["jointMaxVelocity"][0], one),
-        armature=row["jointArmature"][0],
-        static_friction=row["jointStaticFriction"][0],
-        dynamic_friction=row["jointDynamicFriction"][0],
-        viscous_friction=row["jointViscousFriction"][0] / one,
-        drive=int(row["jointDriveType"][0]),
-    )
+    values: dict[str, Any] = {}  # Any: numbers, None where nothing limits
+    for each in fields(HeldJoint):
+        said = each.metadata
+        raw = row[said["attribute"]][said["end"]]
+        endless = said["limit"] and abs(raw) >= UNLIMITED
+        value = raw / one if said["angle"] < 0 else raw * one ** said["angle"]
+        values[each.name] = None if endless else value
+    return HeldJoint(**values)
 
 
-def _limited(value: float, one: float) -> float | None:
-    return None if abs(value) >= UNLIMITED else value * one
-
-
-def _motion(data: dict[str, Array], names: Names) -> Motion:
+def _motion(data: dict[str, Array], names: StageNames) -> Motion:
     joints = {}
     for column, path in enumerate(data["names"]):
         name = names.joints.get(str(path), str(path))
@@ -363,14 +333,8 @@ def free_fall_of(outcome: Outcome, setting: Setting, iterations: int) -> FreeFal
     TGS applies gravity in each of N position iterations, so n steps of h from rest fall
     g/2 t (t + h / N), t = n h.
     """
-    gravity = np.asarray(setting.gravity)
-    g = float(np.linalg.norm(gravity))
-    down = gravity / g if g else np.array([0.0, 0.0, -1.0])
     motion = outcome.motion
     if motion is None or not outcome.finite:
         return FreeFall(0.0, math.nan, math.nan, math.nan, finite=False)
     t, moved = float(motion.time[-1]), motion.com[-1] - motion.com[0]
-    drop = float(moved @ down)
-    expected = g / 2 * t * (t + setting.timestep / iterations)
-    sideways = float(np.linalg.norm(moved - drop * down))
-    return FreeFall(t, drop, expected, sideways, finite=True)
+    return fall_of(moved, t, np.asarray(setting.gravity), setting.timestep / iterations)

@@ -21,11 +21,8 @@ def cause_of(
     Speed limits of followers: PhysX brakes a joint that mimics another and pulls it along its
     leader in the same step; where both weigh next to nothing, the two pulls grow without end.
     """
-    limited = [
-        joint.name
-        for joint in tree.moving_joints
-        if joint.mimic is not None and _speed(control, joint.name) is not None
-    ]
+    fast = {actuator.joint for actuator in control.actuators if actuator.velocity is not None}
+    limited = [j.name for j in tree.moving_joints if j.mimic is not None and j.name in fast]
     if not limited:
         return None
     calmer = replace(experiment, setting=replace(experiment.setting, unhurried=tuple(limited)))
@@ -38,11 +35,6 @@ def cause_of(
         f'their leaders limit them already: add the row `{{joints: "{names}", model: passive, '
         "velocity: unlimited}` to `actuators`",
     )
-
-
-def _speed(control: Control, joint: str) -> float | None:
-    actuator = control.by_joint.get(joint)
-    return actuator.velocity if actuator else None
 
 
 def overlap_hint(overlaps: Mapping[tuple[str, str], float]) -> str:

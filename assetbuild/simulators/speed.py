@@ -14,7 +14,16 @@ from pathlib import Path
 
 import numpy as np
 
-from assetbuild.simulators.mujoco import caught_warnings, load
+from assetbuild.simulators.mujoco import (
+    Data,
+    Model,
+    at_key,
+    caught_warnings,
+    collision_geoms,
+    load,
+    raise_base,
+    without,
+)
 
 STEPS = 1500
 REPEATS = 3
@@ -45,52 +54,41 @@ def measure_speed(scene: Path) -> Speed:
     import mujoco
 
     with caught_warnings():
-        model = load(scene).model
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
-        data = mujoco.MjData(model)
-        _start(model, data, drop=False)
-        mujoco.mj_forward(model, data)
-        own = [c.dist for c in data.contact[: data.ncon] if _is_own(model, c)]
+        model = without(load(scene).model, "ACTUATION")
+        data = at_key(model)
+        touching_now = data.contact[: data.ncon]
+        own = [c.dist for c in touching_now if model.geom_bodyid[[c.geom1, c.geom2]].all()]
         rates, touching = [], 0
         for _ in range(REPEATS):
-            _start(model, data, drop=True)
+            data = _moved(model)
             before = time.process_time()
             for _ in range(STEPS):
                 mujoco.mj_step(model, data)
             rates.append(STEPS / max(time.process_time() - before, 1e-9))
-        _start(model, data, drop=True)
+        data = _moved(model)
         for _ in range(STEPS):
             mujoco.mj_step(model, data)
             touching += data.ncon
-    solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     return Speed(
         steps_per_s=float(np.median(rates)),
         contacts=touching / STEPS,
-        geoms=int((solid & (model.geom_bodyid != 0)).sum()),
+        geoms=len(collision_geoms(model)),
         self_contacts=len(own),
         deepest_mm=max(0.0, -1e3 * min(own, default=0.0)),
     )
 
 
-def _start(model, data, *, drop: bool) -> None:  # type: ignore[no-untyped-def] # noqa: ANN001 # mujoco's
+def _moved(model: Model) -> Data:
+    """The first keyframe, lifted and turned, or kicked."""
     import mujoco
 
-    if model.nkey:
-        mujoco.mj_resetDataKeyframe(model, data, 0)
-    else:
-        mujoco.mj_resetData(model, data)
-    if not drop:
-        return
+    data = at_key(model)
     if model.njnt and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE:
-        data.qpos[2] += LIFT_M
+        raise_base(model, data, LIFT_M)
         data.qpos[3:7] = np.asarray(TILT) / np.linalg.norm(TILT)
     else:
         data.qvel[:] = np.random.default_rng(0).uniform(-KICK_RAD_S, KICK_RAD_S, model.nv)
-
-
-def _is_own(model, contact) -> bool:  # type: ignore[no-untyped-def] # noqa: ANN001 # mujoco's
-    bodies = model.geom_bodyid[[contact.geom1, contact.geom2]]
-    return bool((bodies != 0).all())
+    return data
 
 
 if __name__ == "__main__":

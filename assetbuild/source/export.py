@@ -6,13 +6,13 @@ import posixpath
 
 from assetbuild.engine.planner import Planner
 from assetbuild.recipe.models import Recipe
-from assetbuild.source.plan import Description, Source
+from assetbuild.source.plan import Description, SourceFiles
 from assetbuild.source.reading import Reading
 from assetbuild.source.urdf.lint_export import LintExport
 
 
 def lint_export(
-    recipe: Recipe, source: Source, description: Description, read: Reading, p: Planner
+    recipe: Recipe, source: SourceFiles, description: Description, read: Reading, p: Planner
 ) -> None:
     """Add the lint of SolidWorks' and Onshape's exports; nothing for an MJCF or a xacro."""
     if recipe.source.urdf is None:

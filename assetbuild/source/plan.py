@@ -17,8 +17,8 @@ from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.source.get.fetch import Fetch
 from assetbuild.source.get.fetch_git import FetchGit
 from assetbuild.source.get.fetch_url import FetchUrl
-from assetbuild.source.get.from_archive import ArchiveSource
-from assetbuild.source.get.from_folder import FolderSource
+from assetbuild.source.get.from_archive import ArchiveFiles
+from assetbuild.source.get.from_folder import FolderFiles
 from assetbuild.source.urdf.expand_xacro import INCLUDED, ExpandXacro
 
 SCP_LIKE = re.compile(r"[A-Za-z0-9._-]+@[A-Za-z0-9.-]+:")
@@ -36,7 +36,7 @@ class Description:
     includes: Mapping[str, Ref] = field(default_factory=dict)
 
 
-class Source(Protocol):
+class SourceFiles(Protocol):
     """A robot's files, each as a reference into the graph. Errors name who asked for a file."""
 
     def description(self, path: str, where: Where) -> Ref | None:
@@ -68,12 +68,12 @@ class Source(Protocol):
         ...
 
 
-def open_source(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Source:
+def open_source(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> SourceFiles:
     """The source that the recipe names. RecipeError when a folder is not there."""
     source = loaded.recipe.source
     if source.path is not None and not (loaded.path.parent / source.path).is_file():
-        return FolderSource(loaded, p)
-    return ArchiveSource(_archive(loaded, lock, p), source.root, source.description, p)
+        return FolderFiles(loaded, p)
+    return ArchiveFiles(_archive(loaded, lock, p), source.root, source.description, p)
 
 
 def _archive(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Ref:
@@ -102,7 +102,7 @@ def repository(loaded: LoadedRecipe) -> str:
     return str((loaded.path.parent / Path(git).expanduser()).resolve())
 
 
-def description_of(loaded: LoadedRecipe, source: Source, p: Planner) -> Description | None:
+def description_of(loaded: LoadedRecipe, source: SourceFiles, p: Planner) -> Description | None:
     """The robot's description; None while the source is not listed yet."""
     recipe = loaded.recipe.source
     path = recipe.description

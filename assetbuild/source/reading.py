@@ -11,7 +11,7 @@ from assetbuild.engine.planner import Planner
 from assetbuild.recipe.models import Recipe
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
-from assetbuild.source.plan import Description, Source
+from assetbuild.source.plan import Description, SourceFiles
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 
 
@@ -35,7 +35,7 @@ class Reading:
 
 
 def read_description(
-    recipe: Recipe, source: Source, description: Description, p: Planner
+    recipe: Recipe, source: SourceFiles, description: Description, p: Planner
 ) -> Reading | None:
     """The steps that read the robot; None while an answer is missing."""
     if recipe.source.mjcf is not None:
@@ -55,7 +55,7 @@ def read_description(
 
 
 def _read_mjcf(
-    recipe: Recipe, source: Source, description: Description, p: Planner
+    recipe: Recipe, source: SourceFiles, description: Description, p: Planner
 ) -> Reading | None:
     tree = {description.path: description.ref} | dict(description.includes)
     inputs = {f"tree/{path}": ref for path, ref in sorted(tree.items())}

@@ -11,7 +11,16 @@ from tempfile import TemporaryDirectory
 
 import pytest
 from hypothesis import given, settings
-from tiny import TinyRobot, check_inputs, pendulum, robots, run_step, tiny_quadruped, with_mimic
+from tiny import (
+    TinyRobot,
+    check_inputs,
+    examples,
+    pendulum,
+    robots,
+    run_step,
+    tiny_quadruped,
+    with_mimic,
+)
 
 from assetbuild.checks.mjcf_equal import MjcfEqual
 from assetbuild.findings import Finding
@@ -34,7 +43,7 @@ def test_quadruped_is_equal_and_the_figures_say_how_well(tmp_path: Path) -> None
     assert max(figures["worst_relative_error"].values()) < 1e-14
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(robots())
 def test_every_random_tree_is_equal(robot: TinyRobot) -> None:
     with TemporaryDirectory() as folder:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from mjcfs import Written, hard_arm, read, write
+from mjcfs import TET, Written, hard_arm, read, write
 from tiny import run_step
 
 from assetbuild.checks.mjcf_source import MjcfSource
@@ -13,7 +13,6 @@ from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.simulators import mujoco
 
-TET = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 FLOATING = """<mujoco model="r">
   <compiler angle="radian"/>
   <asset><mesh file="tet.obj" scale=".1 .1 .1" refpos=".1 .2 .3" refquat="1 .3 .2 .1"/></asset>

@@ -12,7 +12,16 @@ from tempfile import TemporaryDirectory
 import pytest
 from hypothesis import given, settings
 from pxr import Gf, Usd, UsdPhysics
-from tiny import TinyRobot, check_inputs, pendulum, robots, run_step, tiny_quadruped, with_mimic
+from tiny import (
+    TinyRobot,
+    check_inputs,
+    examples,
+    pendulum,
+    robots,
+    run_step,
+    tiny_quadruped,
+    with_mimic,
+)
 
 from assetbuild.checks.usd_equal import UsdEqual
 from assetbuild.findings import Finding
@@ -40,7 +49,7 @@ def test_quadruped_is_equal_and_the_figures_say_how_near_the_limits(tmp_path: Pa
     assert max(figures.values()) < 0.7  # float32 keeps a number to 6e-8, the limit is 2e-7
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(robots())
 def test_every_random_tree_is_equal(robot: TinyRobot) -> None:
     with TemporaryDirectory() as folder:

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 import pytest
 from hypothesis import given, settings
 from pxr import Sdf, Usd, UsdPhysics
-from tiny import TinyRobot, check_inputs, pendulum, robots, run_step, tiny_quadruped
+from tiny import TinyRobot, check_inputs, examples, pendulum, robots, run_step, tiny_quadruped
 
 from assetbuild.checks.usd_valid import UsdValid
 from assetbuild.findings import Finding
@@ -55,7 +55,7 @@ def test_fixed_base_is_whole(tmp_path: Path) -> None:
     assert check(pendulum(), tmp_path) == []
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=examples(10), deadline=None)
 @given(robots())
 def test_every_random_tree_is_whole(robot: TinyRobot) -> None:
     with TemporaryDirectory() as folder:

@@ -7,11 +7,12 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import commands
 import pytest
+from once import made_once
 
 RECIPE = Path(__file__).parents[2] / "recipes" / "go1.yaml"
 LEGS = Path(__file__).parents[1] / "robots" / "four_legs.urdf"
@@ -57,17 +58,10 @@ class Workplace:
         return self.robot / "robots/go1_description/urdf/go1.urdf"
 
     def run(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            self.command(*words),
-            cwd=self.folder,
-            env=self.env(**environment),
-            capture_output=True,
-            text=True,
-            timeout=600,
-        )
+        return commands.run(words, self.folder, self.env(**environment), timeout=600)
 
     def command(self, *words: str) -> list[str]:
-        return [sys.executable, "-m", "assetbuild", *words]
+        return commands.command(*words)
 
     def env(self, **more: str) -> dict[str, str]:
         kept = {k: v for k, v in os.environ.items() if not k.startswith("ASSETBUILD_")}
@@ -101,18 +95,19 @@ def new_workplace(folder: Path, go1_root: Path, store: Path) -> Workplace:
 
 @pytest.fixture(scope="session")
 def built_store(tmp_path_factory: pytest.TempPathFactory, go1_root: Path) -> Path:
-    """A store that holds a finished build of Go1; tests work on copies or add to it."""
-    store = tmp_path_factory.mktemp("store")
-    place = new_workplace(tmp_path_factory.mktemp("first"), go1_root, store)
-    done = place.build()
-    assert done.returncode == 0, done.stdout + done.stderr
-    return store
+    """A store that holds a finished build of Go1, of all workers: tests work on copies."""
+
+    def build(store: Path) -> None:
+        done = new_workplace(tmp_path_factory.mktemp("first"), go1_root, store).build()
+        assert done.returncode == 0, done.stdout + done.stderr
+
+    return made_once("go1-store", build, tmp_path_factory)
 
 
 @pytest.fixture
 def place(tmp_path: Path, go1_root: Path, built_store: Path) -> Workplace:
     """A workplace whose store is warm."""
-    return new_workplace(tmp_path, go1_root, built_store)
+    return new_workplace(tmp_path, go1_root, shutil.copytree(built_store, tmp_path / "warm-store"))
 
 
 @pytest.fixture
@@ -141,21 +136,14 @@ class Legs:
         return self.folder / "build/legs"
 
     def command(self, *words: str) -> list[str]:
-        return [sys.executable, "-m", "assetbuild", *words]
+        return commands.command(*words)
 
     def env(self, **more: str) -> dict[str, str]:
         kept = {k: v for k, v in os.environ.items() if not k.startswith("ASSETBUILD_")}
         return kept | {"ASSETBUILD_CACHE": str(self.store)} | more
 
     def run(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            self.command(*words),
-            cwd=self.folder,
-            env=self.env(**environment),
-            capture_output=True,
-            text=True,
-            timeout=300,
-        )
+        return commands.run(words, self.folder, self.env(**environment))
 
     def build(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
         return self.run("build", "legs.yaml", *words, **environment)
@@ -181,3 +169,20 @@ def new_legs(folder: Path, store: Path | None = None) -> Legs:
 @pytest.fixture
 def legs(tmp_path: Path) -> Legs:
     return new_legs(tmp_path / "legs")
+
+
+@pytest.fixture(scope="session")
+def legs_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store that holds a finished build of the legs, of all workers: tests work on copies."""
+
+    def build(store: Path) -> None:
+        done = new_legs(tmp_path_factory.mktemp("first") / "legs", store).build()
+        assert done.returncode == 0, done.stdout + done.stderr
+
+    return made_once("legs-store", build, tmp_path_factory)
+
+
+@pytest.fixture
+def warm_legs(tmp_path: Path, legs_store: Path) -> Legs:
+    """The four legs with a store in which every step is done."""
+    return new_legs(tmp_path / "legs", shutil.copytree(legs_store, tmp_path / "warm-store"))

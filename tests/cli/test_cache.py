@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 
+import commands
 import pytest
 
 from assetbuild.engine.session import Session
@@ -16,12 +16,8 @@ from assetbuild.pipeline import building
 
 
 def run(cache: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "assetbuild", "cache", *words],
-        env=os.environ | {"ASSETBUILD_CACHE": str(cache)},
-        capture_output=True,
-        text=True,
-        timeout=60,
+    return commands.run(
+        ["cache", *words], Path.cwd(), os.environ | {"ASSETBUILD_CACHE": str(cache)}, timeout=60
     )
 
 

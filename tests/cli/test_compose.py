@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
-import sys
 from pathlib import Path
 
+import commands
 import mujoco
 import pytest
 
@@ -65,19 +66,37 @@ PARTS = """compose:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    (tmp_path / "cart.urdf").write_text(CART)
-    (tmp_path / "arm.urdf").write_text(ARM)
-    (tmp_path / "arm.yaml").write_text(RECIPE.format(name="arm", kp=40, home=0.3))
-    (tmp_path / "cart.yaml").write_text(RECIPE.format(name="cart", kp=900, home=0.1) + PARTS)
-    return tmp_path
+    return laid_out(tmp_path)
+
+
+def laid_out(folder: Path) -> Path:
+    """The cart, the arm and their recipes."""
+    (folder / "cart.urdf").write_text(CART)
+    (folder / "arm.urdf").write_text(ARM)
+    (folder / "arm.yaml").write_text(RECIPE.format(name="arm", kp=40, home=0.3))
+    (folder / "cart.yaml").write_text(RECIPE.format(name="cart", kp=900, home=0.1) + PARTS)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which the cart is built."""
+    folder = laid_out(tmp_path_factory.mktemp("cart"))
+    done = run(folder, "build", "cart.yaml")
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+@pytest.fixture
+def warm(tmp_path: Path, built: Path) -> Path:
+    """The folder of a cart that is not built, with a store in which its steps are done."""
+    shutil.copytree(built / "store", tmp_path / "store")
+    return laid_out(tmp_path)
 
 
 def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"ASSETBUILD_CACHE": str(folder / "store")}
-    command = [sys.executable, "-m", "assetbuild", *words]
-    return subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300
-    )
+    environment = os.environ | {"ASSETBUILD_CACHE": str(folder / "store"), "MUJOCO_GL": "disable"}
+    return commands.run(words, folder, environment)
 
 
 def test_a_part_whose_mesh_names_other_files_keeps_them(folder: Path):
@@ -103,10 +122,8 @@ def test_a_part_whose_mesh_names_other_files_keeps_them(folder: Path):
     assert 0.9 in model.mat_rgba[:, 0].round(6)
 
 
-def test_two_arms_on_a_cart_are_one_robot(folder):
-    done = run(folder, "build", "cart.yaml")
-    assert done.returncode == 0, done.stdout + done.stderr
-    model = mujoco.MjModel.from_xml_path(str(folder / "build/cart/mjcf/cart.xml"))
+def test_two_arms_on_a_cart_are_one_robot(built):
+    model = mujoco.MjModel.from_xml_path(str(built / "build/cart/mjcf/cart.xml"))
     assert model.body_mass.sum() == pytest.approx(22 + 2 * 1.5 + 0.25)
     assert [model.joint(i).name for i in range(model.njnt)] == [
         "joint1",
@@ -125,13 +142,15 @@ def test_two_arms_on_a_cart_are_one_robot(folder):
 
     from pxr import Usd, UsdPhysics
 
-    stage = Usd.Stage.Open(str(folder / "build/cart/usd/cart.usda"))
+    stage = Usd.Stage.Open(str(built / "build/cart/usd/cart.usda"))
     roots = [p for p in stage.Traverse() if p.HasAPI(UsdPhysics.ArticulationRootAPI)]
     assert len(roots) == 1
-    assert "cart" in (folder / "build/cart/NOTICE").read_text()
+    assert "cart" in (built / "build/cart/NOTICE").read_text()
 
 
-def test_a_part_that_hits_nothing_may_have_a_surface_of_its_own(folder):
+@pytest.mark.slow
+def test_a_part_that_hits_nothing_may_have_a_surface_of_its_own(warm):
+    folder = warm
     arm = "".join(line for line in ARM.splitlines(True) if "<collision>" not in line)
     (folder / "arm.urdf").write_text(arm)
     text = (folder / "arm.yaml").read_text() + "contact: {friction: [0.2, 0, 0]}\n"
@@ -146,7 +165,8 @@ def test_a_composite_is_checked_before_anything_is_built(folder):
     assert "Traceback" not in done.stderr
 
 
-def test_a_change_of_the_part_is_a_change_of_the_whole(folder):
+def test_a_change_of_the_part_is_a_change_of_the_whole(warm):
+    folder = warm
     assert run(folder, "build", "cart.yaml").returncode == 0
     again = run(folder, "build", "cart.yaml")
     assert "0 ran" in again.stdout or "nothing" in again.stdout

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 
+import commands
 import mujoco
 import numpy as np
 import pytest
@@ -140,10 +140,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(folder: Path, *words: str, cache: Path | None = None) -> subprocess.CompletedProcess[str]:
     store = str(cache or folder / "store")
     environment = os.environ | {"ASSETBUILD_CACHE": store, "MUJOCO_GL": "disable"}
-    command = [sys.executable, "-m", "assetbuild", *words]
-    return subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300
-    )
+    return commands.run(words, folder, environment)
 
 
 def model_of(folder: Path, robot: str, file: str = "") -> mujoco.MjModel:

@@ -8,6 +8,8 @@ import re
 import shutil
 from pathlib import Path
 
+import pytest
+
 from .conftest import Workplace, new_workplace
 
 CONTROL_READERS = {
@@ -89,6 +91,7 @@ def test_a_mesh_saved_anew_with_the_same_geometry_runs_only_its_conversion(place
     assert place.ran() == {"convert_mesh hip", companions}  # both read the file
 
 
+@pytest.mark.slow  # a cold build of Go1
 def test_two_folders_seeds_zones_and_job_counts_give_the_same_manifest(
     cold_place: Workplace, tmp_path: Path, go1_root: Path, place: Workplace
 ):
@@ -124,6 +127,7 @@ def test_a_bundle_that_was_moved_still_loads(place: Workplace, tmp_path: Path):
     assert (model.nq, model.nv, model.nu, model.nkey) == (19, 18, 12, 2)
 
 
+@pytest.mark.slow
 def test_a_variant_keeps_the_feet_as_bodies(place: Workplace):
     done = place.build("--variant", "foot_bodies")
     assert done.returncode == 0, done.stdout + done.stderr

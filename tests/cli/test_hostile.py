@@ -12,13 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from tiny import stl
+from urdfs import inertial, link, mesh, robot, shape
 
 from .conftest import Workplace
 
-URDF = """<robot name="r"><link name="base">
- <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
- <visual><geometry><mesh filename="{mesh}"/></geometry></visual></link></robot>
-"""
+URDF = robot(link("base", inertial(), shape("visual", mesh("{mesh}"))))
 RECIPE = """schema: assetbuild/v1
 robot: r
 source: {{path: {path}, {main}, license: MIT}}
@@ -27,12 +26,6 @@ targets: [urdf]
 """
 LAUGHS = "".join(f'<!ENTITY e{n + 1} "{f"&e{n};" * 10}">' for n in range(9))
 BOMB = f'<!DOCTYPE x [<!ENTITY e0 "ha">{LAUGHS}]>'
-
-
-def stl(corners: np.ndarray, count: int) -> bytes:
-    record = np.zeros(len(corners), dtype=[("n", "<f4", 3), ("c", "<f4", (3, 3)), ("a", "<u2")])
-    record["c"] = corners
-    return b"solid".ljust(80) + struct.pack("<I", count) + record.tobytes()
 
 
 def picture_bomb() -> bytes:
@@ -47,12 +40,15 @@ CORNERS = np.arange(18.0).reshape(2, 3, 3)
 OBJ = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n"
 CASES: dict[str, tuple[dict[str, bytes], int, str]] = {
     "a lying face count": (
-        {"r.urdf": URDF.format(mesh="m.stl").encode(), "m.stl": stl(CORNERS, 4_000_000_000)},
+        {
+            "r.urdf": URDF.format(mesh="m.stl").encode(),
+            "m.stl": stl(CORNERS, count=4_000_000_000),
+        },
         1,
         "m.stl: the header promises 4000000000 faces",
     ),
     "vertices that are no numbers": (
-        {"r.urdf": URDF.format(mesh="m.stl").encode(), "m.stl": stl(CORNERS * np.nan, 2)},
+        {"r.urdf": URDF.format(mesh="m.stl").encode(), "m.stl": stl(CORNERS * np.nan)},
         1,
         "m.stl: vertex 0 is not a finite number",
     ),
@@ -82,7 +78,7 @@ CASES: dict[str, tuple[dict[str, bytes], int, str]] = {
         "no file `aaaa",
     ),
     "a mesh from elsewhere": (
-        {"r.urdf": URDF.format(mesh="../secret.stl").encode(), "../secret.stl": stl(CORNERS, 2)},
+        {"r.urdf": URDF.format(mesh="../secret.stl").encode(), "../secret.stl": stl(CORNERS)},
         2,
         "leads out of the source",
     ),
@@ -126,7 +122,7 @@ def test_a_hostile_file_is_one_error(tiny: Workplace, name: str):
 
 def test_a_link_out_of_the_source_is_one_error(tiny: Workplace):
     (tiny.folder / "robot").mkdir(parents=True)
-    (tiny.folder / "secret.stl").write_bytes(stl(CORNERS, 2))
+    (tiny.folder / "secret.stl").write_bytes(stl(CORNERS))
     (tiny.folder / "robot/r.urdf").write_text(URDF.format(mesh="m.stl"))
     (tiny.folder / "robot/m.stl").symlink_to("../secret.stl")
     refused(tiny, 2, "is a link that leads out of the source", "robot", "urdf: r.urdf")
@@ -136,13 +132,17 @@ def test_an_archive_that_escapes_is_one_error(tiny: Workplace):
     tiny.folder.mkdir()
     with zipfile.ZipFile(tiny.folder / "robot.zip", "w") as archive:
         archive.writestr("r.urdf", URDF.format(mesh="m.stl"))
-        archive.writestr("../../escaped.stl", stl(CORNERS, 2))
+        archive.writestr("../../escaped.stl", stl(CORNERS))
     refused(tiny, 2, "escaped.stl", "robot.zip", "urdf: r.urdf")
 
 
 def test_every_broken_mesh_is_named_at_once(tiny: Workplace):
     (tiny.folder / "robot").mkdir(parents=True)
-    meshes = {"a.stl": stl(CORNERS, 9), "b.stl": b"garbage", "c.stl": stl(CORNERS**2, 2)}
+    meshes = {
+        "a.stl": stl(CORNERS, count=9),
+        "b.stl": b"garbage",
+        "c.stl": stl(CORNERS**2),
+    }
     for name, data in meshes.items():
         (tiny.folder / "robot" / name).write_bytes(data)
     shown = "".join(

@@ -39,7 +39,11 @@ def is_alive(pid: int) -> bool:
 
 @pytest.mark.parametrize(
     ("number", "times", "code"),
-    [(signal.SIGINT, 1, 130), (signal.SIGINT, 2, 130), (signal.SIGTERM, 1, 143)],
+    [
+        (signal.SIGINT, 1, 130),
+        pytest.param(signal.SIGINT, 2, 130, marks=pytest.mark.slow),
+        pytest.param(signal.SIGTERM, 1, 143, marks=pytest.mark.slow),
+    ],
 )
 def test_an_interrupted_build_leaves_nothing_running(
     cold_place: Workplace, number: signal.Signals, times: int, code: int

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
+import commands
 import mujoco
 import pytest
+from mjcfs import TET
 
 ARM = """<mujoco model="arm"><compiler meshdir="assets"/>
 <asset><mesh file="a.obj" scale=".1 .1 .1"/></asset>
@@ -21,7 +21,6 @@ ARM = """<mujoco model="arm"><compiler meshdir="assets"/>
 <actuator><position name="m" joint="j" kp="20" kv="1" ctrlrange="-.5 .5"
   forcerange="-5 5"/></actuator>
 <sensor><framepos name="p" objtype="site" objname="tool"/></sensor></mujoco>"""
-TET = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 RECIPE = """schema: assetbuild/v1
 robot: arm
 source: {path: arm.zip, root: robots, mjcf: arm.xml, license: MIT}
@@ -36,14 +35,8 @@ def test_an_mjcf_in_a_zip_builds_and_equals_its_source(tmp_path: Path):
         archive.writestr("robots/arm.xml", ARM)
         archive.writestr("robots/assets/a.obj", TET)
     (tmp_path / "arm.yaml").write_text(RECIPE)
-    done = subprocess.run(
-        [sys.executable, "-m", "assetbuild", "build", "arm.yaml", "-o", "out"],
-        cwd=tmp_path,
-        env=os.environ | {"ASSETBUILD_CACHE": str(tmp_path / "cache")},
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
+    environment = os.environ | {"ASSETBUILD_CACHE": str(tmp_path / "cache")}
+    done = commands.run(["build", "arm.yaml", "-o", "out"], tmp_path, environment)
     assert done.returncode == 0, done.stdout + done.stderr
     report = json.loads((tmp_path / "out/report/report.json").read_text())
     assert report["checks"]["mjcf_source"]["status"] == "pass"

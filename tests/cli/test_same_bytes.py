@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -28,14 +29,17 @@ def built(legs: Legs, **options: object) -> bytes:
 
 
 @pytest.fixture(scope="module")
-def gold(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    return built(new_legs(tmp_path_factory.mktemp("gold") / "legs"))
+def gold(tmp_path_factory: pytest.TempPathFactory, legs_store: Path) -> bytes:
+    folder = tmp_path_factory.mktemp("gold")
+    return built(new_legs(folder / "legs", shutil.copytree(legs_store, folder / "store")))
 
 
+@pytest.mark.slow
 def test_a_private_umask(legs: Legs, gold: bytes):
     assert built(legs, umask=0o077) == gold
 
 
+@pytest.mark.slow
 def test_files_in_another_order_with_other_dates(legs: Legs, gold: bytes):
     for path in (legs.urdf, legs.recipe):  # the other way round, and long ago
         text = path.read_bytes()
@@ -45,6 +49,7 @@ def test_files_in_another_order_with_other_dates(legs: Legs, gold: bytes):
     assert built(legs) == gold
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can build as another user")
 def test_another_user(tmp_path: Path, gold: bytes):
     legs = new_legs(tmp_path / "legs")

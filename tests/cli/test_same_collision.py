@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from urdfs import inertial, joint, link, mesh, robot, shape
 
 from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.obj import obj_bytes
@@ -29,13 +30,7 @@ targets: [mjcf]
 validate: {free_fall: null}
 """
 BUILD = (sys.executable, "-m", "assetbuild", "build", "two.yaml", "--fail-on", "never")
-LINK = """\
-  <link name="{name}">
-    <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-    <collision><geometry><mesh filename="{name}.obj"/></geometry></collision>
-  </link>
-"""
-JOINT = '  <joint name="j" type="fixed"><parent link="clean"/><child link="open"/></joint>\n'
+JOINT = joint("j", "clean", "open", "fixed", "", axis=None)
 
 
 def t_bar() -> TriangleMesh:
@@ -52,10 +47,10 @@ def checkout(folder: Path) -> Path:
     (folder / "robot").mkdir(parents=True)
     whole = t_bar()
     meshes = {"clean": whole, "open": whole.select(np.arange(1, len(whole.faces)))}
-    for name, mesh in meshes.items():
-        (folder / f"robot/{name}.obj").write_bytes(obj_bytes(mesh))
-    links = "".join(LINK.format(name=name) for name in meshes)
-    (folder / "robot/two.urdf").write_text(f'<robot name="two">\n{links}{JOINT}</robot>\n')
+    for name, solid in meshes.items():
+        (folder / f"robot/{name}.obj").write_bytes(obj_bytes(solid))
+    links = (link(n, inertial(), shape("collision", mesh(f"{n}.obj"))) for n in meshes)
+    (folder / "robot/two.urdf").write_text(robot(*links, JOINT, name="two"))
     (folder / "two.yaml").write_text(RECIPE)
     return folder
 
@@ -81,6 +76,7 @@ def gold(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     return data
 
 
+@pytest.mark.slow  # three cold builds with CoACD
 @pytest.mark.parametrize(("folder", "jobs"), [("first", 2), ("a longer path/second", 1)])
 def test_a_cold_build_makes_the_same_bytes(tmp_path: Path, gold: bytes, folder: str, jobs: int):
     assert manifest(checkout(tmp_path / folder), tmp_path / "store", jobs) == gold

@@ -24,6 +24,7 @@ def bare(place):
     return place
 
 
+@pytest.mark.slow
 def test_three_robots_load_and_differ_as_drawn(bare):
     bare.edit_recipe("\ncontact:", f"{RANGES}\ncontact:")
     done = bare.run("sample", "recipes/go1.yaml", "-n", "3", "--judge", "300", "-o", "drawn")

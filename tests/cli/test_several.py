@@ -10,6 +10,7 @@ import pytest
 from .conftest import Workplace
 
 
+@pytest.mark.slow
 def test_two_recipes_are_one_graph_and_share_their_steps(place: Workplace):
     text = place.recipe.read_text()
     other = place.folder / "recipes/other.yaml"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import new_legs
+from .conftest import Legs, new_legs
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "engine"))
 from servers_for_tests import serving
@@ -19,8 +19,10 @@ def server():
         yield server
 
 
-def test_what_one_machine_pushed_another_pulls_and_builds_nothing(tmp_path: Path, server):
-    first, second = new_legs(tmp_path / "a"), new_legs(tmp_path / "b")
+def test_what_one_machine_pushed_another_pulls_and_builds_nothing(
+    tmp_path: Path, warm_legs: Legs, server
+):
+    first, second = warm_legs, new_legs(tmp_path / "b")
     assert first.build().returncode == 0
     assert server.asked == []
     sent = first.run("cache", "push", "legs.yaml", "--remote", server.url)
@@ -44,11 +46,10 @@ def test_a_pull_of_what_nobody_built_says_so(tmp_path: Path, server):
     assert "more that is known once these are built" in came.stdout
 
 
-def test_a_server_that_fails_is_an_error_here(tmp_path: Path, server):
-    machine = new_legs(tmp_path / "a")
-    machine.build()
+def test_a_server_that_fails_is_an_error_here(warm_legs: Legs, server):
+    warm_legs.build()
     server.fault = "500"
-    sent = machine.run("cache", "push", "legs.yaml", "--remote", server.url)
+    sent = warm_legs.run("cache", "push", "legs.yaml", "--remote", server.url)
     assert sent.returncode == 1
     assert "cannot write the shared cache" in sent.stderr
 

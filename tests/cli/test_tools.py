@@ -81,11 +81,11 @@ def test_diff_says_by_its_exit_code_whether_anything_differs(tmp_path: Path, rob
 
 
 @pytest.mark.parametrize("verb", ["build", "check", "lock"])
-def test_all_files_of_the_folder_name_each_recipe_once(legs: Legs, verb: str):
+def test_all_files_of_the_folder_name_each_recipe_once(warm_legs: Legs, verb: str):
     """A shell turns `*.yaml` into recipes and locks alike."""
-    (legs.folder / "legs.lock.yaml").write_text("schema: assetbuild-lock/v1\n")
+    (warm_legs.folder / "legs.lock.yaml").write_text("schema: assetbuild-lock/v1\n")
     words = ["legs.lock.yaml", "legs.yaml"]
-    done = legs.run(verb, *words)
+    done = warm_legs.run(verb, *words)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("legs.yaml: ") <= 1
 

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 import pytest
+from urdfs import box, inertial, link, robot, shape, tensor
 
 from assetbuild.cli import main
 
@@ -31,8 +32,6 @@ def Xform "cube" (
 """
 ARM = """<mujoco><worldbody><body name="arm"><joint name="a" range="-1 1"/>
 <geom size="0.1"/></body></worldbody>{}</mujoco>"""
-URDF = """<robot name="r"><link name="a"><inertial><mass value="1"/>
-<inertia ixx="{}" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"""
 
 
 def ran(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
@@ -69,7 +68,7 @@ def test_a_urdf_with_an_impossible_tensor(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "r.urdf"
-    path.write_text(URDF.format(9))
+    path.write_text(robot(link("r", inertial(1.0, tensor(9, 1, 1)))))
     code, said = ran(capsys, path, "--json")
     assert code == 1
     rules = {f["rule"] for one in json.loads(said) for f in one["findings"]}
@@ -78,11 +77,9 @@ def test_a_urdf_with_an_impossible_tensor(
     assert "urdf.unreadable" in ran(capsys, path)[1]
 
 
-SHIFTED = """<robot name="r"><link name="a">
-<inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>
-<visual><geometry><box size=".2 .2 .2"/></geometry></visual>
-<collision><origin xyz="0 0 {}"/><geometry><box size=".2 .2 .2"/></geometry></collision>
-</link></robot>"""
+SHIFTED = robot(
+    link("a", inertial(), shape("visual", box(0.2)), shape("collision", box(0.2), "0 0 {}"))
+)
 
 
 def test_a_urdf_is_tried_as_init_would_build_it(
@@ -105,7 +102,7 @@ def test_a_urdf_that_cannot_be_built_says_why_it_was_not_tried(
 ) -> None:
     path = tmp_path / "r.urdf"
     mesh = '<mesh filename="package://nobody/a.stl"/>'
-    path.write_text(SHIFTED.format(0).replace('<box size=".2 .2 .2"/>', mesh, 1))
+    path.write_text(SHIFTED.format(0).replace(box(0.2), mesh, 1))
     code, said = ran(capsys, path)
     assert (code, "warning trials.untried" in said) == (0, True)
     assert "--package nobody=FOLDER" in said

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,8 +13,9 @@ from .conftest import Legs, new_legs
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Legs:
-    legs = new_legs(tmp_path_factory.mktemp("verify") / "legs")
+def built(tmp_path_factory: pytest.TempPathFactory, legs_store: Path) -> Legs:
+    folder = tmp_path_factory.mktemp("verify")
+    legs = new_legs(folder / "legs", shutil.copytree(legs_store, folder / "store"))
     assert legs.build().returncode == 0
     return legs
 

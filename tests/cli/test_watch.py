@@ -6,7 +6,7 @@ import queue
 import signal
 import subprocess
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -47,14 +47,24 @@ class Watching:
         return self.until(lambda line: line.startswith("watching "))
 
 
-@pytest.fixture
-def watching(legs: Legs):
+def watched(legs: Legs) -> Iterator[Watching]:
     started = Watching(legs)
     yield started
     started.process.kill()
     started.process.wait()
 
 
+@pytest.fixture
+def watching(legs: Legs) -> Iterator[Watching]:
+    yield from watched(legs)
+
+
+@pytest.fixture
+def watching_what_is_built(warm_legs: Legs) -> Iterator[Watching]:
+    yield from watched(warm_legs)
+
+
+@pytest.mark.slow
 def test_it_follows_recipe_and_source_and_survives_mistakes(legs: Legs, watching: Watching):
     assert " ran, 0 cached" in watching.waits()
     legs.edit("kp: 20", "kp: 30")
@@ -78,12 +88,13 @@ def test_it_follows_recipe_and_source_and_survives_mistakes(legs: Legs, watching
     assert watching.until(lambda line: "stopped watching" in line)
 
 
-def test_a_source_that_breaks_is_watched_on(legs: Legs, watching: Watching):
+def test_a_source_that_breaks_is_watched_on(warm_legs: Legs, watching_what_is_built: Watching):
+    watching = watching_what_is_built
     watching.waits()
-    whole = legs.urdf.read_text()
-    legs.urdf.write_text(whole[:200])
+    whole = warm_legs.urdf.read_text()
+    warm_legs.urdf.write_text(whole[:200])
     assert "error: " in watching.waits()
-    legs.urdf.write_text(whole)
+    warm_legs.urdf.write_text(whole)
     assert "ready for training: yes" in watching.waits()
 
 
@@ -93,7 +104,7 @@ def test_ctrl_c_while_it_builds_is_an_interrupted_build(legs: Legs, watching: Wa
     assert watching.process.wait(20) == 130
 
 
-def test_sigterm_ends_it(legs: Legs, watching: Watching):
-    watching.waits()
-    watching.process.send_signal(signal.SIGTERM)
-    assert watching.process.wait(10) == 143
+def test_sigterm_ends_it(watching_what_is_built: Watching):
+    watching_what_is_built.waits()
+    watching_what_is_built.process.send_signal(signal.SIGTERM)
+    assert watching_what_is_built.process.wait(10) == 143

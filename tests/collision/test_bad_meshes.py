@@ -142,8 +142,8 @@ def test_a_mesh_without_a_volume_is_one_clear_error(tmp_path, name):
     assert str(caught.value).startswith(("bad", "0.obj"))
 
 
-SLOW = ("soup",)
-"""A ray through it crosses hundreds of triangles."""
+SLOW = ("soup", "torus")
+"""A ray through the soup crosses hundreds of triangles; the torus takes many pieces."""
 
 
 @pytest.mark.parametrize(

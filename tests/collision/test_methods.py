@@ -275,6 +275,7 @@ def two_bars() -> TriangleMesh:
     return union_of(pieces)[1]
 
 
+@pytest.mark.slow
 def test_two_boxes_are_found_in_a_t(tmp_path):
     method = FitPrimitive(sources=MESH, max_hulls=3, shape="box")
     pieces, _, findings, _ = fit(tmp_path, method, two_bars())
@@ -282,7 +283,10 @@ def test_two_boxes_are_found_in_a_t(tmp_path):
     assert findings["collision.gap"].data["iou"] > 0.9
 
 
-@pytest.mark.parametrize("shape", [("capsule", "sphere"), ("sphere", "capsule")])
+@pytest.mark.parametrize(
+    "shape",
+    [("capsule", "sphere"), pytest.param(("sphere", "capsule"), marks=pytest.mark.slow)],
+)
 def test_a_shin_is_a_capsule_and_its_foot_a_sphere(tmp_path, shape):
     foot = ConvexPiece(None, Sphere(0.023), Pose((0.0, 0.0, -0.21)))
     shin = ConvexPiece(None, Capsule(0.012, 0.2), Pose((0.0, 0.0, -0.1)))

@@ -1,3 +1,5 @@
+"""Digests of files and of JSON, and the cache that saves reading what has not changed."""
+
 from __future__ import annotations
 
 import hashlib

@@ -1,3 +1,5 @@
+"""Why a step ran or would run: the part of its key that changed is named."""
+
 from __future__ import annotations
 
 import json

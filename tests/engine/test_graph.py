@@ -1,3 +1,5 @@
+"""The graph of steps: labels, outputs, order, and what a plan may not ask for."""
+
 from __future__ import annotations
 
 import json

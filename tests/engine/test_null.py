@@ -1,3 +1,5 @@
+"""The null build: nothing runs while nothing changed, and every change is noticed."""
+
 from __future__ import annotations
 
 import os

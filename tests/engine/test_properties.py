@@ -10,6 +10,7 @@ from pathlib import Path
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from steps_for_tests import Mix
+from tiny import examples
 
 from assetbuild.engine.execute import Event, execute
 from assetbuild.engine.graph import Node, Ref
@@ -127,7 +128,10 @@ def build(
 
 
 @settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True
+    max_examples=examples(40),
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
+    derandomize=True,
 )
 @given(specs=graphs(), edits=EDITS, jobs=st.integers(1, 3))
 def test_a_build_is_right_and_runs_no_more_than_it_must(specs, edits, jobs):
@@ -158,7 +162,7 @@ def test_a_build_is_right_and_runs_no_more_than_it_must(specs, edits, jobs):
             assert none == []
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=examples(15), deadline=None, derandomize=True)
 @given(specs=graphs())
 def test_one_or_two_at_a_time_give_the_same(specs):
     with tempfile.TemporaryDirectory() as name:
@@ -171,7 +175,7 @@ def test_one_or_two_at_a_time_give_the_same(specs):
         assert one == two
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=examples(25), deadline=None, derandomize=True)
 @given(
     specs=graphs(),
     victim=st.integers(0, 1000),

@@ -1,3 +1,5 @@
+"""Bundles appear whole or not at all, and what a user edited in one is kept aside."""
+
 from __future__ import annotations
 
 import os

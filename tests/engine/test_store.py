@@ -1,3 +1,5 @@
+"""The store gives back what was put into it, or reports that it is lost."""
+
 from __future__ import annotations
 
 import resource

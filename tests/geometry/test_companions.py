@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 import tarfile
 from pathlib import Path
 
@@ -71,8 +72,24 @@ FILES = {
 
 
 @pytest.fixture(autouse=True)
-def own_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def own_store(tmp_path: Path, first: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A store in which the steps of the robot of `FILES` are done."""
+    shutil.copytree(first / "store", tmp_path / "store")
     monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "store"))
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the robot of `FILES`, its bundle and the store that it was built in."""
+    folder = tmp_path_factory.mktemp("first")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ASSETBUILD_CACHE", str(folder / "store"))
+        patch.setenv("MUJOCO_GL", "disable")
+        _, _, told = built(laid_out(folder, FILES))
+    assert "mesh.texture" not in told
+    assert len(told["texture.no_coordinates"]) == 1  # the box
+    return folder
 
 
 def laid_out(folder: Path, files: dict[str, bytes]) -> Path:
@@ -96,11 +113,8 @@ def built(recipe: Path) -> tuple[Outcome, Path, dict[str, list[str]]]:
 
 
 @pytest.fixture
-def bundle(tmp_path: Path) -> Path:
-    _, out, told = built(laid_out(tmp_path, FILES))
-    assert "mesh.texture" not in told
-    assert len(told["texture.no_coordinates"]) == 1  # the box
-    return out
+def bundle(first: Path) -> Path:
+    return first / "out"
 
 
 def test_mujoco_shows_both_pictures_where_they_belong(bundle: Path):
@@ -161,7 +175,8 @@ def test_a_viewer_of_the_urdf_finds_the_texture_beside_the_mesh(bundle: Path):
         assert mesh.visual.uv.shape == (4, 2)
 
 
-def test_a_picture_that_appears_later_is_noticed(tmp_path: Path):
+def test_a_picture_that_appears_later_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "empty"))
     files = {k: v for k, v in FILES.items() if k != "meshes/looks/wood one.jpg"}
     recipe = laid_out(tmp_path, files)
     outcome, _, told = built(recipe)
@@ -193,7 +208,7 @@ def test_a_pattern_of_turned_meshes_that_matches_none_is_an_error_of_the_recipe(
 
 def test_an_archive_gives_the_same_textures(tmp_path: Path, bundle: Path):
     with tarfile.open(tmp_path / "robot.tar", "w") as archive:
-        archive.add(tmp_path / "robot", ".")
+        archive.add(bundle.parent / "robot", ".")
     recipe = tmp_path / "r.yaml"
     recipe.write_text(RECIPE.format(source="path: robot.tar"))
     names = {path.name for path in (bundle / "mjcf/assets").iterdir()}

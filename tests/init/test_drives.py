@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from assetbuild.init.anatomy import study
-from assetbuild.init.drives import MOST_DAMPED, SAG, Row, drive_rows
+from assetbuild.init.drives import MOST_DAMPED, SAG, DriveRow, drive_rows
 from assetbuild.init.home import home_pose
-from assetbuild.init.look import Looked, judge, look
+from assetbuild.init.look import InspectedRobot, judge, look
 from assetbuild.init.relief import HEAVY
 from assetbuild.init.source import find_source
 from assetbuild.init.text import recipe_text
@@ -27,7 +27,7 @@ velocity="5"/><dynamics damping="{damping}" friction="{friction}"/></joint>
 """
 
 
-def arm(folder: Path, links: list[tuple[float, float]], **limits: float) -> Looked:
+def arm(folder: Path, links: list[tuple[float, float]], **limits: float) -> InspectedRobot:
     """A chain that reaches along x from a bolted base. links: (mass, distance of its centre)."""
     said = {"effort": 15.0, "damping": 0.0, "friction": 0.0} | limits
     text = ['<robot name="arm"><link name="world"/>']
@@ -40,10 +40,11 @@ def arm(folder: Path, links: list[tuple[float, float]], **limits: float) -> Look
         above, reach = name, 2 * distance
     path = folder / "arm.urdf"
     path.write_text("\n".join([*text, "</robot>"]))
-    return judge(look(find_source(path, {})), "fixed")
+    read = look(find_source(path, {}))
+    return judge(read.links, read.shapes, "fixed")
 
 
-def rows_of(robot: Looked) -> tuple[dict[str, float], tuple[Row, ...]]:
+def rows_of(robot: InspectedRobot) -> tuple[dict[str, float], tuple[DriveRow, ...]]:
     legs = study(robot).legs
     pose = home_pose(robot.tree, legs)
     return pose, drive_rows(robot.tree, pose, legs)
@@ -52,29 +53,27 @@ def rows_of(robot: Looked) -> tuple[dict[str, float], tuple[Row, ...]]:
 def test_joints_of_a_hand_get_a_frequency_each_and_its_impossible_dampers_go(tmp_path: Path):
     robot = arm(tmp_path, [(0.2, 0.03), (0.05, 0.02), (0.01, 0.01)], damping=10.0, friction=10.0)
     _, (row,) = rows_of(robot)
-    assert row.kp is None
-    assert row.frequency is not None
-    assert row.damping_ratio == 1.0
-    assert (row.drops_damping, row.drops_friction) == (True, True)
+    assert row.gains.keys() == {"frequency", "damping_ratio"}
+    assert row.gains["damping_ratio"] == 1.0
+    assert row.drops == ("damping", "friction")
     # Gravity on a point at a distance l: sag = g / (l (2 pi f)^2), most for the tip's 10 mm.
-    assert 9.81 / (0.01 * 1.1 * (2 * math.pi * row.frequency) ** 2) <= SAG["rad"] * 1.1
+    assert 9.81 / (0.01 * 1.1 * (2 * math.pi * row.gains["frequency"]) ** 2) <= SAG["rad"] * 1.1
     text = recipe_text(robot, study(robot), find_source(tmp_path / "arm.urdf", {}), tmp_path / "a")
     assert "damping_ratio: 1.0, damping: 0, friction: 0}" in text
 
 
 def test_dampers_that_can_be_meant_stay(tmp_path: Path):
     _, (row,) = rows_of(arm(tmp_path, [(2.0, 0.2), (1.0, 0.2)], damping=0.1, friction=0.1))
-    assert (row.drops_damping, row.drops_friction) == (False, False)
+    assert row.drops == ()
 
 
 def test_one_pair_of_gains_holds_the_arm_and_neither_rings_nor_creeps(tmp_path: Path):
     pose, (row,) = rows_of(arm(tmp_path, [(4.0, 0.2)], effort=60.0))
     assert pose == {"j0": 0.0}
-    assert row.kp
-    assert row.kd
-    assert 4.0 * 9.81 * 0.2 / row.kp <= SAG["rad"]
+    kp, kd = row.gains["kp"], row.gains["kd"]
+    assert 4.0 * 9.81 * 0.2 / kp <= SAG["rad"]
     inertia = 4.0 * 0.2**2 * 1.1
-    assert 0.65 <= row.kd / (2 * math.sqrt(row.kp * inertia)) <= MOST_DAMPED
+    assert 0.65 <= kd / (2 * math.sqrt(kp * inertia)) <= MOST_DAMPED
 
 
 @pytest.mark.parametrize(("effort", "hangs"), [(14.0, False), (7.0, True)])
@@ -87,7 +86,7 @@ def test_an_arm_that_cannot_be_held_stretched_out_hangs(effort: float, hangs: bo
 
 def test_a_leg_whose_drive_outruns_the_step_is_told():
     """kd dt / I of 4 N m s/rad, 5 ms and a link of 10 g m2 is 2: more than it bears."""
-    row = Row(("knee",), 20.0, 20.0, "rad", 0.1, kp=80.0, kd=4.0, standing=0.01)
+    row = DriveRow(("knee",), 20.0, 20.0, "rad", 0.1, {"kp": 80.0, "kd": 4.0}, standing=0.01)
     assert row.outruns(0.005)
     assert not row.outruns(0.002)
     assert not replace(row, standing=0.1).outruns(0.005)
@@ -98,6 +97,6 @@ def test_links_that_only_an_edit_gives_a_mass_get_a_frequency(tmp_path: Path):
     """The build knows what they weigh then; a stiffness of the whole effort creeps at a wrist."""
     robot = arm(tmp_path, [(0.0, 0.2), (0.0, 0.2)])
     _, (row,) = rows_of(robot)
-    assert (row.kp, row.frequency, row.damping_ratio) == (None, 8.0, 1.0)
+    assert row.gains == {"frequency": 8.0, "damping_ratio": 1.0}
     text = recipe_text(robot, study(robot), find_source(tmp_path / "arm.urdf", {}), tmp_path / "a")
     assert "moves what the edits above give a mass" in text

@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from mjcfs import ROBOTS
+from mjcfs import ROBOTS, TET
 
 from assetbuild.errors import SourceError
 from assetbuild.init import propose, write
 from assetbuild.pipeline.recipes import load_recipe
 
 LEG = '<mujoco model="one leg"><compiler meshdir="../meshes"/><asset><mesh file="a.obj"/></asset><worldbody><body name="trunk"><freejoint/><geom size=".1"/><geom type="mesh" mesh="a" contype="0" conaffinity="0"/></body></worldbody></mujoco>'  # noqa: E501 # one robot per line
-TET = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
 def test_the_recipe_says_what_it_takes_from_the_source(tmp_path: Path):

@@ -6,34 +6,21 @@ import json
 from pathlib import Path
 
 import pytest
+from urdfs import LIMIT, box, inertial, joint, link, robot, shape, tensor
 
 from assetbuild.cli import main
 from assetbuild.init import propose, write
 from assetbuild.pipeline.recipes import load_recipe
 
-SOUND = "<inertia ixx='0.01' iyy='0.01' izz='0.01' ixy='0' ixz='0' iyz='0'/>"
-BOX = "<{0}><geometry><box size='0.1 0.1 0.1'/></geometry></{0}>"
 
-
-def inertial(mass: float, tensor: str = SOUND) -> str:
-    return f"<inertial><mass value='{mass}'/>{tensor}</inertial>"
-
-
-def tensor(xx: float, yy: float, zz: float) -> str:
-    return f"<inertia ixx='{xx}' iyy='{yy}' izz='{zz}' ixy='0' ixz='0' iyz='0'/>"
-
-
-def robot(*links: str, limits: str = "lower='-1' upper='1'") -> str:
+def chain(*links: str, limits: str = LIMIT) -> str:
     """A base and one link after another, each 0.3 m beyond the last, on a hinge."""
-    text = f"<robot name='bot'><link name='base'>{inertial(5.0)}</link>"
+    parts = [link("base", inertial(5.0))]
     for i, content in enumerate(links):
-        parent = f"link{i - 1}" if i else "base"
-        text += (
-            f"<link name='link{i}'>{content}</link><joint name='joint{i}' type='revolute'>"
-            f"<parent link='{parent}'/><child link='link{i}'/><origin xyz='0 0 0.3'/>"
-            f"<axis xyz='{i % 2} {1 - i % 2} 0'/><limit {limits} effort='9' velocity='5'/></joint>"
-        )
-    return text + "</robot>"
+        parent, axis = f"link{i - 1}" if i else "base", f"{i % 2} {1 - i % 2} 0"
+        hinge = joint(f"joint{i}", parent, f"link{i}", content=limits, xyz="0 0 0.3", axis=axis)
+        parts += [link(f"link{i}", content), hinge]
+    return robot(*parts, name="bot")
 
 
 def edits_for(urdf: str, folder: Path) -> list[dict[str, dict[str, object]]]:
@@ -43,20 +30,20 @@ def edits_for(urdf: str, folder: Path) -> list[dict[str, dict[str, object]]]:
 
 
 def test_a_sound_robot_needs_none(tmp_path: Path):
-    assert edits_for(robot(inertial(1.0)), tmp_path) == []
+    assert edits_for(chain(inertial(1.0)), tmp_path) == []
 
 
 def test_a_tensor_beyond_the_triangle_is_balanced(tmp_path: Path):
     flat = inertial(1.0, tensor(0.01, 0.01, 0.03))
-    assert edits_for(robot(flat, inertial(1.0), flat), tmp_path) == [
+    assert edits_for(chain(flat, inertial(1.0), flat), tmp_path) == [
         {"balance_inertia": {"link": "link[02]"}}
     ]
 
 
 def test_a_broken_tensor_is_computed_from_the_shapes(tmp_path: Path):
     zeros = inertial(1.5, tensor(0.0, 0.0, 0.0))
-    seen, solid = zeros + BOX.format("visual"), zeros + BOX.format("collision")
-    assert edits_for(robot(seen, solid), tmp_path) == [
+    seen, solid = zeros + shape("visual", box()), zeros + shape("collision", box())
+    assert edits_for(chain(seen, solid), tmp_path) == [
         {"inertia_from_geometry": {"link": "link0", "mass": 1.5, "open": "hull"}},
         {
             "inertia_from_geometry": {
@@ -67,30 +54,30 @@ def test_a_broken_tensor_is_computed_from_the_shapes(tmp_path: Path):
 
 
 def test_a_point_mass_is_computed_from_the_shapes(tmp_path: Path):
-    point = inertial(1.5, tensor(1e-18, 1e-18, 1e-18)) + BOX.format("visual")
-    (edit,) = edits_for(robot(point), tmp_path)
+    point = inertial(1.5, tensor(1e-18, 1e-18, 1e-18)) + shape("visual", box())
+    (edit,) = edits_for(chain(point), tmp_path)
     assert edit["inertia_from_geometry"]["mass"] == 1.5
 
 
 def test_a_dummy_that_is_positive_is_computed_too(tmp_path: Path):
     """5 kg in 1e-6 kg m2 are a ball of 0.7 mm radius: a touch of it ends in NaN in PhysX."""
-    dummy = inertial(5.0, tensor(1e-6, 1e-6, 1e-6)) + BOX.format("visual")
-    (edit,) = edits_for(robot(dummy), tmp_path)
+    dummy = inertial(5.0, tensor(1e-6, 1e-6, 1e-6)) + shape("visual", box())
+    (edit,) = edits_for(chain(dummy), tmp_path)
     assert edit["inertia_from_geometry"]["mass"] == 5.0
-    dense = inertial(5.0, tensor(1e-3, 1e-3, 1e-3)) + BOX.format("visual")
-    assert edits_for(robot(dense), tmp_path) == []
+    dense = inertial(5.0, tensor(1e-3, 1e-3, 1e-3)) + shape("visual", box())
+    assert edits_for(chain(dense), tmp_path) == []
 
 
 def test_a_mimic_joint_gets_the_range_that_it_is_led_to(tmp_path: Path):
-    text = robot(inertial(1.0), inertial(1.0))
+    text = chain(inertial(1.0), inertial(1.0))
     mimic = "<mimic joint='joint0' multiplier='-2' offset='0.5'/></joint></robot>"
-    text = text.replace("</joint></robot>", mimic)
+    text = text.replace("</joint>\n</robot>", mimic)
     (edit,) = edits_for(text, tmp_path)
     assert edit == {"set_limits": {"joint": "joint1", "lower": -1.5, "upper": 2.5}}
 
 
 def test_a_missing_mass_is_a_guess_that_says_so(tmp_path: Path):
-    (edit,) = edits_for(robot(BOX.format("visual")), tmp_path)
+    (edit,) = edits_for(chain(shape("visual", box())), tmp_path)
     assert edit == {"inertia_from_geometry": {"link": "link0", "density": 1000, "open": "hull"}}
     assert "a guess, as the source states no mass" in (tmp_path / "bot.yaml").read_text()
 
@@ -102,52 +89,56 @@ DRAWN_FLAT = "<visual><geometry><mesh filename='sheet.obj'/></geometry></visual>
 def test_a_flat_picture_has_no_volume_to_weigh(tmp_path: Path):
     """The build would refuse `open: hull` of it: the collision shape is taken, or a ball."""
     (tmp_path / "sheet.obj").write_text(SHEET)
-    (edit,) = edits_for(robot(DRAWN_FLAT + BOX.format("collision")), tmp_path)
+    (edit,) = edits_for(chain(DRAWN_FLAT + shape("collision", box())), tmp_path)
     told = {"link": "link0", "density": 1000, "from": "collision", "open": "hull"}
     assert edit == {"inertia_from_geometry": told}
-    (edit,) = edits_for(robot(DRAWN_FLAT), tmp_path)
+    (edit,) = edits_for(chain(DRAWN_FLAT), tmp_path)
     assert edit["set_inertia"]["mass"] == 0.01
 
 
 def test_without_any_shape_it_becomes_a_ball(tmp_path: Path):
     """10 g of water: 1.337 cm, 0.4 m r^2 = 7.145e-7 kg m2."""
-    (edit,) = edits_for(robot(""), tmp_path)
+    (edit,) = edits_for(chain(""), tmp_path)
     moments = {"ixx": 7.14e-07, "iyy": 7.14e-07, "izz": 7.14e-07}
     assert edit == {"set_inertia": {"link": "link0", "mass": 0.01, "inertia": moments}}
 
 
 def test_links_between_joints_get_a_share(tmp_path: Path):
-    assert edits_for(robot("", inertial(1.0)), tmp_path) == [{"share_mass": {"link": "link0"}}]
+    assert edits_for(chain("", inertial(1.0)), tmp_path) == [{"share_mass": {"link": "link0"}}]
 
 
 def test_a_base_on_slides_whose_weight_comes_by_a_fixed_joint_has_no_usd(tmp_path: Path):
     """The edit comes before merging, and finds no mass to share at the end of the slides."""
-    cart = robot("", "").replace(
+    cart = chain("", "").replace(
         "</robot>",
         f"<link name='arm'>{inertial(2.0)}</link><joint name='bolt' type='fixed'>"
         "<parent link='link1'/><child link='arm'/></joint></robot>",
     )
-    assert edits_for(cart.replace("'revolute'", "'prismatic'"), tmp_path) == []
+    assert edits_for(cart.replace('"revolute"', '"prismatic"'), tmp_path) == []
     assert load_recipe(tmp_path / "bot.yaml").recipe.targets == ("urdf", "mjcf")
     assert "bodies without mass between the joints of link1" in (tmp_path / "bot.yaml").read_text()
 
 
 def test_crossed_limits_change_places(tmp_path: Path):
-    edits = edits_for(robot(inertial(1.0), limits="lower='1' upper='-0.5'"), tmp_path)
+    edits = edits_for(
+        chain(inertial(1.0), limits='<limit lower="1" upper="-0.5" effort="9" velocity="5"/>'),
+        tmp_path,
+    )
     assert edits == [{"set_limits": {"joint": "joint0", "lower": -0.5, "upper": 1.0}}]
 
 
+@pytest.mark.slow  # a whole build, pictures and all
 def test_a_robot_with_all_of_it_builds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "cache"))
     links = [
-        inertial(1.0, tensor(0.01, 0.01, 0.03)) + BOX.format("visual"),
-        inertial(1.5, tensor(0.0, 0.0, 0.0)) + BOX.format("visual"),
-        BOX.format("collision"),
+        inertial(1.0, tensor(0.01, 0.01, 0.03)) + shape("visual", box()),
+        inertial(1.5, tensor(0.0, 0.0, 0.0)) + shape("visual", box()),
+        shape("collision", box()),
         "",
         inertial(1.0),
         "",
     ]
-    edits = edits_for(robot(*links), tmp_path)
+    edits = edits_for(chain(*links), tmp_path)
     assert len(edits) == 5
     out = tmp_path / "bundle"
     assert main(["build", str(tmp_path / "bot.yaml"), "-o", str(out)]) == 0

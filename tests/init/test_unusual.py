@@ -8,21 +8,22 @@ import json
 import os
 import struct
 import subprocess
-import sys
 from pathlib import Path
 
+import commands
 import mujoco
 import numpy as np
 import pytest
+import urdfs
 
 from assetbuild.errors import SourceError
 from assetbuild.init import propose, write
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.recipe.models import Recipe
 
-INERTIAL = '<inertial><origin xyz="0 0 0.01"/><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
-BOX = '<visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual>'
-HIT = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+INERTIAL = urdfs.inertial(xyz="0 0 0.01")
+BOX = urdfs.shape("visual", urdfs.box())
+HIT = urdfs.shape("collision", '<sphere radius="0.1"/>')
 LIMIT = '<limit lower="-1" upper="1" effort="10" velocity="5"/>'
 TRIANGLE = (
     b"one triangle".ljust(80)
@@ -40,31 +41,26 @@ def initialised(urdf: str | bytes, folder: Path) -> Recipe:
 
 
 def assetbuild(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"ASSETBUILD_CACHE": str(folder / "cache")}
-    command = [sys.executable, "-m", "assetbuild", *words]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+    return commands.run(words, folder, os.environ | {"ASSETBUILD_CACHE": str(folder / "cache")})
 
 
 def robot(*parts: str, name: str = "r") -> str:
-    return f'<?xml version="1.0"?>\n<robot name="{name}">\n{"".join(parts)}</robot>\n'
+    return f'<?xml version="1.0"?>\n{urdfs.robot(*parts, name=name)}'
 
 
 def link(name: str, body: str = INERTIAL + BOX) -> str:
-    return f'<link name="{name}">{body}</link>\n'
+    return urdfs.link(name, body)
 
 
 def mesh(file: str) -> str:
-    return f'{INERTIAL}<visual><geometry><mesh filename="{file}"/></geometry></visual>'
+    return INERTIAL + urdfs.shape("visual", urdfs.mesh(file))
 
 
 def joint(
     name: str, parent: str, child: str, kind: str = "revolute", more: str = LIMIT, x: float = 0.0
 ) -> str:
-    axis = "" if kind in ("fixed", "floating") else '<axis xyz="0 0 1"/>'
-    return (
-        f'<joint name="{name}" type="{kind}"><origin xyz="{x} 0 0.2"/><parent link="{parent}"/>'
-        f'<child link="{child}"/>{axis}{more}</joint>\n'
-    )
+    axis = None if kind in ("fixed", "floating") else "0 0 1"
+    return urdfs.joint(name, parent, child, kind, more, xyz=f"{x} 0 0.2", axis=axis)
 
 
 TWO = robot(link("base"), link("arm"), joint("j", "base", "arm"))
@@ -181,6 +177,7 @@ def test_what_cannot_be_is_one_clear_error(name: str, tmp_path: Path):
         propose(tmp_path / "r.urdf", None, {})
 
 
+@pytest.mark.slow  # a whole build, pictures and all
 def test_planar_a_held_follower_and_a_mesh_of_one_triangle_build(tmp_path: Path):
     text = robot(
         link("a"), link("b"), link("c"), link("d", mesh("t.stl") + HIT),
@@ -216,31 +213,21 @@ def test_a_biped_whose_heels_hang_on_springs_floats(tmp_path: Path):
 
 
 def hinge(parent: str, child: str, xyz: str, effort: float) -> str:
-    return (
-        f'<joint name="{child}_joint" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="{xyz}"/><axis xyz="0 1 0"/>'
-        f'<limit lower="-1" upper="1" effort="{effort}" velocity="5"/></joint>\n'
-    )
+    limit = f'<limit lower="-1" upper="1" effort="{effort}" velocity="5"/>'
+    return urdfs.joint(f"{child}_joint", parent, child, content=limit, xyz=xyz)
 
 
 def _walker(*, last: str, down: float, names: tuple[str, str], limbs: int = 4) -> str:
     """Limbs of two hinges on a trunk. down: how far the shin reaches along -z; else along y."""
-    solid = (
-        "<inertial><mass value='1'/><inertia ixx='.01' iyy='.01' izz='.01' ixy='0' ixz='0'"
-        " iyz='0'/></inertial>"
-    )
-    text = f"<robot name='bot'><link name='trunk'>{solid}</link>"
+    parts = [urdfs.link("trunk")]
     for i in range(limbs):
         above, side = "trunk", 0.3 if down else 0.0
         for name, kind in ((names[0], "revolute"), (names[1], last)):
-            text += (
-                f"<link name='{name}_{i}'>{solid}</link><joint name='{name}_joint_{i}' "
-                f"type='{kind}'><parent link='{above}'/><child link='{name}_{i}'/>"
-                f"<origin xyz='{i - 1.5} {0.3 - side} {-down}'/><axis xyz='0 1 0'/>"
-                "<limit lower='-1' upper='1' effort='9' velocity='5'/></joint>"
-            )
-            above = f"{name}_{i}"
-    return text + "</robot>"
+            below, at = f"{name}_{i}", f"{i - 1.5} {0.3 - side} {-down}"
+            parts.append(urdfs.link(below))
+            parts.append(urdfs.joint(f"{name}_joint_{i}", above, below, kind, xyz=at))
+            above = below
+    return urdfs.robot(*parts, name="bot")
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 import yaml
 
-from assetbuild.init.look import Looked, look
+from assetbuild.init.look import InspectedRobot, look
 from assetbuild.init.source import find_source
 from assetbuild.robot.inertia import matrix_of, principal_moments
 from assetbuild.robot.pose import Array
@@ -55,7 +55,7 @@ def shared() -> Path:
 
 
 @pytest.fixture(scope="module")
-def ours(shared: Path) -> Looked:
+def ours(shared: Path) -> InspectedRobot:
     xacro = shared / "data/ur_description/urdf/ur.urdf.xacro"
     return look(find_source(xacro, {}, {"name": "ur10e", "ur_type": "ur10e"}))
 
@@ -75,7 +75,7 @@ def cylinder(mass: float, radius: float, length: float) -> list[float]:
     return sorted([across, across, mass * radius**2 / 2])
 
 
-def test_ranges_are_those_of_the_hand_made_model(ours: Looked, gold: dict[str, Any]):
+def test_ranges_are_those_of_the_hand_made_model(ours: InspectedRobot, gold: dict[str, Any]):
     """But for its rounding: 6.28319 for 2 pi, 3.1415 for pi."""
     assert len(gold["joints"]) == len(ours.tree.moving_joints) == 6
     for joint in gold["joints"]:
@@ -83,7 +83,7 @@ def test_ranges_are_those_of_the_hand_made_model(ours: Looked, gold: dict[str, A
         assert (limits.lower, limits.upper) == pytest.approx(joint["range"], abs=1e-4)
 
 
-def test_the_base_is_the_same_cylinder(ours: Looked, gold: dict[str, Any]):
+def test_the_base_is_the_same_cylinder(ours: InspectedRobot, gold: dict[str, Any]):
     theirs = body(gold, "base")
     base = ours.tree.bodies[0].inertial
     assert base is not None
@@ -92,7 +92,7 @@ def test_the_base_is_the_same_cylinder(ours: Looked, gold: dict[str, Any]):
     assert moments == pytest.approx(sorted(theirs["principal_inertia"]), rel=1e-6)
 
 
-def test_masses_differ_by_what_the_article_changed(ours: Looked, gold: dict[str, Any]):
+def test_masses_differ_by_what_the_article_changed(ours: InspectedRobot, gold: dict[str, Any]):
     for name, difference in MASS_DIFFERENCE_KG.items():
         inertial = ours.tree.by_body[name].inertial
         assert inertial is not None
@@ -108,7 +108,7 @@ def test_the_hand_made_inertias_are_cylinders(gold: dict[str, Any]):
         assert sorted(theirs["principal_inertia"]) == pytest.approx(expected, rel=2e-5)
 
 
-def test_bones_are_as_long_as_in_the_hand_made_model(ours: Looked, gold: dict[str, Any]):
+def test_bones_are_as_long_as_in_the_hand_made_model(ours: InspectedRobot, gold: dict[str, Any]):
     """To its rounding: it has 0.181, 0.613, 0.571, 0.12 m."""
     for joint, name, axis in (
         ("shoulder_pan_joint", "shoulder_link", 2),
@@ -120,7 +120,7 @@ def test_bones_are_as_long_as_in_the_hand_made_model(ours: Looked, gold: dict[st
         assert max(map(abs, offset)) == pytest.approx(body(gold, name)["pos"][axis], abs=1e-3)
 
 
-def test_masses_centres_and_tensors_are_those_of_its_yaml(ours: Looked, shared: Path):
+def test_masses_centres_and_tensors_are_those_of_its_yaml(ours: InspectedRobot, shared: Path):
     """The tensor stands in turned axes there: R I R^T, with R from roll, pitch, yaw."""
     path = shared / "data/ur_description/config/ur10e/physical_parameters.yaml"
     stated = yaml.safe_load(path.read_text().replace("!degrees ", ""))["inertia_parameters"]

@@ -77,6 +77,7 @@ def test_arguments_decide_the_robot(packages: Path):
     assert "#   effort:" not in text  # given, so not among those that could be
 
 
+@pytest.mark.slow  # a whole build, pictures and all
 def test_the_recipe_builds(packages: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("ASSETBUILD_CACHE", str(packages / "cache"))
     initialised(packages)

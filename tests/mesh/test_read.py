@@ -5,12 +5,12 @@ from __future__ import annotations
 import io
 import json
 import re
-import struct
 
 import numpy as np
 import pytest
 import trimesh
 from PIL import Image
+from tiny import stl
 
 from assetbuild.errors import StepError
 from assetbuild.mesh.material import SurfaceMaterial
@@ -194,15 +194,8 @@ def test_a_broken_dae_is_one_error_that_names_the_defect(data, says):
     assert str(caught.value).startswith("mesh meshes/bad.dae:")
 
 
-def stl(triangles: np.ndarray, header: bytes = b"solid made by CAD", count: int | None = None):
-    record = np.zeros(len(triangles), dtype=[("n", "<f4", 3), ("c", "<f4", (3, 3)), ("a", "<u2")])
-    record["c"] = triangles
-    stated = len(triangles) if count is None else count
-    return header.ljust(80, b" ") + struct.pack("<I", stated) + record.tobytes()
-
-
 def test_a_binary_stl_that_begins_with_solid_is_binary():
-    (part,) = read_mesh(stl(BOX.corners), "stl").parts
+    (part,) = read_mesh(stl(BOX.corners, b"solid made by CAD"), "stl").parts
     assert np.array_equal(part.mesh.corners, BOX.corners)
 
 
@@ -215,7 +208,10 @@ def test_a_text_stl_is_text():
 @pytest.mark.parametrize(
     ("data", "says"),
     [
-        (stl(BOX.corners, count=13), "promises 13 faces, which is 734 bytes, the file has 684"),
+        (
+            stl(BOX.corners, count=13),
+            "promises 13 faces, which is 734 bytes, the file has 684",
+        ),
         (stl(BOX.corners)[:-7], "promises 12 faces"),
         (stl(BOX.corners[:0]), "no triangles"),
         (stl(np.full((2, 3, 3), np.nan)), "vertex 0 is not a finite number"),

@@ -5,14 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from urdfs import link, robot
 
 from assetbuild.cli import main
 from assetbuild.pipeline.licences import licence_findings
 
-URDF = (
-    "<robot name='cube'><link name='cube'><inertial><mass value='1'/>"
-    "<inertia ixx='0.01' iyy='0.01' izz='0.01' ixy='0' ixz='0' iyz='0'/></inertial></link></robot>"
-)
+URDF = robot(link("cube"), name="cube")
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from tiny import (
     TinyRobot,
     ball_inertial,
+    examples,
     pendulum,
     robots,
     run_step,
@@ -40,7 +41,7 @@ def armatures(robot: TinyRobot) -> dict[str, float]:
     return {a.joint: a.armature for a in robot.control.actuators}
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(robots())
 def test_the_mass_matrix_of_any_tree_is_mujocos(robot: TinyRobot) -> None:
     with TemporaryDirectory() as folder:

@@ -14,7 +14,7 @@ from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
-from assetbuild.robot.mirror import Tolerances, mirror_findings, other_side, parts_of, twins
+from assetbuild.robot.mirror import Tolerances, mirror_findings
 from assetbuild.robot.model import (
     Actuator,
     Body,
@@ -27,6 +27,7 @@ from assetbuild.robot.model import (
     Tree,
 )
 from assetbuild.robot.pose import Pose, Vec3
+from assetbuild.robot.twins import other_side, parts_of, twins
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 
 X, Y, MINUS_X, MINUS_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0)

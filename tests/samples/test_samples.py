@@ -35,16 +35,23 @@ def ports(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def drawn(ports: Path, randomize: dict, keep: int = 4, judge: int = 200) -> Samples:
+def drawn(ports: Path, randomize: dict, keep: int = 4, judge: int = 100) -> Samples:
     run_step(Enclose(), ports, ports)
     step = DrawSamples(randomize=Randomize.model_validate(randomize), keep=keep, judge=judge)
     run_step(step, ports, ports)
     return decode(Samples, (ports / "samples.json").read_bytes())
 
 
-def test_every_drawn_body_has_room_in_its_geometry(ports):
-    samples = drawn(ports, WIDE)
-    rooms = {r.body: r.ellipsoid for r in decode(Rooms, (ports / "rooms.json").read_bytes()).rooms}
+@pytest.fixture(scope="module")
+def widely(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Samples]:
+    """The ports of the quadruped after four robots were drawn from `WIDE`, and those robots."""
+    folder = write_robot_ports(tmp_path_factory.mktemp("widely"), tiny_quadruped())
+    return folder, drawn(folder, WIDE)
+
+
+def test_every_drawn_body_has_room_in_its_geometry(widely):
+    folder, samples = widely
+    rooms = {r.body: r.ellipsoid for r in decode(Rooms, (folder / "rooms.json").read_bytes()).rooms}
     assert rooms
     for sample in samples.samples:
         for body in sample.bodies:
@@ -52,23 +59,23 @@ def test_every_drawn_body_has_room_in_its_geometry(ports):
             assert np.trace(pseudo_inertia(body.inertial) @ quadric) >= -1e-12
 
 
-def test_the_statistics_count_no_inconsistent_draw_and_show_what_noise_does(ports):
-    drawn(ports, WIDE)
-    statistics = json.loads((ports / "statistics.json").read_text())
-    assert statistics["draws"] == 200
+def test_the_statistics_count_no_inconsistent_draw_and_show_what_noise_does(widely):
+    statistics = json.loads((widely[0] / "statistics.json").read_text())
+    assert statistics["draws"] == 100
     for body in statistics["bodies"]:
         assert body["inconsistent"] == 0
-        assert sum(body["mass_kg"]["histogram"]) == 200
+        assert sum(body["mass_kg"]["histogram"]) == 100
 
 
-def test_the_same_seed_draws_the_same_robots_and_another_seed_others(ports):
-    first, more = drawn(ports, WIDE), drawn(ports, WIDE, keep=9)
+def test_the_same_seed_draws_the_same_robots_and_another_seed_others(ports, widely):
+    first, more = widely[1], drawn(ports, WIDE, keep=9)
     assert first.samples == more.samples[:4]
     assert drawn(ports, {**WIDE, "seed": 8}).samples != first.samples
 
 
-def test_a_sample_lands_in_tree_and_control(ports):
-    samples = drawn(ports, WIDE)
+def test_a_sample_lands_in_tree_and_control(ports, widely):
+    samples = widely[1]
+    (ports / "samples.json").write_bytes(encode(samples))
     before = decode(Control, (ports / "control.json").read_bytes())
     run_step(ApplySample(index=2), ports, ports)
     tree = decode(Tree, (ports / "tree.json").read_bytes())

@@ -10,7 +10,7 @@ import pytest
 from tiny import box_obj, check_inputs, tiny_quadruped
 
 from assetbuild.errors import StepError
-from assetbuild.simulators import mujoco
+from assetbuild.simulators import mujoco, mujoco_stand
 from assetbuild.targets.mjcf import Mjcf
 
 SHAPES = """
@@ -44,7 +44,7 @@ def test_lowest_point_is_where_a_floor_would_touch(kind: str, size: str) -> None
     model = engine.MjModel.from_xml_string(body)
     data = engine.MjData(model)
     engine.mj_forward(model, data)
-    lowest = mujoco.lowest_z(model, data, 0)
+    lowest = mujoco_stand.lowest_z(model, data, 0)
     for height, touches in ((lowest + 1e-4, True), (lowest - 1e-4, False)):
         floor = f'<worldbody><geom type="plane" size="1 1 1" pos="0 0 {height}"/>'
         with_floor = engine.MjModel.from_xml_string(body.replace("<worldbody>", floor))

@@ -148,6 +148,7 @@ def test_each_planted_defect_is_found_and_its_fix_named(
     assert {"set_limits", "set_mass", "set_inertia", "flip_axis"} <= set(edits)
 
 
+@pytest.mark.slow
 def test_a_list_of_other_joints_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     urdf = export(tmp_path)
     names = tmp_path / "arm/config/joint_names_arm.yaml"
@@ -156,6 +157,7 @@ def test_a_list_of_other_joints_is_found(tmp_path: Path, monkeypatch: pytest.Mon
     assert "`elbow`" in str(found["message"])
 
 
+@pytest.mark.slow
 def test_without_its_comment_the_files_beside_tell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     urdf = export(tmp_path)
     urdf.write_text(urdf.read_text().removeprefix(HEADER))

@@ -9,14 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mjcfs import Reading, hard_arm, read
+from mjcfs import TET, Reading, hard_arm, read
 
 from assetbuild.errors import SourceError
 from assetbuild.robot.model import Capsule, Contact, Limits, Mesh, Mimic, Place, Sensor
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.tree import forward_kinematics
-
-TET = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
 def robot(body: str, more: str = "", head: str = "") -> str:

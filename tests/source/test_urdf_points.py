@@ -12,43 +12,26 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from urdfs import LIMIT, inertial, joint, link, shape
 
 from assetbuild.cli import main
 
-INERTIAL = (
-    "<inertial><mass value='1'/><inertia ixx='0.01' iyy='0.01' izz='0.01' ixy='0' ixz='0' iyz='0'/>"
-    "</inertial>"
-)
-
-
-def link(name: str, content: str = "") -> str:
-    return f"<link name='{name}'>{INERTIAL}{content}</link>"
-
-
-def joint(name: str, kind: str, parent: str, child: str, content: str = "") -> str:
-    return (
-        f"<joint name='{name}' type='{kind}'><parent link='{parent}'/><child link='{child}'/>"
-        f"<origin xyz='0 0 0.4'/><axis xyz='0 1 0'/>{content}</joint>"
-    )
-
-
-LIMIT = "<limit lower='-1' upper='1' effort='9' velocity='5'/>"
 SPIN = "<limit effort='9' velocity='5'/>"
 HALF = LIMIT + "<mimic joint='a' multiplier='-0.5'/>"
-CAPSULE = "<collision><geometry><capsule radius='0.02' length='0.1'/></geometry></collision>"
+CAPSULE = shape("collision", "<capsule radius='0.02' length='0.1'/>")
 PART = "<mesh filename='package:///bot/part.stl' scale='1 -2 1'/>"
-MIRRORED = f"<visual><geometry>{PART}</geometry></visual>"
+MIRRORED = shape("visual", PART)
 URDF = f"""<robot name="all of it">
   <mujoco><compiler discardvisual="false"/></mujoco>
-  {link("base", MIRRORED)}
-  {link("world", CAPSULE)}{joint("slide in a plane", "planar", "base", "world")}
-  {link("left/hand #1")}{joint("a", "revolute", "world", "left/hand #1", LIMIT)}
+  {link("base", inertial(), MIRRORED)}
+  {link("world", inertial(), CAPSULE)}{joint("slide in a plane", "base", "world", "planar", "")}
+  {link("left/hand #1")}{joint("a", "world", "left/hand #1")}
   {link("Finger é")}
-  {joint("b", "revolute", "left/hand #1", "Finger é", HALF)}
+  {joint("b", "left/hand #1", "Finger é", content=HALF)}
   {link("tip")}
-  {joint("c", "revolute", "Finger é", "tip", LIMIT + "<mimic joint='b' offset='0.1'/>")}
-  <link name="tool0"/>{joint("flange", "fixed", "tip", "tool0")}
-  {link("wheel")}{joint("roll", "continuous", "world", "wheel", SPIN)}
+  {joint("c", "Finger é", "tip", content=LIMIT + "<mimic joint='b' offset='0.1'/>")}
+  <link name="tool0"/>{joint("flange", "tip", "tool0", "fixed", "")}
+  {link("wheel")}{joint("roll", "world", "wheel", "continuous", SPIN)}
   <transmission name="t"><joint name="a"/></transmission>
   <gazebo reference="tip"/>
 </robot>"""

@@ -22,6 +22,7 @@ from PIL import Image
 from tiny import (
     TinyRobot,
     box_inertial,
+    examples,
     flat_obj,
     pendulum,
     robots,
@@ -143,7 +144,7 @@ def test_capsules_and_boxes_keep_their_size(quadruped: Path) -> None:
     assert tuple(model.geom("FR_calf_collision").size[:2]) == (0.01, 0.06)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(robots())
 def test_every_random_tree_reads_back_equal(robot: TinyRobot) -> None:
     with TemporaryDirectory() as folder:
@@ -228,7 +229,7 @@ def compiled_tensor(body: mujoco.MjsBody) -> np.ndarray:
     return turn @ np.diag(body.inertia) @ turn.T
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(robots())
 def test_bytes_do_not_depend_on_the_run(robot: TinyRobot) -> None:
     with TemporaryDirectory() as a, TemporaryDirectory() as b:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
-from tiny import TinyRobot, pendulum, robots, run_step, tiny_quadruped, write_robot_ports
+from tiny import TinyRobot, examples, pendulum, robots, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
@@ -40,7 +40,7 @@ def xml(folder: Path) -> ET.Element:
     return ET.parse(folder / "bot.urdf").getroot()  # noqa: S314 # our own file
 
 
-@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(30), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(robot=robots())
 def test_mass_properties_and_limits_survive_to_the_bit(
     robot: TinyRobot, tmp_path_factory: pytest.TempPathFactory

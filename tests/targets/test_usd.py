@@ -23,6 +23,7 @@ from pxr import UsdGeom, UsdPhysics, UsdShade
 from tiny import (
     TinyRobot,
     box_inertial,
+    examples,
     inertials,
     pendulum,
     robots,
@@ -509,7 +510,7 @@ def written(folder: Path) -> dict[str, bytes]:
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in files}
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=examples(10), deadline=None)
 @given(robots())
 def test_same_robot_same_bytes_in_any_folder(robot: TinyRobot) -> None:
     with tempfile.TemporaryDirectory() as a, tempfile.TemporaryDirectory(suffix="-ü b") as b:

@@ -13,7 +13,8 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.robot.mirror import Tolerances, mirror_findings, twins
+from assetbuild.robot.mirror import Tolerances, mirror_findings
+from assetbuild.robot.twins import twins
 from assetbuild.simulators.mujoco import Loaded, load
 
 LOAD = Rule("mjcf.load", "error", "MuJoCo refuses the file", "read the findings on the description")

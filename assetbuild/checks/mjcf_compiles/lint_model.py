@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.mirror import Motion, Part
 from assetbuild.robot.pose import Array
+from assetbuild.robot.twins import Motion, Part
 from assetbuild.simulators import mujoco
 
 RANGE_TOLERANCE = 1e-6

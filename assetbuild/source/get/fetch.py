@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
-import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import ClassVar
 
+from assetbuild.engine.digest import digest_file
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import (
     AssetBuildError,
@@ -27,7 +25,6 @@ from assetbuild.lock import Pin
 
 OnLine = Callable[[str], None]
 
-_CHUNK = 1 << 20
 _DEFAULTS = {"PIP_RETRIES": "2", "PIP_TIMEOUT": "15"}
 """Only where the user says nothing: without a network an answer should come soon."""
 _FORCED = {
@@ -70,15 +67,16 @@ class Fetch(Step):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """LockError: other bytes; SourceError: no such wheel; MachineError: no index in reach."""
-        with _private_folder(files.outputs) as folder:
-            wheel = _download(self.name, self.release, folder, _say_nothing)
+        # Beside the result, so that moving the file is a rename.
+        with TemporaryDirectory(prefix=".fetch-", dir=files.outputs) as folder:
+            wheel = _download(self.name, self.release, Path(folder))
             if wheel.name != self.filename:
                 raise LockError(
                     f"{self.name}=={self.release}: the index gives `{wheel.name}`, "
                     f"the lock pins `{self.filename}`",
                     hint="run `assetbuild lock` if the change is wanted",
                 )
-            found = _sha256(wheel)
+            found = digest_file(wheel)
             if found != self.sha256:
                 raise LockError(
                     f"{self.filename}: sha256 is {found}, the lock pins {self.sha256}",
@@ -97,20 +95,16 @@ def resolve(
     on_line: gets pip's own lines while it works ("Downloading ... (131.1 MB)"). keep: a file to
     leave the wheel in, so that nobody has to download it again. Errors as `Fetch.run`.
     """
-    with _private_folder(keep.parent if keep else None) as folder:
-        wheel = _download(name, version, folder, on_line or _say_nothing)
-        pin = Pin(
-            pypi=f"{name}=={version}",
-            file=wheel.name,
-            sha256=_sha256(wheel),
-            size=wheel.stat().st_size,
-        )
+    with TemporaryDirectory(prefix=".fetch-", dir=keep.parent if keep else None) as folder:
+        wheel = _download(name, version, Path(folder), on_line)
+        size = wheel.stat().st_size
+        pin = Pin(pypi=f"{name}=={version}", file=wheel.name, sha256=digest_file(wheel), size=size)
         if keep is not None:
             wheel.replace(keep)
     return pin
 
 
-def _download(name: str, version: str, folder: Path, on_line: OnLine) -> Path:
+def _download(name: str, version: str, folder: Path, on_line: OnLine | None = None) -> Path:
     """The wheel that the user's pip chooses, in `folder`."""
     wanted = f"{name}=={version}"
     command = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary=:all:"]
@@ -130,9 +124,12 @@ def _environment(own: Mapping[str, str]) -> dict[str, str]:
     return _DEFAULTS | kept | _FORCED
 
 
-def _run(command: list[str], environment: dict[str, str], on_line: OnLine) -> tuple[int, list[str]]:
+def _run(
+    command: list[str], environment: dict[str, str], on_line: OnLine | None
+) -> tuple[int, list[str]]:
     """Exit code and lines of a child process; it dies with us when we are interrupted."""
-    child = subprocess.Popen(
+    lines = []
+    with subprocess.Popen(
         command,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
@@ -140,22 +137,17 @@ def _run(command: list[str], environment: dict[str, str], on_line: OnLine) -> tu
         env=environment,
         encoding="utf-8",
         errors="replace",
-    )
-    lines = []
-    try:
-        assert child.stdout is not None  # noqa: S101 # a pipe was asked for; narrows for mypy
-        for line in child.stdout:
-            text = line.strip()
-            if text:
-                lines.append(text)
-                on_line(text)
-        return child.wait(), lines
-    finally:
-        if child.poll() is None:
+    ) as child:
+        try:
+            for line in child.stdout or ():
+                if text := line.strip():
+                    lines.append(text)
+                    if on_line is not None:
+                        on_line(text)
+        except BaseException:
             child.kill()
-            child.wait()
-        if child.stdout is not None:
-            child.stdout.close()
+            raise
+    return child.returncode, lines
 
 
 def _reason(wanted: str, lines: list[str]) -> AssetBuildError:
@@ -201,25 +193,3 @@ def _other_versions(wanted: str, text: str) -> str:
 
 def _short(line: str) -> str:
     return line if len(line) <= 200 else f"{line[:197]}..."
-
-
-@contextmanager
-def _private_folder(beside: Path | None) -> Iterator[Path]:
-    """A folder that is gone afterwards; beside the result, so that moving a file is a rename."""
-    folder = Path(tempfile.mkdtemp(prefix=".fetch-", dir=beside))
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def _sha256(path: Path) -> str:
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while chunk := file.read(_CHUNK):
-            digest.update(chunk)
-    return digest.hexdigest()
-
-
-def _say_nothing(line: str) -> None:
-    """The `on_line` of a download that nobody watches."""

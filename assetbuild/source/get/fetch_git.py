@@ -10,13 +10,11 @@ import hashlib
 import json
 import os
 import re
-import shutil
 import subprocess
 import tarfile
-import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import ClassVar
 
 from assetbuild.engine.step import Files, Limits, Step
@@ -54,8 +52,8 @@ class FetchGit(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Fetch, export, compare."""
         target = files.outputs / "archive"
-        with _repository(files.outputs) as folder:
-            _export(self.url, self.commit, folder, target)
+        with TemporaryDirectory(prefix=".git-", dir=files.outputs) as folder:
+            _export(self.url, self.commit, Path(folder), target)
         found = tree_digest(target)
         if found != self.sha256:
             raise LockError(
@@ -71,7 +69,8 @@ def resolve_git(git: str, rev: str, url: str) -> GitPin:
 
     git: as the recipe spells it; url: where it is from here. Errors as `FetchGit.run`.
     """
-    with _repository(None) as folder:
+    with TemporaryDirectory(prefix=".git-") as temporary:
+        folder = Path(temporary)
         commit = rev if COMMIT.fullmatch(rev) else _commit_of(url, rev, folder)
         target = folder / "archive.tar"
         _export(url, commit, folder, target)
@@ -167,12 +166,3 @@ def _environment(own: Mapping[str, str]) -> dict[str, str]:
         "GIT_SSH_COMMAND": "ssh -o BatchMode=yes",
         "LC_ALL": "C",
     }
-
-
-@contextmanager
-def _repository(beside: Path | None) -> Iterator[Path]:
-    folder = Path(tempfile.mkdtemp(prefix=".git-", dir=beside))
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)

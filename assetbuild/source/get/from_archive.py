@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from pathlib import Path, PurePosixPath
 
-from assetbuild.engine.graph import Node, Ref
+from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.source.get.list_archive import ListArchive
@@ -18,7 +18,7 @@ MESHES = "unpack meshes"
 _LICENSE = re.compile(r"(licen[cs]e|copying)[^/]*", re.IGNORECASE)
 
 
-class ArchiveSource:
+class ArchiveFiles:
     """A zip or tar, wherever it came from; only what the recipe needs is unpacked."""
 
     def __init__(self, archive: Ref, root: str, description: str, p: Planner) -> None:
@@ -26,92 +26,66 @@ class ArchiveSource:
         self._above = {parent.as_posix() for parent in PurePosixPath(description).parents}
         listed = p.add("list_archive", ListArchive(root=root), {"archive": archive})
         answer = p.ask(listed["listing.json"])
-        self._listing: dict[str, list[str]] | None = None
-        if answer is not None:
-            raw = json.loads(answer)
-            self._listing = {
-                "files": [path for path, _ in raw["files"]],
-                "licenses": raw["licenses"],
-                "links": raw["links"],
-            }
+        listing = json.loads(answer) if answer is not None else {}
+        self._listed = answer is not None
+        self._files = [path for path, _ in listing.get("files", ())]
+        # Links are never followed, so never among what may be included.
+        self._regular = set(self._files) - set(listing.get("links", ()))
+        self._of_wheel = listing.get("licenses", ())
 
-    def _unpack(self, label: str, root: str, members: tuple[str, ...]) -> Node:
-        return self._p.add(label, Unpack(root=root, members=members), {"archive": self._archive})
+    def _unpacked(self, label: str, root: str, paths: Iterable[str]) -> dict[str, Ref]:
+        """The files by path, unpacked by one step."""
+        members = tuple(sorted(paths))
+        if not members:
+            return {}
+        step = Unpack(root=root, members=members)
+        folder = self._p.add(label, step, {"archive": self._archive})["files/"]
+        return {path: folder / path for path in members}
 
     def _require(self, path: str, where: Where, what: str) -> None:
-        assert self._listing is not None  # noqa: S101 # callers return early without a listing
-        if path not in self._listing["files"]:
-            hint = did_you_mean(path, self._listing["files"])
+        if path not in self._files:
+            hint = did_you_mean(path, self._files)
             raise SourceError(f"{what}: no file `{path}` in the source", where=where, hint=hint)
 
     def description(self, path: str, where: Where) -> Ref | None:
-        """See `Source`."""
-        if self._listing is None:
+        """See `SourceFiles`."""
+        if not self._listed:
             return None
         self._require(path, where, "the robot's description")
-        return self._unpack("unpack description", self._root, (path,))["files/"] / path
+        return self._unpacked("unpack description", self._root, (path,))[path]
 
     def meshes(self, listing: list[dict[str, str]], urdf: str) -> dict[str, Ref] | None:
-        """See `Source`."""
+        """See `SourceFiles`."""
         for entry in listing:
             where = Where(urdf, int(entry["line"]))
             self._require(entry["path"], where, f"{entry['subject']}: mesh")
-        paths = tuple(sorted(entry["path"] for entry in listing))
-        if not paths:
-            return {}
-        unpacked = self._unpack(MESHES, self._root, paths)["files/"]
-        return {path: unpacked / path for path in paths}
+        return self._unpacked(MESHES, self._root, (entry["path"] for entry in listing))
 
     def below(self, folders: tuple[str, ...], suffixes: tuple[str, ...]) -> dict[str, Ref] | None:
-        """See `Source`."""
-        if self._listing is None:
+        """See `SourceFiles`."""
+        if not self._listed:
             return None
-        links = set(self._listing["links"])  # never followed, so never among what may be included
         prefixes = tuple("" if folder == "." else f"{folder}/" for folder in folders)
-        paths = tuple(
-            path
-            for path in self._listing["files"]
-            if path.startswith(prefixes) and path.lower().endswith(suffixes) and path not in links
-        )
-        if not paths:
-            return {}
-        unpacked = self._unpack("unpack includes", self._root, paths)["files/"]
-        return {path: unpacked / path for path in paths}
+        inside = [path for path in self._regular if path.startswith(prefixes)]
+        wanted = [path for path in inside if path.lower().endswith(suffixes)]
+        return self._unpacked("unpack includes", self._root, wanted)
 
     def present(self, what: str, paths: Collection[str]) -> dict[str, Ref] | None:
-        """See `Source`."""
-        if self._listing is None:
+        """See `SourceFiles`."""
+        if not self._listed:
             return None
-        known = set(self._listing["files"]) - set(self._listing["links"])
-        there = tuple(sorted(set(paths) & known))
-        if not there:
-            return {}
-        unpacked = self._unpack(f"unpack {what}", self._root, there)["files/"]
-        return {path: unpacked / path for path in there}
+        return self._unpacked(f"unpack {what}", self._root, set(paths) & self._regular)
 
     @property
     def absent(self) -> tuple[Path, ...]:
-        """See `Source`: an archive does not change."""
+        """See `SourceFiles`: an archive does not change."""
         return ()
 
     def licenses(self) -> dict[str, Ref]:
-        """See `Source`."""
-        if self._listing is None:
-            return {}
-        of_wheel = tuple(self._listing["licenses"])
-        links = set(self._listing["links"])
-        beside = tuple(
-            path for path in self._listing["files"] if path not in links and self._is_license(path)
-        )
-        found = {}
-        for label, root, paths in (
-            ("unpack licences", ".", of_wheel),
-            ("unpack licences of the robot", self._root, beside),
-        ):
-            if paths:
-                unpacked = self._unpack(label, root, paths)["files/"]
-                found.update({path: unpacked / path for path in paths})
-        return found
+        """See `SourceFiles`."""
+        of_wheel = self._unpacked("unpack licences", ".", self._of_wheel)
+        beside = filter(self._is_license, self._regular)
+        return of_wheel | self._unpacked("unpack licences of the robot", self._root, beside)
 
     def _is_license(self, path: str) -> bool:
         """A licence text in a folder above the description."""

@@ -12,7 +12,7 @@ from assetbuild.errors import RecipeError, SourceError, Where, did_you_mean
 from assetbuild.recipe.loader import LoadedRecipe
 
 
-class FolderSource:
+class FolderFiles:
     """`source.path`: files are read where they lie, each by its own digest."""
 
     def __init__(self, loaded: LoadedRecipe, p: Planner) -> None:
@@ -46,11 +46,11 @@ class FolderSource:
         return self._p.source(full)
 
     def description(self, path: str, where: Where) -> Ref | None:
-        """See `Source`."""
+        """See `SourceFiles`."""
         return self.file(path, where, "the robot's description")
 
     def meshes(self, listing: list[dict[str, str]], urdf: str) -> dict[str, Ref] | None:
-        """See `Source`."""
+        """See `SourceFiles`."""
         return {
             entry["path"]: self.file(
                 entry["path"], Where(urdf, int(entry["line"])), f"{entry['subject']}: mesh"
@@ -59,7 +59,7 @@ class FolderSource:
         }
 
     def below(self, folders: tuple[str, ...], suffixes: tuple[str, ...]) -> dict[str, Ref] | None:
-        """See `Source`. Links that lead out of the source, or nowhere, are not among them."""
+        """See `SourceFiles`. Links that lead out of the source, or nowhere, are not among them."""
         found = {}
         for folder in folders:
             for path in _files_below(self.root / folder):
@@ -69,7 +69,7 @@ class FolderSource:
         return {name: self._p.source(path) for name, path in sorted(found.items())}
 
     def present(self, what: str, paths: Collection[str]) -> dict[str, Ref] | None:
-        """See `Source`. A link that leads out of the source is not there."""
+        """See `SourceFiles`. A link that leads out of the source is not there."""
         found = {}
         for path in sorted(paths):
             full = self.root / path
@@ -85,11 +85,11 @@ class FolderSource:
 
     @property
     def absent(self) -> tuple[Path, ...]:
-        """See `Source`."""
+        """See `SourceFiles`."""
         return tuple(self._absent)
 
     def licenses(self) -> dict[str, Ref]:
-        """See `Source`."""
+        """See `SourceFiles`."""
         urdf = self.root / (self._loaded.recipe.source.description)
         folders = [f for f in (urdf.parent, *urdf.parents) if f.is_relative_to(self.root)]
         found = {}

@@ -36,10 +36,11 @@ class ListArchive(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `archive`; SourceError for a broken archive, an unsafe name, a missing root."""
         with open_archive(files.inputs / "archive") as archive:
+            odd = [m.path for m in archive.members if m.kind not in ("file", "folder")]
             listing = {
                 "files": [[path, size] for path, size in _files_below(archive, self.root)],
                 "licenses": _licenses(archive),
-                "links": _links_below(archive, self.root),
+                "links": sorted({path for name in odd if (path := below(self.root, name))}),
             }
         text = json.dumps(listing, separators=(",", ":"))
         (files.outputs / "listing.json").write_text(text + "\n", encoding="ascii")
@@ -59,11 +60,6 @@ def _files_below(archive: Archive, root: str) -> list[tuple[str, int]]:
     if not found:
         raise _no_root(archive, root)
     return sorted(found)
-
-
-def _links_below(archive: Archive, root: str) -> list[str]:
-    odd = (m.path for m in archive.members if m.kind not in ("file", "folder"))
-    return sorted({path for name in odd if (path := below(root, name)) is not None})
 
 
 def _licenses(archive: Archive) -> list[str]:

@@ -11,11 +11,13 @@ import copy
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from assetbuild.errors import SourceError
+from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators.mujoco import caught_warnings
-from assetbuild.source.mjcf.text import AT, Classes, where_of
+from assetbuild.source.mjcf.text import AT, WORLD, Classes, bodies, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -26,14 +28,57 @@ _LINE = re.compile(r",? line (\d+)")
 
 @dataclass(frozen=True)
 class Compiled:
-    """full: the robot. places: the same, a small sphere in the place of each mesh.
+    """A flattened source: what it says, and what MuJoCo makes of it.
 
+    model: the robot. places: the same, a small sphere in the place of each mesh.
     warnings: what MuJoCo said about the source.
     """
 
-    full: Model
+    root: _Element
+    model: Model
     places: Model
     warnings: tuple[str, ...]
+
+    @cached_property
+    def classes(self) -> Classes:
+        """The default classes that speak for the elements."""
+        return Classes(self.root)
+
+    @cached_property
+    def bodies(self) -> list[tuple[_Element, str]]:
+        """(element, name) of the world and of all bodies, depth first in file order."""
+        world = self.root.find("worldbody")
+        assert world is not None  # noqa: S101 # `flatten_mjcf` has looked
+        return [(world, WORLD), *((body, str(body.get("name"))) for body, _ in bodies(world))]
+
+    def id_of(self, kind: str, name: str) -> int:
+        """Number of a body, joint, geom, site, camera, light, key, ... of the model."""
+        try:
+            return int(getattr(self.model, kind)(name).id)
+        except KeyError:
+            raise SourceError(f"{kind} `{name}` is not in the compiled model") from None
+
+    def pose_of(self, kind: str, name: str) -> Pose:
+        """Where a body stands in its parent, or a geom, site or camera in its body."""
+        index = self.id_of(kind, name)
+        positions, quats = (getattr(self.model, f"{kind}_{part}") for part in ("pos", "quat"))
+        return pose_at(positions[index], quats[index])
+
+    def joints_of(self, body: str) -> range:
+        """Numbers of the joints on a body."""
+        index = self.id_of("body", body)
+        first = int(self.model.body_jntadr[index])
+        return range(first, first + int(self.model.body_jntnum[index]))
+
+    def joint_kinds(self, body: str) -> list[int]:
+        """MuJoCo's numbers of their types, see `links.FREE`."""
+        return [int(self.model.jnt_type[joint]) for joint in self.joints_of(body)]
+
+
+def pose_at(position: Any, quat: Any) -> Pose:  # Any: rows of the model
+    """A pose in plain numbers."""
+    w, x, y, z = (float(v) for v in quat)
+    return Pose(vec3(position), normalised_quat((w, x, y, z)))
 
 
 def compile_source(root: _Element, files: Mapping[str, bytes]) -> Compiled:
@@ -44,7 +89,7 @@ def compile_source(root: _Element, files: Mapping[str, bytes]) -> Compiled:
     plain = _plain(root)
     full, said = _compiled(plain, files)
     places, _ = _compiled(_without_meshes(plain), {})
-    return Compiled(full, places, said)
+    return Compiled(root, full, places, said)
 
 
 def _compiled(root: _Element, files: Mapping[str, bytes]) -> tuple[Model, tuple[str, ...]]:

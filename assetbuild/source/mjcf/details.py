@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from assetbuild.findings import Finding
 from assetbuild.robot.model import Camera, MjcfOnly
 from assetbuild.robot.pose import IDENTITY
-from assetbuild.source.mjcf.links import SLIDE, WORLD, Links, Model, _pose
+from assetbuild.source.mjcf.compiled import pose_at
+from assetbuild.source.mjcf.links import Links
 from assetbuild.source.mjcf.opaque import attributes_of, body_element, keys, leftover, words
-from assetbuild.source.mjcf.text import Classes, bodies, error_at, parts
+from assetbuild.source.mjcf.text import WORLD, error_at, parts
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -33,34 +33,29 @@ class Details:
 
     cameras: list[Camera] = field(default_factory=list)
     mjcf_only: list[MjcfOnly] = field(default_factory=list)
-    findings: list[Finding] = field(default_factory=list)
 
 
-def read_details(root: _Element, links: Links, model: Model) -> Details:
+def read_details(links: Links) -> Details:
     """In the order of the bodies."""
-    found, classes = Details(), Classes(root)
-    world = root.find("worldbody")
-    assert world is not None  # noqa: S101 # it compiled
-    found.mjcf_only += _root(links, model)
-    for body, name in [(world, WORLD), *((b, str(b.get("name"))) for b, _ in bodies(world))]:
+    found, said = Details(), links.source.classes.attributes
+    found.mjcf_only += _root(links)
+    for body, name in links.source.bodies:
         if name not in links.shift and name != WORLD:
             continue
-        if name != WORLD:
-            more = leftover(classes.attributes(body), _BODY)
-            if more:
-                found.mjcf_only.append(MjcfOnly("body", attributes_of("body", more), name))
+        if name != WORLD and (more := leftover(said(body), _BODY)):
+            found.mjcf_only.append(MjcfOnly("body", attributes_of("body", more), name))
         for joint in parts(body, "joint"):
-            found.mjcf_only += _joint(joint, classes, links, model)
+            found.mjcf_only += _joint(links, str(joint.get("name")), said(joint))
         for site in parts(body, "site"):
-            found.mjcf_only += _site(site, name, classes, links, model)
+            found.mjcf_only += _site(links, site)
         for camera in parts(body, "camera"):
-            _camera(camera, name, classes, links, model, found)
+            _camera(links, str(camera.get("name")), said(camera), name, found)
         for light in parts(body, "light"):
-            found.mjcf_only.append(_light(light, name, classes, links, model))
+            found.mjcf_only.append(_light(links, str(light.get("name")), said(light), name))
     return found
 
 
-def _root(links: Links, model: Model) -> Iterator[MjcfOnly]:
+def _root(links: Links) -> Iterator[MjcfOnly]:
     """Where a floating root starts without keyframes; its free joint's name, and its brakes."""
     if links.base == "floating" and links.mount != IDENTITY:
         place = {"pos": words(links.mount.xyz)}
@@ -68,23 +63,19 @@ def _root(links: Links, model: Model) -> Iterator[MjcfOnly]:
             place["quat"] = words(links.mount.quat)
         yield MjcfOnly("root", attributes_of("body", place), links.root)
     if links.free_joint and links.base == "floating":
-        first = int(model.jnt_dofadr[int(model.joint(links.free_joint).id)])
+        model = links.source.model
+        first = int(model.jnt_dofadr[links.source.id_of("joint", links.free_joint)])
         brakes = {
-            key: words((float(values[first]),))
-            for key, values in (
-                ("damping", model.dof_damping),
-                ("armature", model.dof_armature),
-                ("frictionloss", model.dof_frictionloss),
-            )
-            if values[first]
+            key: words((float(value),))
+            for key in ("damping", "armature", "frictionloss")
+            if (value := getattr(model, f"dof_{key}")[first])
         }
         own = {"name": links.free_joint, **brakes}
         yield MjcfOnly("freejoint", attributes_of("freejoint", own))
 
 
-def _joint(element: _Element, classes: Classes, links: Links, model: Model) -> Iterator[MjcfOnly]:
-    name, said = str(element.get("name")), classes.attributes(element)
-    index = int(model.joint(name).id)
+def _joint(links: Links, name: str, said: Mapping[str, str]) -> Iterator[MjcfOnly]:
+    model, index = links.source.model, links.source.id_of("joint", name)
     if said.get("type") == "free" or int(model.jnt_type[index]) == 0:
         return
     more = leftover(said, _JOINT)
@@ -104,31 +95,26 @@ def _joint(element: _Element, classes: Classes, links: Links, model: Model) -> I
         yield MjcfOnly("joint", attributes_of("joint", more), name)
 
 
-def _site(
-    element: _Element, body: str, classes: Classes, links: Links, model: Model
-) -> Iterator[MjcfOnly]:
-    site = str(element.get("name"))
+def _site(links: Links, element: _Element) -> Iterator[MjcfOnly]:
+    site, said = str(element.get("name")), links.source.classes.attributes(element)
     if site not in links.sites:
         return
-    said = classes.attributes(element)
     if said.get("mesh"):
         raise error_at(element, f"site `{site}`: a mesh is not read", "use a primitive")
     more = leftover(said, _SITE)
+    compiled = links.source.model.site(site)
     if more.pop("material", None):
-        more["rgba"] = words(tuple(round(float(v), 7) for v in model.site(site).rgba))
+        more["rgba"] = words(round(float(v), 7) for v in compiled.rgba)
     if "size" in said or "fromto" in said:
-        more["size"] = words(tuple(float(v) for v in model.site(site).size))
+        more["size"] = words(compiled.size)
     more.setdefault("group", "0")
     yield MjcfOnly("frame", attributes_of("site", more), links.sites[site])
 
 
-def _camera(
-    element: _Element, body: str, classes: Classes, links: Links, model: Model, found: Details
-) -> None:
-    name, said = str(element.get("name")), classes.attributes(element)
-    index = int(model.camera(name).id)
+def _camera(links: Links, name: str, said: Mapping[str, str], body: str, found: Details) -> None:
+    model, index = links.source.model, links.source.id_of("camera", name)
     mode = CAMERA_MODES[int(model.cam_mode[index])]
-    pose = _pose(model.cam_pos, model.cam_quat, index)
+    pose = pose_at(model.cam_pos[index], model.cam_quat[index])
     width, height = (int(v) for v in model.cam_resolution[index])
     more = leftover(said, _CAMERA)
     if mode.startswith("target"):
@@ -147,18 +133,11 @@ def _camera(
         found.mjcf_only.append(MjcfOnly("camera", attributes_of("camera", more), name))
 
 
-def _light(element: _Element, body: str, classes: Classes, links: Links, model: Model) -> MjcfOnly:
-    name, said = str(element.get("name")), classes.attributes(element)
-    index = int(model.light(name).id)
-    pose = _pose(model.light_pos, [IDENTITY.quat] * (index + 1), index)
+def _light(links: Links, name: str, said: Mapping[str, str], body: str) -> MjcfOnly:
+    model, index = links.source.model, links.source.id_of("light", name)
+    pose = pose_at(model.light_pos[index], IDENTITY.quat)
     owner = body if body in links.shift else ""
     pose = links.in_link(body, pose) if owner else pose
-    direction = tuple(float(v) for v in model.light_dir[index])
-    more = leftover(said, _LIGHT - {"target"}) | {"dir": words(direction)}
+    more = leftover(said, _LIGHT - {"target"}) | {"dir": words(model.light_dir[index])}
     text = body_element("light", name, pose, more).replace(f' quat="{words(IDENTITY.quat)}"', "")
     return MjcfOnly("body", text, owner)
-
-
-def is_slide(model: Model, joint: int) -> bool:
-    """Whether a joint of the compiled model is prismatic."""
-    return int(model.jnt_type[joint]) == SLIDE

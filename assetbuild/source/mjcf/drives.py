@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from assetbuild.robot.model import Actuator, General, Joint, Limits, MjcfOnly
-from assetbuild.source.mjcf.links import Links, Model
+from assetbuild.source.mjcf.compiled import Model
+from assetbuild.source.mjcf.links import Links
 from assetbuild.source.mjcf.opaque import element_text, words
 from assetbuild.source.mjcf.text import error_at
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
-DYN = ("none", "integrator", "filter", "filterexact", "muscle", "user")
-GAIN = ("fixed", "affine", "muscle", "user")
-BIAS = ("none", "affine", "muscle", "user")
+KINDS = {
+    "dyn": ("none", "integrator", "filter", "filterexact", "muscle", "user"),
+    "gain": ("fixed", "affine", "muscle", "user"),
+    "bias": ("none", "affine", "muscle", "user"),
+}
+"""MuJoCo's words for the numbers of `dyntype`, `gaintype` and `biastype`."""
 JOINT = 0
 """Transmission straight to a joint."""
-_TRANSMISSION = ("joint", "jointinparent", "slidersite", "tendon", "site", "body")
 _REFS = ("joint", "jointinparent", "tendon", "site", "refsite", "body", "cranksite", "slidersite")
 
 
@@ -36,23 +38,27 @@ class Drives:
     limits: dict[str, Limits] = field(default_factory=dict)
 
 
-def read_drives(root: _Element, links: Links, model: Model) -> Drives:
+def read_drives(links: Links) -> Drives:
     """Every actuator of the source; joints without one are passive."""
-    found = Drives()
+    found, model = Drives(), links.source.model
     driven: dict[str, Actuator] = {}
     moving = {joint.name: joint for joint in links.joints if joint.kind != "fixed"}
-    for element in root.iterfind("actuator/*"):
+    for element in links.source.root.iterfind("actuator/*"):
         name = str(element.get("name"))
-        index = int(model.actuator(name).id)
+        index = links.source.id_of("actuator", name)
         joint = _joint_of(model, index)
         taken = _taken(model, index) if joint in moving and joint not in driven else None
         if taken is None:
-            found.mjcf_only.append(_whole(element, links, model, index))
+            found.mjcf_only.append(_whole(element, links, index))
             found.names.append((name, ""))
             continue
         driven[joint] = replace(_at_rest(taken, links.rest.get(joint, 0.0)), joint=joint, name=name)
-        found.mjcf_only += _unlimited(driven[joint], moving[joint])
         found.names.append((name, joint))
+        endless = moving[joint].kind == "continuous"
+        if taken.model == "pd" and taken.ctrl is None and not endless:
+            # It may be sent beyond the joint's range, where a target would clip it.
+            unclipped = element_text("position", {"inheritrange": "0"})
+            found.mjcf_only.append(MjcfOnly("drive", unclipped, joint))
     for name, moved in moving.items():
         own = driven.get(name, Actuator(name, "passive"))
         found.actuators.append(_of_joint(own, moved, model))
@@ -88,49 +94,32 @@ def _taken(model: Model, index: int) -> Actuator | None:
     force = _range(model.actuator_forcelimited[index], model.actuator_forcerange[index])
     if force is not None and force[0] != -force[1]:
         return None
-    kinds = [
-        int(v[index])
-        for v in (model.actuator_dyntype, model.actuator_gaintype, model.actuator_biastype)
-    ]
-    if any(kind >= len(known) - 1 for kind, known in zip(kinds, (DYN, GAIN, BIAS), strict=True)):
+    kinds = {part: int(getattr(model, f"actuator_{part}type")[index]) for part in KINDS}
+    if any(kind >= len(KINDS[part]) - 1 for part, kind in kinds.items()):
         return None
     effort = force[1] if force else None
     ctrl = _range(model.actuator_ctrllimited[index], model.actuator_ctrlrange[index])
-    return _simple(model, index, kinds, effort, ctrl)
-
-
-def _simple(
-    model: Model,
-    index: int,
-    kinds: list[int],
-    effort: float | None,
-    ctrl: tuple[float, float] | None,
-) -> Actuator:
-    gain = [float(v) for v in model.actuator_gainprm[index]]
-    bias = [float(v) for v in model.actuator_biasprm[index]]
-    dyn = [float(v) for v in model.actuator_dynprm[index]]
+    dyn, gain, bias = (
+        [float(v) for v in getattr(model, f"actuator_{part}prm")[index]] for part in KINDS
+    )
+    dyntype, gaintype, biastype = (KINDS[part][kind] for part, kind in kinds.items())
     kp, kd = gain[0], 0.0 - bias[2]
-    if kinds[:2] == [0, 0] and not any(gain[1:]):
-        if kinds[2] == 0 and kp == 1.0 and effort is None and (not ctrl or ctrl[0] == -ctrl[1]):
-            return Actuator("", "motor", effort=ctrl[1] if ctrl else None, ctrl=ctrl)
+    if (dyntype, gaintype) == ("none", "fixed") and not any(gain[1:]):
         if (
-            kinds[2] == 1
-            and bias[:2] == [0.0, -kp]
-            and kp > 0.0
-            and kd >= 0.0
-            and not any(bias[3:])
+            biastype == "none"
+            and kp == 1.0
+            and effort is None
+            and (not ctrl or ctrl[0] == -ctrl[1])
         ):
-            return Actuator("", "pd", kp=kp, kd=kd, effort=effort, ctrl=ctrl)
-        if kinds[2] == 1 and bias[:3] == [0.0, 0.0, -kp] and kp > 0.0 and not any(bias[3:]):
-            return Actuator("", "velocity", kd=kp, effort=effort, ctrl=ctrl)
-    said: dict[str, Any] = {  # Any: the tables' words are those of the model
-        "dyntype": DYN[kinds[0]],
-        "gaintype": GAIN[kinds[1]],
-        "biastype": BIAS[kinds[2]],
-        "dynprm": _trimmed(dyn),
-        "gainprm": _trimmed(gain),
-        "biasprm": _trimmed(bias),
-    }
+            return Actuator("", "motor", effort=ctrl[1] if ctrl else None, ctrl=ctrl)
+        if biastype == "affine" and kp > 0.0 and not any(bias[3:]):
+            if bias[:2] == [0.0, -kp] and kd >= 0.0:
+                return Actuator("", "pd", kp=kp, kd=kd, effort=effort, ctrl=ctrl)
+            if bias[:3] == [0.0, 0.0, -kp]:
+                return Actuator("", "velocity", kd=kp, effort=effort, ctrl=ctrl)
+    said: dict[str, Any] = {}  # Any: the tables' words are those of the model
+    for part, prm in (("dyn", dyn), ("gain", gain), ("bias", bias)):
+        said |= {f"{part}type": KINDS[part][kinds[part]], f"{part}prm": _trimmed(prm)}
     general = General.model_construct(**said)
     return Actuator("", "general", effort=effort, ctrl=ctrl, general=general)
 
@@ -146,7 +135,7 @@ def _at_rest(actuator: Actuator, ref: float) -> Actuator:
     if actuator.model == "pd":
         ctrl = actuator.ctrl
         return replace(actuator, ctrl=(ctrl[0] - ref, ctrl[1] - ref) if ctrl else None)
-    assert actuator.general is not None  # noqa: S101 # `_simple` made it
+    assert actuator.general is not None  # noqa: S101 # `_taken` made it
     general = actuator.general
     if general.gaintype == "affine":
         general = general.model_copy(update={"gainprm": _moved(general.gainprm, ref)})
@@ -159,22 +148,12 @@ def _moved(prm: tuple[float, ...], ref: float) -> tuple[float, ...]:
     return (prm[0] + prm[1] * ref, *prm[1:]) if len(prm) > 1 else prm
 
 
-def _unlimited(actuator: Actuator, joint: Joint) -> Iterator[MjcfOnly]:
-    """A position drive that may be sent beyond the joint's range; a target would clip it."""
-    if actuator.model == "pd" and actuator.ctrl is None and joint.kind != "continuous":
-        yield MjcfOnly("drive", element_text("position", {"inheritrange": "0"}), joint.name)
-
-
-def _whole(element: _Element, links: Links, model: Model, index: int) -> MjcfOnly:
+def _whole(element: _Element, links: Links, index: int) -> MjcfOnly:
     """The actuator as `<general>` with all its compiled numbers."""
-    dyn = int(model.actuator_dyntype[index])
-    gain, bias = int(model.actuator_gaintype[index]), int(model.actuator_biastype[index])
-    if (
-        int(model.actuator_plugin[index]) >= 0
-        or dyn >= len(DYN)
-        or gain >= len(GAIN)
-        or bias >= len(BIAS)
-    ):
+    model = links.source.model
+    kinds = {part: int(getattr(model, f"actuator_{part}type")[index]) for part in KINDS}
+    unknown = any(kind >= len(KINDS[part]) for part, kind in kinds.items())
+    if unknown or int(model.actuator_plugin[index]) >= 0:
         raise error_at(
             element,
             f"actuator `{element.get('name')}` of a kind that is not read",
@@ -189,19 +168,14 @@ def _whole(element: _Element, links: Links, model: Model, index: int) -> MjcfOnl
     if joint in links.rest:
         hint = "give the joint no `ref`, and move its range and body instead"
         raise error_at(element, f"actuator `{said['name']}` on a joint with `ref`", hint)
-    said |= {
-        "dyntype": DYN[dyn],
-        "gaintype": GAIN[gain],
-        "biastype": BIAS[bias],
-        "dynprm": words(_trimmed(model.actuator_dynprm[index])),
-        "gainprm": words(_trimmed(model.actuator_gainprm[index])),
-        "biasprm": words(_trimmed(model.actuator_biasprm[index])),
-        "gear": words(tuple(float(v) for v in model.actuator_gear[index])),
-    }
+    said |= {f"{part}type": KINDS[part][kind] for part, kind in kinds.items()}
+    for part in KINDS:
+        said[f"{part}prm"] = words(_trimmed(getattr(model, f"actuator_{part}prm")[index]))
+    said["gear"] = words(model.actuator_gear[index])
     if element.get("cranksite"):
-        said["cranklength"] = words((float(model.actuator_cranklength[index]),))
-    if gain == GAIN.index("muscle"):
-        said["lengthrange"] = words(tuple(float(v) for v in model.actuator_lengthrange[index]))
+        said["cranklength"] = words((model.actuator_cranklength[index],))
+    if said["gaintype"] == "muscle":
+        said["lengthrange"] = words(model.actuator_lengthrange[index])
     if int(model.actuator_group[index]):
         said["group"] = str(int(model.actuator_group[index]))
     for kind in ("ctrl", "force", "act"):

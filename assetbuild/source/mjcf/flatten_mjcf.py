@@ -87,7 +87,8 @@ def _expanded(file: str, tree: Path) -> _Element:
         raise error_at(root, f"the root element is <{root.tag}>, not <mujoco>", hint)
     seen = {file}
     while (include := next(root.iter("include"), None)) is not None:
-        path = _included(include, file)
+        # MuJoCo looks for includes from the folder of the main file.
+        path = _below(include, include.get("file", ""), posixpath.dirname(file))
         if path in seen:
             raise error_at(include, f"`{path}` is included twice", "MuJoCo forbids it too")
         seen.add(path)
@@ -96,21 +97,12 @@ def _expanded(file: str, tree: Path) -> _Element:
             raise error_at(include, "nothing but an <include>")
         index = parent.index(include)
         parent[index : index + 1] = list(inside.iterchildren("*"))
-    _join_worlds(root)
-    return root
-
-
-def _join_worlds(root: _Element) -> None:
-    """A scene that includes a robot has a second <worldbody>: to MuJoCo all are one."""
+    # A scene that includes a robot has a second <worldbody>: to MuJoCo all are one.
     worlds = list(root.iterchildren("worldbody"))
     for other in worlds[1:]:
         worlds[0].extend(list(other))
         root.remove(other)
-
-
-def _included(include: _Element, main: str) -> str:
-    """MuJoCo looks for includes from the folder of the main file."""
-    return _below(include, include.get("file", ""), posixpath.dirname(main))
+    return root
 
 
 def _parsed(path: str, tree: Path, include: _Element | None) -> _Element:

@@ -13,26 +13,24 @@ A site is a link without mass on a fixed joint, which merging makes a frame.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from assetbuild.errors import SourceError
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.inertia import Tensor, rotate_tensor
 from assetbuild.robot.model import Base, Body, Inertial, Joint, JointKind, Limits
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, vec3
-from assetbuild.source.mjcf.text import DROPPED, bodies, error_at, parts
+from assetbuild.source.mjcf.compiled import Compiled
+from assetbuild.source.mjcf.text import DROPPED, WORLD, bodies, error_at, parts
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
 
-Model = Any  # mujoco.MjModel: its extension module has no types
 FREE, BALL, SLIDE, HINGE = 0, 1, 2, 3
-WORLD = "world"
 
 JOINT_POS = Rule(
     "mjcf.joint_pos",
@@ -72,6 +70,7 @@ class Links:
     mount: pose of the root body in the world, in the source. free_joint: its name, or "".
     """
 
+    source: Compiled
     base: Base
     root: str
     bodies: list[Body] = field(default_factory=list)
@@ -89,71 +88,64 @@ class Links:
         return Pose(_minus(pose.xyz, self.shift[body]), pose.quat)
 
 
-def read_links(world: _Element, model: Model, base: Base | None) -> Links:
+def read_links(source: Compiled, base: Base | None) -> Links:
     """All bodies below the world; SourceError for what the Robot cannot be.
 
     base: what the recipe says of the root; None = what the source says.
     """
+    world = source.bodies[0][0]
     tops = list(parts(world, "body"))
     robot = [top for top in tops if top.get("mocap") != "true"]
     if not robot:
         raise error_at(world, "a robot without bodies", "is this the file of the robot?")
-    links = _root(robot, model, base)
-    for top in tops:
-        if top not in robot:
-            links.findings.append(_dropped_mocap(top))
-    own = {id(top) for top in tops if top not in robot}
+    links = _root(robot, source, base)
+    scenery = [top for top in tops if top not in robot]
+    links.findings += map(_dropped_mocap, scenery)
     for body, parent in bodies(world):
-        if id(body) in own or (parent not in links.shift and parent != WORLD):
-            continue  # a mocap body, or below one
-        _add_body(links, body, parent, model)
-    _add_sites(links, world, model)
+        if body not in scenery and (parent in links.shift or parent == WORLD):
+            _add_body(links, body, parent)
+    _add_sites(links)
     return links
 
 
-def _root(tops: list[_Element], model: Model, base: Base | None) -> Links:
+def _root(tops: list[_Element], source: Compiled, base: Base | None) -> Links:
     """The root body of the source, or the world where several bodies or a joint hang on it."""
-    free = [top for top in tops if _joint_kinds(top, model) == [FREE]]
+    kinds = {str(top.get("name")): source.joint_kinds(str(top.get("name"))) for top in tops}
+    free = [top for top in tops if kinds[str(top.get("name"))] == [FREE]]
     if len(tops) > 1 and free:
         hint = "one recipe builds one robot: give the file of the robot, not that of the scene"
         raise error_at(free[-1], f"{len(tops)} bodies in the world, some of them free", hint)
     top, name = tops[0], str(tops[0].get("name"))
-    if len(tops) > 1 or (not free and _joint_kinds(top, model)):
+    if len(tops) > 1 or (not free and kinds[name]):
         if base == "floating":
             hint = "write `base: fixed`"
             raise error_at(top, "joints connect the robot to the world: it cannot float", hint)
-        links = Links("fixed", WORLD)
-        links.bodies.append(Body(WORLD))
-        links.kept.append(WORLD)
-        links.shift[WORLD] = (0.0, 0.0, 0.0)
-        return links
+        origin = {WORLD: (0.0, 0.0, 0.0)}
+        return Links(source, "fixed", WORLD, bodies=[Body(WORLD)], kept=[WORLD], shift=origin)
     stated: Base = "floating" if free else "fixed"
-    links = Links(
-        base or stated, name, mount=_pose(model.body_pos, model.body_quat, _id(model, "body", name))
-    )
+    links = Links(source, base or stated, name, mount=source.pose_of("body", name))
     if free:
-        links.free_joint = str(model.joint(int(model.body(name).jntadr[0])).name)
+        links.free_joint = str(source.model.joint(source.joints_of(name)[0]).name)
     if base not in (None, stated):
-        links.findings.append(_other_base(name, links.base))
+        now, before = ("floats", "is fixed") if base == "floating" else ("is fixed", "floats")
+        message = f"the recipe says `base: {base}`: the root {now}; in the source it {before}"
+        hint = "leave `base` out to keep what the source says"
+        links.findings.append(BASE(f"link {name}", message, hint, data={"base": links.base}))
     return links
 
 
-def _add_body(links: Links, element: _Element, parent: str, model: Model) -> None:
-    name = str(element.get("name"))
-    index = _id(model, "body", name)
-    first, count = int(model.body_jntadr[index]), int(model.body_jntnum[index])
-    joints = list(range(first, first + count))
-    kinds = [int(model.jnt_type[joint]) for joint in joints]
-    _refuse(element, name, kinds, name == links.root)
-    if name == links.root:
-        joints = []
-    anchors = [vec3(model.jnt_pos[joint]) for joint in joints]
-    links.shift[name] = anchors[-1] if anchors else (0.0, 0.0, 0.0)
+def _add_body(links: Links, element: _Element, parent: str) -> None:
+    name, model = str(element.get("name")), links.source.model
+    _refuse(element, name, links.source.joint_kinds(name), name == links.root)
+    links.shift[name] = (0.0, 0.0, 0.0)
     if name != links.root:
-        made = _joints_to(links, name, parent, joints, anchors, model)
+        joints = links.source.joints_of(name)
+        anchors = [vec3(model.jnt_pos[joint]) for joint in joints]
+        links.shift[name] = anchors[-1] if anchors else (0.0, 0.0, 0.0)
+        made = _joints_to(links, name, parent, joints, anchors)
         links.joints += made
         links.bodies += [Body(joint.child) for joint in made[:-1]]
-    links.bodies.append(Body(name, _inertial(links, element, index, name, model)))
+    links.bodies.append(Body(name, _inertial(links, element, name)))
     if links.bodies[-1].inertial is not None:
         links.kept.append(name)
     if links.shift[name] != (0.0, 0.0, 0.0):
@@ -161,11 +153,11 @@ def _add_body(links: Links, element: _Element, parent: str, model: Model) -> Non
 
 
 def _joints_to(
-    links: Links, name: str, parent: str, joints: list[int], anchors: list[Vec3], model: Model
+    links: Links, name: str, parent: str, joints: Sequence[int], anchors: list[Vec3]
 ) -> list[Joint]:
     """The joints from the parent's link down to the link of a body."""
-    index = _id(model, "body", name)
-    X_parent_body = links.in_link(parent, _pose(model.body_pos, model.body_quat, index))
+    model = links.source.model
+    X_parent_body = links.in_link(parent, links.source.pose_of("body", name))
     if not joints:
         taken = {str(model.joint(i).name) for i in range(model.njnt)}
         fixed = f"{name}_fixed"
@@ -178,19 +170,21 @@ def _joints_to(
             X = Pose(_minus(anchors[number], anchors[number - 1]))
         own = str(model.joint(joint).name)
         below = name if number == len(joints) - 1 else f"{name}_{own}"
-        made.append(_joint(links, own, above, below, X, joint, model))
+        made.append(_joint(links, own, above, below, X))
         above = below
     return made
 
 
-def _joint(
-    links: Links, name: str, parent: str, child: str, X: Pose, index: int, model: Model
-) -> Joint:
+def _joint(links: Links, name: str, parent: str, child: str, X: Pose) -> Joint:
+    model, index = links.source.model, links.source.id_of("joint", name)
     slide, dof = int(model.jnt_type[index]) == SLIDE, int(model.jnt_dofadr[index])
     ref = float(model.qpos0[int(model.jnt_qposadr[index])])
     if ref:
         links.rest[name] = ref
-        links.findings.append(_counted_from(name, ref, "m" if slide else "rad"))
+        shown = f"{ref:g} {'m' if slide else 'rad'}"
+        message = f"its positions count from `ref` = {shown}: 0 here is {shown} in the source"
+        hint = "subtract it from positions and commands of the source's controllers"
+        links.findings.append(JOINT_REF(f"joint {name}", message, hint, data={"ref": ref}))
     limited = bool(model.jnt_limited[index])
     lower, upper = (float(v) - ref for v in model.jnt_range[index])
     kind: JointKind = "prismatic" if slide else "revolute" if limited else "continuous"
@@ -207,9 +201,8 @@ def _joint(
     )
 
 
-def _inertial(
-    links: Links, element: _Element, index: int, name: str, model: Model
-) -> Inertial | None:
+def _inertial(links: Links, element: _Element, name: str) -> Inertial | None:
+    model, index = links.source.model, links.source.id_of("body", name)
     mass = float(model.body_mass[index])
     if mass == 0.0 and not model.body_inertia[index].any():
         return None
@@ -241,35 +234,31 @@ def _keep_origin(links: Links, name: str) -> None:
     links.bodies.append(Body(origin))
     back = Pose(_minus((0.0, 0.0, 0.0), shift))
     links.joints.append(Joint(f"{origin}_fixed", "fixed", name, origin, back))
-    links.findings.append(
-        JOINT_POS(
-            f"link {name}",
-            f"its joint stands at {_words(shift)} m in the body: the link's frame moved there",
-            f"the old frame lives on as `{origin}`",
-            data={"pos_m": shift},
-        )
-    )
+    at = ", ".join(f"{v:g}" for v in shift)
+    message = f"its joint stands at ({at}) m in the body: the link's frame moved there"
+    hint = f"the old frame lives on as `{origin}`"
+    links.findings.append(JOINT_POS(f"link {name}", message, hint, data={"pos_m": shift}))
 
 
-def _add_sites(links: Links, world: _Element, model: Model) -> None:
+def _add_sites(links: Links) -> None:
     taken = {body.name for body in links.bodies}
-    for element, body in [
-        (site, str(owner.get("name")))
-        for owner, _ in bodies(world)
-        for site in parts(owner, "site")
+    on_bodies = [(owner, body) for owner, body in links.source.bodies[1:] if body in links.shift]
+    for site, body in [
+        (str(element.get("name")), body)
+        for owner, body in on_bodies
+        for element in parts(owner, "site")
     ]:
-        if body not in links.shift:
-            continue
-        site = str(element.get("name"))
         name = site
         while name in taken:
             name += "_site"
         taken.add(name)
         links.sites[site] = name
         if name != site:
-            links.findings.append(_renamed_site(site, name))
-        index = _id(model, "site", site)
-        pose = links.in_link(body, _pose(model.site_pos, model.site_quat, index))
+            message = f"a body has the name of the site `{site}`: the frame is called `{name}`"
+            hint = "bodies and frames share their names in URDF and USD"
+            data = {"before": site, "after": name}
+            links.findings.append(RENAMED(f"link {site}", message, hint, data=data))
+        pose = links.in_link(body, links.source.pose_of("site", site))
         links.bodies.append(Body(name))
         links.joints.append(Joint(f"{name}_fixed", "fixed", body, name, pose))
 
@@ -286,12 +275,6 @@ def _refuse(element: _Element, name: str, kinds: list[int], is_root: bool) -> No
         raise error_at(element, f"body `{name}`: a free joint inside the robot", hint)
 
 
-def _joint_kinds(body: _Element, model: Model) -> list[int]:
-    index = _id(model, "body", str(body.get("name")))
-    first, count = int(model.body_jntadr[index]), int(model.body_jntnum[index])
-    return [int(model.jnt_type[joint]) for joint in range(first, first + count)]
-
-
 def _dropped_mocap(top: _Element) -> Finding:
     return DROPPED(
         f"link {top.get('name')}",
@@ -302,62 +285,9 @@ def _dropped_mocap(top: _Element) -> Finding:
     )
 
 
-def _other_base(name: str, base: Base) -> Finding:
-    now, before = ("floats", "is fixed") if base == "floating" else ("is fixed", "floats")
-    return BASE(
-        f"link {name}",
-        f"the recipe says `base: {base}`: the root {now}; in the source it {before}",
-        "leave `base` out to keep what the source says",
-        data={"base": base},
-    )
-
-
-def _counted_from(joint: str, ref: float, unit: str) -> Finding:
-    return JOINT_REF(
-        f"joint {joint}",
-        f"its positions count from `ref` = {ref:g} {unit}: 0 here is {ref:g} {unit} in the source",
-        "subtract it from positions and commands of the source's controllers",
-        data={"ref": ref},
-    )
-
-
-def _renamed_site(site: str, name: str) -> Finding:
-    return RENAMED(
-        f"link {site}",
-        f"a body has the name of the site `{site}`: the frame is called `{name}`",
-        "bodies and frames share their names in URDF and USD",
-        data={"before": site, "after": name},
-    )
-
-
 # --- small things ---------------------------------------------------------------------------
-
-
-def _id(model: Model, kind: str, name: str) -> int:
-    try:
-        return int(getattr(model, kind)(name).id)
-    except KeyError:
-        raise SourceError(f"{kind} `{name}` is not in the compiled model") from None
-
-
-def _pose(positions: Any, quats: Any, index: int) -> Pose:  # Any: arrays of the model
-    w, x, y, z = (float(v) for v in quats[index])
-    return Pose(vec3(positions[index]), normalised_quat((w, x, y, z)))
 
 
 def _minus(a: Vec3, b: Vec3) -> Vec3:
     """Negative zeros become zero; subtracting zeros changes no bit."""
     return vec3([x - y for x, y in zip(a, b, strict=True)])
-
-
-def _words(vector: Vec3) -> str:
-    return "(" + ", ".join(f"{v:g}" for v in vector) + ")"
-
-
-def depth_first_of(links: Links) -> Iterator[Body]:
-    """The bodies as `Tree` wants them."""
-    from assetbuild.robot.tree import depth_first
-
-    order, _ = depth_first(links.root, links.joints)
-    by_name: Mapping[str, Body] = {body.name: body for body in links.bodies}
-    return (by_name[name] for name in order)

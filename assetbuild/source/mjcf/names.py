@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -22,10 +23,10 @@ def name_all(root: _Element) -> None:
         _name_parts(world, classes)
     for asset in root.iterchildren("asset"):
         for tag in ("mesh", "material", "texture", "hfield"):
-            _name(list(asset.iterchildren(tag)), lambda e: _asset_name(e, classes))
+            _name(list(asset.iterchildren(tag)), _asset_name)
     for section in SECTIONS:
         for node in root.iterchildren(section):
-            _name(list(node.iterchildren("*")), lambda e: _acting_name(e))
+            _name(list(node.iterchildren("*")), _acting_name)
 
 
 def _name_bodies(world: _Element) -> None:
@@ -46,33 +47,25 @@ def _name_parts(world: _Element, classes: Classes) -> None:
         taken = {str(part.get("name")) for part, _ in found if part.get("name")}
         for part, body_name in found:
             if not part.get("name"):
-                suffix = _role(part, classes) if part.tag == "geom" else tags[0]
+                suffix = _role(classes.attributes(part)) if part.tag == "geom" else tags[0]
                 part.set("name", _free(f"{body_name}_{suffix}", taken))
 
 
-def _role(geom: _Element, classes: Classes) -> str:
-    return "collision" if touches(classes.attributes(geom)) else "visual"
-
-
-def touches(attributes: dict[str, str]) -> bool:
+def _role(said: dict[str, str]) -> str:
     """Whether a geom's masks let it touch anything."""
-    return any(attributes.get(key, "1").strip() not in ("0", "+0") for key in _MASKS)
+    masks = [said.get(key, "1").strip() for key in ("contype", "conaffinity")]
+    return "visual" if all(mask in ("0", "+0") for mask in masks) else "collision"
 
 
-_MASKS = ("contype", "conaffinity")
-
-
-def _name(elements: list[_Element], wanted: object) -> None:
-    assert callable(wanted)  # noqa: S101 # both callers pass a function
+def _name(elements: list[_Element], wanted: Callable[[_Element], str]) -> None:
     taken = {str(element.get("name")) for element in elements if element.get("name")}
     for element in elements:
         if not element.get("name"):
             element.set("name", _free(wanted(element), taken))
 
 
-def _asset_name(element: _Element, classes: Classes) -> str:
-    file = element.get("file") or classes.attributes(element).get("file", "")
-    return PurePosixPath(file).stem or str(element.tag)
+def _asset_name(element: _Element) -> str:
+    return PurePosixPath(element.get("file", "")).stem or str(element.tag)
 
 
 def _acting_name(element: _Element) -> str:

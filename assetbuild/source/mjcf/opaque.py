@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from assetbuild.robot.pose import Pose
 
@@ -21,18 +21,17 @@ def body_element(tag: str, name: str, pose: Pose, attributes: Mapping[str, str])
 def element_text(
     tag: str,
     attributes: Mapping[str, str],
-    children: tuple[tuple[str, Mapping[str, str]], ...] = (),
+    children: Iterable[tuple[str, Mapping[str, str]]] = (),
 ) -> str:
     """An element with empty children, as text."""
     from lxml import etree
 
-    element = etree.Element(tag)
-    for key, value in attributes.items():
-        element.set(key, " ".join(value.split()))
+    def plain(said: Mapping[str, str]) -> dict[str, str]:
+        return {key: " ".join(value.split()) for key, value in said.items()}
+
+    element = etree.Element(tag, plain(attributes))
     for child, said in children:
-        inner = etree.SubElement(element, child)
-        for key, value in said.items():
-            inner.set(key, " ".join(value.split()))
+        etree.SubElement(element, child, plain(said))
     return etree.tostring(element, encoding="unicode")
 
 
@@ -46,6 +45,6 @@ def leftover(said: Mapping[str, str], held: frozenset[str]) -> dict[str, str]:
     return {key: value for key, value in said.items() if key not in held and key != "class"}
 
 
-def words(values: tuple[float, ...]) -> str:
+def words(values: Iterable[float]) -> str:
     """Shortest exact numbers."""
     return " ".join(repr(float(v) + 0.0).removesuffix(".0") for v in values)

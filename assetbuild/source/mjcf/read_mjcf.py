@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
-from assetbuild.robot.model import Base, Contact, Control, Joint, Shapes, Tree
+from assetbuild.robot.model import Base, Contact, Control, Shapes, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.source import SourceControl
 from assetbuild.robot.tree import depth_first
@@ -53,14 +53,12 @@ class ReadMjcf(Step):
         """Writes Tree, Shapes and SourceControl."""
         root = _source(files.inputs)
         compiled = compile_source(root, _meshes(root, files.inputs / "files"))
-        world = root.find("worldbody")
-        assert world is not None  # noqa: S101 # `flatten_mjcf` has looked
-        links = read_links(world, compiled.full, self.base)
-        geoms = read_geoms(root, links, compiled)
-        drives = read_drives(root, links, compiled.full)
-        sections = read_sections(root, links, drives, compiled.full)
+        links = read_links(compiled, self.base)
+        geoms = read_geoms(links)
+        drives = read_drives(links)
+        sections = read_sections(links, drives)
         links.joints = sections.joints
-        details = read_details(root, links, compiled.full)
+        details = read_details(links)
         control = Control(
             actuators=tuple(drives.actuators),
             keyframes=tuple(sections.keyframes),
@@ -81,7 +79,7 @@ class ReadMjcf(Step):
         (files.outputs / "shapes.json").write_bytes(encode(shapes))
         (files.outputs / "source_control.json").write_bytes(encode(source))
         yield from _warnings(compiled)
-        yield from [*links.findings, *geoms.findings, *details.findings, *sections.findings]
+        yield from [*links.findings, *geoms.findings, *sections.findings]
         yield from _order(sections, drives)
 
 
@@ -105,7 +103,8 @@ def _tree(name: str, links: Links, drives: Drives) -> Tree:
     """Depth first, each joint with the effort limit of its drive."""
     order, joints = depth_first(links.root, links.joints)
     by_name = {body.name: body for body in links.bodies}
-    limited = tuple(_limited(joint, drives) for joint in joints)
+    limits = drives.limits
+    limited = tuple(replace(j, limits=limits.get(j.name, j.limits)) for j in joints)
     return Tree(
         name,
         links.base,
@@ -113,11 +112,6 @@ def _tree(name: str, links: Links, drives: Drives) -> Tree:
         limited,
         X_world_root=links.mount if links.base == "fixed" else IDENTITY,
     )
-
-
-def _limited(joint: Joint, drives: Drives) -> Joint:
-    limits = drives.limits.get(joint.name)
-    return replace(joint, limits=limits) if limits else joint
 
 
 def _commands(

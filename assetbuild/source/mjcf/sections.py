@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Data, Finding, Rule
 from assetbuild.robot.model import (
     Joint,
     Keyframe,
@@ -16,11 +16,18 @@ from assetbuild.robot.model import (
     Sensor,
     Simulation,
 )
-from assetbuild.robot.pose import Pose, Vec3, normalised_quat, vec3
+from assetbuild.robot.pose import Pose, Vec3, vec3
+from assetbuild.source.mjcf.compiled import Model, pose_at
 from assetbuild.source.mjcf.drives import Drives
-from assetbuild.source.mjcf.links import WORLD, Links, Model
-from assetbuild.source.mjcf.opaque import element_text, keys, words
-from assetbuild.source.mjcf.text import AT, DROPPED, Classes, error_at, where_of
+from assetbuild.source.mjcf.links import FREE, Links
+from assetbuild.source.mjcf.opaque import element_text, keys, leftover, words
+from assetbuild.source.mjcf.text import (
+    DROPPED,
+    WORLD,
+    error_at,
+    own_attributes,
+    where_of,
+)
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -50,139 +57,204 @@ class Sections:
     findings: list[Finding] = field(default_factory=list)
 
 
-def read_sections(root: _Element, links: Links, drives: Drives, model: Model) -> Sections:
-    """In the order in which MJCF has them."""
-    driven = {name: joint for name, joint in drives.names if joint}
-    found, names = Sections(list(links.joints)), Names(links, driven)
-    classes = Classes(root)
-    found.simulation = Simulation.model_construct(
-        timestep=float(model.opt.timestep), gravity=_gravity(model)
-    )
-    found.mjcf_only.append(options(root, model))
-    for element in root.iterfind("contact/*"):
-        _contact(element, classes, names, found)
-    for element in root.iterfind("equality/*"):
-        _equality(element, classes, names, model, found)
-    for element in root.iterfind("tendon/*"):
-        _tendon(element, classes, names, found)
-    for element in root.iterfind("sensor/*"):
-        _sensor(element, names, found)
-    for element in root.iterfind("keyframe/key"):
-        _keyframe(element, links, model, found)
-    found.findings += _not_read(root)
-    return found
-
-
-class Names:
-    """Names of the source's things in the Robot, and which things are not in it.
-
-    driven: joint that an actuator drives in the Robot, by the actuator's name.
-    """
-
-    def __init__(self, links: Links, driven: Mapping[str, str]) -> None:
-        self.links, self.driven = links, driven
-        self._joints = {joint.name for joint in links.joints}
-
-    def there(self, kind: str, name: str) -> bool:
-        """Whether a body, joint or site that an element names is part of the Robot."""
-        if kind == "body":
-            return name == WORLD or name in self.links.shift
-        if kind == "site":
-            return name in self.links.sites
-        return kind != "joint" or name in self._joints
-
-    def of(self, kind: str, name: str) -> str:
-        """The name in the Robot."""
-        return self.links.sites.get(name, name) if kind == "site" else name
-
-
 _KIND = {
     "body": "body", "body1": "body", "body2": "body", "joint": "joint", "joint1": "joint",
     "joint2": "joint", "site": "site", "site1": "site", "site2": "site", "refsite": "site",
     "sidesite": "site", "cranksite": "site", "slidersite": "site",
 }  # fmt: skip
 """Attribute -> kind of what it names, where the name may change or the thing be missing."""
+_Kind = Literal["frame", "body", "joint", "actuator", "shape", "camera", "tendon", "world"]
+_PLACES: Mapping[str, _Kind] = {
+    "site": "frame", "joint": "joint", "actuator": "actuator", "tendon": "tendon",
+    "body": "body", "geom": "shape", "camera": "camera", "xbody": "frame",
+}  # fmt: skip
+_SAID = keys("name cutoff noise objtype objname reftype refname")
 
 
-def _translated(said: Mapping[str, str], names: Names) -> tuple[dict[str, str], str]:
-    """Attributes with names of the Robot, and the first name that is not in it, or ""."""
-    out, missing = {}, ""
-    for key, value in said.items():
-        kind = _KIND.get(key, "")
-        if key in ("objname", "refname"):
-            kind = said.get(key.replace("name", "type"), "")
-            kind = "body" if kind == "xbody" else kind
-        if kind and not names.there(kind, value):
-            missing = missing or value
-        out[key] = names.of(kind, value)
-    return out, missing
-
-
-def _dropped(element: _Element, missing: str) -> Finding:
-    return DROPPED(
-        "robot",
-        f"<{element.tag}> `{element.get('name') or ''}` was left out ({where_of(element)}): "
-        f"`{missing}` is not part of the robot",
-        severity="warning",
-        data={"element": str(element.tag), "count": 1},
+def read_sections(links: Links, drives: Drives) -> Sections:
+    """In the order in which MJCF has them."""
+    source = links.source
+    reader = _Reader(links, {name: joint for name, joint in drives.names if joint})
+    found = reader.found
+    found.simulation = Simulation.model_construct(
+        timestep=float(source.model.opt.timestep), gravity=_gravity(source.model)
     )
+    found.mjcf_only.append(_options(source.root, source.model))
+    for section, read in (
+        ("contact", reader.contact),
+        ("equality", reader.equality),
+        ("tendon", reader.tendon),
+        ("sensor", reader.sensor),
+    ):
+        for element in source.root.iterfind(f"{section}/*"):
+            said, missing = reader.translated(source.classes.attributes(element))
+            inside = [reader.translated(own_attributes(child)) for child in element]
+            missing = next(filter(None, [missing, *(lost for _, lost in inside)]), "")
+            if missing:
+                what = f"<{element.tag}> `{element.get('name') or ''}`"
+                message = f"{what} was left out ({where_of(element)}): "
+                message += f"`{missing}` is not part of the robot"
+                data: Data = {"element": str(element.tag), "count": 1}
+                found.findings.append(DROPPED("robot", message, severity="warning", data=data))
+            else:
+                read(element, said)
+    for element in source.root.iterfind("keyframe/key"):
+        reader.keyframe(element)
+    found.findings += _not_read(source.root)
+    return found
 
 
-def _text(element: _Element, said: Mapping[str, str], *, named: bool = True) -> str:
-    name = {"name": str(element.get("name"))} if named and element.get("name") else {}
-    return element_text(str(element.tag), name | dict(sorted(said.items())))
+class _Reader:
+    """Takes elements whose attributes name things of the Robot.
 
+    driven: joint that an actuator drives in the Robot, by the actuator's name.
+    """
 
-# --- contact --------------------------------------------------------------------------------
+    def __init__(self, links: Links, driven: Mapping[str, str]) -> None:
+        self.links, self.driven, self.model = links, driven, links.source.model
+        self.found = Sections(list(links.joints))
+        self._there = {
+            "body": {name: name for name in (WORLD, *links.shift)},
+            "joint": {joint.name: joint.name for joint in links.joints},
+            "site": links.sites,
+        }
 
+    def translated(self, said: Mapping[str, str]) -> tuple[dict[str, str], str]:
+        """Attributes with names of the Robot, and the first name that is not in it, or ""."""
+        out, missing = {}, ""
+        for key, value in said.items():
+            kind = _KIND.get(key, "")
+            if key in ("objname", "refname"):
+                kind = said.get(key.replace("name", "type"), "").removeprefix("x")
+            there = self._there.get(kind, {value: value})
+            missing = missing or ("" if value in there else value)
+            out[key] = there.get(value, value)
+        return out, missing
 
-def _contact(element: _Element, classes: Classes, names: Names, found: Sections) -> None:
-    said, missing = _translated(classes.attributes(element), names)
-    if missing:
-        found.findings.append(_dropped(element, missing))
-    elif element.tag == "exclude" and WORLD not in (said["body1"], said["body2"]):
-        a, b = sorted((said["body1"], said["body2"]))
-        found.excludes.append((a, b))
-    else:
-        found.mjcf_only.append(MjcfOnly("contact", _text(element, said)))
+    def _keep(self, place: str, element: _Element, said: Mapping[str, str]) -> None:
+        """Leave it to MJCF, with its children."""
+        children = ((str(c.tag), self.translated(own_attributes(c))[0]) for c in element)
+        named = {"name": str(element.get("name"))} if element.get("name") else {}
+        text = element_text(str(element.tag), named | dict(sorted(said.items())), children)
+        self.found.mjcf_only.append(MjcfOnly(place, text))
 
+    def contact(self, element: _Element, said: Mapping[str, str]) -> None:
+        """A pair, or an exclude between bodies of the robot."""
+        if element.tag == "exclude" and WORLD not in (said["body1"], said["body2"]):
+            a, b = sorted((said["body1"], said["body2"]))
+            self.found.excludes.append((a, b))
+        else:
+            self._keep("contact", element, said)
 
-# --- equalities and tendons -----------------------------------------------------------------
+    # --- equalities and tendons ---------------------------------------------------------------
 
+    def equality(self, element: _Element, said: dict[str, str]) -> None:
+        """A coupled joint may be a mimic; the frames of bodies may have moved."""
+        if element.tag == "joint" and self._mimic(element, said):
+            return
+        if element.tag == "connect" and "anchor" in said:
+            x, y, z = (float(word) for word in said["anchor"].split())
+            said["anchor"] = words(self.links.in_link(said["body1"], Pose((x, y, z))).xyz)
+        if element.tag == "weld":
+            self._refuse_moved(element, said)
+        self._keep("equality", element, said)
 
-def _equality(
-    element: _Element, classes: Classes, names: Names, model: Model, found: Sections
-) -> None:
-    said, missing = _translated(classes.attributes(element), names)
-    if missing:
-        found.findings.append(_dropped(element, missing))
-        return
-    if element.tag == "joint" and _mimic(element, said, model, found):
-        return
-    if element.tag == "connect" and "anchor" in said:
-        x, y, z = (float(word) for word in said["anchor"].split())
-        said["anchor"] = words(names.links.in_link(said["body1"], Pose((x, y, z))).xyz)
-    if element.tag == "weld":
-        _refuse_moved(element, said, names)
-    found.mjcf_only.append(MjcfOnly("equality", _text(element, said)))
+    def _mimic(self, element: _Element, said: Mapping[str, str]) -> bool:
+        """q1 = c0 + c1 q2, counted from the joints' `ref`, as the Robot counts."""
+        index = self.links.source.id_of("equality", str(element.get("name")))
+        c = [float(v) for v in self.model.eq_data[index][:5]]
+        follower, leader = said.get("joint1", ""), said.get("joint2", "")
+        by_name = {joint.name: joint for joint in self.found.joints}
+        if not leader or any(c[2:]) or c[1] == 0.0 or not bool(self.model.eq_active0[index]):
+            return False
+        if by_name[follower].mimic or _follows(by_name, leader, follower):
+            return False
+        by_name[follower] = replace(by_name[follower], mimic=Mimic(leader, c[1], c[0]))
+        self.found.joints = list(by_name.values())
+        more = leftover(said, keys("joint1 joint2 polycoef active"))
+        more["name"] = str(element.get("name"))
+        self.found.mjcf_only.append(MjcfOnly("mimic", element_text("joint", more), follower))
+        return True
 
+    def _refuse_moved(self, element: _Element, said: Mapping[str, str]) -> None:
+        for key in ("body1", "body2"):
+            if any(self.links.shift.get(said.get(key, ""), (0.0, 0.0, 0.0))):
+                text = f"<{element.tag}> on body `{said[key]}`, whose joint has a `pos`"
+                raise error_at(element, text, "connect two sites instead")
 
-def _mimic(element: _Element, said: Mapping[str, str], model: Model, found: Sections) -> bool:
-    """q1 = c0 + c1 q2, counted from the joints' `ref`, as the Robot counts."""
-    index = int(model.equality(str(element.get("name"))).id)
-    c = [float(v) for v in model.eq_data[index][:5]]
-    follower, leader = said.get("joint1", ""), said.get("joint2", "")
-    by_name = {joint.name: joint for joint in found.joints}
-    if not leader or any(c[2:]) or c[1] == 0.0 or not bool(model.eq_active0[index]):
-        return False
-    if by_name[follower].mimic or _follows(by_name, leader, follower):
-        return False
-    coupled = replace(by_name[follower], mimic=Mimic(leader, c[1], c[0]))
-    found.joints = [coupled if joint.name == follower else joint for joint in found.joints]
-    more = {k: v for k, v in said.items() if k not in ("joint1", "joint2", "polycoef", "active")}
-    more["name"] = str(element.get("name"))
-    found.mjcf_only.append(MjcfOnly("mimic", element_text("joint", more), follower))
-    return True
+    def tendon(self, element: _Element, said: dict[str, str]) -> None:
+        """As it is, without its material."""
+        for child in element:
+            if child.get("joint") in self.links.rest:
+                hint = "give the joint no `ref`, and move its range and body instead"
+                raise error_at(child, f"tendon over joint `{child.get('joint')}` with `ref`", hint)
+        if said.pop("material", None):
+            self.found.findings.append(_plain_tendon(element))
+        if element.tag == "fixed":  # a class of tendons may say how the spatial ones are drawn
+            said.pop("width", None)
+            said.pop("rgba", None)
+        self._keep("tendon", element, said)
+
+    # --- sensors ------------------------------------------------------------------------------
+
+    def sensor(self, element: _Element, said: Mapping[str, str]) -> None:
+        """One of the Robot's, or MjcfOnly."""
+        sensor = self._as_sensor(element, said)
+        if sensor is None:
+            self._keep("sensor", element, said)
+            return
+        self.found.sensors.append(sensor)
+        if self.found.mjcf_only and self.found.mjcf_only[-1].place == "sensor":
+            message = f"sensors from `{element.get('name')}` on stand before those that only MJCF "
+            message += "has: their places in `sensordata` differ from the source's"
+            self.found.findings.append(ORDER("robot", message, "ask for sensors by name"))
+
+    def _as_sensor(self, element: _Element, said: Mapping[str, str]) -> Sensor | None:
+        """The sensor in the Robot's words; None when they do not say all of it."""
+        targets = [key for key in said if key in _PLACES and key not in ("xbody",)]
+        extra = set(said) - _SAID - set(targets)
+        if extra or len(targets) + ("objname" in said) != 1 or element.tag in ("contact", "user"):
+            return None
+        if targets == ["actuator"]:
+            joint = self.driven.get(said["actuator"], "")
+            if not joint:
+                return None
+            at = Place("actuator", joint)
+        elif targets:
+            at = Place(_PLACES[targets[0]], said[targets[0]])
+        else:
+            at = _place(said["objtype"], said["objname"])
+        relative = _place(said["reftype"], said["refname"]) if "refname" in said else None
+        cutoff, noise = float(said.get("cutoff", 0.0)), float(said.get("noise", 0.0))
+        return Sensor(str(element.get("name")), str(element.tag), at, relative, cutoff, noise)
+
+    # --- keyframes ----------------------------------------------------------------------------
+
+    def keyframe(self, element: _Element) -> None:
+        """A pose at rest."""
+        name, links, model = str(element.get("name")), self.links, self.model
+        index = links.source.id_of("key", name)
+        qpos = [float(v) for v in model.key_qpos[index]]
+        base = links.mount if links.base == "floating" else None
+        if base is not None and FREE in links.source.joint_kinds(links.root):
+            base = pose_at(qpos[:3], qpos[3:7])
+        values = []
+        for joint in links.joints:
+            if joint.kind != "fixed":
+                address = int(model.jnt_qposadr[links.source.id_of("joint", joint.name)])
+                values.append((joint.name, qpos[address] - links.rest.get(joint.name, 0.0)))
+        self.found.keyframes.append(Keyframe(name, tuple(values), base))
+        if element.get("ctrl"):
+            ctrl = enumerate(model.key_ctrl[index])
+            commands = tuple((str(model.actuator(i).name), float(value)) for i, value in ctrl)
+            self.found.ctrl.append((name, commands))
+        lost = tuple(sorted({"qvel", "act", "mpos", "mquat", "time"} & set(element.attrib)))
+        if lost:
+            names = ", ".join(f"`{key}`" for key in lost)
+            message = f"{names} of keyframe `{name}` was left out: a keyframe of a robot is a pose "
+            message += "at rest"
+            data: Data = {"element": "key", "attributes": lost}
+            self.found.findings.append(DROPPED(f"keyframe {name}", message, data=data))
 
 
 def _follows(joints: Mapping[str, Joint], name: str, leader: str) -> bool:
@@ -194,40 +266,6 @@ def _follows(joints: Mapping[str, Joint], name: str, leader: str) -> bool:
     return False
 
 
-def _refuse_moved(element: _Element, said: Mapping[str, str], names: Names) -> None:
-    for key in ("body1", "body2"):
-        if any(names.links.shift.get(said.get(key, ""), (0.0, 0.0, 0.0))):
-            hint = "connect two sites instead"
-            text = f"<{element.tag}> on body `{said[key]}`, whose joint has a `pos`"
-            raise error_at(element, text, hint)
-
-
-def _tendon(element: _Element, classes: Classes, names: Names, found: Sections) -> None:
-    said, missing = _translated(classes.attributes(element), names)
-    children = []
-    for child in element.iterchildren("*"):
-        own = {str(key): str(value) for key, value in child.attrib.items() if key != AT}
-        inside, lost = _translated(own, names)
-        missing = missing or lost
-        if inside.get("joint") in names.links.rest:
-            hint = "give the joint no `ref`, and move its range and body instead"
-            raise error_at(child, f"tendon over joint `{inside['joint']}` with `ref`", hint)
-        children.append((str(child.tag), inside))
-    if missing:
-        found.findings.append(_dropped(element, missing))
-        return
-    material = said.pop("material", None)
-    if element.tag == "fixed":  # a class of tendons may say how the spatial ones are drawn
-        said.pop("width", None)
-        said.pop("rgba", None)
-    if material:
-        found.findings.append(_plain_tendon(element))
-    text = {"name": str(element.get("name"))} | dict(sorted(said.items()))
-    found.mjcf_only.append(
-        MjcfOnly("tendon", element_text(str(element.tag), text, tuple(children)))
-    )
-
-
 def _plain_tendon(element: _Element) -> Finding:
     return DROPPED(
         f"tendon {element.get('name')}",
@@ -237,110 +275,10 @@ def _plain_tendon(element: _Element) -> Finding:
     )
 
 
-# --- sensors --------------------------------------------------------------------------------
-
-_Kind = Literal["frame", "body", "joint", "actuator", "shape", "camera", "tendon", "world"]
-_PLACES: Mapping[str, _Kind] = {
-    "site": "frame", "joint": "joint", "actuator": "actuator", "tendon": "tendon",
-    "body": "body", "geom": "shape", "camera": "camera", "xbody": "frame",
-}  # fmt: skip
-_SAID = keys("name cutoff noise objtype objname reftype refname")
-
-
-def _sensor(element: _Element, names: Names, found: Sections) -> None:
-    own = {str(k): str(v) for k, v in element.attrib.items() if k not in (AT, "name")}
-    said, missing = _translated(own, names)
-    if missing:
-        found.findings.append(_dropped(element, missing))
-        return
-    sensor = _as_sensor(element, said, names)
-    if sensor is not None:
-        found.sensors.append(sensor)
-        if found.mjcf_only and found.mjcf_only[-1].place == "sensor":
-            found.findings.append(_reordered(element))
-        return
-    found.mjcf_only.append(MjcfOnly("sensor", _text(element, said)))
-
-
-def _as_sensor(element: _Element, said: Mapping[str, str], names: Names) -> Sensor | None:
-    """The sensor in the Robot's words; None when they do not say all of it."""
-    targets = [key for key in said if key in _PLACES and key not in ("xbody",)]
-    extra = set(said) - _SAID - set(targets)
-    if extra or len(targets) + ("objname" in said) != 1 or element.tag in ("contact", "user"):
-        return None
-    if targets == ["actuator"]:
-        joint = names.driven.get(said["actuator"], "")
-        if not joint:
-            return None
-        at = Place("actuator", joint)
-    elif targets:
-        at = Place(_PLACES[targets[0]], said[targets[0]])
-    else:
-        at = _place(said["objtype"], said["objname"])
-    relative = _place(said["reftype"], said["refname"]) if "refname" in said else None
-    cutoff, noise = float(said.get("cutoff", 0.0)), float(said.get("noise", 0.0))
-    name, kind = str(element.get("name")), str(element.tag)
-    return Sensor(name, kind, at, relative, cutoff, noise)
-
-
 def _place(kind: str, name: str) -> Place:
     if name == WORLD and kind in ("body", "xbody"):
         return Place("world")
     return Place(_PLACES[kind], name)
-
-
-def _reordered(element: _Element) -> Finding:
-    return ORDER(
-        "robot",
-        f"sensors from `{element.get('name')}` on stand before those that only MJCF has: "
-        "their places in `sensordata` differ from the source's",
-        "ask for sensors by name",
-    )
-
-
-# --- keyframes and options ------------------------------------------------------------------
-
-
-def _keyframe(element: _Element, links: Links, model: Model, found: Sections) -> None:
-    name = str(element.get("name"))
-    index = int(model.key(name).id)
-    qpos = [float(v) for v in model.key_qpos[index]]
-    base = None
-    if links.base == "floating":
-        base = links.mount
-        if links.free_joint or _floats(model, links.root):
-            w, x, y, z = qpos[3:7]
-            base = Pose(vec3(qpos[:3]), normalised_quat((w, x, y, z)))
-    values = []
-    for joint in links.joints:
-        if joint.kind != "fixed":
-            address = int(model.jnt_qposadr[int(model.joint(joint.name).id)])
-            values.append((joint.name, qpos[address] - links.rest.get(joint.name, 0.0)))
-    found.keyframes.append(Keyframe(name, tuple(values), base))
-    if element.get("ctrl"):
-        names = [str(model.actuator(i).name) for i in range(model.nu)]
-        found.ctrl.append((name, tuple(zip(names, _floats_of(model.key_ctrl[index]), strict=True))))
-    lost = sorted({"qvel", "act", "mpos", "mquat", "time"} & set(element.attrib))
-    if lost:
-        found.findings.append(_dropped_of_key(element, lost))
-
-
-def _floats(model: Model, root: str) -> bool:
-    index = int(model.body(root).id)
-    return bool(model.body_jntnum[index]) and int(model.jnt_type[model.body_jntadr[index]]) == 0
-
-
-def _floats_of(values: object) -> tuple[float, ...]:
-    return tuple(float(v) for v in values)  # type: ignore[attr-defined] # an array of the model
-
-
-def _dropped_of_key(element: _Element, lost: list[str]) -> Finding:
-    return DROPPED(
-        f"keyframe {element.get('name')}",
-        f"{', '.join(f'`{key}`' for key in lost)} of keyframe `{element.get('name')}` was left "
-        "out: a keyframe of a robot is a pose at rest",
-        data={"element": "key", "attributes": tuple(lost)},
-    )
 
 
 def _gravity(model: Model) -> Vec3:
@@ -351,7 +289,7 @@ def _gravity(model: Model) -> Vec3:
     return (0.0, 0.0, 0.0) if off else vec3(model.opt.gravity)
 
 
-def options(root: _Element, model: Model) -> MjcfOnly:
+def _options(root: _Element, model: Model) -> MjcfOnly:
     """`<option>` as the source compiles: what it leaves to MuJoCo's defaults is said too.
 
     Without the flag `gravity`: see `_gravity`.
@@ -359,18 +297,16 @@ def options(root: _Element, model: Model) -> MjcfOnly:
     said: dict[str, str] = {}
     flags: dict[str, str] = {}
     for option in root.iterchildren("option"):
-        said |= {
-            str(k): str(v) for k, v in option.attrib.items() if k not in (AT, "timestep", "gravity")
-        }
+        said |= leftover(own_attributes(option), keys("timestep gravity"))
         for flag in option.iterchildren("flag"):
-            flags |= {str(k): str(v) for k, v in flag.attrib.items() if k not in (AT, "gravity")}
+            flags |= leftover(own_attributes(flag), keys("gravity"))
     integrators = ("Euler", "RK4", "implicit", "implicitfast")
     number = int(model.opt.integrator)
     if number < len(integrators):
         said.setdefault("integrator", integrators[number])
     said.setdefault("cone", ("pyramidal", "elliptic")[int(model.opt.cone)])
-    said.setdefault("impratio", words((float(model.opt.impratio),)))
-    children = (("flag", dict(sorted(flags.items()))),) if flags else ()
+    said.setdefault("impratio", words((model.opt.impratio,)))
+    children = [("flag", dict(sorted(flags.items())))] if flags else ()
     return MjcfOnly("option", element_text("option", dict(sorted(said.items())), children))
 
 

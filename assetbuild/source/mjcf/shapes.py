@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Data, Finding, Rule
 from assetbuild.robot.model import (
     Box,
     Capsule,
@@ -16,14 +16,15 @@ from assetbuild.robot.model import (
     Material,
     Mesh,
     MjcfOnly,
+    Role,
     Shape,
     Sphere,
 )
 from assetbuild.robot.pose import Pose, Vec3, normalised_quat, rotation_of, vec3
-from assetbuild.source.mjcf.compiled import Compiled
-from assetbuild.source.mjcf.links import WORLD, Links, Model, _pose
-from assetbuild.source.mjcf.opaque import attributes_of, body_element, keys, leftover
-from assetbuild.source.mjcf.text import DROPPED, Classes, bodies, error_at, parts, where_of
+from assetbuild.source.mjcf.compiled import Model, pose_at
+from assetbuild.source.mjcf.links import Links
+from assetbuild.source.mjcf.opaque import attributes_of, body_element, keys, leftover, words
+from assetbuild.source.mjcf.text import DROPPED, WORLD, Classes, error_at, parts, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -60,13 +61,11 @@ class Geoms:
     findings: list[Finding] = field(default_factory=list)
 
 
-def read_geoms(root: _Element, links: Links, compiled: Compiled) -> Geoms:
+def read_geoms(links: Links) -> Geoms:
     """All geoms of the robot; those of the world only where the world is its root."""
-    geoms, classes = Geoms(), Classes(root)
-    reader = _Reader(root, links, compiled, classes, geoms)
-    world = root.find("worldbody")
-    assert world is not None  # noqa: S101 # it compiled
-    for body, name in [(world, WORLD), *((b, str(b.get("name"))) for b, _ in bodies(world))]:
+    geoms, classes = Geoms(), links.source.classes
+    reader = _Reader(links, geoms)
+    for body, name in links.source.bodies:
         for geom in parts(body, "geom"):
             if name in links.shift:
                 reader.read(geom, name)
@@ -80,11 +79,9 @@ def read_geoms(root: _Element, links: Links, compiled: Compiled) -> Geoms:
 
 
 class _Reader:
-    def __init__(
-        self, root: _Element, links: Links, compiled: Compiled, classes: Classes, geoms: Geoms
-    ) -> None:
-        self.links, self.compiled, self.classes, self.geoms = links, compiled, classes, geoms
-        self.full: Model = compiled.full
+    def __init__(self, links: Links, geoms: Geoms) -> None:
+        self.links, self.source, self.geoms = links, links.source, geoms
+        self.full, self.classes, root = links.source.model, links.source.classes, links.source.root
         self.looks = {m.get("name"): m for m in root.iterfind("asset/material")}
         self.pictures = {t.get("name"): t for t in root.iterfind("asset/texture")}
         self.meshes = {m.get("name"): m for m in root.iterfind("asset/mesh")}
@@ -95,25 +92,24 @@ class _Reader:
         if said.get("type") == "hfield":
             self.geoms.findings.append(_scenery(geom, self.classes))
             return
-        index = int(self.full.geom(name).id)
+        index = self.source.id_of("geom", name)
         touches = bool(self.full.geom_contype[index] or self.full.geom_conaffinity[index])
-        role = "collision" if touches else "visual"
+        role: Role = "collision" if touches else "visual"
         kind = int(self.full.geom_type[index])
         if kind not in (SPHERE, CAPSULE, CYLINDER, BOX, MESH):
             self._only_mjcf(geom, said, body, index)
             return
-        model = self.compiled.places if kind == MESH else self.full
-        X_body_geom = _pose(model.geom_pos, model.geom_quat, int(model.geom(name).id))
-        X_link_geom = self.links.in_link(body, X_body_geom)
         geometry: Geometry
         if kind == MESH:
+            place = self.source.places.geom(name)
+            X_link_geom = self.links.in_link(body, pose_at(place.pos, place.quat))
             geometry, X_geom_mesh = self._mesh(geom, str(said["mesh"]))
             X_link_geom = X_link_geom @ X_geom_mesh
         else:
+            X_link_geom = self.links.in_link(body, self.source.pose_of("geom", name))
             geometry = _primitive(kind, vec3(self.full.geom_size[index]))
         material = self._material(said, index) if role == "visual" else None
-        shape = Shape(name, body, "visual", geometry, X_link_geom, material)
-        self.geoms.shapes.append(shape if not touches else replace(shape, role="collision"))
+        self.geoms.shapes.append(Shape(name, body, role, geometry, X_link_geom, material))
         if touches:
             self.geoms.contacts[name] = contact_of(self.full, index)
             if int(said.get("group", "0")) < 3:
@@ -125,7 +121,7 @@ class _Reader:
         if said.get("group", "0") != GROUPS[role]:
             more["group"] = said.get("group", "0")
         if role == "collision" and ("rgba" in said or "material" in said):
-            more["rgba"] = _words(self._colour(index))
+            more["rgba"] = words(self._colour(index))
         if more:
             self.geoms.mjcf_only.append(MjcfOnly("shape", attributes_of("geom", more), name))
 
@@ -135,11 +131,11 @@ class _Reader:
         if kind == "sdf" or said.get("mesh"):
             hint = "use a mesh or a primitive"
             raise error_at(geom, f"geom `{geom.get('name')}`: a {kind} of a mesh is not read", hint)
-        pose = self.links.in_link(body, _pose(self.full.geom_pos, self.full.geom_quat, index))
-        kept = {k: v for k, v in said.items() if k not in _PLACING and k not in _MASS}
+        pose = self.links.in_link(body, self.source.pose_of("geom", str(geom.get("name"))))
+        kept = leftover(said, _PLACING)
         if kept.pop("material", None):
-            kept["rgba"] = _words(self._colour(index))
-        size = _words(self.full.geom_size[index])
+            kept["rgba"] = words(self._colour(index))
+        size = words(self.full.geom_size[index])
         element = body_element("geom", str(geom.get("name")), pose, {**kept, "size": size})
         self.geoms.mjcf_only.append(MjcfOnly("body", element, body))
 
@@ -162,54 +158,38 @@ class _Reader:
             hint = "write the turned mesh into a file of its own"
             raise error_at(element, f"mesh `{name}`: turned, then scaled unevenly", hint)
         offset = rotation_of(turn) @ [-v * s for v, s in zip(p, scale, strict=True)]
-        if set(said) & _LOST_OF_MESH:
-            self._lost(element, sorted(set(said) & _LOST_OF_MESH))
+        if lost := tuple(sorted(set(said) & _LOST_OF_MESH)):
+            message = f"{', '.join(f'`{a}`' for a in lost)} of mesh `{element.get('name')}` was "
+            message += f"left out ({where_of(element)})"
+            hint = "our meshes are converted: their normals and hulls are made anew"
+            data: Data = {"element": "mesh", "attributes": lost}
+            finding = DROPPED(f"mesh {element.get('file')}", message, hint, data=data)
+            if finding not in self.geoms.findings:
+                self.geoms.findings.append(finding)
         return Mesh(str(element.get("file")), vec3(scale)), Pose(vec3(offset), turn)
-
-    def _lost(self, element: _Element, attributes: list[str]) -> None:
-        finding = DROPPED(
-            f"mesh {element.get('file')}",
-            f"{', '.join(f'`{a}`' for a in attributes)} of mesh `{element.get('name')}` was "
-            f"left out ({where_of(element)})",
-            "our meshes are converted: their normals and hulls are made anew",
-            data={"element": "mesh", "attributes": tuple(attributes)},
-        )
-        if finding not in self.geoms.findings:
-            self.geoms.findings.append(finding)
 
     def _colour(self, index: int) -> tuple[float, float, float, float]:
         """As MuJoCo draws it: the geom's own colour unless that is the default."""
-        r, g, b, a = (round(float(v), 7) for v in self.full.geom_rgba[index])
-        material = int(self.full.geom_matid[index])
-        if material >= 0 and (r, g, b, a) == DEFAULT_RGBA:
-            r, g, b, a = (round(float(v), 7) for v in self.full.mat_rgba[material])
-        return (r, g, b, a)
+        own, material = _rgba(self.full.geom_rgba[index]), int(self.full.geom_matid[index])
+        return own if material < 0 or own != DEFAULT_RGBA else _rgba(self.full.mat_rgba[material])
 
     def _material(self, said: Mapping[str, str], index: int) -> str | None:
         """The material of a visual geom; a colour of its own makes one."""
         colour, look = self._colour(index), self.looks.get(said.get("material", ""))
-        if look is None:
-            if "rgba" not in said:
-                return None
-            name = "rgba_" + "_".join(f"{round(v * 255):d}" for v in colour)
-            self.geoms.materials.setdefault(name, Material(name, colour))
-            return name
-        name = str(look.get("name"))
-        known = self._look(look, name)
-        if known.rgba != colour:
-            name = name + "_" + "_".join(f"{round(v * 255):d}" for v in colour)
-            self.geoms.materials.setdefault(name, replace(known, name=name, rgba=colour))
-            return name
+        if look is None and "rgba" not in said:
+            return None
+        known = self._look(look, str(look.get("name"))) if look is not None else Material("rgba")
+        if look is not None and known.rgba == colour:
+            return known.name
+        name = "_".join((known.name, *(f"{round(v * 255):d}" for v in colour)))
+        self.geoms.materials.setdefault(name, replace(known, name=name, rgba=colour))
         return name
 
     def _look(self, look: _Element, name: str) -> Material:
         if name in self.geoms.materials:
             return self.geoms.materials[name]
         said = self.classes.attributes(look)
-        r, g, b, a = (
-            round(float(v), 7) for v in self.full.mat_rgba[int(self.full.material(name).id)]
-        )
-        more = leftover(said, frozenset({"rgba", "texture"}))
+        more = leftover(said, keys("rgba texture"))
         if more:
             only = MjcfOnly("material", attributes_of("material", more), name)
             self.geoms.mjcf_only.append(only)
@@ -217,10 +197,20 @@ class _Reader:
         layers = look.find("layer")
         file = picture.get("file") if picture is not None else None
         if layers is not None or (picture is not None and file is None):
-            self.geoms.findings.append(_unpictured(look))
-        material = Material(name, (r, g, b, a), file)
+            message = f"the made or layered picture of material `{name}` was left out; its colour "
+            message += "stays"
+            hint = "give the material a `texture` with a PNG file"
+            data: Data = {"element": "texture", "count": 1}
+            self.geoms.findings.append(DROPPED(f"material {name}", message, hint, data=data))
+        material = Material(name, _rgba(self.full.material(name).rgba), file)
         self.geoms.materials[name] = material
         return material
+
+
+def _rgba(values: Any) -> tuple[float, float, float, float]:  # Any: a row of the model
+    """As the source states it, without the noise of single precision."""
+    r, g, b, a = (round(float(v), 7) for v in values)
+    return (r, g, b, a)
 
 
 def contact_of(model: Model, index: int) -> Contact:
@@ -241,8 +231,7 @@ def contact_of(model: Model, index: int) -> Contact:
     )
 
 
-_PLACING = keys("pos quat fromto euler axisangle xyaxes zaxis size")
-_MASS = keys("mass density shellinertia")
+_PLACING = keys("pos quat fromto euler axisangle xyaxes zaxis size mass density shellinertia")
 _LOST_OF_MESH = keys("maxhullvert smoothnormal octree_maxdepth")
 
 
@@ -259,10 +248,6 @@ def _primitive(kind: int, size: Vec3) -> Geometry:
 
 def _numbers(said: Mapping[str, str], key: str, default: tuple[float, ...]) -> tuple[float, ...]:
     return tuple(float(word) for word in said[key].split()) if key in said else default
-
-
-def _words(values: Any) -> str:  # Any: an array of the model
-    return " ".join(repr(float(v)).removesuffix(".0") for v in values)
 
 
 def _scenery(geom: _Element, classes: Classes) -> Finding:
@@ -286,14 +271,4 @@ def _drawn(names: list[str], *, alone: bool) -> Finding:
         'to see it there, repeat the geom in the MJCF with `contype="0" conaffinity="0" group="2"`',
         severity="warning" if alone else "info",
         data={"geoms": len(names)},
-    )
-
-
-def _unpictured(look: _Element) -> Finding:
-    return DROPPED(
-        f"material {look.get('name')}",
-        f"the made or layered picture of material `{look.get('name')}` was left out; its colour "
-        "stays",
-        "give the material a `texture` with a PNG file",
-        data={"element": "texture", "count": 1},
     )

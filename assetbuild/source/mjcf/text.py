@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 AT = "_at"
 """Attribute that carries `file:line` of an element while it is worked on."""
-BODY_PARTS = ("joint", "freejoint", "geom", "site", "camera", "light", "inertial")
+WORLD = "world"
 SPATIAL = ("body", "frame")
 _DEFAULT_TAG = {"spatial": "tendon", "fixed": "tendon", "freejoint": None}
 """Element -> the element of `<default>` that speaks for it, where the two differ."""
@@ -38,6 +38,11 @@ def error_at(element: _Element, message: str, hint: str = "") -> SourceError:
     return SourceError(message, where=where_of(element), hint=hint)
 
 
+def own_attributes(element: _Element) -> dict[str, str]:
+    """What an element itself says, its name and class among it."""
+    return {str(key): str(value) for key, value in element.attrib.items() if key != AT}
+
+
 def parts(body: _Element, *tags: str) -> Iterator[_Element]:
     """A body's own elements of these kinds, in file order; those in `<frame>`s too."""
     waiting = list(body.iterchildren("*"))[::-1]
@@ -50,8 +55,8 @@ def parts(body: _Element, *tags: str) -> Iterator[_Element]:
 
 
 def bodies(world: _Element) -> Iterator[tuple[_Element, str]]:
-    """(body, name of its parent body or "world") of all bodies, depth first in file order."""
-    waiting = [(child, "world") for child in parts(world, "body")][::-1]
+    """(body, name of its parent body or `WORLD`) of all bodies, depth first in file order."""
+    waiting = [(child, WORLD) for child in parts(world, "body")][::-1]
     while waiting:
         body, parent = waiting.pop()
         yield body, parent
@@ -77,8 +82,7 @@ class Classes:
                 own[tag] = {**attributes, **own.get(tag, {})}
             for child in node.iterchildren("*"):
                 if child.tag != "default":
-                    stated = {str(k): str(v) for k, v in child.attrib.items() if k != AT}
-                    own[str(child.tag)] = {**own.get(str(child.tag), {}), **stated}
+                    own[str(child.tag)] = {**own.get(str(child.tag), {}), **own_attributes(child)}
             for child in node.iterchildren("default"):
                 if not child.get("class"):
                     raise error_at(child, "a <default> inside another without a `class`")
@@ -95,10 +99,8 @@ class Classes:
         if name not in self._said:
             raise error_at(element, f"no default class `{name}`")
         said = self._said[name].get(default_tag, {}) if default_tag else {}
-        stated = {
-            str(k): str(v) for k, v in element.attrib.items() if k not in (AT, "class", "name")
-        }
-        return {**said, **stated}
+        stated = own_attributes(element).items()
+        return said | {key: value for key, value in stated if key not in ("class", "name")}
 
 
 def _child_class(element: _Element) -> str:

@@ -72,30 +72,25 @@ class ExpandXacro(Step):
             "packages": self.packages,
         }
         path = json.dumps([os.path.abspath(p) for p in sys.path if p])  # noqa: PTH100
-        child = subprocess.Popen(
-            [sys.executable, "-P", "-s", "-c", PROGRAM, path],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            env=_bare_environment(),
-        )
         try:
-            out, err = child.communicate(json.dumps(job).encode(), timeout=SECONDS)
+            child = subprocess.run(
+                [sys.executable, "-P", "-s", "-c", PROGRAM, path],
+                input=json.dumps(job).encode(),
+                capture_output=True,
+                env=_bare_environment(),
+                timeout=SECONDS,
+            )
         except subprocess.TimeoutExpired:
             raise SourceError(
                 f"the expansion took more than {SECONDS:g} s and was stopped",
                 where=Where(self.file),
                 hint="does a macro or an expression loop without end?",
             ) from None
-        finally:
-            if child.poll() is None:
-                child.kill()
-                child.communicate()
-        if child.returncode != 0 or not out:
-            last = err.decode("utf-8", "replace").strip().rpartition("\n")[2][:300]
+        if child.returncode != 0 or not child.stdout:
+            last = child.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2][:300]
             reason = last or f"it ended with code {child.returncode}"
             raise SourceError(f"the expansion died: {reason}", where=Where(self.file))
-        answer: dict[str, Any] = json.loads(out)  # Any: JSON
+        answer: dict[str, Any] = json.loads(child.stdout)  # Any: JSON
         return answer
 
     def _error(self, answer: dict[str, Any]) -> SourceError:  # Any: JSON

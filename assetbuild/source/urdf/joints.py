@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import cast, get_args
 
 from assetbuild.errors import did_you_mean
-from assetbuild.findings import Finding, Rule, Scalar
+from assetbuild.findings import Data, Finding, Rule
 from assetbuild.robot.model import Base, Body, Joint, JointKind, Limits, Mimic, Tree
 from assetbuild.robot.pose import Vec3, vec3
 from assetbuild.robot.tree import depth_first
@@ -148,7 +148,7 @@ def _read_axis(node: Node, kind: str) -> tuple[Vec3, list[Finding]]:
         return unit, []
     message = f"axis `{element.get('xyz')}` has length {norm:.6g} and was normalised"
     hint = "write a unit vector"
-    data: dict[str, Scalar | tuple[Scalar, ...]] = {"axis": axis, "norm": norm}
+    data: Data = {"axis": axis, "norm": norm}
     return unit, [AXIS_NORMALISED(node.subject, message, hint, data=data)]
 
 
@@ -162,24 +162,15 @@ def _read_limits(node: Node, kind: str) -> tuple[Limits, list[Finding]]:
                 + (", or make it `continuous`" if kind == "revolute" else ""),
             )
         return Limits(), []
-    lower, upper, effort, velocity = (
-        element.optional(name) for name in ("lower", "upper", "effort", "velocity")
-    )
-    for name, value in (("effort", effort), ("velocity", velocity)):
-        if value is not None and value < 0.0:
-            raise element.error(f"limit {name} is {value!r}, it cannot be negative")
+    lower, upper = element.optional("lower"), element.optional("upper")
+    effort, velocity = element.not_negative("effort"), element.not_negative("velocity")
     if kind == "continuous":
         findings = _ignored_range(node, lower, upper)
         return Limits(None, None, effort, velocity), findings
     if kind not in ("revolute", "prismatic"):
         return Limits(), []
-    missing = [
-        name
-        for name, value in (
-            ("lower", lower), ("upper", upper), ("effort", effort), ("velocity", velocity)
-        )
-        if value is None
-    ]  # fmt: skip
+    stated = {"lower": lower, "upper": upper, "effort": effort, "velocity": velocity}
+    missing = [name for name, value in stated.items() if value is None]
     limits = Limits(lower or 0.0, upper or 0.0, effort, velocity)
     return limits, _omitted(node, missing) if missing else []
 
@@ -211,11 +202,7 @@ def _read_dynamics(node: Node) -> tuple[float | None, float | None]:
     element = node.only("dynamics")
     if element is None:
         return None, None
-    damping, friction = element.optional("damping"), element.optional("friction")
-    for name, value in (("damping", damping), ("friction", friction)):
-        if value is not None and value < 0.0:
-            raise element.error(f"dynamics {name} is {value!r}, it cannot be negative")
-    return damping, friction
+    return element.not_negative("damping"), element.not_negative("friction")
 
 
 def _read_mimic(node: Node, name: str, joint_names: set[str]) -> Mimic | None:
@@ -264,12 +251,10 @@ def _hold_followers(
         return None if at is None else joint.mimic.offset + joint.mimic.multiplier * at
 
     for joint in joints:
-        if (
-            joint.mimic is not None
-            and joint.kind != "fixed"
-            and (at := position(joint)) is not None
-        ):
-            held[joint.name] = at + 0.0
+        if joint.mimic is not None and joint.kind != "fixed":
+            at = position(joint)
+            if at is not None:
+                held[joint.name] = at + 0.0
     findings = [
         MIMIC_FIXED(
             f"joint {name}",

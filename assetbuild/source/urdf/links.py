@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import posixpath
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -172,7 +173,7 @@ def _drawn_as_nothing(visual: Node) -> Finding:
 
 
 def _read_geometry(node: Node, paths: Paths, uses: dict[str, FileUse]) -> Geometry:
-    children = [Node(child, node.file, node.subject) for child in node.element.iterchildren("*")]
+    children = node.all("*")
     if len(children) != 1:
         raise node.error(f"<geometry> needs one shape, found {len(children)}")
     shape = children[0]
@@ -188,10 +189,9 @@ def _read_geometry(node: Node, paths: Paths, uses: dict[str, FileUse]) -> Geomet
         return Box(_box_size(shape))
     if shape.tag == "sphere":
         return Sphere(shape.positive("radius"))
-    if shape.tag == "cylinder":
-        return Cylinder(shape.positive("radius"), shape.positive("length"))
-    if shape.tag == "capsule":
-        return Capsule(shape.positive("radius"), shape.positive("length"))
+    if shape.tag in ("cylinder", "capsule"):
+        kind = Cylinder if shape.tag == "cylinder" else Capsule
+        return kind(shape.positive("radius"), shape.positive("length"))
     tags = ("box", "sphere", "cylinder", "capsule", "mesh")
     raise shape.error(f"unknown geometry <{shape.tag}>", did_you_mean(shape.tag, tags))
 
@@ -277,16 +277,9 @@ class _Palette:
 
     def _renamed(self, look: Material, told: bool) -> Material:
         """The look under the next free name, or under the one that it already got."""
-        number = 1
-        while True:
-            other = Material(f"{look.name}_{number}", look.rgba, look.texture)
-            known = self.materials.get(other.name)
-            if known == other:
-                return other
-            if known is None:
-                break
-            number += 1
-        if told:
+        others = (replace(look, name=f"{look.name}_{number}") for number in itertools.count(1))
+        other = next(o for o in others if self.materials.get(o.name) in (None, o))
+        if told and other.name not in self.materials:
             self.findings.append(
                 MATERIAL_CONFLICT(
                     f"material {look.name}",

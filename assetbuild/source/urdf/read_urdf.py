@@ -12,7 +12,7 @@ from pydantic import Field
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.codec import encode
-from assetbuild.robot.model import Base, Body, Joint, Tree
+from assetbuild.robot.model import Base, Joint, Tree
 from assetbuild.source.urdf.joints import build_tree, read_joint
 from assetbuild.source.urdf.links import Geometries, named, read_body, read_shapes
 from assetbuild.source.urdf.paths import Paths
@@ -71,7 +71,7 @@ class ReadUrdf(Step):
         root = parse(data, self.file)
         problems = Problems()
         links = list(named(root.all("link"), problems))
-        bodies = _read_bodies(links, problems)
+        bodies = problems.collect(links, read_body)
         geometries = read_shapes(root, links, Paths(self.file, self.packages), problems)
         joints, findings = _read_joints(root, dict(links), problems)
         name, unnamed = _robot_name(root)
@@ -100,27 +100,15 @@ class ReadUrdf(Step):
         return {"file": self.file, "lines": lines}
 
 
-def _read_bodies(links: list[tuple[str, Node]], problems: Problems) -> list[Body]:
-    bodies: list[Body] = []
-    for name, node in links:
-        with problems.kept():
-            bodies.append(read_body(name, node))
-    return bodies
-
-
 def _read_joints(
     root: Node, links: dict[str, Node], problems: Problems
 ) -> tuple[list[Joint], list[Finding]]:
     nodes = root.all("joint")
     names = {str(node.get("name")) for node in nodes}
-    joints: list[Joint] = []
-    findings: list[Finding] = []
-    for name, node in named(nodes, problems):
-        with problems.kept():
-            joint, told = read_joint(name, node, names, links)
-            joints.append(joint)
-            findings += told
-    return joints, findings
+    read = problems.collect(
+        named(nodes, problems), lambda name, node: read_joint(name, node, names, links)
+    )
+    return [joint for joint, _ in read], [finding for _, told in read for finding in told]
 
 
 def named_packages(urdf: bytes) -> dict[str, str]:
@@ -141,9 +129,8 @@ def _robot_name(root: Node) -> tuple[str, list[Finding]]:
 def _dropped(root: Node) -> Iterator[Finding]:
     """One finding for each kind of thing that the robot model has no place for."""
     for kind, (count, _) in homeless(root).items():
-        what = f"<{kind}>" if " of " not in kind else "attribute `{}` of <{}>".format(
-            *kind.split(" of ")
-        )  # fmt: skip
+        attribute, _, tag = kind.rpartition(" of ")
+        what = f"attribute `{attribute}` of <{tag}>" if attribute else f"<{kind}>"
         yield DROPPED(
             "robot",
             f"{what} was left out, {count} times" if count > 1 else f"{what} was left out",

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, TypeVar, cast
 from xml.parsers import expat
 
 from assetbuild.errors import SourceError, Where, did_you_mean
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
+
+T = TypeVar("T")
 
 MAX_BYTES = 64 * 1024 * 1024
 XACRO = ("http://www.ros.org/wiki/xacro", "http://ros.org/wiki/xacro", "http://wiki.ros.org/xacro")
@@ -110,6 +112,14 @@ class Node:
             raise self.error(f"{message}: `{_cut(found)}`", hint)
         return tuple(self._number(attribute, word) for word in words)
 
+    def not_negative(self, attribute: str) -> float | None:
+        """A finite number from zero up, or None without the attribute."""
+        value = self.optional(attribute)
+        if value is not None and value < 0.0:
+            message = f"{self.tag} {attribute} is {value!r}, it cannot be negative"
+            raise self.error(message)
+        return value
+
     def positive(self, attribute: str) -> float:
         """A finite number above zero."""
         value = self.number(attribute)
@@ -146,6 +156,14 @@ class Problems:
             yield
         except SourceError as error:
             self.found.append(error)
+
+    def collect(self, nodes: Iterable[tuple[str, Node]], read: Callable[[str, Node], T]) -> list[T]:
+        """What each named element gives; the error of one leaves the others alone."""
+        found = []
+        for name, node in nodes:
+            with self.kept():
+                found.append(read(name, node))
+        return found
 
     def raise_first(self) -> None:
         """Raise the error with the lowest line, if there is one."""

@@ -91,7 +91,7 @@ class RobotXml:
         roles = {role: names.take(role) for role in ("visual", "collision")}
         self.defaults: Defaults = find_defaults(self.robot_class, self.rows, names)
         self.uses: dict[str, Use] = uses(self.defaults)
-        self.placed = _placed(tree, shapes)
+        self.placed = {shape.name: tree.shape_placement(shape) for shape in shapes.shapes}
         poses = {name: pose for name, (_, pose) in self.placed.items()}
         self.geoms = Geoms(shapes, control, roles, names, poses)
         self.cameras = cameras_by_body(tree, control)
@@ -417,15 +417,6 @@ def depth_first(tree: Tree) -> tuple[str, ...]:
         order.append(name)
         waiting += reversed(children.get(name, []))
     return tuple(order)
-
-
-def _placed(tree: Tree, shapes: Shapes) -> dict[str, tuple[str, Pose]]:
-    """(body, X_body_shape) by the shape's name."""
-    found = {}
-    for shape in shapes.shapes:
-        body, X_body_link = tree.placement(shape.link)
-        found[shape.name] = body, X_body_link @ shape.X_link_shape
-    return found
 
 
 def _position(pose: Pose) -> str | None:

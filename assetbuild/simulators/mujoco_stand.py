@@ -1,0 +1,168 @@
+"""A robot that holds a keyframe on the floor of a scene, in MuJoCo."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from assetbuild.errors import StepError
+from assetbuild.robot.pose import Array
+from assetbuild.simulators.mujoco import (
+    Data,
+    Model,
+    at_key,
+    caught_warnings,
+    collision_geoms,
+    driven_joint,
+    floors,
+    is_finite,
+    largest_force,
+    name_of,
+    overlaps,
+    turning,
+)
+
+
+@dataclass(frozen=True)
+class Gains:
+    """A PD law outside the simulator. effort: N m or N, None = unlimited."""
+
+    kp: float
+    kd: float
+    effort: float | None = None
+
+
+@dataclass(frozen=True)
+class Stand:
+    """What a robot did that held a keyframe on the floor. Names are of geoms and joints.
+
+    gap_m: lowest point over the floor at the start, by collision geom, m.
+    sag_m: base lower than at the start; tilt_rad: of the base's z axis; drift_m: sideways.
+    touching, touched: geoms on the floor at the end, and at any time.
+    overlapping: pairs of the robot's own geoms in contact at the start, with depth in m.
+    joint_sag: target minus position at the end, rad or m; load: |torque| / effort at the end.
+    """
+
+    seconds: float
+    finite: bool
+    warnings: tuple[str, ...]
+    height_m: float
+    gap_m: Mapping[str, float]
+    sag_m: float
+    tilt_rad: float
+    drift_m: float
+    touching: tuple[str, ...]
+    touched: tuple[str, ...]
+    overlapping: Mapping[tuple[str, str], float]
+    joint_sag: Mapping[str, float]
+    load: Mapping[str, float]
+
+
+def stand(
+    model: Model, keyframe: str, seconds: float, external: Mapping[str, Gains] | None = None
+) -> Stand:
+    """Holds a keyframe of a scene with a floor (a plane of the world at z = 0) for a while.
+
+    external: PD laws by joint name, for joints whose actuator is a plain torque motor.
+    Raises StepError when there is no such keyframe or no floor.
+    """
+    import mujoco
+
+    key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, keyframe)
+    if key < 0:
+        raise StepError(f"the model has no keyframe `{keyframe}`")
+    if not floors(model):
+        raise StepError("the scene has no floor: no plane in its world")
+    floor = floors(model)[0]
+    with caught_warnings() as said:
+        data = at_key(model, key)
+        target = np.array(data.qpos)
+        gaps = {name_of(model, "geom", i): lowest_z(model, data, i) for i in collision_geoms(model)}
+        overlapping = overlaps(model, data, "geom")
+        X_start = np.array(data.xpos[1]), np.array(data.xmat[1]).reshape(3, 3)
+        touched: set[str] = set()
+        for _ in range(max(1, round(seconds / model.opt.timestep))):
+            _drive_outside(model, data, target, external or {})
+            mujoco.mj_step(model, data)
+            touched |= _on_floor(model, data, floor)
+        mujoco.mj_forward(model, data)
+        finite = is_finite(data)
+    turned = X_start[1].T @ np.array(data.xmat[1]).reshape(3, 3)
+    moved = np.array(data.xpos[1]) - X_start[0]
+    places = {name_of(model, "joint", j): int(model.jnt_qposadr[j]) for j in turning(model)}
+    return Stand(
+        seconds=float(data.time),
+        finite=finite,
+        warnings=tuple(said),
+        height_m=float(X_start[0][2]),
+        gap_m=gaps,
+        sag_m=-float(moved[2]),
+        tilt_rad=math.acos(max(-1.0, min(1.0, float(turned[2, 2])))),
+        drift_m=math.hypot(float(moved[0]), float(moved[1])),
+        touching=tuple(sorted(_on_floor(model, data, floor))),
+        touched=tuple(sorted(touched)),
+        overlapping=overlapping,
+        joint_sag={name: float(target[q] - data.qpos[q]) for name, q in places.items()},
+        load=_load(model, data),
+    )
+
+
+def lowest_z(model: Model, data: Data, geom: int) -> float:
+    """World z of the lowest point of a sphere, capsule, cylinder, ellipsoid, box or mesh, m."""
+    import mujoco
+
+    kinds = mujoco.mjtGeom
+    kind, size = int(model.geom_type[geom]), np.array(model.geom_size[geom])
+    z = float(data.geom_xpos[geom][2])
+    down = np.array(data.geom_xmat[geom]).reshape(3, 3)[2]  # world z in the axes of the geom
+    if kind == kinds.mjGEOM_SPHERE:
+        return z - float(size[0])
+    if kind == kinds.mjGEOM_CAPSULE:
+        return z - float(size[0] + size[1] * abs(down[2]))
+    if kind == kinds.mjGEOM_CYLINDER:
+        return z - float(size[0] * math.hypot(down[0], down[1]) + size[1] * abs(down[2]))
+    if kind == kinds.mjGEOM_BOX:
+        return z - float(size @ np.abs(down))
+    if kind == kinds.mjGEOM_ELLIPSOID:
+        return z - float(np.linalg.norm(size * down))
+    if kind == kinds.mjGEOM_MESH:
+        mesh = int(model.geom_dataid[geom])
+        first = int(model.mesh_vertadr[mesh])
+        vertices = model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])]
+        return z + float((vertices @ down).min())
+    raise StepError(f"no lowest point of a geom of type {kind}")
+
+
+def _on_floor(model: Model, data: Data, floor: int) -> set[str]:
+    touching = [{int(c.geom1), int(c.geom2)} for c in data.contact[: data.ncon]]
+    others = set().union(*(pair for pair in touching if floor in pair)) - {floor}
+    return {name_of(model, "geom", geom) for geom in others}
+
+
+def _drive_outside(model: Model, data: Data, target: Array, external: Mapping[str, Gains]) -> None:
+    """What a controller with these gains would command before this step."""
+    if not external:
+        return
+    for actuator in range(model.nu):
+        joint = int(model.actuator_trnid[actuator, 0])
+        gains = external.get(name_of(model, "joint", joint))
+        if gains is None:
+            continue
+        q, v = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+        torque = gains.kp * (target[q] - data.qpos[q]) - gains.kd * data.qvel[v]
+        if gains.effort is not None:
+            torque = max(-gains.effort, min(gains.effort, torque))
+        data.ctrl[actuator] = torque
+
+
+def _load(model: Model, data: Data) -> dict[str, float]:
+    load = {}
+    for actuator in range(model.nu):
+        limit = largest_force(model, actuator)
+        if limit:
+            force = abs(float(data.actuator_force[actuator]))
+            load[driven_joint(model, actuator)] = force / limit
+    return load
