@@ -15,7 +15,7 @@ from assetbuild.errors import AssetBuildError
 if TYPE_CHECKING:
     from assetbuild.cli.outputs import EventLog
     from assetbuild.engine.execute import Event
-    from assetbuild.pipeline import Outcome, Request
+    from assetbuild.pipeline.building import Outcome, Request
 
 HELP = "build the bundle; only stale steps run"
 
@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
 def requests_of(arguments: argparse.Namespace) -> list[Request]:
     """One for each recipe. UsageError when the arguments do not fit together."""
     from assetbuild.errors import UsageError
-    from assetbuild.pipeline import Request
+    from assetbuild.pipeline.building import Request
 
     if arguments.cache_write and not arguments.remote:
         raise UsageError("`--cache-write` needs `--remote`: where to?")
@@ -139,7 +139,7 @@ def build_and_print(
 
 def _build_shown(requests: list[Request], log: EventLog) -> list[Outcome]:
     from assetbuild.cli.progress import progress
-    from assetbuild.pipeline import build_all
+    from assetbuild.pipeline.building import build_all
 
     name = requests[0].recipe.name if len(requests) == 1 else "assetbuild"
     with progress(name) as shown:

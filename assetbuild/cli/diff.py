@@ -84,7 +84,7 @@ def _built(recipe: Path, name: str, folder: Path) -> Snapshot:
     from dataclasses import replace
 
     from assetbuild.cli.progress import progress
-    from assetbuild.pipeline import Request, build
+    from assetbuild.pipeline.building import Request, build
     from assetbuild.report.snapshot import bundle_snapshot
 
     with progress(recipe.name) as shown:

@@ -27,11 +27,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Print the explanations; 0, or 2 for an unknown step."""
     from assetbuild.engine.explain import explain
     from assetbuild.errors import UsageError, did_you_mean
-    from assetbuild.pipeline.opening import opened, planned
+    from assetbuild.pipeline.opening import looked_at
 
-    loaded, lock, session = opened(arguments.recipe, arguments.variant)
-    with session:
-        graph, _, whole = planned(loaded, lock, session)
+    with looked_at(arguments.recipe, arguments.variant) as look:
+        graph, session = look.done.graph, look.session
         if arguments.step is not None and arguments.step not in graph.nodes:
             hint = did_you_mean(arguments.step, graph.nodes)
             raise UsageError(f"no step `{arguments.step}`", hint=hint)
@@ -42,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     for line in told_of_all(found) if arguments.step is None else [found[0].to_text()]:
         print(line)
-    if not whole:
+    if not look.done.whole:
         print("the graph goes on once the stale steps are built", file=sys.stderr)
     return 0
 
@@ -58,15 +57,14 @@ def told_of_all(found: Sequence[Explanation]) -> list[str]:
 def print_stale(recipe: Path, variant: str | None) -> int:
     """What a build would run, and why; nothing is run."""
     from assetbuild.engine.explain import explain
-    from assetbuild.pipeline.opening import opened, planned
+    from assetbuild.pipeline.opening import looked_at
 
-    loaded, lock, session = opened(recipe, variant)
-    with session:
-        graph, _, whole = planned(loaded, lock, session)
-        found = [explain(graph, session, label) for label in graph.nodes]
+    with looked_at(recipe, variant) as look:
+        graph = look.done.graph
+        found = [explain(graph, look.session, label) for label in graph.nodes]
     stale = [explanation for explanation in found if explanation.state != "up to date"]
     for explanation in stale:
         print(explanation.to_text())
-    more = "" if whole else ", and what follows from them"
+    more = "" if look.done.whole else ", and what follows from them"
     print(f"{recipe}: {len(stale)} of {len(found)} steps would run{more}")
     return 0

@@ -7,14 +7,16 @@ parsed to find it: the very same command, run again, is answered by `stat` alone
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 from collections.abc import Sequence
+from pathlib import Path
 
 from assetbuild.engine import null
 from assetbuild.engine.digest import digest_file
 from assetbuild.engine.folders import cache_root
-from assetbuild.pipeline import Outcome
+from assetbuild.engine.publish import OWN_FILES
+from assetbuild.pipeline.building import Outcome
+from assetbuild.pipeline.bundling import manifest_of
 
 
 def remember(argv: Sequence[str], outcomes: Sequence[Outcome], summary: str) -> None:
@@ -22,7 +24,7 @@ def remember(argv: Sequence[str], outcomes: Sequence[Outcome], summary: str) -> 
     files: dict[str, str] = {}
     for outcome in outcomes:
         files |= outcome.read
-        files |= _bundle_files(outcome)
+        files |= {} if outcome.out is None else _bundle_files(outcome.out)
     options = options_of(argv)
     with contextlib.suppress(OSError):
         null.write(
@@ -37,16 +39,10 @@ def remember(argv: Sequence[str], outcomes: Sequence[Outcome], summary: str) -> 
         )
 
 
-def _bundle_files(outcome: Outcome) -> dict[str, str]:
+def _bundle_files(bundle: Path) -> dict[str, str]:
     """Path -> sha256 of every file of the bundle."""
-    if outcome.out is None:
-        return {}
-    manifest = json.loads((outcome.out / "manifest.json").read_bytes())
-    files = {str(outcome.out / row["path"]): str(row["sha256"]) for row in manifest["files"]}
-    for name in ("manifest.json", "provenance.json"):
-        path = str(outcome.out / name)
-        files[path] = digest_file(path)
-    return files
+    own = {name: digest_file(bundle / name) for name in OWN_FILES}
+    return {str(bundle / name): digest for name, digest in (manifest_of(bundle) | own).items()}
 
 
 def options_of(argv: Sequence[str]) -> str:

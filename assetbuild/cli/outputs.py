@@ -16,7 +16,7 @@ from assetbuild.errors import AssetBuildError, MachineError
 from assetbuild.report.summary import public_message, summary
 
 if TYPE_CHECKING:
-    from assetbuild.pipeline import Outcome
+    from assetbuild.pipeline.building import Outcome
 
 
 @contextmanager

@@ -9,7 +9,6 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
 
 from assetbuild.cli.public import shown_seconds
 from assetbuild.engine.execute import Event
@@ -18,38 +17,14 @@ SLOW_S = 2.0
 """Steps that took longer leave a line of their own."""
 
 
-class Progress(Protocol):
-    """Told of each event of a build, and of what the pipeline says meanwhile."""
-
-    def on_event(self, event: Event) -> None:
-        """A step began or ended."""
-        ...
-
-    def say(self, text: str) -> None:
-        """A line for the user."""
-        ...
-
-
-@contextmanager
-def progress(name: str) -> Iterator[Progress]:
-    """Live on a terminal; plain lines in CI, in files and where `NO_COLOR` asks for them."""
-    live = sys.stderr.isatty() and not os.environ.get("CI") and os.environ.get("TERM") != "dumb"
-    shown = LiveProgress(name) if live else PlainProgress(name)
-    try:
-        yield shown
-    finally:
-        if isinstance(shown, LiveProgress):
-            shown.end()
-
-
-class PlainProgress:
-    """One line for each step that ran."""
+class Progress:
+    """Told of each event of a build and of what is said; a line for each step that ran."""
 
     def __init__(self, name: str) -> None:
         self._name = name
 
     def on_event(self, event: Event) -> None:
-        """See `Progress`."""
+        """A step began or ended."""
         result = event.result
         if event.kind == "finished" and result is not None and result.status in ("ran", "failed"):
             counted = f"[{event.done}/{event.total}]"
@@ -57,8 +32,22 @@ class PlainProgress:
             self.say(f"{counted} {result.status:6} {event.label}  {seconds}".rstrip())
 
     def say(self, text: str) -> None:
-        """See `Progress`."""
+        """A line for the user."""
         print(f"{self._name}: {text}", file=sys.stderr, flush=True)
+
+    def end(self) -> None:
+        """Nothing is shown any more."""
+
+
+@contextmanager
+def progress(name: str) -> Iterator[Progress]:
+    """Live on a terminal; plain lines in CI, in files and where `NO_COLOR` asks for them."""
+    live = sys.stderr.isatty() and not os.environ.get("CI") and os.environ.get("TERM") != "dumb"
+    shown = LiveProgress(name) if live else Progress(name)
+    try:
+        yield shown
+    finally:
+        shown.end()
 
 
 @dataclass(frozen=True)
@@ -70,11 +59,11 @@ class _Running:
     waiting: int
 
 
-class LiveProgress:
+class LiveProgress(Progress):
     """One line that is written over: how far, what runs and for how long, what waits for it."""
 
     def __init__(self, name: str) -> None:
-        self._name = name
+        super().__init__(name)
         self._running: dict[str, _Running] = {}
         self._done = self._total = self._width = 0
         self._turn = threading.Lock()
@@ -101,7 +90,7 @@ class LiveProgress:
         """See `Progress`."""
         with self._turn:
             self._wipe()
-            print(f"{self._name}: {text}", file=sys.stderr, flush=True)
+            super().say(text)
 
     def end(self) -> None:
         """Wipe the line; nothing is drawn any more."""

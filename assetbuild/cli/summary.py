@@ -12,7 +12,7 @@ from pathlib import PurePosixPath
 from assetbuild.cli import print_error
 from assetbuild.cli.public import shown_message, shown_next_step, shown_seconds
 from assetbuild.findings import SEVERITIES, Finding, is_consequence
-from assetbuild.pipeline import Outcome
+from assetbuild.pipeline.building import Outcome
 from assetbuild.report.document import Report
 
 SHOWN_RULES = 12

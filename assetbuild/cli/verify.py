@@ -19,11 +19,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print each difference; 0 when there is none, 1, or 3 when the store cannot tell."""
+    from assetbuild.pipeline.bundling import manifest_of
     from assetbuild.pipeline.verifying import (
         against_manifest,
         against_provenance,
         against_recipe,
-        manifest_of,
     )
 
     bundle: Path = arguments.bundle

@@ -14,7 +14,7 @@ from assetbuild.engine.digest import digest_file
 from assetbuild.errors import AssetBuildError
 
 if TYPE_CHECKING:
-    from assetbuild.pipeline import Request
+    from assetbuild.pipeline.building import Request
 
 HELP = "build, and again whenever the recipe or a source changes; Ctrl-C ends it"
 

@@ -10,7 +10,8 @@ from assetbuild.compose.compose_parts import ComposeParts, PartOn, part_path
 from assetbuild.compose.composed_control import KeyOf
 from assetbuild.compose.merging import Composed, composed, left_out, pose_of, pose_rows
 from assetbuild.compose.names import HOME, Member
-from assetbuild.engine.graph import Planner, Ref
+from assetbuild.engine.graph import Ref
+from assetbuild.engine.planner import Planner
 from assetbuild.errors import did_you_mean
 from assetbuild.geometry.plan import Geometry
 from assetbuild.recipe.loader import LoadedRecipe

@@ -45,14 +45,13 @@ class Ended:
     """How the process of one step ended.
 
     status: as `os.wait` gives it; None when it never ran. over: `wall` when it was killed for
-    running over its time, or why it could not start. log: last lines of a dead worker's log.
+    running over its time, or why it could not start. log: last line of a dead worker's log.
     attempts: processes that it took.
     """
 
     status: int | None
     wall_s: float = 0.0
     cpu_s: float = 0.0
-    max_rss_mb: int = 0
     over: str = ""
     log: str = ""
     attempts: int = 1
@@ -98,7 +97,7 @@ class Children:
                 raise CancelledError
             if ended is not None:
                 return ended
-            log = worker.log_tail()
+            log = last_line(worker.log)
         return Ended(status=worker.process.poll(), over="worker", log=log)
 
     def _worker(self, kind: Kind) -> Worker:
@@ -206,13 +205,6 @@ class Worker:
                 os.killpg(pid, signal.SIGKILL)
         self._groups.clear()
 
-    def log_tail(self) -> str:
-        """The last line that the worker's imports printed."""
-        with suppress(OSError):
-            lines = self.log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-            return lines[-1] if lines else ""
-        return ""
-
     def ask_to_leave(self) -> None:
         """End its input: it kills its steps and ends."""
         with suppress(OSError):
@@ -250,3 +242,11 @@ def environment(kind: Kind, home: Path) -> dict[str, str]:
 def step_environment(step: Step, home: Path) -> dict[str, str]:
     """What the process of one step sets on top of its worker's environment."""
     return {"TMPDIR": str(home)} if step.network else {"TMPDIR": str(home), "HOME": str(home)}
+
+
+def last_line(log: Path) -> str:
+    """The last line of a log, cut short; nothing where there is none."""
+    with suppress(OSError):
+        lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        return lines[-1].strip()[:300] if lines else ""
+    return ""

@@ -1,54 +1,71 @@
 """What belongs to a running process: when it dies, however it dies, it is free.
 
 A claim is an advisory lock of the kernel on the folder or file itself, so nothing has to be
-unlocked after a kill.
+unlocked after a kill. Child processes end with their parent.
 """
 
 from __future__ import annotations
 
+import ctypes
 import fcntl
 import os
 import secrets
 import shutil
+import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+FOLDER = os.O_RDONLY | os.O_DIRECTORY
 LONGEST_PAUSE_S = 0.1
+PR_SET_PDEATHSIG = 1
 
 
 def claim_new_folder(parent: Path, prefix: str = "") -> tuple[Path, int]:
-    """Make `<parent>/<prefix><8 hex>` and claim it; the claim ends when the descriptor closes."""
-    while True:
-        folder = parent / f"{prefix}{secrets.token_hex(4)}"
-        folder.mkdir(parents=True)
-        descriptor = _claim(folder, without_locks=True)
-        if descriptor is not None:
-            return folder, descriptor
-
-
-def _claim(folder: Path, *, without_locks: bool = False) -> int | None:
-    """A descriptor that holds the claim, or None when another process has it or removed it.
+    """Make `<parent>/<prefix><8 hex>` and claim it; the claim ends when the descriptor closes.
 
     Some network file systems know no locks: there folders are made, and never swept.
     """
-    try:
-        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    except OSError:
-        return None
+    while True:
+        folder = parent / f"{prefix}{secrets.token_hex(4)}"
+        folder.mkdir(parents=True)
+        with suppress(FileNotFoundError):  # swept before it was claimed
+            try:
+                descriptor = _lock(folder, FOLDER)
+            except OSError:
+                descriptor = os.open(folder, FOLDER)
+            if descriptor is not None:
+                return folder, descriptor
+
+
+def _lock(path: Path, flags: int) -> int | None:
+    """A descriptor that holds the lock on this path; None when another has it or removed it.
+
+    OSError where locks are not known, or it cannot be opened.
+    """
+    descriptor = os.open(path, flags, 0o644)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if folder.stat().st_ino == os.fstat(descriptor).st_ino:
+        if path.stat().st_ino == os.fstat(descriptor).st_ino:
             return descriptor
     except (BlockingIOError, FileNotFoundError):
         pass
     except OSError:
-        if without_locks:
-            return descriptor
+        os.close(descriptor)
+        raise
     os.close(descriptor)
     return None
+
+
+def _claim(folder: Path) -> int | None:
+    """A descriptor that holds the folder; None when another process has it or removed it."""
+    try:
+        return _lock(folder, FOLDER)
+    except OSError:
+        return None
 
 
 def remove_abandoned(folders: Iterable[Path]) -> None:
@@ -107,7 +124,8 @@ class Turns:
         pause = 0.005
         while True:
             try:
-                descriptor = _lock_file(path)
+                path.parent.mkdir(exist_ok=True)
+                descriptor = _lock(path, os.O_RDWR | os.O_CREAT)
             except OSError:
                 return None
             if descriptor is not None or done() or time.monotonic() > deadline:
@@ -116,21 +134,10 @@ class Turns:
             pause = min(LONGEST_PAUSE_S, pause * 1.5)
 
 
-def _lock_file(path: Path) -> int | None:
-    """A descriptor that holds the lock on the file of this name; None when another has it.
-
-    OSError where locks are not known, or nothing can be written.
-    """
-    path.parent.mkdir(exist_ok=True)
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if path.stat().st_ino == os.fstat(descriptor).st_ino:
-            return descriptor
-    except (BlockingIOError, FileNotFoundError):
-        pass
-    except OSError:
-        os.close(descriptor)
-        raise
-    os.close(descriptor)
-    return None
+def die_with_parent(parent: int, how: signal.Signals) -> None:
+    """Ask the kernel to send a signal when the parent dies; leave at once if it has died."""
+    if sys.platform == "linux":
+        libc = ctypes.CDLL(None, use_errno=True)
+        libc.prctl(PR_SET_PDEATHSIG, int(how), 0, 0, 0)
+    if os.getppid() != parent:
+        os._exit(1)

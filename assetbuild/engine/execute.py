@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 from queue import SimpleQueue
 from typing import Literal
 
-from assetbuild.engine.graph import Graph, Ref
+from assetbuild.engine.graph import Graph
 from assetbuild.engine.make import Maker, NodeResult
-from assetbuild.engine.session import Resolver, Session
+from assetbuild.engine.processes import Processes
+from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step
-from assetbuild.engine.store import LostObjectError
 from assetbuild.errors import AssetBuildError
 
-__all__ = ["Event", "NodeResult", "execute", "first_error", "restore"]
+__all__ = ["Event", "NodeResult", "execute", "first_error"]
 
 
 @dataclass(frozen=True)
@@ -44,86 +41,48 @@ Listener = Callable[[Event], None]
 def execute(
     graph: Graph,
     session: Session,
+    runner: Processes | None = None,
     *,
     jobs: int | None = None,
     keep_going: bool = False,
     memory_mb: int | None = None,
     on_event: Listener | None = None,
+    maker: Callable[[Processes], Maker] | None = None,
 ) -> dict[str, NodeResult]:
     """Make every node; a result for each, in the order of the graph.
 
+    runner: where steps run; None = processes of this machine that end with this call.
     jobs: how many steps run at once; a step that declares more `cpus` takes as many places.
-    None = the cores of this process, or the places of its cluster. keep_going: after a failure,
-    still make everything that does not need the failed node; else only what runs is finished, and
-    steps of the failed one's kind where that is `all_told`.
+    None = the places of the runner. keep_going: after a failure, still make everything that does
+    not need the failed node; else only what runs is finished, and steps of the failed one's kind
+    where that is `all_told`.
     memory_mb: the memory that child processes may declare together; one always runs.
-    None = what this machine has left.
+    None = what the runner has left. maker: makes the nodes; None = from the store or freshly run.
     Errors of steps are in the results. KeyboardInterrupt passes, with all children killed.
     """
-    cluster = session.cluster
-    places = jobs if jobs and jobs > 0 else cluster.places if cluster else usable_cores()
-    memory = usable_memory_mb() if memory_mb is None else memory_mb
-    if cluster is not None:
-        memory = 1 << 40  # the workers' matter, not this machine's
-    tell = on_event or (lambda _: None)
-    return _Schedule(graph, session, places, memory, keep_going, tell).run()
-
-
-def usable_cores() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0)) or 1
-    return os.cpu_count() or 1
-
-
-def usable_memory_mb() -> int:
-    """Memory that this process and its children may still take, in MB."""
-    free_mb = [_available_mb()]
-    group = Path("/sys/fs/cgroup")
-    with suppress(OSError, ValueError):  # no control group, or `max`: no limit
-        limit, used = ((group / f"memory.{n}").read_text() for n in ("max", "current"))
-        free_mb.append((int(limit) - int(used)) >> 20)
-    return max(1, min(free_mb))
-
-
-def _available_mb() -> int:
-    with suppress(OSError, StopIteration):
-        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-        return int(next(x for x in lines if x.startswith("MemAvailable")).split()[1]) >> 10
-    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") >> 20
+    place = runner or Processes(session)
+    schedule = _Schedule(
+        graph,
+        maker(place) if maker else Maker(graph, session, place),
+        places=jobs if jobs and jobs > 0 else place.places,
+        memory_mb=place.memory_mb if memory_mb is None else memory_mb,
+        keep_going=keep_going,
+        tell=on_event or (lambda _: None),
+    )
+    try:
+        return schedule.run()
+    except BaseException:
+        place.close()
+        raise
+    finally:
+        if runner is None:
+            place.close()
+        session.save()
 
 
 def first_error(results: Mapping[str, NodeResult]) -> AssetBuildError | None:
     """The error of the first failed node in the order of the graph; None when all went well."""
     return next((r.error for r in results.values() if r.error is not None), None)
-
-
-def restore(
-    graph: Graph, session: Session, ref: Ref, dest: Path, *, jobs: int | None = None
-) -> None:
-    """Copy a built output to `dest`, verified; what the store lost is made again.
-
-    A file replaces `dest`; a folder needs `dest` absent or empty. StepError when it cannot be
-    made again.
-    """
-    for attempt in (1, 2, 3):
-        digest = Resolver(graph.nodes, session).digest(ref)
-        try:
-            if digest is None:
-                raise LostObjectError("", f"`{ref}` is not built")
-            put = session.store.restore_tree if ref.is_tree else session.store.restore
-            if ref.node:
-                return put(digest, dest)
-            session.object(digest)  # a source comes into the store first
-            return put(digest, dest)
-        except LostObjectError:
-            if attempt == 3:
-                raise
-            session.forget()
-            error = first_error(execute(graph, session, jobs=jobs))
-            if error is not None:
-                raise error from None
-    return None
 
 
 class _Schedule:
@@ -132,18 +91,18 @@ class _Schedule:
     def __init__(
         self,
         graph: Graph,
-        session: Session,
+        maker: Maker,
+        *,
         places: int,
         memory_mb: int,
         keep_going: bool,
         tell: Listener,
     ) -> None:
         self.graph = graph
-        self.session = session
+        self.maker = maker
         self.places = places
         self.keep_going = keep_going
         self.tell = tell
-        self.maker = Maker(graph, session)
         self.results: dict[str, NodeResult] = {}
         self.free = places
         self.memory_mb = memory_mb
@@ -152,10 +111,10 @@ class _Schedule:
         self.told: set[type[Step]] = set()
         self.missing = {label: set(graph.predecessors(label)) for label in graph.nodes}
         self.readers: dict[str, list[str]] = {label: [] for label in graph.nodes}
-        for label, makers in self.missing.items():
-            for maker in makers:
-                self.readers[maker].append(label)
-        self.ready = [label for label, makers in self.missing.items() if not makers]
+        for label, needed in self.missing.items():
+            for each in needed:
+                self.readers[each].append(label)
+        self.ready = [label for label, needed in self.missing.items() if not needed]
         self.work: SimpleQueue[str | None] = SimpleQueue()
         self.inbox: SimpleQueue[tuple[str, NodeResult | BaseException | None]] = SimpleQueue()
 
@@ -170,13 +129,9 @@ class _Schedule:
             while self.free < self.places:
                 self._take(*self.inbox.get())
                 self._start_what_fits()
-        except BaseException:
-            self.session.cancel()
-            raise
         finally:
             for _ in range(count):
                 self.work.put(None)
-            self.session.save()
         self.results |= self.maker.healed
         self._block_the_rest()
         return {label: self.results[label] for label in self.graph.nodes}
@@ -228,31 +183,25 @@ class _Schedule:
             step = type(self.graph.nodes[label].step)
             if step.all_told:
                 self.told.add(step)
-            self._block_readers(label, label)
+            for reader in self._behind(label):
+                if reader not in self.results:
+                    self._block(reader, f"`{label}` failed")
             return
         for reader in self.readers[label]:
             self.missing[reader].discard(label)
             if not self.missing[reader] and reader not in self.results:
                 self.ready.append(reader)
 
-    def _behind(self, label: str) -> set[str]:
-        """All that reads what this node makes, and so on."""
-        found: set[str] = set()
+    def _behind(self, label: str) -> dict[str, None]:
+        """All that reads what this node makes, and so on; each once."""
+        found: dict[str, None] = {}
         waiting = list(self.readers[label])
         while waiting:
             reader = waiting.pop()
             if reader not in found:
-                found.add(reader)
+                found[reader] = None
                 waiting += self.readers[reader]
         return found
-
-    def _block_readers(self, label: str, failed: str) -> None:
-        waiting = list(self.readers[label])
-        while waiting:
-            reader = waiting.pop()
-            if reader not in self.results:
-                self._block(reader, f"`{failed}` failed")
-                waiting += self.readers[reader]
 
     def _block_the_rest(self) -> None:
         for label in self.graph.nodes:

@@ -9,7 +9,9 @@ from typing import Literal
 
 from assetbuild.engine.graph import Graph
 from assetbuild.engine.keys import Parts
-from assetbuild.engine.session import Resolver, Session
+from assetbuild.engine.made import made_from_json, missing_output
+from assetbuild.engine.resolver import Resolver
+from assetbuild.engine.session import Session
 
 SHOWN_CHANGES = 12
 SHOWN_CHARACTERS = 60
@@ -127,15 +129,13 @@ def changes_text(changes: tuple[Change, ...]) -> str:
 
 def why_it_runs(session: Session, label: str, key: str, parts: Parts) -> tuple[Change, ...]:
     """Why a node with this key is not simply taken from the store."""
-    from assetbuild.engine.session import made_from_json
-
     changes = changes_between(session.journal.parts(label), parts)
     if changes and changes[0].part != "first":
         return changes
-    raw = session.store.action(key)
-    made = made_from_json(raw) if raw is not None else None
+    made = made_from_json(session.store.action(key))
     if made is not None:
-        return (Change("lost", session.missing_output(made) or ", ".join(made.outputs)),)
+        lost = missing_output(session.store, made) or ", ".join(made.outputs)
+        return (Change("lost", lost),)
     return changes or (Change("forgotten"),)
 
 

@@ -1,25 +1,18 @@
 """The graph of a build: nodes are labelled steps, edges are references to outputs.
 
-A `Planner` collects nodes and answers questions about what is built already; a `Graph` is
-the checked result. Nothing mutates a graph: when an answer allows more nodes, one plans again.
+Plain data, checked when it is made. Nothing mutates a graph: when an answer allows more nodes, one
+plans again.
 """
 
 from __future__ import annotations
 
-import copy
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from assetbuild.engine.step import Step
-from assetbuild.engine.store import Listing, LostObjectError, is_plain_path
+from assetbuild.engine.store import is_plain_path
 from assetbuild.errors import did_you_mean
-
-if TYPE_CHECKING:
-    from assetbuild.engine.session import Session
 
 
 class GraphError(ValueError):
@@ -107,21 +100,6 @@ class Graph:
             lines.append(f"{node.label} <- {reads}" if reads else node.label)
         return "\n".join(lines)
 
-    def to_dot(self) -> str:
-        """The graph for Graphviz; sources are boxes."""
-        lines = ["digraph assetbuild {", "  rankdir=LR;"]
-        shown: set[str] = set()
-        for node in self.nodes.values():
-            lines.append(f"  {json.dumps(node.label)};")
-            for name, ref in sorted(node.inputs.items()):
-                origin = ref.node or Path(ref.output).name
-                if not ref.node and origin not in shown:
-                    shown.add(origin)
-                    lines.append(f"  {json.dumps(origin)} [shape=box];")
-                edge = f"{json.dumps(origin)} -> {json.dumps(node.label)}"
-                lines.append(f"  {edge} [label={json.dumps(name)}];")
-        return "\n".join([*lines, "}"])
-
 
 def checked_graph(nodes: Iterable[Node], sources: Iterable[Ref] = ()) -> Graph:
     """Order the nodes; GraphError on duplicate labels, unknown steps or outputs, and cycles."""
@@ -131,15 +109,17 @@ def checked_graph(nodes: Iterable[Node], sources: Iterable[Ref] = ()) -> Graph:
             raise GraphError(f"two steps are labelled `{node.label}`")
         by_label[node.label] = node
     for node in by_label.values():
-        _check_inputs(node, by_label)
+        check_inputs(node, by_label)
     return Graph(_in_order(by_label), tuple(sources))
 
 
 def joined(graphs: Mapping[str, Graph]) -> Graph:
-    """Several graphs as one: `calf` of the graph `go1` is labelled `go1:calf`.
+    """Several graphs as one: `calf` of the graph `go1` is labelled `go1:calf`; one stays as it is.
 
     Steps with equal keys run once, whichever graphs they come from.
     """
+    if len(graphs) == 1:
+        return next(iter(graphs.values()))
     nodes: dict[str, Node] = {}
     for name, graph in graphs.items():
         for node in graph.nodes.values():
@@ -165,7 +145,8 @@ def _in_order(by_label: Mapping[str, Node]) -> dict[str, Node]:
     return {label: by_label[label] for label in order}
 
 
-def _check_inputs(node: Node, by_label: Mapping[str, Node]) -> None:
+def check_inputs(node: Node, by_label: Mapping[str, Node]) -> None:
+    """GraphError when an input has no proper name, or reads what no node makes."""
     taken: set[str] = set()
     for name, ref in sorted(node.inputs.items()):
         if not is_plain_path(name.removesuffix("/")):
@@ -183,91 +164,3 @@ def _check_inputs(node: Node, by_label: Mapping[str, Node]) -> None:
                 hint = did_you_mean(ref.node, by_label)
                 raise GraphError(f"step `{node.label}` reads `{ref}`: no such step; {hint}")
             maker[ref.output]  # refuses an unknown output
-
-
-def _holds_set(value: object) -> bool:
-    if isinstance(value, dict):
-        return any(map(_holds_set, value.values()))
-    if isinstance(value, list | tuple):
-        return any(map(_holds_set, value))
-    return isinstance(value, set | frozenset)
-
-
-class Planner:
-    """Collects nodes; answers what the store knows already.
-
-    questions: references that `ask` could not answer yet: build, then plan again.
-    """
-
-    def __init__(self, session: Session) -> None:
-        from assetbuild.engine.session import Resolver
-
-        self.session = session
-        self.questions: list[Ref] = []
-        self._nodes: dict[str, Node] = {}
-        self._sources: dict[Ref, None] = {}
-        self._resolver = Resolver(self._nodes, session)
-        self._scope = ""
-
-    def scoped(self, scope: str) -> Planner:
-        """The same plan for one part of it: labels of the nodes it adds begin with `scope`."""
-        part = copy.copy(self)
-        part._scope = self._scope + scope
-        return part
-
-    def source(self, path: Path) -> Ref:
-        """A file outside the store. SourceError when it cannot be read."""
-        self.session.source_digest(path)
-        return self._remember(Ref("", str(path.absolute())))
-
-    def source_tree(self, folder: Path, members: Iterable[str]) -> Ref:
-        """Named files below a folder outside the store, as one folder. SourceError."""
-        return self._remember(Ref("", self.session.source_tree(folder, members)))
-
-    def _remember(self, ref: Ref) -> Ref:
-        self._sources[ref] = None
-        return ref
-
-    def add(self, label: str, step: Step, inputs: Mapping[str, Ref] | None = None) -> Node:
-        """A node that reads the given references under the given names. GraphError.
-
-        A name that ends in a slash takes a folder; names may contain slashes.
-        """
-        label = self._scope + label
-        if label in self._nodes or not label:
-            raise GraphError(f"two steps are labelled `{label}`" if label else "a label is empty")
-        if _holds_set(step.model_dump()):
-            raise GraphError(f"step `{label}` has a set in its fields: its order is not defined")
-        node = Node(label, step, dict(inputs or {}))
-        _check_inputs(node, self._nodes)
-        self._nodes[label] = node
-        return node
-
-    def ask(self, ref: Ref) -> bytes | None:
-        """The bytes of a file if they are built, else None, and the question stays open.
-
-        StepError when the node was built and has no such member.
-        """
-        digest = self._resolver.digest(ref)
-        if digest is not None:
-            try:
-                return self.session.read(digest)
-            except LostObjectError:
-                self.session.forget()
-        self.questions.append(ref)
-        return None
-
-    def ask_tree(self, ref: Ref) -> Listing | None:
-        """The members of a folder: relative path -> (digest, size in bytes), or None."""
-        digest = self._resolver.digest(ref)
-        if digest is not None:
-            try:
-                return self.session.tree(digest)
-            except LostObjectError:
-                self.session.forget()
-        self.questions.append(ref)
-        return None
-
-    def graph(self) -> Graph:
-        """The checked graph of what was added so far."""
-        return checked_graph(self._nodes.values(), self._sources)

@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from assetbuild.engine.claims import is_claimed, remove_abandoned
-from assetbuild.engine.session import Made, made_from_json
+from assetbuild.engine.made import made_from_json, missing_output
 from assetbuild.engine.store import BEGAN, LAYOUT, LostObjectError, Store
 
 UNITS = {"": 1, "K": 1000, "M": 1000**2, "G": 1000**3, "T": 1000**4}
@@ -115,11 +115,10 @@ def check(store: Store) -> Checked:
                 Path(entry.path).replace(store.root / "quarantine" / entry.name)
     torn = incomplete = 0
     for entry in _files(store.root / "ac"):
-        raw = store.action(entry.name.removesuffix(".json"))
-        made = made_from_json(raw) if raw is not None else None
+        made = made_from_json(store.action(entry.name.removesuffix(".json")))
         if made is None:
             torn += 1
-        elif not all(store.has(d) for d in _closure(store, made)):
+        elif missing_output(store, made):
             incomplete += 1
         else:
             continue
@@ -139,7 +138,8 @@ def collect(store: Store, max_bytes: int) -> Collected:
     _trim(store.root, ("quarantine",), 0)
     _trim(store.root, NOTES, max_bytes // 10)
     protected_from = min([began, *_live(store.root)])
-    choice = _Choice(store, max_bytes - _size_below(store.root, NOTES), protected_from)
+    notes = sum(entry.stat().st_size for name in NOTES for entry in _files(store.root / name))
+    choice = _Choice(store, max_bytes - notes, protected_from)
     for path in choice.dropped:
         path.unlink(missing_ok=True)
     removed = 0
@@ -170,6 +170,8 @@ class _Choice:
             objects = _objects_of(store, Path(path).stem)
             made |= objects or set()
             young = used >= protected_from
+            if objects is None and young:
+                continue  # a build that runs now is writing it
             if objects is None or not self._keep(objects, size, young=young):
                 self.dropped.append(Path(path))
         sources = found.keys() - made
@@ -186,19 +188,12 @@ class _Choice:
 
 
 def _objects_of(store: Store, key: str) -> set[str] | None:
-    """Everything that an action made, folders with their members; None when it is torn."""
-    raw = store.action(key)
-    made = made_from_json(raw) if raw is not None else None
-    return None if made is None else _closure(store, made)
-
-
-def _closure(store: Store, made: Made) -> set[str]:
-    found = set(made.outputs.values())
-    for name, digest in made.outputs.items():
-        if name.endswith("/"):
-            with suppress(LostObjectError):
-                found |= {member for member, _ in store.tree(digest).values()}
-    return found
+    """Everything that an action made, folders with their members; None when it lost something."""
+    made = made_from_json(store.action(key))
+    try:
+        return None if made is None else set(store.sizes(made.outputs))
+    except LostObjectError:
+        return None
 
 
 def _trim(home: Path, names: tuple[str, ...], allowed: int) -> None:
@@ -212,26 +207,15 @@ def _trim(home: Path, names: tuple[str, ...], allowed: int) -> None:
         size -= part
 
 
-def _size_below(home: Path, names: tuple[str, ...]) -> int:
-    return sum(entry.stat().st_size for name in names for entry in _files(home / name))
-
-
 def _live(home: Path) -> list[float]:
     """When the builds that run now began."""
-    return [began for f in _folders(home / "tmp") if (began := _began(f)) and is_claimed(f)]
-
-
-def _began(folder: Path) -> float:
-    with suppress(OSError):
-        return (folder / BEGAN).stat().st_ctime
-    return 0.0
-
-
-def _folders(folder: Path) -> list[Path]:
-    try:
-        return sorted(path for path in folder.iterdir() if path.is_dir())
-    except OSError:
-        return []
+    found = []
+    for mark in (home / "tmp").glob(f"*/{BEGAN}"):
+        with suppress(OSError):  # it ends just now
+            began = mark.stat().st_ctime
+            if is_claimed(mark.parent):
+                found.append(began)
+    return found
 
 
 def _files(folder: Path) -> Iterator[os.DirEntry[str]]:

@@ -7,11 +7,12 @@ import json
 import platform
 import sys
 from collections.abc import Mapping
+from typing import Any
 
 from assetbuild.engine.digest import canonical_json, digest_bytes
 from assetbuild.engine.step import Step
 
-Parts = dict[str, object]
+Parts = dict[str, Any]  # Any: JSON
 """The parts of one key as plain JSON data; `explain` compares two of them."""
 
 KEY_FORMAT = 1

@@ -7,10 +7,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from assetbuild.engine.execute import Event, NodeResult, execute
-from assetbuild.engine.graph import Graph, Node, Ref
-from assetbuild.engine.session import Resolver, Session
-from assetbuild.engine.store import Listing, LostObjectError, Store
+from assetbuild.engine.execute import Event, execute
+from assetbuild.engine.graph import Graph, Node
+from assetbuild.engine.make import Maker, NodeResult
+from assetbuild.engine.processes import Processes
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import Store
+from assetbuild.errors import AssetBuildError
 
 
 @dataclass(frozen=True)
@@ -37,27 +40,17 @@ class Difference:
         return f"step `{self.label}`: `{self.file}` differs: {versions}"
 
 
-class _SecondSession(Session):
-    """Steps read what the first session made, and write into a store of their own."""
+class _Again(Maker):
+    """Runs every step, whatever the store knows, and remembers nothing."""
 
-    def __init__(self, first: Session) -> None:
-        super().__init__(Store(first.store.scratch()), build="second run", sandbox=first.sandbox)
-        self._first = first
-
-    def digest_of_source(self, name: str) -> str:
-        return name.removesuffix("/")
-
-    def object(self, digest: str) -> Path:
-        return self._first.object(digest)
-
-    def tree(self, digest: str) -> Listing:
+    def make(self, label: str, started: Callable[[str], None] = lambda _: None) -> NodeResult:
+        node = self.graph.nodes[label]
+        key, parts = self._key(label)
+        started(label)
         try:
-            return self._first.tree(digest)
-        except LostObjectError:
-            return super().tree(digest)
-
-    def check_sources(self, node: Node) -> None:
-        """They were checked in the first run."""
+            return self.ran(label, key, self.runner.run(node, parts))
+        except AssetBuildError as error:
+            return NodeResult(label=label, status="failed", key=key, error=error)
 
 
 def run_again(
@@ -66,6 +59,7 @@ def run_again(
     results: Mapping[str, NodeResult],
     keep: Path,
     *,
+    runner: Processes | None = None,
     jobs: int | None = None,
     on_event: Callable[[Event], None] | None = None,
 ) -> tuple[Difference, ...]:
@@ -76,49 +70,32 @@ def run_again(
     keep: both versions of what differs are put there, `<label>/first|second/<file>`.
     """
     shutil.rmtree(keep, ignore_errors=True)  # of an earlier run
-    with _SecondSession(session) as second:
-        again = execute(
-            _without_edges(graph, session),
-            second,
-            jobs=jobs,
-            keep_going=True,
-            on_event=on_event,
-        )
-        found = []
-        for label, result in again.items():
-            for difference in _differences(results[label], result, session, second):
-                found.append(difference)
-                for store, name, digest in (
-                    (session.store, "first", difference.first),
-                    (second.store, "second", difference.second),
-                ):
-                    if digest:
-                        place = keep / label.replace("/", "_") / name / difference.file
-                        store.restore(digest, place)
+    # What they read is there already, so none waits for another; equal steps run once.
+    alone: dict[str, Node] = {}
+    for label, node in graph.nodes.items():
+        if not node.step.network:
+            alone.setdefault(results[label].key, Node(label, node.step, {}))
+    again = execute(
+        Graph({node.label: node for node in alone.values()}),
+        session,
+        runner,
+        jobs=jobs,
+        keep_going=True,
+        on_event=on_event,
+        maker=lambda place: _Again(graph, session, place),
+    )
+    found = []
+    for label, result in again.items():
+        for difference in _differences(results[label], result, session.store):
+            found.append(difference)
+            for name, digest in (("first", difference.first), ("second", difference.second)):
+                if digest:
+                    place = keep / label.replace("/", "_") / name / difference.file
+                    session.store.restore(digest, place)
     return tuple(found)
 
 
-def _without_edges(graph: Graph, session: Session) -> Graph:
-    """The same steps, each on inputs that are there already: a source is named by its digest."""
-    resolver = Resolver(graph.nodes, session)
-    nodes = {}
-    for label, node in graph.nodes.items():
-        key = resolver.key(label)
-        if node.step.network or key is None:
-            continue
-        inputs = {}
-        for name, ref in node.inputs.items():
-            digest = resolver.digest(ref)
-            if digest is None:
-                raise LostObjectError("", f"`{ref}` is not built")
-            inputs[name] = Ref("", digest + "/" * ref.is_tree)
-        nodes[label] = Node(label, node.step, inputs)
-    return Graph(nodes)
-
-
-def _differences(
-    first: NodeResult, second: NodeResult, session: Session, scratch: Session
-) -> Iterator[Difference]:
+def _differences(first: NodeResult, second: NodeResult, store: Store) -> Iterator[Difference]:
     if second.error is not None:
         yield Difference(second.label, "", note=second.error.message)
         return
@@ -129,7 +106,7 @@ def _differences(
         if not output.endswith("/"):
             yield Difference(first.label, output, digest, other)
             continue
-        before, after = session.tree(digest), scratch.store.tree(other)
+        before, after = store.tree(digest), store.tree(other)
         for name in sorted(before.keys() | after.keys()):
             old, new = before.get(name, ("", 0))[0], after.get(name, ("", 0))[0]
             if old != new:

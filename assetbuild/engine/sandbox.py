@@ -22,6 +22,7 @@ from typing import NoReturn
 
 import assetbuild
 from assetbuild.engine import landlock, seccomp
+from assetbuild.engine.claims import die_with_parent
 from assetbuild.engine.wire import REFUSED
 
 SYSTEM = ("/usr", "/lib", "/lib32", "/lib64", "/bin", "/sbin", "/etc", "/proc", "/sys", "/dev")
@@ -84,8 +85,6 @@ def enter(folder: Path) -> None:
         theirs.close()
         _watch(ours, child, allowed, folder / REFUSED)
     ours.close()
-    from assetbuild.engine.worker import die_with_parent
-
     die_with_parent(watcher, signal.SIGKILL)
     if not landlock.restrict(allowed.readable, allowed.listable, only_reading=True):
         raise OSError("the kernel refuses Landlock")

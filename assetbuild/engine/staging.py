@@ -8,7 +8,7 @@ from pathlib import Path
 from assetbuild.engine.digest import Signature, signature_of
 from assetbuild.engine.graph import Node
 from assetbuild.engine.session import Session
-from assetbuild.engine.store import LostObjectError, files_below
+from assetbuild.engine.store import LostObjectError, Store, files_below
 from assetbuild.errors import StepError
 
 Staged = dict[str, tuple[str, Path, Signature]]
@@ -50,11 +50,13 @@ def check_untouched(session: Session, staged: Staged, label: str) -> None:
             continue
         was = path.read_bytes() if path.is_file() else b""
         session.forget()
-        if not _is_whole(session, digest):
+        try:
+            session.store.path(digest)
+        except LostObjectError:
             raise StepError(
                 f"step `{label}` wrote to its input `{name}` ({len(was)} bytes now)",
                 hint="a step reads its inputs and writes its outputs only",
-            )
+            ) from None
 
 
 def check_present(staged: Staged) -> None:
@@ -64,15 +66,7 @@ def check_present(staged: Staged) -> None:
             raise LostObjectError(digest, f"input `{name}` went away while its step ran")
 
 
-def _is_whole(session: Session, digest: str) -> bool:
-    try:
-        session.store.path(digest)
-    except LostObjectError:
-        return False
-    return True
-
-
-def collect(session: Session, node: Node, folder: Path) -> dict[str, str]:
+def collect(store: Store, node: Node, folder: Path) -> dict[str, str]:
     """Take the declared outputs into the store: name -> digest.
 
     StepError names what was declared and not written, or written and not declared.
@@ -99,11 +93,10 @@ def collect(session: Session, node: Node, folder: Path) -> dict[str, str]:
     for name in written:
         if not _is_text(name):
             raise StepError(f"step `{node.label}` wrote a file whose name is not UTF-8: {name!a}")
-    put = session.store
     return {
-        name: put.put_tree(folder / name, move=True)
+        name: store.put_tree(folder / name)
         if name.endswith("/")
-        else put.put_file(folder / name, move=True)
+        else store.put_file(folder / name, move=True)
         for name in declared
     }
 

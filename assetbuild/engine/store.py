@@ -113,12 +113,13 @@ class Store:
                 self._accept(path, digest)
                 return digest
             beside = self._tmp / secrets.token_hex(8)
-            digest = _copy(path, beside)
+            with path.open("rb", buffering=0) as file:
+                digest = _copy(file, beside)
             self._accept(beside, digest)
         return digest
 
-    def put_tree(self, folder: Path, *, move: bool = False) -> str:
-        """Store every file below a folder; the digest of the listing.
+    def put_tree(self, folder: Path) -> str:
+        """Move every file below a folder into the store, as `put_file`; the listing's digest.
 
         Symbolic links and special files raise ValueError: they have no content of their own.
         """
@@ -126,7 +127,7 @@ class Store:
         for path in files_below(folder):
             size = path.stat().st_size
             name = path.relative_to(folder).as_posix()
-            listing[name] = (self.put_file(path, move=move), size)
+            listing[name] = (self.put_file(path, move=True), size)
         return self.put_listing(listing)
 
     def put_listing(self, listing: Mapping[str, tuple[str, int]]) -> str:
@@ -191,6 +192,22 @@ class Store:
                 raise LostObjectError(digest, f"it lists `{name}`, which no tree may hold")
         return listing
 
+    def sizes(self, outputs: Mapping[str, str]) -> dict[str, int]:
+        """Size in bytes of each object that outputs (name -> digest) are made of, by its digest.
+
+        Those of folders come with all their members. LostObjectError when one of the outputs
+        itself is missing; members may be.
+        """
+        found: dict[str, int] = {}
+        for name, digest in outputs.items():
+            try:
+                found[digest] = self._object(digest).stat().st_size
+            except OSError as error:
+                raise LostObjectError(digest, error.strerror or str(error)) from None
+            if name.endswith("/"):
+                found |= dict(self.tree(digest).values())
+        return found
+
     def restore(self, digest: str, dest: Path) -> None:
         """Copy an object to `dest`, verified on the way; `dest` is replaced at once.
 
@@ -205,24 +222,16 @@ class Store:
                 except FileNotFoundError:
                     raise LostObjectError(digest, "it is not there") from None
                 with source:
-                    if _copy_open(source, beside) != digest:
+                    if _copy(source, beside) != digest:
                         self._quarantine(digest)
                 beside.replace(dest)
         finally:
             beside.unlink(missing_ok=True)
 
     def restore_tree(self, digest: str, dest: Path) -> None:
-        """Copy a tree to the folder `dest`, which is absent or empty, verified; at once."""
-        listing = self.tree(digest)
-        beside = dest.with_name(f".{dest.name[:200]}.{secrets.token_hex(4)}.tmp")
-        try:
-            with machine_errors(self.root.parent):
-                beside.mkdir(parents=True)
-                for name, (member, _) in sorted(listing.items()):
-                    self.restore(member, beside / name)
-                beside.replace(dest)
-        finally:
-            shutil.rmtree(beside, ignore_errors=True)
+        """Copy the files of a tree below the folder `dest`, each as `restore` does."""
+        for name, (member, _) in sorted(self.tree(digest).items()):
+            self.restore(member, dest / name)
 
     def _quarantine(self, digest: str) -> None:
         """Set a corrupt object aside and say that it is lost."""
@@ -340,13 +349,8 @@ def _is_digest(text: str) -> bool:
     return len(text) == 64 and not set(text) - set("0123456789abcdef")
 
 
-def _copy(source: Path, dest: Path) -> str:
+def _copy(source: Any, dest: Path) -> str:  # Any: an unbuffered binary file
     """Copy a file's content and hash it in the same pass."""
-    with source.open("rb", buffering=0) as file:
-        return _copy_open(file, dest)
-
-
-def _copy_open(source: Any, dest: Path) -> str:  # Any: an unbuffered binary file
     state = hashlib.sha256()
     with dest.open("wb") as out:
         while chunk := source.read(CHUNK):

@@ -1,15 +1,13 @@
 """The child process: imports heavy modules once, then forks one process per step.
 
 It speaks JSON lines. A request on its standard input is `{"id", "job", "module", "wall_s"}`: the
-path of a job file, and the module of its step. It answers `{"ready"}` once; then, per job,
-`{"id", "pid"}` and `{"id", "status", "wall_s", "cpu_s", "max_rss_mb", "over"}`. A crash of a step
-loses that step only. When the input ends, because the parent closed it or died, everything that
-runs is killed.
+path of a job file, and the module of its step. It answers, per job, `{"id", "pid"}` and
+`{"id", "status", "wall_s", "cpu_s", "over"}`. A crash of a step loses that step only. When the
+input ends, because the parent closed it or died, everything that runs is killed.
 """
 
 from __future__ import annotations
 
-import ctypes
 import errno
 import gc
 import importlib
@@ -28,13 +26,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
+from assetbuild.engine.claims import die_with_parent
+
 BOOT = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1])['sys_path']; "
     "from assetbuild.engine import worker; worker.main()"
 )
 """Program text of a worker; its one argument is a JSON object. Nothing comes from the cwd."""
 
-PR_SET_PDEATHSIG = 1
 NO_SPACE = os.EX_IOERR
 """Exit status of a step's process that could not write its result: the disk is full."""
 
@@ -54,15 +53,6 @@ def main() -> None:
     gc.collect()
     gc.freeze()
     Zygote(requests, replies, fresh=_threads_survive_fork()).serve()
-
-
-def die_with_parent(parent: int, how: signal.Signals) -> None:
-    """Ask the kernel to send a signal when the parent dies; leave at once if it has died."""
-    if sys.platform == "linux":
-        libc = ctypes.CDLL(None, use_errno=True)
-        libc.prctl(PR_SET_PDEATHSIG, int(how), 0, 0, 0)
-    if os.getppid() != parent:
-        os._exit(1)
 
 
 def _redirect(log: str) -> None:
@@ -123,7 +113,6 @@ class Zygote:
 
     def serve(self) -> NoReturn:
         """Until the input ends."""
-        self.reply(ready=True, fresh=self.fresh)
         while True:
             now = time.monotonic()
             nearest = min((r.deadline for r in self.running.values() if not r.over), default=None)
@@ -216,7 +205,6 @@ class Zygote:
                 status=status,
                 wall_s=round(time.monotonic() - run.started, 4),
                 cpu_s=round(used.ru_utime + used.ru_stime, 4),
-                max_rss_mb=used.ru_maxrss // 1024,
                 over=run.over,
             )
 

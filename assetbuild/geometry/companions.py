@@ -7,7 +7,8 @@ import posixpath
 from collections.abc import Iterable, Mapping
 from typing import get_args
 
-from assetbuild.engine.graph import Planner, Ref
+from assetbuild.engine.graph import Ref
+from assetbuild.engine.planner import Planner
 from assetbuild.geometry.mesh_companions import MeshCompanions
 from assetbuild.mesh.companions import Naming, format_of
 from assetbuild.source.plan import SourceFiles

@@ -14,7 +14,8 @@ from typing import Any, Protocol, get_args
 import numpy as np
 
 from assetbuild.collision import CollisionMethod, Likeness, PlacedSource, Probe
-from assetbuild.engine.graph import Node, Planner, Ref
+from assetbuild.engine.graph import Node, Ref
+from assetbuild.engine.planner import Planner
 from assetbuild.errors import did_you_mean
 from assetbuild.geometry.match_shapes import MatchShapes
 from assetbuild.mesh.read import Format

@@ -6,7 +6,8 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
-from assetbuild.engine.graph import Node, Planner, Ref
+from assetbuild.engine.graph import Node, Ref
+from assetbuild.engine.planner import Planner
 from assetbuild.engine.step import Step
 from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse
 from assetbuild.geometry.companions import Companions

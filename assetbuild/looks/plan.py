@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from assetbuild.engine.graph import Node, Planner, Ref
+from assetbuild.engine.graph import Node, Ref
+from assetbuild.engine.planner import Planner
 from assetbuild.kinds import Target
 from assetbuild.looks.keep_pose import KeepPose
 from assetbuild.looks.lighten import Lighten

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from assetbuild.engine.execute import NodeResult, restore
-from assetbuild.engine.graph import Planner
+from assetbuild.engine.execute import Listener
+from assetbuild.engine.processes import Processes
+from assetbuild.engine.rounds import Settled, settle
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, StepError
-from assetbuild.lock import Lock
-from assetbuild.pipeline import OnEvent
 from assetbuild.pipeline.bench_plan import LEVELS, LevelOutline, Source, plan_level, with_level
 from assetbuild.pipeline.opening import open_session, pin
 from assetbuild.pipeline.recipes import load_recipe
-from assetbuild.pipeline.rounds import settle
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.bundle import json_text
 from assetbuild.report.pareto import front, pareto_svg
@@ -71,20 +70,26 @@ class Bench:
     out: Path
 
 
-def bench(request: BenchRequest, on_event: OnEvent, say: Callable[[str], None]) -> Bench:
+def bench(request: BenchRequest, on_event: Listener, say: Callable[[str], None]) -> Bench:
     """Build and measure every level; AssetBuildError when the recipe itself cannot be built."""
     loaded = load_recipe(request.recipe, request.variant)
     lock = pin(loaded, frozen=False, say=say)
-    rows = []
-    with open_session(loaded) as session:
-        outline = _built(loaded, lock, session, request, on_event)
-        shapes = decode(Shapes, _read(outline, session))
+    rows: list[Level] = []
+    with open_session(loaded) as session, Processes(session) as runner:
+
+        def built(level: LoadedRecipe) -> Settled[LevelOutline]:
+            add = functools.partial(plan_level, level, lock)
+            done = settle(add, session, runner, jobs=request.jobs, on_event=on_event)
+            if done.errors:
+                raise done.errors[0]
+            return done
+
+        shapes = _shapes(built(loaded), session)
         for name in request.levels:
             say(f"level {name}")
             level = loaded if name == "recipe" else with_level(loaded, shapes, name, request.source)
             try:
-                built = _built(level, lock, session, request, on_event)
-                rows.append(_measured(name, built, session, loaded.recipe.robot))
+                rows.append(_measured(name, built(level), session))
             except AssetBuildError as error:
                 if name == "recipe":
                     raise
@@ -93,71 +98,31 @@ def bench(request: BenchRequest, on_event: OnEvent, say: Callable[[str], None]) 
     return _written(loaded.recipe.robot, rows, out)
 
 
-@dataclass(frozen=True)
-class _Built:
-    outline: LevelOutline
-    planner: Planner
-    seconds: float
-    fell: int
+def _shapes(built: Settled[LevelOutline], session: Session) -> Shapes:
+    ref = built.outline.shapes
+    assert ref is not None  # noqa: S101 # a plan without questions is whole
+    return decode(Shapes, session.read(built.results[ref.node][ref.output]))
 
 
-def _built(
-    loaded: LoadedRecipe,
-    lock: Lock | None,
-    session: Session,
-    request: BenchRequest,
-    on_event: OnEvent,
-) -> _Built:
-    """(plan, execute)* of one level; raises the first error of a step."""
-    spent: dict[str, float] = {}
-
-    def count(results: Mapping[str, NodeResult]) -> None:
-        for result in results.values():
-            if result.cpu_seconds:
-                spent[result.key] = result.cpu_seconds
-            spent.setdefault(result.key, result.saved_seconds)
-
-    done = settle(
-        lambda planner: plan_level(loaded, lock, planner),
-        session,
-        on_event,
-        jobs=request.jobs,
-        after=count,
-    )
-    if done.errors:
-        raise done.errors[0]
-    fits = [done.results[node.label] for node in done.outline.fits]
-    seconds = sum(spent.get(key, 0.0) for key in {fit.key for fit in fits})  # shared: once
-    fell = sum(any(f.rule == "collision.library_failed" for f in fit.findings) for fit in fits)
-    return _Built(done.outline, done.planner, seconds, fell)
-
-
-def _read(built: _Built, session: Session) -> bytes:
-    assert built.outline.shapes is not None  # noqa: S101 # a plan without questions is whole
-    data = built.planner.ask(built.outline.shapes)
-    assert data is not None  # noqa: S101 # it was executed
-    return data
-
-
-def _measured(name: str, built: _Built, session: Session, robot: str) -> Level:
-    figures = []
-    for node in built.outline.fits:
-        data = built.planner.ask(node["quality.json"])
-        quality = json.loads(data) if data else None
-        if quality is not None:
-            figures.append(quality)
-    assert built.outline.mjcf is not None  # noqa: S101 # as in `_read`
+def _measured(name: str, built: Settled[LevelOutline], session: Session) -> Level:
+    fits = [built.results[node.label] for node in built.outline.fits]
+    figures = [json.loads(session.read(fit["quality.json"])) for fit in fits]
+    figures = [quality for quality in figures if quality is not None]
+    seconds: dict[str, float] = {}
+    for fit in fits:  # equal steps: once, and as the one that ran
+        seconds[fit.key] = fit.cpu_seconds or seconds.get(fit.key, fit.saved_seconds)
+    assert built.outline.mjcf is not None  # noqa: S101 # as in `_shapes`
     with tempfile.TemporaryDirectory() as folder:
         scene = Path(folder) / "mjcf"
-        restore(built.planner.graph(), session, built.outline.mjcf["mjcf/"], scene)
+        session.store.restore_tree(built.results[built.outline.mjcf.label]["mjcf/"], scene)
         speed = _simulated(scene / "scene.xml")
     return Level(
         name,
         speed,
         iou=sum(q["iou"] for q in figures) / len(figures) if figures else None,
         outside_mm=1e3 * max(q["max_outside_m"] for q in figures) if figures else None,
-        build_s=built.seconds,
-        fell=built.fell,
+        build_s=sum(seconds.values()),
+        fell=sum(any(f.rule == "collision.library_failed" for f in fit.findings) for fit in fits),
     )
 
 

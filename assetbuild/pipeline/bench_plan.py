@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from assetbuild.collision import CollisionMethod
-from assetbuild.engine.graph import Node, Planner, Ref
+from assetbuild.engine.graph import Node, Ref
+from assetbuild.engine.planner import Planner
 from assetbuild.kinds import Target
 from assetbuild.lock import Lock
 from assetbuild.pipeline.recipes import collision_rule

@@ -12,9 +12,9 @@ from pathlib import Path
 
 from assetbuild import __version__
 from assetbuild.engine.digest import digest_bytes
-from assetbuild.engine.execute import NodeResult
 from assetbuild.engine.graph import Graph, Ref
 from assetbuild.engine.keys import tool_version
+from assetbuild.engine.make import NodeResult
 from assetbuild.engine.publish import (
     PROVENANCE,
     discard,
@@ -25,7 +25,7 @@ from assetbuild.engine.publish import (
 )
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Listing, machine_error
-from assetbuild.errors import StepError
+from assetbuild.errors import StepError, UsageError
 from assetbuild.lock import GitPin, Lock, Pin, lock_path
 from assetbuild.plan import Outline, part_lock
 from assetbuild.recipe.loader import LoadedRecipe
@@ -76,7 +76,7 @@ def bundle_files(
         "assetbuild_python": platform.python_version(),
     }
     parameters = {"recipe": loaded.path.name, "variant": loaded.variant}
-    recipe_digest = session.source_digest(loaded.path)
+    recipe_digest = session.sources.digest(loaded.path)
     files.append(provenance(files, recipe_digest, parameters, materials, run))
     return files
 
@@ -86,7 +86,7 @@ def files_read(loaded: LoadedRecipe, graph: Graph, session: Session) -> dict[str
     paths = [*loaded.files, *(Path(ref.output) for ref in graph.sources if not ref.is_tree)]
     pinned = [each for each in (loaded, *loaded.parts) if each.recipe.source.moving]
     paths += [lock_path(each.path) for each in pinned]
-    return {str(path): session.source_digest(path) for path in paths}
+    return {str(path): session.sources.digest(path) for path in paths}
 
 
 def _tools(graph: Graph) -> list[dict[str, object]]:
@@ -159,7 +159,7 @@ class _Built:
                 digest, size = self.listing(ref)[ref.member]
             else:
                 file = Path(ref.output)
-                digest, size = self.session.source_digest(file), file.stat().st_size
+                digest, size = self.session.sources.digest(file), file.stat().st_size
             yield BundleFile(f"LICENSES/{path}", "licence", digest, size)
 
     def others(self) -> Iterator[BundleFile]:
@@ -217,7 +217,7 @@ def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tupl
     try:
         for file in files:
             _place(file, staging / file.path, session)
-        published = publish(staging, out, _digests_of(out))
+        published = publish(staging, out, _manifest_or_none(out))
     except OSError as error:
         raise machine_error(error, out) from error
     finally:
@@ -237,7 +237,7 @@ def _lies_there(files: list[BundleFile], out: Path, session: Session) -> bool:
         if not same_provenance(ours, theirs):
             return False
         wanted[PROVENANCE] = digest_bytes(theirs)
-    return lies_there(out, wanted, session.stat_cache.digest)
+    return lies_there(out, wanted, session.sources.stat_cache.digest)
 
 
 def _place(file: BundleFile, path: Path, session: Session) -> None:
@@ -249,10 +249,19 @@ def _place(file: BundleFile, path: Path, session: Session) -> None:
         session.store.restore(file.sha256, path)
 
 
-def _digests_of(bundle: Path) -> dict[str, str] | None:
-    """Path -> sha256 of the bundle that lies there now; None when it has no readable manifest."""
+def manifest_of(bundle: Path) -> dict[str, str]:
+    """Path -> SHA-256 as the manifest says. UsageError when it is no bundle."""
     try:
-        raw = json.loads((bundle / "manifest.json").read_bytes())
-        return {str(row["path"]): str(row["sha256"]) for row in raw["files"]}
-    except (OSError, ValueError, KeyError, TypeError):
+        manifest = json.loads((bundle / "manifest.json").read_bytes())
+        return {str(row["path"]): str(row["sha256"]) for row in manifest["files"]}
+    except (FileNotFoundError, NotADirectoryError):
+        raise UsageError(f"`{bundle}` has no manifest.json, so it is no bundle") from None
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OSError) as error:
+        raise UsageError(f"{bundle / 'manifest.json'}: not a manifest: {error}") from None
+
+
+def _manifest_or_none(bundle: Path) -> dict[str, str] | None:
+    try:
+        return manifest_of(bundle)
+    except UsageError:
         return None

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
-from assetbuild.engine.execute import NodeResult, execute
-from assetbuild.engine.graph import Graph, Node, Planner
-from assetbuild.engine.session import Resolver, Session
+from assetbuild.engine.graph import Node
+from assetbuild.engine.rounds import settle
 from assetbuild.findings import Finding
 from assetbuild.kinds import Edit
 from assetbuild.pipeline.judging import findings_of, located, locator, where_of
@@ -45,36 +45,15 @@ def check(recipe: Path) -> list[Finding]:
     check_names(loaded)
     lock = pin(loaded, frozen=True, say=lambda _: None)
     with open_session(loaded) as session:
-        results: dict[str, NodeResult] = {}
-        while True:
-            planner = Planner(session)
-            outline = plan(loaded, lock, planner)
-            light = _light(planner.graph(), session)
-            known = len(results)
-            results |= execute(light, session)
-            failed = [
-                located(result.error, "", where_of(loaded, outline, label))
-                for label, result in results.items()
-                if result.error
-            ]
-            if failed:
-                raise failed[0]
-            if not planner.questions or len(results) == known:
-                break
-        findings = findings_of(loaded, outline, results)
-        locate = locator(loaded, outline, results, session)
+        done = settle(functools.partial(plan, loaded, lock), session, may_run=_is_light)
+        for label, result in done.results.items():
+            if result.error:
+                raise located(result.error, "", where_of(loaded, done.outline, label))
+        findings = findings_of(loaded, done.outline, done.results)
+        locate = locator(loaded, done.outline, done.results, session)
     return list(make_report("", findings, {}, loaded.recipe.rules, locate).findings)
 
 
-def _light(graph: Graph, session: Session) -> Graph:
-    """The part of a graph that `check` may run: light steps, and what the store has already."""
-    resolver = Resolver(graph.nodes, session)
-    kept: dict[str, Node] = {}
-    for label, node in graph.nodes.items():  # each after the nodes it reads
-        light = node.step.step_name() in LIGHT_STEPS or isinstance(node.step, Edit)
-        may_run = light and label != MESHES
-        if all(maker in kept for maker in graph.predecessors(label)) and (
-            may_run or resolver.made(label) is not None
-        ):
-            kept[label] = node
-    return Graph(kept, graph.sources)
+def _is_light(node: Node) -> bool:
+    light = node.step.step_name() in LIGHT_STEPS or isinstance(node.step, Edit)
+    return light and node.label != MESHES

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from assetbuild.compose.compose_parts import prefixed_subject
-from assetbuild.engine.execute import NodeResult
+from assetbuild.engine.make import NodeResult
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, Where
 from assetbuild.findings import Finding

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from assetbuild.engine.folders import cache_root
-from assetbuild.engine.graph import Graph, Planner
-from assetbuild.engine.session import Session
+from assetbuild.engine.rounds import Settled, planned
+from assetbuild.engine.session import Session, SharedCache
 from assetbuild.engine.store import open_store
 from assetbuild.errors import LockError, OutOfDateError, Where
 from assetbuild.lock import GitPin, Lock, Pin, check_pin, lock_path, read_lock, write_lock
@@ -32,25 +35,35 @@ def opened(recipe: Path, variant: str | None) -> tuple[LoadedRecipe, Lock | None
     return loaded, lock, open_session(loaded)
 
 
-def planned(
-    loaded: LoadedRecipe, lock: Lock | None, session: Session
-) -> tuple[Graph, Outline, bool]:
-    """The graph as far as it is known without running anything; True when it is whole."""
-    planner = Planner(session)
-    outline = plan(loaded, lock, planner)
-    return planner.graph(), outline, not planner.questions
+@dataclass(frozen=True)
+class Look:
+    """A recipe and its plan as far as it is known without running anything."""
+
+    loaded: LoadedRecipe
+    lock: Lock | None
+    session: Session
+    done: Settled[Outline]
 
 
-def open_session(*loaded: LoadedRecipe, rehash: bool = False) -> Session:
+@contextmanager
+def looked_at(recipe: Path, variant: str | None) -> Iterator[Look]:
+    """For verbs that only look, while its session is open."""
+    loaded, lock, session = opened(recipe, variant)
+    with session:
+        done = planned(functools.partial(plan, loaded, lock), session)
+        yield Look(loaded, lock, session, done)
+
+
+def open_session(
+    *loaded: LoadedRecipe, rehash: bool = False, remote: SharedCache | None = None
+) -> Session:
     """The store and what this machine knows of earlier builds of the recipes."""
     names = {
         each.recipe.robot: f"{each.path}#{each.variant}" if each.variant else str(each.path)
         for each in loaded
     }
-    store = open_store(Path(cache_root()))
-    if len(names) == 1:
-        return Session(store, build=next(iter(names.values())), rehash=rehash)
-    return Session(store, builds=names, rehash=rehash)
+    builds = names if len(names) > 1 else {"": "".join(names.values())}
+    return Session(open_store(Path(cache_root())), builds=builds, rehash=rehash, remote=remote)
 
 
 def remote_cache(url: str, say: Callable[[str], None], *, write: bool) -> Remote | None:

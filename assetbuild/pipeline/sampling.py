@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from assetbuild.engine.graph import Planner
+from assetbuild.engine.execute import Listener
 from assetbuild.engine.publish import check_replaceable
+from assetbuild.engine.rounds import Settled, settle
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError
 from assetbuild.findings import Finding
-from assetbuild.pipeline import OnEvent
 from assetbuild.pipeline.bundling import publish_bundle
 from assetbuild.pipeline.opening import open_session, pin
 from assetbuild.pipeline.recipes import load_recipe
-from assetbuild.pipeline.rounds import Settled, settle
 from assetbuild.pipeline.sampling_plan import SamplesOutline, plan_samples
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.bundle import BundleFile, json_text, manifest
@@ -47,20 +47,17 @@ class Sampled:
     errors: tuple[AssetBuildError, ...] = ()
 
 
-def sample(request: SampleRequest, on_event: OnEvent, say: Callable[[str], None]) -> Sampled:
+def sample(request: SampleRequest, on_event: Listener, say: Callable[[str], None]) -> Sampled:
     """Draw and write. Raises AssetBuildError for wrong input; failed steps are in the result."""
     loaded = load_recipe(request.recipe, request.variant)
     out = request.out or Path("build") / f"{loaded.recipe.robot}-samples"
     check_replaceable(out)
     lock = pin(loaded, frozen=False, say=say)
     with open_session(loaded) as session:
-
-        def add(planner: Planner) -> SamplesOutline:
-            return plan_samples(
-                loaded, lock, planner, keep=request.keep, judge=request.judge, seed=request.seed
-            )
-
-        done = settle(add, session, on_event, jobs=request.jobs)
+        add = functools.partial(
+            plan_samples, loaded, lock, keep=request.keep, judge=request.judge, seed=request.seed
+        )
+        done = settle(add, session, jobs=request.jobs, on_event=on_event)
         if done.errors:
             return Sampled(None, {}, errors=done.errors)
         return _publish(loaded, done, session, out)

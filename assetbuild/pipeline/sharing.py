@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 
-from assetbuild.engine.session import Resolver
+from assetbuild.engine.resolver import Resolver
+from assetbuild.engine.rounds import nothing, settle
 from assetbuild.engine.share.remote import Remote
-from assetbuild.pipeline.opening import opened, planned
+from assetbuild.pipeline.opening import looked_at, opened
+from assetbuild.plan import plan
 
 
 @dataclass(frozen=True)
@@ -24,16 +27,15 @@ class Shared:
 
 def push(recipe: Path, variant: str | None, remote: Remote) -> Shared:
     """Offer every result that the store has; nothing is built."""
-    loaded, lock, session = opened(recipe, variant)
-    with session:
-        graph, _, whole = planned(loaded, lock, session)
-        resolver = Resolver(graph.nodes, session)
+    with looked_at(recipe, variant) as look:
+        done, session = look.done, look.session
+        resolver = Resolver(done.graph.nodes, session)
         sent = 0
-        for label in graph.nodes:
+        for label in done.graph.nodes:
             key, made = resolver.key(label), resolver.made(label)
             if key is not None and made is not None:
-                sent += remote.put(key[0], made.to_json(), session.store)
-    return Shared(len(graph.nodes), sent, whole)
+                sent += remote.put(key[0], made, session.store)
+    return Shared(len(done.graph.nodes), sent, done.whole)
 
 
 def pull(recipe: Path, variant: str | None, remote: Remote) -> Shared:
@@ -41,11 +43,5 @@ def pull(recipe: Path, variant: str | None, remote: Remote) -> Shared:
     loaded, lock, session = opened(recipe, variant)
     with session:
         session.remote = remote
-        known = -1
-        while True:
-            graph, _, whole = planned(loaded, lock, session)
-            resolver = Resolver(graph.nodes, session)
-            here = sum(resolver.made(label) is not None for label in graph.nodes)
-            if whole or here == known:
-                return Shared(len(graph.nodes), here, whole)
-            known = here
+        done = settle(functools.partial(plan, loaded, lock), session, may_run=nothing)
+    return Shared(len(done.graph.nodes), len(done.results), done.whole)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from assetbuild.engine.execute import Listener
+from assetbuild.engine.rounds import settle
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import lacking
-from assetbuild.pipeline import OnEvent
 from assetbuild.pipeline.judging import judged
 from assetbuild.pipeline.opening import open_session
 from assetbuild.pipeline.recipes import collision_rule, load_recipe
-from assetbuild.pipeline.rounds import settle
 from assetbuild.plan import plan
 from assetbuild.recipe.collision import CollisionRule
 from assetbuild.recipe.loader import LoadedRecipe
@@ -34,7 +35,7 @@ UNTRIED = Rule(
 )
 
 
-def try_urdf(propose: Callable[[Path], None], on_event: OnEvent) -> Report:
+def try_urdf(propose: Callable[[Path], None], on_event: Listener) -> Report:
     """Findings and checks in MuJoCo, with the recipe that `propose` writes to a path.
 
     Every mesh collides as its hull: a decomposition takes minutes and changes no joint. Nothing is
@@ -45,7 +46,8 @@ def try_urdf(propose: Callable[[Path], None], on_event: OnEvent) -> Report:
         propose(recipe)
         loaded = _in_mujoco(load_recipe(recipe, None))
         with open_session(loaded) as session:
-            done = settle(lambda p: plan(loaded, None, p, drawn=False), session, on_event)
+            add = functools.partial(plan, loaded, None, drawn=False)
+            done = settle(add, session, on_event=on_event)
             if done.errors:
                 raise done.errors[0]
             return judged(loaded, done.outline, done.results, session)

@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from assetbuild.engine.execute import Listener
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import AssetBuildError, SourceError, UsageError
 from assetbuild.findings import Finding, Rule, worst_first
-from assetbuild.pipeline import OnEvent
 from assetbuild.pipeline.trying import UNTRIED
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mirror import Tolerances, mirror_findings
@@ -49,7 +49,7 @@ class Wish:
 
     simulate: bool
     propose: Callable[[Path, Path], None]
-    on_event: OnEvent
+    on_event: Listener
 
 
 def validate(path: Path, wish: Wish) -> list[Validated]:

@@ -2,33 +2,22 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from assetbuild.engine.digest import digest_file
-from assetbuild.engine.execute import execute
-from assetbuild.engine.session import Resolver
-from assetbuild.errors import OutOfDateError, UsageError
-from assetbuild.pipeline.bundling import bundle_files
+from assetbuild.engine.publish import OWN_FILES
+from assetbuild.engine.rounds import nothing, settle
+from assetbuild.errors import OutOfDateError
+from assetbuild.pipeline.bundling import bundle_files, manifest_of
 from assetbuild.pipeline.judging import judged
-from assetbuild.pipeline.opening import opened, planned
+from assetbuild.pipeline.opening import opened
+from assetbuild.plan import plan
 
-OWN = ("manifest.json", "provenance.json")
-"""Files that no manifest lists."""
 STATEMENT, PREDICATE = "https://in-toto.io/Statement/v1", "https://slsa.dev/provenance/v1"
-
-
-def manifest_of(bundle: Path) -> dict[str, str]:
-    """Path -> SHA-256 as the manifest says. UsageError when it is no bundle."""
-    try:
-        manifest = json.loads((bundle / "manifest.json").read_bytes())
-        return {str(row["path"]): str(row["sha256"]) for row in manifest["files"]}
-    except (FileNotFoundError, NotADirectoryError):
-        raise UsageError(f"`{bundle}` has no manifest.json, so it is no bundle") from None
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OSError) as error:
-        raise UsageError(f"{bundle / 'manifest.json'}: not a manifest: {error}") from None
 
 
 def against_manifest(bundle: Path, wanted: Mapping[str, str]) -> Iterator[str]:
@@ -36,7 +25,7 @@ def against_manifest(bundle: Path, wanted: Mapping[str, str]) -> Iterator[str]:
     found = {p.relative_to(bundle).as_posix() for p in bundle.rglob("*") if _is_entry(p)}
     for path in sorted(wanted.keys() - found):
         yield f"missing: {path}"
-    for path in sorted(found - wanted.keys() - set(OWN)):
+    for path in sorted(found - wanted.keys() - set(OWN_FILES)):
         yield f"not in the manifest: {path}"
     for path in sorted(wanted.keys() & found):
         if not (bundle / path).is_file() or (bundle / path).is_symlink():
@@ -83,18 +72,16 @@ def against_recipe(bundle: Path, recipe: Path, variant: str | None) -> Iterator[
     """
     loaded, lock, session = opened(recipe, variant)
     with session:
-        graph, outline, whole = planned(loaded, lock, session)
-        resolver = Resolver(graph.nodes, session)
-        if not whole or any(resolver.made(label) is None for label in graph.nodes):
+        done = settle(functools.partial(plan, loaded, lock), session, may_run=nothing)
+        if not done.whole or done.results.keys() != done.graph.nodes.keys():
             raise OutOfDateError(
                 f"the store does not hold what {recipe} makes now",
                 hint="run `assetbuild build` first, or `assetbuild cache pull`",
             )
-        results = execute(graph, session)
-        report = judged(loaded, outline, results, session)
-        files = bundle_files(loaded, lock, outline, report, session, results, graph)
+        report = judged(loaded, done.outline, done.results, session)
+        files = bundle_files(loaded, lock, done.outline, report, session, done.results, done.graph)
         made = {file.path: file.sha256 for file in files if file.path != "provenance.json"}
-        wanted = session.source_digest(loaded.path)
+        wanted = session.sources.digest(loaded.path)
     statement = json.loads((bundle / "provenance.json").read_bytes())
     if recipe_of(statement) != wanted:
         yield f"built from another text of the recipe: {recipe.name}"

@@ -23,7 +23,8 @@ from assetbuild.control.control import ControlStep
 from assetbuild.control.keep_ratings import KeepRatings
 from assetbuild.control.sample_pairs import SamplePairs
 from assetbuild.control.sides import own_side
-from assetbuild.engine.graph import Node, Planner, Ref
+from assetbuild.engine.graph import Node, Ref
+from assetbuild.engine.planner import Planner
 from assetbuild.geometry.companions import companions
 from assetbuild.geometry.plan import Geometry, assemble, lint_density, lint_meshes
 from assetbuild.kinds import Check, Target, lacking

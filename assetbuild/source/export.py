@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import posixpath
 
-from assetbuild.engine.graph import Planner
+from assetbuild.engine.planner import Planner
 from assetbuild.recipe.models import Recipe
 from assetbuild.source.plan import Description, SourceFiles
 from assetbuild.source.reading import Reading

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-from assetbuild.engine.graph import Planner, Ref
+from assetbuild.engine.graph import Ref
+from assetbuild.engine.planner import Planner
 from assetbuild.errors import Where
 from assetbuild.lock import GitPin, Lock
 from assetbuild.recipe.loader import LoadedRecipe

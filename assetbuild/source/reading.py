@@ -6,7 +6,8 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from assetbuild.engine.graph import Planner, Ref
+from assetbuild.engine.graph import Ref
+from assetbuild.engine.planner import Planner
 from assetbuild.recipe.models import Recipe
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf

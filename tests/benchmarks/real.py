@@ -23,7 +23,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from assetbuild.engine.execute import usable_cores
+from assetbuild.engine.processes import usable_cores
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from pathlib import Path
 import commands
 import pytest
 
-from assetbuild import pipeline
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
+from assetbuild.pipeline import building
 
 
 def run(cache: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -58,15 +58,15 @@ def test_a_build_without_a_store_warns_once(tmp_path: Path, monkeypatch: pytest.
     (tmp_path / "file").touch()
     monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "file" / "store"))
     roots: list[Path] = []
-    monkeypatch.setattr(pipeline, "_jobs", lambda *_: [])
+    monkeypatch.setattr(building, "_jobs", lambda *_: [])
 
     def build(_: object, session: Session, *__: object) -> list[object]:
         roots.append(session.store.root)
         return []
 
-    monkeypatch.setattr(pipeline, "_build", build)
+    monkeypatch.setattr(building, "_build", build)
     said: list[str] = []
-    pipeline.build_all([pipeline.Request(tmp_path / "r.yaml")], lambda _: None, said.append)
+    building.build_all([building.Request(tmp_path / "r.yaml")], lambda _: None, said.append)
     assert len(said) == 1
     assert "warning: cannot write to the store" in said[0]
     assert not roots[0].exists()

@@ -10,7 +10,7 @@ import pytest
 
 from assetbuild.cli import report
 from assetbuild.cli.explain import told_of_all
-from assetbuild.cli.progress import PlainProgress, _Running, running_words
+from assetbuild.cli.progress import Progress, _Running, running_words
 from assetbuild.cli.public import shown_figures, shown_next_step
 from assetbuild.cli.summary import every_finding_line, finding_lines
 from assetbuild.engine.execute import Event
@@ -79,7 +79,7 @@ def told(folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
     """All that the console shows of `FELL`, by whatever verb."""
     made = make_report("tiny", [FELL], {}, {}, lambda _: "")
     ran = NodeResult(label="check physx_free_fall", status="ran", seconds=98.5)
-    PlainProgress("tiny").on_event(Event("finished", 1, 2, ran.label, ran))
+    Progress("tiny").on_event(Event("finished", 1, 2, ran.label, ran))
     (folder / "report").mkdir(exist_ok=True)
     (folder / "report/report.json").write_text(json.dumps(made.to_json()))
     report.run(argparse.Namespace(bundle=folder, open=False))

@@ -74,3 +74,37 @@ def test_plan_prints_the_graph(place: Workplace):
     labels = {node["label"] for node in graph["nodes"]}
     assert {"read_urdf", "merge_fixed_joints", "assemble", "control", "mjcf", "usd"} <= labels
     assert place.run("plan", "recipes/go1.yaml", "--format", "dot").stdout.startswith("digraph")
+    assert place.run("plan", "recipes/go1.yaml", "--format", "svg").stdout.startswith("<svg")
+    assert "<graphml" in place.run("plan", "recipes/go1.yaml", "--format", "graphml").stdout
+
+
+def test_plan_names_what_a_change_reaches(place: Workplace):
+    urdf = str(place.urdf)
+    for name in (urdf, "read_urdf"):
+        told = place.run("plan", "recipes/go1.yaml", "--stale", name).stdout.splitlines()
+        assert told[0].startswith(f"a change of `{name}` can reach ")
+        assert {"read_urdf", "control", "mjcf"} <= {line.split()[-1] for line in told}
+    wrong = place.run("plan", "recipes/go1.yaml", "--stale", "controll")
+    assert wrong.returncode == 2
+    assert "did you mean `control`?" in wrong.stderr
+
+
+@pytest.mark.parametrize("name", ["control", "actuators", "actuators.0.kp"])
+def test_a_gain_reaches_the_targets_and_no_geometry(place: Workplace, name: str):
+    asked = ("plan", "recipes/go1.yaml", "--stale", name, "--format", "json")
+    labels = {row["label"] for row in json.loads(place.run(*asked).stdout)}
+    assert {"control", "mjcf", "usd"} <= labels
+    assert not labels & {"read_urdf", "merge_fixed_joints", "assemble"}
+
+
+def test_a_key_without_another_value_is_told(place: Workplace):
+    done = place.run("plan", "recipes/go1.yaml", "--stale", "robot")
+    assert done.returncode == 2
+    assert "`robot` is a key of the recipe of which no value can be changed alone" in done.stderr
+
+
+def test_plan_names_what_a_build_waits_for(place: Workplace):
+    told = place.run("plan", "recipes/go1.yaml", "--critical").stdout.splitlines()
+    assert told[0].startswith("a build with enough cores waits for ")
+    order = [line.split()[-1] for line in told[1:]]
+    assert order.index("assemble") < len(order) - 1

@@ -13,9 +13,9 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from assetbuild.engine.execute import execute
-from assetbuild.engine.graph import Planner
-from assetbuild.engine.session import Resolver, Session
+from assetbuild.engine.resolver import Resolver
+from assetbuild.engine.rounds import settle
+from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plan import plan
@@ -44,15 +44,10 @@ def build(folder: Path) -> dict[str, dict[str, Any]]:  # Any: JSON
     (folder / "legs.yaml").write_text(RECIPE)
     loaded = load_recipe(folder / "legs.yaml")
     with Session(Store(folder / "store")) as session:
-        while True:
-            planner = Planner(session)
-            plan(loaded, None, planner)
-            results = execute(planner.graph(), session, keep_going=True)
-            if not planner.questions or any(r.error for r in results.values()):
-                break
-        resolver = Resolver(planner.graph().nodes, session)
+        done = settle(lambda planner: plan(loaded, None, planner), session)
+        resolver = Resolver(done.graph.nodes, session)
         found = {}
-        for label, result in results.items():
+        for label, result in done.results.items():
             key = resolver.key(label)
             if label in UNTOLD or key is None or result.outputs is None:
                 continue

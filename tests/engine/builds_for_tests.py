@@ -9,7 +9,8 @@ from typing import Any
 from steps_for_tests import Mix, Split
 
 from assetbuild.engine.execute import NodeResult, execute
-from assetbuild.engine.graph import Graph, Planner
+from assetbuild.engine.graph import Graph
+from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.share.remote import Remote
 from assetbuild.engine.step import Step

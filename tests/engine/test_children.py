@@ -20,10 +20,11 @@ from steps_for_tests import (
     PreloadedWithThreads,
 )
 
-from assetbuild.engine import make
+from assetbuild.engine import processes
 from assetbuild.engine.children import Children
 from assetbuild.engine.execute import execute
-from assetbuild.engine.graph import Planner
+from assetbuild.engine.planner import Planner
+from assetbuild.engine.processes import Processes
 from assetbuild.errors import MachineError, SourceError, StepError, Where
 
 
@@ -132,17 +133,18 @@ def test_a_disk_that_fills_up_fails_the_step_not_the_program(session, monkeypatc
     def full(*args: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(make, "stage", full)
+    monkeypatch.setattr(processes, "stage", full)
     error = one(session, Mix()).error
     assert isinstance(error, MachineError)
     assert "no space left" in str(error)
 
 
 def test_a_worker_that_dies_is_replaced(session):
-    one(session, Preloaded(salt=1))
-    (worker,) = session.children._workers.values()
-    worker.process.kill()
-    assert one(session, Preloaded(salt=2)).status == "ran"
+    with Processes(session) as runner:
+        one(session, Preloaded(salt=1), runner=runner)
+        (worker,) = runner._children._workers.values()
+        worker.process.kill()
+        assert one(session, Preloaded(salt=2), runner=runner).status == "ran"
 
 
 def test_a_step_that_no_child_can_import_is_refused(session):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import threading
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -12,8 +13,8 @@ from servers_for_tests import serving
 from steps_for_tests import Misbehave, MixInChild, Slow, Split
 
 from assetbuild.engine.execute import NodeResult, execute
-from assetbuild.engine.graph import Planner
 from assetbuild.engine.keys import key_parts
+from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.share import cluster as cluster_module
 from assetbuild.engine.share.cluster import Cluster, scheduler_address
@@ -47,10 +48,11 @@ def server():
 
 def build(folder: Path, source: Path, workers=None, server=None, width: int = 4, **options):
     """`width` slow steps on one source, and one that reads them all: results, and contents."""
-    with Session(Store(folder)) as session:
+    with ExitStack() as stack:
+        session = stack.enter_context(Session(Store(folder)))
         if workers is not None:
-            session.remote = Remote(server.url, key="k", write=True)
-            session.cluster = Cluster(workers.executor, session.remote)
+            remote = session.remote = Remote(server.url, key="k", write=True)
+            options["runner"] = stack.enter_context(Cluster(workers.executor, remote, session))
         planner = Planner(session)
         split = planner.add("split", Split(), {"in": planner.source(source)})
         slow = [
@@ -101,13 +103,15 @@ def test_a_worker_killed_in_the_middle_costs_nothing_but_time(tmp_path, robot, w
 
 
 def test_a_step_that_crashes_is_one_failed_step(tmp_path, robot, workers, server):
-    with Session(Store(tmp_path / "own")) as session:
-        session.remote = Remote(server.url, key="k", write=True)
-        session.cluster = Cluster(workers.executor, session.remote)
+    remote = Remote(server.url, key="k", write=True)
+    with (
+        Session(Store(tmp_path / "own"), remote=remote) as session,
+        Cluster(workers.executor, remote, session) as runner,
+    ):
         planner = Planner(session)
         for how in ("nothing", "segfault", "abort", "print"):
             planner.add(how, Misbehave(how=how))
-        results = execute(planner.graph(), session, keep_going=True)
+        results = execute(planner.graph(), session, runner, keep_going=True)
     assert {k: r.status for k, r in results.items()} == {
         "nothing": "ran",
         "segfault": "failed",
@@ -119,11 +123,11 @@ def test_a_step_that_crashes_is_one_failed_step(tmp_path, robot, workers, server
     assert [worker.poll() for worker in workers.workers] == [None, None]
 
 
-def test_nobody_at_the_address_is_one_error(monkeypatch, server):
+def test_nobody_at_the_address_is_one_error(monkeypatch, server, session):
     monkeypatch.setattr(cluster_module, "CONNECT_S", 0.5)
     began = time.monotonic()
     with pytest.raises(MachineError, match=r"no scheduler answers at tcp://127\.0\.0\.1:9"):
-        Cluster("dask://127.0.0.1:9", Remote(server.url, write=True))
+        Cluster("dask://127.0.0.1:9", Remote(server.url, write=True), session)
     assert time.monotonic() - began < 20
 
 

@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 from steps_for_tests import Mix, Split
 
-from assetbuild.engine.execute import execute, first_error, restore
-from assetbuild.engine.graph import Planner
+from assetbuild.engine.execute import execute, first_error
 from assetbuild.engine.housekeeping import check
+from assetbuild.engine.planner import Planner
 from assetbuild.engine.publish import discard, new_staging, publish
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store, machine_error
@@ -86,12 +86,11 @@ def build(root: Path, source: Path, dest: Path) -> bytes:
         split = planner.add("split", Split(), {"in": planner.source(source)})
         mix = planner.add("mix", Mix(), {"all/": split["parts/"]})
         planner.add("last", Mix(salt=1), {"in": mix["out"]})
-        graph = planner.graph()
-        results = execute(graph, session, jobs=1)
+        results = execute(planner.graph(), session, jobs=1)
         error = first_error(results)
         if error is not None:
             raise error
-        restore(graph, session, graph.nodes["last"]["out"], dest)
+        session.store.restore(results["last"]["out"], dest)
         return dest.read_bytes()
 
 

@@ -8,7 +8,8 @@ import pytest
 from steps_for_tests import Edit, Mix
 
 from assetbuild.engine.execute import execute
-from assetbuild.engine.graph import Graph, Planner
+from assetbuild.engine.graph import Graph
+from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 from assetbuild.errors import SourceError

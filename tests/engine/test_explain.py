@@ -10,8 +10,9 @@ from steps_for_tests import Mix, MixInChild, Write, flip
 from assetbuild.engine import keys
 from assetbuild.engine.execute import execute
 from assetbuild.engine.explain import Change, changes_between, explain
-from assetbuild.engine.graph import Graph, Planner
+from assetbuild.engine.graph import Graph
 from assetbuild.engine.keys import key_of, key_parts
+from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step
 from assetbuild.engine.store import Store
@@ -157,7 +158,7 @@ def test_another_build_has_a_journal_of_its_own(tmp_path):
 def test_an_unreadable_journal_counts_as_empty(tmp_path, text):
     with Session(Store(tmp_path / "store"), build="x") as session:
         execute(graph(session), session)
-        path = session.journal.path
+    (path,) = (tmp_path / "store" / "v1" / "journal").iterdir()
     path.write_text(text)
     with Session(Store(tmp_path / "store"), build="x") as session:
         assert execute(graph(session, 4), session)["first"].reason == "first build"

@@ -14,8 +14,8 @@ from steps_for_tests import (
     flip,
 )
 
-from assetbuild.engine.execute import execute, restore
-from assetbuild.engine.graph import Planner
+from assetbuild.engine.execute import execute
+from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import LostObjectError, Store
 from assetbuild.errors import MachineError
@@ -44,13 +44,17 @@ def test_a_lost_object_is_made_again_when_it_is_needed(tmp_path, source, label, 
         assert session.read(results["third"]["out"]) == want
 
 
-def test_restore_heals_what_the_store_lost(tmp_path, source):
+def test_what_was_lost_when_it_is_restored_is_made_again_by_the_next_execution(tmp_path, source):
     with Session(Store(tmp_path / "store")) as session:
         graph = chain(session, source)
         digest = execute(graph, session)["third"]["out"]
         want = session.read(digest)
         flip(session.store.root / "cas" / digest[:2] / digest)
-        restore(graph, session, graph.nodes["third"]["out"], tmp_path / "dest")
+        with pytest.raises(LostObjectError):
+            session.store.restore(digest, tmp_path / "dest")
+        session.forget()
+        execute(graph, session)
+        session.store.restore(digest, tmp_path / "dest")
     assert (tmp_path / "dest").read_bytes() == want
 
 

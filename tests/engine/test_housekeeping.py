@@ -13,8 +13,8 @@ from builds_for_tests import chain
 from steps_for_tests import Count, Mix, Split, flip
 
 from assetbuild.engine.execute import execute
-from assetbuild.engine.graph import Planner
 from assetbuild.engine.housekeeping import check, collect, size_of_text, stats
+from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store, open_store
 
@@ -28,7 +28,7 @@ def build(root: Path, log: Path, names: str) -> dict[str, str]:
         for name in names:
             planner.add(name, Count(log=str(log), name=name, text=name * SIZE))
         results = execute(planner.graph(), session, jobs=1)
-        assert not any(result.error for result in results.values())
+        assert [str(r.error) for r in results.values() if r.error] == []
         return {name: result.status for name, result in results.items()}
 
 

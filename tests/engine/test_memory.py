@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 from steps_for_tests import Big, Mix
 
-from assetbuild.engine.execute import execute, usable_memory_mb
-from assetbuild.engine.graph import Planner
+from assetbuild.engine.execute import execute
+from assetbuild.engine.planner import Planner
+from assetbuild.engine.processes import Processes
 from assetbuild.engine.session import Session
 
 
@@ -30,5 +31,6 @@ def test_declared_memory_bounds_what_runs_at_once(
     assert met == ([b"2", b"2"] if together else [b"1", b"2"])
 
 
-def test_this_machine_has_some_memory():
-    assert 1 <= usable_memory_mb() < 10**9
+def test_this_machine_has_some_memory(session: Session):
+    with Processes(session) as runner:
+        assert 1 <= runner.memory_mb < 10**9

@@ -13,7 +13,8 @@ from steps_for_tests import Mix
 from tiny import examples
 
 from assetbuild.engine.execute import Event, execute
-from assetbuild.engine.graph import Node, Planner, Ref
+from assetbuild.engine.graph import Node, Ref
+from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 

@@ -10,7 +10,8 @@ from steps_for_tests import Count, Irreproducible, Mix, MixInChild, Split
 
 from assetbuild.engine.execute import execute
 from assetbuild.engine.explain import explain
-from assetbuild.engine.graph import Graph, Planner, joined
+from assetbuild.engine.graph import Graph, joined
+from assetbuild.engine.planner import Planner
 from assetbuild.engine.rebuild import run_again
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from steps_for_tests import (
 )
 
 from assetbuild.engine import sandbox
+from assetbuild.engine.processes import Processes
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 from assetbuild.errors import StepError
@@ -24,9 +26,16 @@ pytestmark = pytest.mark.skipif(bool(sandbox.why_not()), reason=sandbox.why_not(
 
 
 @pytest.fixture
-def strict(tmp_path: Path):
-    with Session(Store(tmp_path / "confined"), build="test", sandbox=True) as session:
+def confined(tmp_path: Path):
+    with Session(Store(tmp_path / "confined"), build="test") as session:
         yield session
+
+
+@pytest.fixture
+def strict(confined: Session):
+    """Runs one step that may read its inputs only."""
+    with Processes(confined, sandbox=True) as runner:
+        yield functools.partial(one, confined, runner=runner)
 
 
 @pytest.fixture
@@ -40,7 +49,7 @@ def secret(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("kind", [Reads, ReadsInChild])
 @pytest.mark.parametrize("how", ["open", "native_code", "program", "link", "relative_path"])
 def test_an_undeclared_read_fails_the_step_and_names_the_file(strict, secret, kind, how):
-    error = one(strict, kind(path=str(secret), how=how)).error
+    error = strict(kind(path=str(secret), how=how)).error
     assert isinstance(error, StepError)
     assert f"step `it` reads `{secret}`, which is not among its inputs" in str(error)
 
@@ -52,42 +61,42 @@ def test_without_it_the_same_step_reads_the_file(session, secret, how):
 
 
 def test_an_undeclared_folder_is_not_listed(strict, secret):
-    error = one(strict, Reads(path=str(secret.parent), how="listing")).error
+    error = strict(Reads(path=str(secret.parent), how="listing")).error
     assert f"`{secret.parent}`" in str(error)
 
 
 def test_a_crash_after_a_refused_read_is_told_as_the_read(strict, secret):
-    error = one(strict, ReadsAndDies(path=str(secret), how="native_code")).error
+    error = strict(ReadsAndDies(path=str(secret), how="native_code")).error
     assert f"reads `{secret}`" in str(error)
 
 
 def test_what_is_not_there_may_be_looked_for(strict, tmp_path):
-    assert one(strict, Reads(path=str(tmp_path / "absent"), how="open")).error is None
+    assert strict(Reads(path=str(tmp_path / "absent"), how="open")).error is None
 
 
 @pytest.mark.parametrize("how", ["writing", "input"])
-def test_inputs_and_the_own_folder_are_free(strict, source, how):
-    result = one(strict, ReadsInChild(path="", how=how), source)
+def test_inputs_and_the_own_folder_are_free(confined, strict, source, how):
+    result = strict(ReadsInChild(path="", how=how), source)
     assert result.error is None
-    assert strict.read(result["out"]) == (b"mine" if how == "writing" else b"1['in']")
+    assert confined.read(result["out"]) == (b"mine" if how == "writing" else b"1['in']")
 
 
 def test_ordinary_steps_give_the_same_bytes(strict, session, source, tmp_path):
     free = one(session, MixInChild(), source)
-    confined = one(strict, MixInChild(salt=0), source)
+    confined = strict(MixInChild(salt=0), source)
     assert confined.error is None
     assert confined.outputs == free.outputs
 
 
 def test_an_interpreter_of_its_own_is_confined_too(strict):
-    assert one(strict, PreloadedWithThreads()).error is None
+    assert strict(PreloadedWithThreads()).error is None
 
 
 def test_limits_still_hold(strict):
-    assert "ran over its time limit of 1 s" in str(one(strict, Hang()).error)
+    assert "ran over its time limit of 1 s" in str(strict(Hang()).error)
 
 
 def test_a_failed_step_is_not_remembered(strict, secret):
     step = ReadsInChild(path=str(secret), how="open")
-    assert one(strict, step).error is not None
-    assert one(strict, step).error is not None
+    assert strict(step).error is not None
+    assert strict(step).error is not None

@@ -14,7 +14,7 @@ from steps_for_tests import Count, Mix
 
 from assetbuild.engine.claims import Turns
 from assetbuild.engine.execute import execute
-from assetbuild.engine.graph import Planner
+from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 
 BUILDS, ROUNDS = 8, 10
@@ -25,7 +25,7 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 from steps_for_tests import Count, CountInChild
 from assetbuild.engine.execute import execute
-from assetbuild.engine.graph import Planner
+from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 folder, me, builds, rounds = Path(sys.argv[2]), sys.argv[3], int(sys.argv[4]), int(sys.argv[5])

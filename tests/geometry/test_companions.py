@@ -16,7 +16,7 @@ from PIL import Image
 from pxr import Usd, UsdGeom, UsdShade
 
 from assetbuild.errors import RecipeError
-from assetbuild.pipeline import Outcome, Request, build
+from assetbuild.pipeline.building import Outcome, Request, build
 from assetbuild.pipeline.checking import check
 
 URDF = """<robot name="r">

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from assetbuild.engine.execute import execute
-from assetbuild.engine.graph import Planner
+from assetbuild.engine.planner import Planner
 from assetbuild.errors import LockError, OutOfDateError, RecipeError, SourceError, Where
 from assetbuild.lock import lock_path, read_lock
 from assetbuild.pipeline.checking import check

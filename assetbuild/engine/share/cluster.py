@@ -10,14 +10,15 @@ from __future__ import annotations
 import json
 import logging
 import secrets
-from collections.abc import Mapping
 from typing import Any
 from urllib.parse import urlsplit
 
 from assetbuild.engine.children import CancelledError
 from assetbuild.engine.graph import Node
 from assetbuild.engine.keys import Parts, key_of
-from assetbuild.engine.session import Made, Session
+from assetbuild.engine.made import Made
+from assetbuild.engine.processes import Processes
+from assetbuild.engine.session import Session
 from assetbuild.engine.share.remote import Remote
 from assetbuild.engine.wire import error_from_json, step_to_json
 from assetbuild.errors import MachineError, UsageError
@@ -41,13 +42,15 @@ def scheduler_address(executor: str) -> str:
     return address
 
 
-class Cluster:
-    """A connection to a scheduler. `run` may be called from many threads.
+class Cluster(Processes):
+    """A connection to a scheduler: isolated steps run on its workers, all others here.
 
     remote: must be written to. MachineError when nobody answers at the address.
     """
 
-    def __init__(self, executor: str, remote: Remote) -> None:
+    def __init__(
+        self, executor: str, remote: Remote, session: Session, *, sandbox: bool = False
+    ) -> None:
         address = scheduler_address(executor)
         try:
             import distributed
@@ -58,7 +61,6 @@ class Cluster:
             ) from None
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         self._remote = remote
-        self._closed = False
         connect: Any = distributed.Client  # Any: distributed has hardly any types
         try:
             self._client = connect(address, timeout=CONNECT_S, set_as_default=False)
@@ -67,19 +69,28 @@ class Cluster:
                 f"no scheduler answers at {address}: {error or 'it took too long'}",
                 hint="start one by `dask scheduler`, see docs/how-to/cluster.md",
             ) from None
+        super().__init__(session, sandbox=sandbox)
 
     @property
     def places(self) -> int:
         """Steps that all workers together run at once; at least 1, as workers may still come."""
         return max(1, sum(int(count) for count in self._client.nthreads().values()))
 
-    def run(self, node: Node, parts: Parts, session: Session) -> Made:
+    @property
+    def memory_mb(self) -> int:
+        """The workers' matter, not this machine's."""
+        return 1 << 40
+
+    def run(self, node: Node, parts: Parts) -> Made:
         """Run a step on some worker; its results are in the store afterwards. AssetBuildError."""
-        key = key_of(parts)
-        inputs = {str(name): str(digest) for name, digest in _dict(parts["inputs"]).items()}
-        objects = _objects(inputs, session)
-        for digest in objects:
+        if node.step.network or not node.step.isolated:
+            return super().run(node, parts)
+        session, key, inputs = self._session, key_of(parts), parts["inputs"]
+        for digest in inputs.values():
             session.object(digest)  # a source comes into the store first
+        objects = session.store.sizes(inputs)
+        for digest in objects:
+            session.object(digest)
         if not self._remote.send(objects, session.store):
             raise _cache_failed(node)
         spec = {
@@ -90,11 +101,11 @@ class Cluster:
             "inputs": inputs,
             "objects": objects,
             "remote": self._remote.address,
-            "sandbox": session.sandbox,
+            "sandbox": self.sandbox,
         }
         answer = self._answer(node, json.dumps(spec))
         if "error" in answer:
-            raise error_from_json(_dict(answer["error"]))
+            raise error_from_json(answer["error"])
         made = session.fetched(key)
         if made is None:
             raise _cache_failed(node)
@@ -117,7 +128,7 @@ class Cluster:
                 hint="look at the logs of the workers: were they out of memory?",
             ) from None
         except FutureCancelledError:
-            if self._closed:
+            if self.closed:
                 raise CancelledError from None
             raise MachineError(f"the scheduler gave up step `{node.label}`") from None
         except (OSError, TimeoutError, ImportError, ValueError) as error:
@@ -127,19 +138,9 @@ class Cluster:
         return answer
 
     def close(self) -> None:
-        """Give up what is not finished."""
-        self._closed = True
+        """Give up what is not finished; nothing is started any more."""
+        super().close()
         self._client.close(timeout=1)
-
-
-def _objects(inputs: Mapping[str, str], session: Session) -> dict[str, int]:
-    """Digest -> size in bytes of each input, and of each member of those that are folders."""
-    found: dict[str, int] = {}
-    for name, digest in inputs.items():
-        found[digest] = session.object(digest).stat().st_size
-        if name.endswith("/"):
-            found |= dict(session.tree(digest).values())
-    return found
 
 
 def _cache_failed(node: Node) -> MachineError:
@@ -147,9 +148,3 @@ def _cache_failed(node: Node) -> MachineError:
         f"the shared cache failed while step `{node.label}` ran on a worker",
         hint="inputs and results go through it; can this machine and the workers write to it?",
     )
-
-
-def _dict(value: object) -> dict[str, Any]:  # Any: JSON
-    if not isinstance(value, dict):
-        raise TypeError("not an object")
-    return value

@@ -7,38 +7,22 @@ import json
 import math
 import os
 from collections.abc import Mapping
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
 from assetbuild.engine.explain import changes_between, changes_text
 from assetbuild.engine.folders import cache_root
-from assetbuild.engine.graph import Graph, Node, Ref
+from assetbuild.engine.graph import Node
 from assetbuild.engine.keys import key_parts
-from assetbuild.engine.make import Maker, NodeResult
+from assetbuild.engine.made import Made
+from assetbuild.engine.make import HEALING_ROUNDS
+from assetbuild.engine.processes import Processes
 from assetbuild.engine.session import Session
 from assetbuild.engine.share.remote import Budget, Remote
 from assetbuild.engine.step import Step
-from assetbuild.engine.store import open_store
+from assetbuild.engine.store import LostObjectError, open_store
 from assetbuild.engine.wire import error_to_json, step_from_json
-from assetbuild.errors import AssetBuildError, MachineError
-
-
-class _ActionSession(Session):
-    """Inputs are named by their digests; each came from the shared cache, verified."""
-
-    def digest_of_source(self, name: str) -> str:
-        return name.removesuffix("/")
-
-    def check_sources(self, node: Node) -> None:
-        """The machine that plans looks after them."""
-
-
-class _ActionMaker(Maker):
-    """The machine that plans holds the turn already, maybe in this very store."""
-
-    def _turn(self, node: Node, key: str) -> AbstractContextManager[None]:
-        return nullcontext()
+from assetbuild.errors import AssetBuildError, MachineError, StepError
 
 
 def run_action(text: str) -> str:
@@ -57,37 +41,47 @@ def run_action(text: str) -> str:
 
 
 @functools.lru_cache(maxsize=4)
-def _session(address: str, *, sandbox: bool) -> Session:
+def _place(address: str, *, sandbox: bool) -> tuple[Session, Remote, Processes]:
     """One for all actions of this worker, so that its child processes stay warm."""
     key = os.environ.get("ASSETBUILD_CACHE_KEY", "")
     patient = Budget(lost_s=math.inf, errors=1 << 30)  # it lives longer than one build
     remote = Remote(address, key=key, write=True, budget=patient)
-    return _ActionSession(
-        open_store(Path(cache_root())), build="cluster", remote=remote, sandbox=sandbox
-    )
+    session = Session(open_store(Path(cache_root())), build="cluster", remote=remote)
+    return session, remote, Processes(session, sandbox=sandbox)
 
 
-def _make(spec: Mapping[str, Any]) -> NodeResult:  # Any: JSON
+def _make(spec: Mapping[str, Any]) -> None:  # Any: JSON
+    """From this store, from the shared cache, or freshly run. AssetBuildError.
+
+    The machine that plans looks after sources, and holds the turn of the action.
+    """
     step = step_from_json(spec["step"])
     _check_same_key(step, spec)
     # Its address may hold credentials, so that of a worker's own environment comes first.
     address = os.environ.get("ASSETBUILD_REMOTE") or spec["remote"]
-    session = _session(address, sandbox=spec["sandbox"])
-    remote = session.remote
-    if remote is None or not remote.fetch(spec["objects"], session.store):
-        raise MachineError("a worker cannot get its inputs from the shared cache")
-    inputs = {
-        name: Ref("", digest + "/" * name.endswith("/")) for name, digest in spec["inputs"].items()
-    }
-    label = spec["label"]
-    graph = Graph({label: Node(label, step, inputs)})
-    result = _ActionMaker(graph, session).make(label)
-    if result.error is not None:
-        raise result.error
-    made = session.known(result.key)
-    if made is None or not remote.put(result.key, made.to_json(), session.store):
+    session, remote, processes = _place(address, sandbox=spec["sandbox"])
+    made = _made(spec, step, session, remote, processes)
+    session.store.put_action(spec["key"], made.to_json())
+    if not remote.put(spec["key"], made, session.store):
         raise MachineError("a worker cannot write its results to the shared cache")
-    return result
+
+
+def _made(
+    spec: Mapping[str, Any],  # Any: JSON
+    step: Step,
+    session: Session,
+    remote: Remote,
+    processes: Processes,
+) -> Made:
+    for _ in range(HEALING_ROUNDS):
+        if not remote.fetch(spec["objects"], session.store):
+            raise MachineError("a worker cannot get its inputs from the shared cache")
+        try:
+            known = session.known(spec["key"])
+            return known or processes.run(Node(spec["label"], step, {}), spec["parts"])
+        except LostObjectError:  # corrupt, or evicted: fetched again
+            session.forget()
+    raise StepError(f"the store of a worker keeps losing what step `{spec['label']}` reads")
 
 
 def _check_same_key(step: Step, spec: Mapping[str, Any]) -> None:  # Any: JSON

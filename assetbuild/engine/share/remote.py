@@ -16,13 +16,20 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from assetbuild.engine.digest import canonical_json
+from assetbuild.engine.made import Made, made_from_json
 from assetbuild.engine.store import LostObjectError, Store
 from assetbuild.errors import UsageError
+
+if TYPE_CHECKING:
+    from assetbuild.engine.share.remote_http import HttpExchange, HttpPlace
+    from assetbuild.engine.share.remote_s3 import S3Place
+
+    Exchange = HttpExchange | S3Place
+    """A few requests to one place; each within its time, each body within its size."""
 
 ENTRY_FORMAT = 1
 ENTRY_BYTES = 16 << 20
@@ -57,41 +64,7 @@ class Budget:
     errors: int = TOLERATED_ERRORS
 
 
-class Exchange(Protocol):
-    """A few requests to one place; each within its time, each body within its size."""
-
-    def get(self, name: str, limit: int) -> bytes | None:
-        """A small body; None when there is none of this name."""
-        ...
-
-    def save(self, name: str, size: int, dest: Path) -> None:
-        """Write a body of exactly `size` bytes to a file."""
-        ...
-
-    def has(self, name: str) -> bool:
-        """Is it there already?"""
-        ...
-
-    def put(self, name: str, body: bytes | Path) -> None:
-        """Upload bytes or a file."""
-        ...
-
-    def close(self) -> None:
-        """No more requests."""
-        ...
-
-
-class Place(Protocol):
-    """Where the cache is. name: for messages, without credentials."""
-
-    name: str
-
-    def exchange(self) -> Exchange:
-        """For one thread."""
-        ...
-
-
-def place_of(url: str, request_s: float) -> Place:
+def place_of(url: str, request_s: float) -> HttpPlace | S3Place:
     """The place that an address names. UsageError; MachineError when a library is missing."""
     parts = urlsplit(url)
     if parts.scheme in ("http", "https") and parts.hostname:
@@ -148,9 +121,7 @@ class Remote:
         """Without credentials."""
         return self._place.name
 
-    def get(
-        self, key: str, store: Store, *, again: bool = False
-    ) -> dict[str, Any] | None:  # Any: JSON
+    def get(self, key: str, store: Store, *, again: bool = False) -> Made | None:
         """What a step with this key made elsewhere, all its objects now in the store, or None.
 
         Each key is asked for once in a build, unless `again`. MachineError when the store cannot
@@ -171,22 +142,22 @@ class Remote:
             if sum(objects.values()) > self._budget.object_bytes:
                 raise ValueError("a result is larger than its budget")
             self._download(objects, store, exchange)
-            return result
+            return made_from_json(result)
         return None
 
-    def put(self, key: str, result: Mapping[str, object], store: Store) -> bool:
+    def put(self, key: str, made: Made, store: Store) -> bool:
         """Offer what a step with this key made: objects first, then the action. Is it there?"""
         if not self._write:
             return False
         with self._tolerant("write") as exchange:
             if exchange is None:
                 return False
-            objects = _objects_of(result, store)
+            objects = store.sizes(made.outputs)
             self._upload(objects, store, exchange)
             entry = {
                 "format": ENTRY_FORMAT,
                 "key": key,
-                "result": dict(result),
+                "result": made.to_json(),
                 "objects": objects,
             }
             if self._key:
@@ -271,13 +242,3 @@ class Remote:
                 self._warn(f"warning: cannot {what} {place}: {reason}; going on without")
         finally:
             exchange.close()
-
-
-def _objects_of(result: Mapping[str, Any], store: Store) -> dict[str, int]:  # Any: JSON
-    """Digest -> size of every output, and of every member of those that are folders."""
-    found: dict[str, int] = {}
-    for name, digest in result["outputs"].items():
-        found[digest] = store.path(digest).stat().st_size
-        if name.endswith("/"):
-            found |= dict(store.tree(digest).values())
-    return found

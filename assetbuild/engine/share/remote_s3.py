@@ -40,7 +40,7 @@ class S3Place:
         prefix = parts.path.strip("/")
         self.name = f"s3://{parts.hostname}/{prefix}".rstrip("/")
         self._request_s = request_s
-        self._store = S3Store(
+        self._store: Any = S3Store(  # Any: obstore is imported late
             parts.hostname,
             prefix=prefix or None,
             client_options={
@@ -51,16 +51,9 @@ class S3Place:
             retry_config={"max_retries": 1, "retry_timeout": timedelta(seconds=request_s)},
         )
 
-    def exchange(self) -> S3Exchange:
-        """The store keeps its own connections."""
-        return S3Exchange(self._store)
-
-
-class S3Exchange:
-    """Requests to one bucket; threads may share the store behind it."""
-
-    def __init__(self, store: Any) -> None:  # Any: obstore's S3Store, imported late
-        self._store = store
+    def exchange(self) -> S3Place:
+        """Itself: threads may share it, and the store keeps its own connections."""
+        return self
 
     def get(self, name: str, limit: int) -> bytes | None:
         """A small body; None when the bucket has none of this name."""

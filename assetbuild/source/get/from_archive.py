@@ -7,7 +7,8 @@ import re
 from collections.abc import Collection, Iterable
 from pathlib import Path, PurePosixPath
 
-from assetbuild.engine.graph import Planner, Ref
+from assetbuild.engine.graph import Ref
+from assetbuild.engine.planner import Planner
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.source.get.list_archive import ListArchive
 from assetbuild.source.get.unpack import Unpack

@@ -6,7 +6,8 @@ import os
 from collections.abc import Collection, Iterator
 from pathlib import Path, PurePosixPath
 
-from assetbuild.engine.graph import Planner, Ref
+from assetbuild.engine.graph import Ref
+from assetbuild.engine.planner import Planner
 from assetbuild.errors import RecipeError, SourceError, Where, did_you_mean
 from assetbuild.recipe.loader import LoadedRecipe
 

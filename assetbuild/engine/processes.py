@@ -1,0 +1,228 @@
+"""Steps that run on this machine: in this process, or in a child when they are isolated."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from assetbuild.engine.children import Children, Ended, last_line, step_environment
+from assetbuild.engine.graph import Node
+from assetbuild.engine.keys import Parts
+from assetbuild.engine.made import Made
+from assetbuild.engine.session import Session
+from assetbuild.engine.staging import check_present, check_untouched, collect, stage
+from assetbuild.engine.step import Files
+from assetbuild.engine.store import machine_errors
+from assetbuild.engine.wire import REFUSED, error_from_json, perform, step_to_json
+from assetbuild.engine.worker import NO_SPACE
+from assetbuild.errors import StepError
+from assetbuild.findings import finding_from_json
+
+ATTEMPTS = 2
+"""How often a step is run whose process is killed by something else than our limits."""
+
+
+class Processes:
+    """Runs steps here; a context manager that ends its child processes.
+
+    sandbox: steps may read what they declare, and nothing else. `run` may be called from many
+    threads.
+    """
+
+    def __init__(self, session: Session, *, sandbox: bool = False) -> None:
+        self.sandbox = sandbox
+        self._session = session
+        self._children = Children(session.store.scratch())
+
+    def __enter__(self) -> Processes:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Kill all that runs; nothing is started any more."""
+        self._children.close()
+
+    @property
+    def closed(self) -> bool:
+        """Is nothing started any more?"""
+        return self._children.closed
+
+    @property
+    def places(self) -> int:
+        """Steps that may run at once."""
+        return usable_cores()
+
+    @property
+    def memory_mb(self) -> int:
+        """Memory that this process and its children may still take."""
+        free_mb = [_available_mb()]
+        group = Path("/sys/fs/cgroup")
+        with suppress(OSError, ValueError):  # no control group, or `max`: no limit
+            limit, used = ((group / f"memory.{n}").read_text() for n in ("max", "current"))
+            free_mb.append((int(limit) - int(used)) >> 20)
+        return max(1, min(free_mb))
+
+    def run(self, node: Node, parts: Parts) -> Made:
+        """Run a step with these key parts; its outputs are in the store. AssetBuildError.
+
+        LostObjectError when the store lost one of its inputs.
+        """
+        try:
+            with machine_errors(self._session.store.root.parent), self._folder(node) as folder:
+                return self._run(node, parts, folder)
+        except StepError as error:
+            log = self._session.log_path(node.label)
+            if not error.hint and log.is_file():
+                error.hint = f"its log: {log}"
+            raise
+
+    @contextmanager
+    def _folder(self, node: Node) -> Iterator[Path]:
+        """A private folder; the log in it stays, in place of that of the step's last run."""
+        folder = self._session.store.scratch()
+        try:
+            yield folder
+        finally:
+            log, place = folder / "log", self._session.log_path(node.label)
+            with suppress(OSError):
+                if log.is_file() and log.stat().st_size:
+                    place.parent.mkdir(exist_ok=True)
+                    log.replace(place)
+                else:
+                    place.unlink(missing_ok=True)
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def _run(self, node: Node, parts: Parts, folder: Path) -> Made:
+        staged = stage(self._session, parts["inputs"], folder / "inputs")
+        (folder / "outputs").mkdir()
+        began = time.monotonic()
+        if node.step.isolated or self._is_confined(node):
+            result, used = self._in_child(node, folder)
+        else:
+            files = Files(inputs=folder / "inputs", outputs=folder / "outputs")
+            result, trace = perform(node.step, files, node.label)
+            used = Ended(status=0, wall_s=round(time.monotonic() - began, 4))
+            if trace:
+                (folder / "log").write_text(trace, encoding="utf-8", errors="backslashreplace")
+        check_untouched(self._session, staged, node.label)
+        if "error" in result:
+            check_present(staged)
+            raise error_from_json(result["error"])
+        return Made(
+            outputs=collect(self._session.store, node, folder / "outputs"),
+            findings=tuple(map(finding_from_json, result["findings"])),
+            seconds=used.wall_s,
+            cpu_seconds=used.cpu_s,
+            child=node.step.isolated,
+            attempts=used.attempts,
+        )
+
+    def _in_child(self, node: Node, folder: Path) -> tuple[dict[str, Any], Ended]:  # Any: JSON
+        home, log = folder / "home", folder / "log"
+        home.mkdir()
+        job = {
+            "label": node.label,
+            "step": step_to_json(node.step),
+            "inputs": str(folder / "inputs"),
+            "outputs": str(folder / "outputs"),
+            "result": str(folder / "result.json"),
+            "log": str(log),
+            "home": str(home),
+            "environ": step_environment(node.step, home),
+            "limits": asdict(node.step.limits),
+            "sandbox": str(folder) if self._is_confined(node) else "",
+        }
+        path = folder / "job.json"
+        path.write_text(json.dumps(job), encoding="utf-8")
+        for attempt in range(1, ATTEMPTS + 1):
+            ended = self._children.run(node.step, path)
+            _check_refused(node, folder)
+            if ended.status == 0 and not ended.over:
+                with suppress(OSError, ValueError):
+                    result = json.loads((folder / "result.json").read_bytes())
+                    return result, replace(ended, attempts=attempt)
+            if attempt == ATTEMPTS or not was_killed_by_chance(ended, log):
+                break
+            for private in ("outputs", "home"):
+                shutil.rmtree(folder / private)
+                (folder / private).mkdir()
+        raise StepError(how_it_ended(node, ended, log))
+
+    def _is_confined(self, node: Node) -> bool:
+        """A step that may use the network runs programs and reads settings of the user's."""
+        return self.sandbox and not node.step.network
+
+
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0)) or 1
+    return os.cpu_count() or 1
+
+
+def _available_mb() -> int:
+    with suppress(OSError, StopIteration):
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        return int(next(x for x in lines if x.startswith("MemAvailable")).split()[1]) >> 10
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") >> 20
+
+
+def _check_refused(node: Node, folder: Path) -> None:
+    """Whatever became of a step that reads what it does not declare: that is its error."""
+    with suppress(FileNotFoundError):
+        refused = json.loads((folder / REFUSED).read_bytes())
+        more = f", and {len(refused) - 1} more files" if len(refused) > 1 else ""
+        raise StepError(
+            f"step `{node.label}` reads `{refused[0]}`, which is not among its inputs{more}",
+            hint="a step reads its inputs only: this is a fault of the step",
+        )
+
+
+def was_killed_by_chance(ended: Ended, log: Path) -> bool:
+    """Did a signal end the process that none of our limits sent? Then it may go well again."""
+    if ended.over or ended.status is None or not os.WIFSIGNALED(ended.status):
+        return False
+    if os.WTERMSIG(ended.status) in (signal.SIGXCPU, signal.SIGXFSZ):
+        return False
+    return not _tells_of_memory(last_line(log))
+
+
+def _tells_of_memory(text: str) -> bool:
+    return any(word in text for word in ("bad_alloc", "MemoryError", "annot allocate memory"))
+
+
+def how_it_ended(node: Node, ended: Ended, log: Path) -> str:
+    """The sentence for a child process that did not end well."""
+    name, limits = f"step `{node.label}`", node.step.limits
+    if ended.over == "wall":
+        return f"{name} ran over its time limit of {limits.wall_s:g} s and was stopped"
+    if ended.over == "worker" or ended.status is None:
+        last = f"; last line: {ended.log}" if ended.log else ""
+        loads = f" while it loads {', '.join(node.step.preload)}" if node.step.preload else ""
+        return f"the process that runs {name} died{loads}{last or '; ' + ended.over}"
+    if os.WIFSIGNALED(ended.status):
+        number = os.WTERMSIG(ended.status)
+        if number == signal.SIGXCPU:
+            allowed = limits.wall_s * max(1, limits.cpus)
+            return f"{name} used more than {allowed:g} s of processor time and was stopped"
+        tail = last_line(log)
+        if _tells_of_memory(tail):
+            return f"{name} ran over its memory limit of {limits.memory_mb} MB"
+        told = f": {tail}" if tail else ""
+        if number == signal.SIGKILL:
+            told = " (by this machine, when memory runs out, or by hand)" + told
+        return f"{name} crashed with {signal.Signals(number).name}{told}"
+    status = os.waitstatus_to_exitcode(ended.status)
+    if status == NO_SPACE:
+        return f"no space left on the disk of the store while {name} ran"
+    return f"{name} ended without a result (exit status {status})"

@@ -1,0 +1,253 @@
+"""build(): plan and execute until no question is open, then report, then the bundle."""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from assetbuild.engine.execute import Listener
+from assetbuild.engine.make import NodeResult
+from assetbuild.engine.processes import Processes
+from assetbuild.engine.publish import check_replaceable
+from assetbuild.engine.rebuild import Difference, run_again
+from assetbuild.engine.rounds import Settled, settle_all
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import LostObjectError
+from assetbuild.errors import AssetBuildError, MachineError, UsageError
+from assetbuild.lock import Lock, lock_path
+from assetbuild.pipeline.bundling import bundle_files, files_read, publish_bundle
+from assetbuild.pipeline.judging import judged, located, where_of
+from assetbuild.pipeline.opening import open_session, pin, remote_cache
+from assetbuild.pipeline.recipes import load_recipe
+from assetbuild.pipeline.smoking import asking
+from assetbuild.plan import Outline, plan
+from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.report.bundle import json_text
+from assetbuild.report.document import FailOn, Report, fails
+
+if TYPE_CHECKING:
+    from assetbuild.engine.share.remote import Remote
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the user asks of a build. out: default `build/<robot>`; jobs: default, all cores.
+
+    smoke: consumers that try the bundle, besides those of the recipe.
+    """
+
+    recipe: Path
+    out: Path | None = None
+    variant: str | None = None
+    jobs: int | None = None
+    keep_going: bool = False
+    frozen: bool = False
+    rehash: bool = False
+    rebuild_check: bool = False
+    remote: str = ""
+    cache_write: bool = False
+    sandbox: Literal["off", "strict"] = "off"
+    executor: str = "local"
+    fail_on: FailOn = "error"
+    smoke: tuple[str, ...] = ()
+
+
+@dataclass
+class Outcome:
+    """What came of a build.
+
+    out: where the bundle lies, None when a step failed. edited: files of the user that were set
+    aside. errors: of the failed steps, in the order of the graph.
+    read: path -> sha256 of every file outside the store that decided the result; absent: paths
+    that would have, had they existed; began_ns: when the first was read. differences: what the
+    second run of `--rebuild-check` found.
+    """
+
+    loaded: LoadedRecipe
+    exit_code: int
+    results: Mapping[str, NodeResult]
+    seconds: float = 0.0
+    out: Path | None = None
+    report: Report | None = None
+    edited: tuple[str, ...] = ()
+    errors: tuple[AssetBuildError, ...] = ()
+    read: Mapping[str, str] = field(default_factory=dict)
+    absent: tuple[Path, ...] = ()
+    began_ns: int = 0
+    differences: tuple[Difference, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Job:
+    """One recipe of a build, ready to be planned. name: its robot, which no other job builds."""
+
+    name: str
+    loaded: LoadedRecipe
+    lock: Lock | None
+    out: Path
+
+
+def build(request: Request, on_event: Listener, say: Callable[[str], None]) -> Outcome:
+    """Build one recipe. Raises AssetBuildError for wrong input; failed steps are in the outcome."""
+    return build_all([request], on_event, say)[0]
+
+
+def build_all(
+    requests: Sequence[Request], on_event: Listener, say: Callable[[str], None]
+) -> list[Outcome]:
+    """Build several recipes as one graph; they differ in `recipe` and `out` only.
+
+    Raises AssetBuildError for wrong input; failed steps are in the outcomes.
+    """
+    started, began_ns = time.monotonic(), time.time_ns()
+    jobs = _jobs(requests, say)
+    request = requests[0]
+    remote = remote_cache(request.remote, say, write=request.cache_write)
+    with (
+        open_session(
+            *(job.loaded for job in jobs), rehash=request.rehash, remote=remote
+        ) as session,
+        _runner(request, session, remote) as runner,
+    ):
+        if session.store.notice:
+            say(f"warning: {session.store.notice}")
+        for attempt in (1, 2, 3):
+            try:
+                outcomes = _build(jobs, session, runner, request, on_event, say)
+                break
+            except LostObjectError:  # found corrupt while it was read: make it again
+                session.forget()
+                if attempt == 3:
+                    raise
+    for job, outcome in zip(jobs, outcomes, strict=True):
+        outcome.seconds, outcome.began_ns = time.monotonic() - started, began_ns
+        if outcome.report is not None:
+            _write_run_log(outcome, job.out)
+    return outcomes
+
+
+def _jobs(requests: Sequence[Request], say: Callable[[str], None]) -> list[_Job]:
+    """Read and pin every recipe before any is built."""
+    jobs: list[_Job] = []
+    for request in requests:
+        loaded = load_recipe(request.recipe, request.variant)
+        if request.smoke:
+            loaded = asking(loaded, request.smoke)
+        out = request.out or default_out(loaded)
+        name = loaded.recipe.robot
+        if any(job.name == name for job in jobs):
+            raise UsageError(f"two of the recipes build `{name}`", hint="build them one by one")
+        check_replaceable(out)
+        jobs.append(_Job(name, loaded, pin(loaded, frozen=request.frozen, say=say), out))
+    return jobs
+
+
+def _build(
+    jobs: Sequence[_Job],
+    session: Session,
+    runner: Processes,
+    request: Request,
+    on_event: Listener,
+    say: Callable[[str], None],
+) -> list[Outcome]:
+    settled = settle_all(
+        {job.name: functools.partial(plan, job.loaded, job.lock) for job in jobs},
+        session,
+        runner,
+        jobs=request.jobs,
+        keep_going=request.keep_going,
+        on_event=on_event,
+    )
+    outcomes = []
+    for job, done in zip(jobs, settled.values(), strict=True):
+        outcome = _finish(job, done, session, request)
+        if request.rebuild_check and outcome.report is not None:
+            say("running every step a second time")
+            keep = job.out.with_name(f"{job.out.name}.rebuild-check")
+            outcome.differences = run_again(
+                done.graph,
+                session,
+                done.results,
+                keep,
+                runner=runner,
+                jobs=request.jobs,
+                on_event=on_event,
+            )
+            outcome.exit_code = outcome.exit_code or (4 if outcome.differences else 0)
+        outcomes.append(outcome)
+    return outcomes
+
+
+def _finish(job: _Job, done: Settled[Outline], session: Session, request: Request) -> Outcome:
+    """Report and bundle of one recipe, if all its steps went well."""
+    loaded, lock, out = job.loaded, job.lock, job.out
+    outline, results = done.outline, done.results
+    outcome = Outcome(loaded, 0, results)
+    outcome.errors = tuple(
+        located(result.error, outline.subjects.get(label, ""), where_of(loaded, outline, label))
+        for label, result in results.items()
+        if result.error is not None
+    )
+    outcome.read = files_read(loaded, done.graph, session)
+    outcome.absent = (*outline.absent, *((lock_path(loaded.path),) if lock is None else ()))
+    if any(result.outputs is None for result in results.values()):
+        outcome.exit_code = max((error.exit_code for error in outcome.errors), default=1)
+        return outcome
+    report = judged(loaded, outline, results, session)
+    outcome.exit_code = 1 if fails(report, request.fail_on) else 0
+    outcome.out = out.with_name(f"{out.name}.failed") if outcome.exit_code else out
+    files = bundle_files(loaded, lock, outline, report, session, results, done.graph)
+    outcome.edited = publish_bundle(files, outcome.out, session)
+    outcome.report = report
+    return outcome
+
+
+def default_out(loaded: LoadedRecipe) -> Path:
+    """`build/go1`, or `build/go1-train` for a variant."""
+    suffix = f"-{loaded.variant}" if loaded.variant else ""
+    return Path("build") / f"{loaded.recipe.robot}{suffix}"
+
+
+def _runner(request: Request, session: Session, remote: Remote | None) -> Processes:
+    """Where the steps run. UsageError; MachineError when this machine or the cluster cannot."""
+    sandbox = request.sandbox != "off"
+    if sandbox:
+        from assetbuild.engine.sandbox import why_not
+
+        if reason := why_not():
+            raise MachineError(f"steps cannot be confined on this machine: {reason}")
+    if request.executor == "local":
+        return Processes(session, sandbox=sandbox)
+    from assetbuild.engine.share.cluster import Cluster, scheduler_address
+
+    scheduler_address(request.executor)
+    if remote is None or not request.cache_write:
+        raise UsageError(
+            "workers on other machines need `--remote URL` and `--cache-write`",
+            hint="their inputs and results go through the shared cache",
+        )
+    return Cluster(request.executor, remote, session, sandbox=sandbox)
+
+
+def _write_run_log(outcome: Outcome, out: Path) -> None:
+    """`<out>.run.json`: what ran, what was cached, how long it took. Not part of the bundle."""
+    steps = {
+        label: {
+            "status": result.status,
+            "seconds": round(result.seconds, 3),
+            "child_cpu_seconds": round(result.cpu_seconds, 3),
+            "reason": result.reason,
+        }
+        for label, result in outcome.results.items()
+    }
+    log = {
+        "exit_code": outcome.exit_code,
+        "seconds": round(outcome.seconds, 3),
+        "edited": list(outcome.edited),
+        "steps": steps,
+    }
+    out.with_name(f"{out.name}.run.json").write_text(json_text(log), encoding="utf-8")
