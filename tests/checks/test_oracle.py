@@ -12,7 +12,15 @@ from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.checks.oracle import Oracle
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Actuator, Control, Mesh, Shapes, Tree
+from assetbuild.robot.model import (
+    Actuator,
+    Control,
+    MeshFile,
+    Shape,
+    Shapes,
+    SourceShapes,
+    Tree,
+)
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 from assetbuild.targets.mjcf import Mjcf
 
@@ -60,9 +68,11 @@ def by_hand(robots: Path, folder: Path, mjcf: str = BY_HAND) -> list[Finding]:
 def by_target(folder: Path) -> list[Finding]:
     """With our own MJCF target, geometry aside."""
     tree = decode(Tree, (folder / "tree.json").read_bytes())
-    shapes = decode(Shapes, (folder / "shapes.json").read_bytes())
-    simple = tuple(s for s in shapes.shapes if not isinstance(s.geometry, Mesh))
-    (folder / "shapes.json").write_bytes(encode(Shapes(simple, shapes.materials)))
+    shapes = decode(SourceShapes, (folder / "shapes.json").read_bytes())
+    simple = tuple(s for s in shapes.shapes if not isinstance(s.geometry, MeshFile))
+    (folder / "shapes.json").write_bytes(
+        encode(Shapes(tuple(Shape(**vars(s)) for s in simple), shapes.materials))
+    )
     drives = tuple(
         Actuator(j.name, "pd", 50.0, 2.0, 0.1, 0.2, 0.01, 10.0, 10.0) for j in tree.moving_joints
     )
