@@ -32,20 +32,9 @@ from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import (
-    Body,
-    Box,
-    Capsule,
-    Cylinder,
-    Inertial,
-    Joint,
-    Mesh,
-    SourceShape,
-    SourceShapes,
-    Sphere,
-    Tree,
-)
+from assetbuild.robot.model import Body, Inertial, Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, SourceShape, SourceShapes, Sphere
 
 ROBOT_PORTS = ("links.json", "tree.json", "shapes.json", "control.json", "meshes/")
 

@@ -25,31 +25,33 @@ from assetbuild.robot.model import (
     ActuatorModel,
     Base,
     Body,
-    Box,
-    Capsule,
     Contact,
     Control,
-    Cylinder,
     Frame,
     Inertial,
     Joint,
     JointKind,
     Keyframe,
     Limits,
+    Mimic,
+    Simulation,
+    Tree,
+)
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, rotation_of, vec3
+from assetbuild.robot.shapes import (
+    Box,
+    Capsule,
+    Cylinder,
     Material,
     Mesh,
     MeshAsset,
     MeshFile,
-    Mimic,
     Shape,
     Shapes,
-    Simulation,
     SourceShape,
     SourceShapes,
     Sphere,
-    Tree,
 )
-from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, rotation_of, vec3
 
 SEGMENT_M = 0.2
 FOOT_RADIUS_M = 0.02

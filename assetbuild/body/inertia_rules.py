@@ -20,8 +20,9 @@ from assetbuild.robot.inertia import (
     principal_moments,
     triangle_violation,
 )
-from assetbuild.robot.model import Inertial, Shapes, SourceShapes, Tree
+from assetbuild.robot.model import Inertial, Tree
 from assetbuild.robot.pose import Vec3
+from assetbuild.robot.shapes import Shapes, SourceShapes
 
 ROUNDING = 1e-9
 """Relative: smaller violations are the noise of turning a tensor into other axes."""

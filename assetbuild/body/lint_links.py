@@ -12,7 +12,8 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import InertiaBounds
 from assetbuild.robot.mimic import led_range
-from assetbuild.robot.model import Joint, SourceShapes, Tree
+from assetbuild.robot.model import Joint, Tree
+from assetbuild.robot.shapes import SourceShapes
 from assetbuild.robot.tree import PLACEHOLDER_KG
 
 CONTRADICTION = 0.01

@@ -17,7 +17,7 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, RecipeView, write_figures
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Capsule, Role, Shapes
+from assetbuild.robot.shapes import Capsule, Role, Shapes
 
 VISUAL = Rule(
     "count.visual",

@@ -24,8 +24,9 @@ from assetbuild.mesh.solid import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.quantities import Positive
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Mesh, Primitive, Shape, Shapes, Tree
+from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose
+from assetbuild.robot.shapes import Mesh, Primitive, Shape, Shapes
 
 MOST_POINTS = 4000
 """Of a body's visual vertices, evenly spread over their list: enough for a percentile."""

@@ -22,8 +22,9 @@ from assetbuild.kinds import Check, RecipeView, write_figures
 from assetbuild.quantities import Positive
 from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Actuator, Control, Keyframe, Mesh, Shape, Shapes, Sphere, Tree
+from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.robot.pose import Array
+from assetbuild.robot.shapes import Mesh, Shape, Shapes, Sphere
 
 EXPLICIT = frozenset({"ideal_pd", "dc_motor"})
 """Models whose gains a controller applies once a step, instead of the integrator."""

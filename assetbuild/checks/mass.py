@@ -25,8 +25,9 @@ from assetbuild.mesh.volume import solid_moments
 from assetbuild.quantities import Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
-from assetbuild.robot.model import Body, Shapes, Tree
+from assetbuild.robot.model import Body, Tree
 from assetbuild.robot.pose import Array
+from assetbuild.robot.shapes import Shapes
 
 SMALLEST_KG = 0.01
 """Lighter bodies are screws and sensors: nobody measures them."""

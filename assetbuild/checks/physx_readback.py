@@ -21,7 +21,8 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
-from assetbuild.robot.model import Actuator, Control, Joint, Keyframe, Shapes, Tree
+from assetbuild.robot.model import Actuator, Control, Joint, Keyframe, Tree
+from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import mujoco, mujoco_trials, physx
 from assetbuild.simulators.physx_causes import cause_of, overlap_hint
 

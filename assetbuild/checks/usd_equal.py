@@ -21,19 +21,9 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
-from assetbuild.robot.model import (
-    MOVING,
-    Actuator,
-    Body,
-    Box,
-    Capsule,
-    Cylinder,
-    Geometry,
-    Joint,
-    Sphere,
-    Tree,
-)
+from assetbuild.robot.model import MOVING, Actuator, Body, Joint, Tree
 from assetbuild.robot.pose import Array, Pose, normalised_quat, rotation_of
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Geometry, Sphere
 from assetbuild.robot.tree import forward_kinematics
 
 if TYPE_CHECKING:

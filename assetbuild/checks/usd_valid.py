@@ -17,7 +17,8 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.shapes import Shapes
 
 if TYPE_CHECKING:
     from pxr import Usd

@@ -34,8 +34,8 @@ from assetbuild.mesh.verdict import verdict
 from assetbuild.mesh.weld import cleaned
 from assetbuild.quantities import Length, Share
 from assetbuild.robot.codec import decode_file, encode
-from assetbuild.robot.model import Mesh
 from assetbuild.robot.pose import IDENTITY, Pose, quat_of, vec3
+from assetbuild.robot.shapes import Mesh
 
 PRELOAD = (
     "numpy",

@@ -18,8 +18,8 @@ from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import is_closed, signed_volume
 from assetbuild.mesh.weld import cleaned
 from assetbuild.quantities import Model, NonNegative, Positive, Real
-from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
 from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere
 
 CONVEX = 0.99
 """Volume / volume of the hull: below it a mesh is told not to be convex."""

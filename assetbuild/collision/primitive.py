@@ -18,8 +18,8 @@ from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.vhacd import VHacdOptions, vhacd_parts
 from assetbuild.quantities import Positive
-from assetbuild.robot.model import Box, Capsule, Cylinder, Primitive, Sphere
 from assetbuild.robot.pose import Pose, Vec3
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere
 
 PrimitiveName = Literal["box", "sphere", "capsule", "cylinder"]
 SHAPES: dict[PrimitiveName, type[Primitive]] = {

@@ -10,8 +10,8 @@ from assetbuild.collision import CollisionMethod, Fitted
 from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.solid import ConvexPiece, sobol
 from assetbuild.quantities import Share
-from assetbuild.robot.model import Sphere
 from assetbuild.robot.pose import Array, Pose, vec3
+from assetbuild.robot.shapes import Sphere
 
 POINTS = 2**13
 CENTRES = 400

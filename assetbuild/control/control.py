@@ -37,6 +37,7 @@ from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.sensing import Camera, Feet, Imu, Sensor
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Geometry, Mesh, Shapes, Sphere
 from assetbuild.robot.sides import Side, moving_by_source, side_of
 from assetbuild.robot.simulation import Simulation
 from assetbuild.robot.tree import forward_kinematics
@@ -127,7 +128,7 @@ class ControlStep(Step):
         self._resolved(tree)
         for name, keyframe in self.keyframes.items():
             _joint_values(tree, name, keyframe)
-        _excludes(tree, model.Shapes(), self.exclude, self.sides)
+        _excludes(tree, Shapes(), self.exclude, self.sides)
         check_sensors(tree, self.imu, self.sensors, self.cameras)
 
     def _resolved(self, tree: model.Tree) -> tuple[model.Actuator, ...]:
@@ -285,7 +286,7 @@ def _base(
 class _Ground:
     """The lowest collision point of the robot; mesh files are read once, when first needed."""
 
-    def __init__(self, tree: model.Tree, shapes: model.Shapes, mesh_dir: Path) -> None:
+    def __init__(self, tree: model.Tree, shapes: Shapes, mesh_dir: Path) -> None:
         self._tree, self._shapes, self._mesh_dir = tree, shapes.of("collision"), mesh_dir
         self._files = {asset.name: asset.file for asset in shapes.meshes}
         self._vertices: dict[str, Array] = {}
@@ -300,8 +301,8 @@ class _Ground:
             found.append(self._bottom(shape.geometry, X_root_shape))
         return min(found, default=None)
 
-    def _bottom(self, geometry: model.Geometry, X_root_shape: Pose) -> float:
-        if isinstance(geometry, model.Mesh):
+    def _bottom(self, geometry: Geometry, X_root_shape: Pose) -> float:
+        if isinstance(geometry, Mesh):
             points = self._mesh(geometry.mesh)
             return float(X_root_shape.apply(points)[:, 2].min())
         return X_root_shape.xyz[2] - half_height(geometry, X_root_shape.rotation[2])
@@ -314,19 +315,17 @@ class _Ground:
         return self._vertices[name]
 
 
-def half_height(
-    geometry: model.Box | model.Sphere | model.Cylinder | model.Capsule, up: Array
-) -> float:
+def half_height(geometry: Box | Sphere | Cylinder | Capsule, up: Array) -> float:
     """How far a primitive reaches from its centre towards `up`, m: its support function.
 
     up: (3,) unit vector in the frame of the primitive.
     """
-    if isinstance(geometry, model.Sphere):
+    if isinstance(geometry, Sphere):
         return geometry.radius
-    if isinstance(geometry, model.Box):
+    if isinstance(geometry, Box):
         return float(np.abs(up) @ np.asarray(geometry.size)) / 2
     along = abs(float(up[2])) * geometry.length / 2
-    if isinstance(geometry, model.Capsule):
+    if isinstance(geometry, Capsule):
         return along + geometry.radius
     return along + geometry.radius * float(np.hypot(up[0], up[1]))
 
@@ -335,7 +334,7 @@ def half_height(
 
 
 def _excludes(
-    tree: model.Tree, shapes: model.Shapes, exclude: Exclude, sides: tuple[Side, ...]
+    tree: model.Tree, shapes: Shapes, exclude: Exclude, sides: tuple[Side, ...]
 ) -> tuple[tuple[str, str], ...]:
     """Sorted pairs of bodies. Raises RowError for an unknown link."""
     pairs = {_bodies(tree, index, pair) for index, pair in enumerate(exclude.pairs)}

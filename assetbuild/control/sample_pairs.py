@@ -20,8 +20,9 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Box, Capsule, Cylinder, Mesh, Shape, Shapes, Sphere, Tree
+from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Shape, Shapes, Sphere
 from assetbuild.robot.tree import forward_kinematics, sample_positions
 
 SEED = 0

@@ -13,6 +13,7 @@ from assetbuild.robot.contact import Contacts, Surface
 from assetbuild.robot.motors import Key
 from assetbuild.robot.pose import Pose, quat_multiply, quat_of_rpy
 from assetbuild.robot.sensing import IMU_NAMES, Camera, Feet, Imu, Sensor
+from assetbuild.robot.shapes import Shapes
 
 _ABOUT_X = (0.0, 1.0, 0.0, 0.0)
 
@@ -21,7 +22,7 @@ _ABOUT_X = (0.0, 1.0, 0.0, 0.0)
 
 
 def contacts(
-    shapes: model.Shapes, contact: Contacts, may_idle: Collection[str] = ()
+    shapes: Shapes, contact: Contacts, may_idle: Collection[str] = ()
 ) -> tuple[tuple[str, model.Contact], ...]:
     """The surfaces that differ, by collision shape.
 
@@ -65,7 +66,7 @@ def check_sensors(
 
 def placed_sensors(
     tree: model.Tree,
-    shapes: model.Shapes,
+    shapes: Shapes,
     imu: Imu | None,
     feet: Feet | None,
     sensors: Mapping[str, Sensor],
@@ -88,7 +89,7 @@ def _imu_sensors(tree: model.Tree, imu: Imu | None) -> Iterator[model.Sensor]:
         yield model.Sensor(IMU_NAMES[kind], kind, at)
 
 
-def soles(shapes: model.Shapes, feet: Feet | None) -> Iterator[model.Sensor]:
+def soles(shapes: Shapes, feet: Feet | None) -> Iterator[model.Sensor]:
     """A contact sensor for each collision shape of a foot; RowError when no foot has one."""
     if feet is None:
         return

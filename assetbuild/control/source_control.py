@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 from xml.etree import ElementTree
 
+from assetbuild.control.only_mjcf import explain_opaque
 from assetbuild.control.senses import changed
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuator_table import ActuatorRow
@@ -21,10 +22,10 @@ from assetbuild.robot.model import (
     MjcfOnly,
     Place,
     Sensor,
-    Shapes,
     Simulation,
     Tree,
 )
+from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.sides import Side, side_of
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.text import DROPPED
@@ -36,13 +37,6 @@ BODY_NAMES = ("body", "body1", "body2", "target")
 T = TypeVar("T", Sensor, Camera)
 M = TypeVar("M", Contact, Simulation)
 
-ONLY_IN_MJCF = Rule(
-    "mjcf.only",
-    "info",
-    "what only MJCF can express (sizes of sites, tendons, lights, solver options, ...) is kept "
-    "in the MJCF; URDF and USD have no place for it",
-    "nothing",
-)
 NEW_SURFACE = Rule(
     "mjcf.new_surface",
     "info",
@@ -378,36 +372,3 @@ class _Bodies:
             )
         )
         return False
-
-
-def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
-    """One finding for each kind of thing that only the MJCF holds."""
-    groups: dict[tuple[str, str], list[str]] = {}
-    for item in items:
-        element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
-        said = _SAID_OF.get(item.place, _element_of)(element)
-        groups.setdefault((item.place, said), []).append(item.owner or element.get("name", ""))
-    for (place, said), owners in groups.items():
-        names = [f"`{name}`" for name in owners if name]
-        shown = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
-        of = f" of {_WORDS.get(place, place)} {shown}" if names else ""
-        yield ONLY_IN_MJCF(
-            "robot",
-            f"{said}{of}: in the MJCF only, URDF and USD have no place for it",
-            data={"place": place, "said": said, "count": len(owners)},
-        )
-
-
-def _attributes_of(element: ElementTree.Element) -> str:
-    return ", ".join(f"`{key}`" for key in element.attrib)
-
-
-def _element_of(element: ElementTree.Element) -> str:
-    return f"<{element.tag}>"
-
-
-_SAID_OF: Mapping[str, Callable[[ElementTree.Element], str]] = dict.fromkeys(
-    ("joint", "shape", "frame", "camera", "material", "option", "drive", "mimic", "root"),
-    _attributes_of,
-)
-_WORDS = {"shape": "geom", "frame": "site", "drive": "actuator", "mimic": "coupled joint"}

@@ -17,7 +17,8 @@ from assetbuild.robot.inertia import (
     tensor_of,
     triangle_violation,
 )
-from assetbuild.robot.model import Body, Inertial, SourceShapes, Tree
+from assetbuild.robot.model import Body, Inertial, Tree
+from assetbuild.robot.shapes import SourceShapes
 
 ROOM = 1e-9
 """Of C: A + B = C to the last bit is lost where somebody turns the axes, as MuJoCo does."""

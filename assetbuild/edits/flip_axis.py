@@ -13,7 +13,8 @@ from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_joints
 from assetbuild.quantities import Pattern
-from assetbuild.robot.model import MOVING, Joint, Limits, Mimic, SourceShapes, Tree
+from assetbuild.robot.model import MOVING, Joint, Limits, Mimic, Tree
+from assetbuild.robot.shapes import SourceShapes
 
 FLIP_AXIS = Rule(
     "edit.flip_axis", "info", "a joint counts in the opposite direction", "reverse its targets too"

@@ -24,19 +24,17 @@ from assetbuild.mesh.weld import cleaned
 from assetbuild.quantities import Pattern, Positive
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.inertia import combine, move_inertial, tensor_of
-from assetbuild.robot.model import (
-    Body,
+from assetbuild.robot.model import Body, Inertial, Tree
+from assetbuild.robot.pose import vec3
+from assetbuild.robot.shapes import (
     Box,
     Capsule,
-    Inertial,
     MeshFile,
     SourceGeometry,
     SourceShape,
     SourceShapes,
     Sphere,
-    Tree,
 )
-from assetbuild.robot.pose import vec3
 
 INERTIA_FROM_GEOMETRY = Rule(
     "edit.inertia_from_geometry",

@@ -12,8 +12,9 @@ from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_joints
 from assetbuild.quantities import Pattern
-from assetbuild.robot.model import MOVING, Joint, SourceShapes, Tree
+from assetbuild.robot.model import MOVING, Joint, Tree
 from assetbuild.robot.pose import Vec3
+from assetbuild.robot.shapes import SourceShapes
 
 PERTURB_AXIS = Rule(
     "edit.perturb_axis",

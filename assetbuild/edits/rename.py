@@ -14,7 +14,8 @@ from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited
 from assetbuild.quantities import Pattern
-from assetbuild.robot.model import SourceShapes, Tree
+from assetbuild.robot.model import Tree
+from assetbuild.robot.shapes import SourceShapes
 
 RENAMED = Rule(
     "edit.rename",

@@ -10,8 +10,9 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_inertials
 from assetbuild.quantities import Model, Pattern, Positive, Real
 from assetbuild.robot.inertia import Tensor
-from assetbuild.robot.model import Body, Inertial, SourceShapes, Tree
+from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.pose import Vec3
+from assetbuild.robot.shapes import SourceShapes
 
 SET_INERTIA = Rule("edit.set_inertia", "info", "a link has other mass properties", "nothing")
 

@@ -11,7 +11,8 @@ from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding, Rule, Scalar
 from assetbuild.kinds import Edit, Edited, edit_joints
 from assetbuild.quantities import Pattern, Positive, Real
-from assetbuild.robot.model import MOVING, Joint, SourceShapes, Tree
+from assetbuild.robot.model import MOVING, Joint, Tree
+from assetbuild.robot.shapes import SourceShapes
 
 FIELDS = ("lower", "upper", "effort", "velocity")
 

@@ -12,7 +12,8 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Edit, Edited, edit_inertials
 from assetbuild.quantities import Pattern, Positive
 from assetbuild.robot.inertia import Tensor
-from assetbuild.robot.model import Body, Inertial, SourceShapes, Tree
+from assetbuild.robot.model import Body, Inertial, Tree
+from assetbuild.robot.shapes import SourceShapes
 
 SET_MASS = Rule(
     "edit.set_mass", "info", "a link has another mass; its inertia was scaled, or kept", "nothing"

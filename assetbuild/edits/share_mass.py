@@ -15,8 +15,9 @@ from assetbuild.kinds import Edit, Edited
 from assetbuild.quantities import Pattern
 from assetbuild.robot.chains import Chain, find_chains
 from assetbuild.robot.inertia import combine, principal_moments, pseudo_inertia
-from assetbuild.robot.model import Body, Inertial, Joint, SourceShapes, Tree
+from assetbuild.robot.model import Body, Inertial, Joint, Tree
 from assetbuild.robot.pose import Array, Vec3, vec3
+from assetbuild.robot.shapes import SourceShapes
 
 SHARE = 0.1
 """Of the mass that could be taken out of the body before its tensor became impossible."""

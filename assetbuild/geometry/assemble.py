@@ -15,7 +15,8 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh, MeshPart, Pieces
 from assetbuild.robot.codec import decode_file, encode
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import (
+from assetbuild.robot.pose import IDENTITY, Pose
+from assetbuild.robot.shapes import (
     Geometry,
     Material,
     Mesh,
@@ -27,7 +28,6 @@ from assetbuild.robot.model import (
     SourceShape,
     SourceShapes,
 )
-from assetbuild.robot.pose import IDENTITY, Pose
 
 PNG = "texture.png"
 """What `convert_texture` writes."""

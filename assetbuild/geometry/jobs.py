@@ -23,9 +23,10 @@ from assetbuild.plugins import load_plugin
 from assetbuild.recipe.collision import CollisionRule, ShapedRule
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.model import MeshFile, SourceShape, SourceShapes, Tree
+from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
 from assetbuild.robot.regions import Region, ToleranceRegion
+from assetbuild.robot.shapes import MeshFile, SourceShape, SourceShapes
 from assetbuild.source.get.from_folder import is_file
 
 BUILT_IN = ("keep", "none")

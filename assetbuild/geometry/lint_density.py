@@ -9,7 +9,8 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import SourceShapes, Tree
+from assetbuild.robot.model import Tree
+from assetbuild.robot.shapes import SourceShapes
 
 DEFAULT_KG_M3 = 1000.0
 """SolidWorks' density of a part without a material, water's."""

@@ -19,8 +19,9 @@ from assetbuild.kinds import ConvertedMesh
 from assetbuild.mesh.read import TO_Z_UP
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import (
-    Body,
+from assetbuild.robot.model import Body, Tree
+from assetbuild.robot.pose import Array
+from assetbuild.robot.shapes import (
     Box,
     Capsule,
     Cylinder,
@@ -29,9 +30,7 @@ from assetbuild.robot.model import (
     SourceShape,
     SourceShapes,
     Sphere,
-    Tree,
 )
-from assetbuild.robot.pose import Array
 
 CLEARLY = 0.05
 """Share of the part's size by which the other way must fit better to be worth a word."""

@@ -20,7 +20,8 @@ from assetbuild.geometry.lint_meshes import LintMeshes
 from assetbuild.mesh.companions import format_of
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
-from assetbuild.robot.model import MeshFile, SourceShapes, Tree
+from assetbuild.robot.model import Tree
+from assetbuild.robot.shapes import MeshFile, SourceShapes
 from assetbuild.robot.sides import Side, side_of
 
 MESH = ("parts/", "mesh.json")

@@ -17,7 +17,8 @@ from assetbuild.init.source import UrdfSource
 from assetbuild.init.words import some
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Base, SourceShapes, Tree
+from assetbuild.robot.model import Base, Tree
+from assetbuild.robot.shapes import SourceShapes
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 

@@ -11,8 +11,8 @@ from assetbuild.errors import StepError
 from assetbuild.mesh.hull import refuse_flat
 from assetbuild.mesh.material import SourceMesh
 from assetbuild.mesh.read import Format, read_mesh
-from assetbuild.robot.model import MeshFile
 from assetbuild.robot.pose import Array
+from assetbuild.robot.shapes import MeshFile
 
 LARGEST = 16 << 20
 """A mesh of more bytes is left to the build, which reads it in a process of its own."""

@@ -17,7 +17,7 @@ from assetbuild.init.mesh_points import is_flat
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.targets import not_in_usd
 from assetbuild.init.words import inline, plain, some
-from assetbuild.robot.model import MeshFile
+from assetbuild.robot.shapes import MeshFile
 
 GUESSED_DENSITY = 1000
 """kg/m3, of links without a mass: water's, and that of many a printed or hollow part."""

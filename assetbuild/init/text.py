@@ -31,7 +31,8 @@ from assetbuild.init.up_axis import turned
 from assetbuild.init.words import flow, inline, plain, quoted, some, source_section, written
 from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.inertia import total_mass
-from assetbuild.robot.model import MeshFile, Tree
+from assetbuild.robot.model import Tree
+from assetbuild.robot.shapes import MeshFile
 from assetbuild.robot.tree import forward_kinematics
 
 COMPOUND = 0.15

@@ -7,8 +7,8 @@ from assetbuild.init.look import InspectedRobot
 from assetbuild.init.mesh_points import mesh_of, scaled_points
 from assetbuild.init.source import UrdfSource
 from assetbuild.kinds import ConvertedMesh
-from assetbuild.robot.model import MeshFile, SourceShape
 from assetbuild.robot.pose import vec3
+from assetbuild.robot.shapes import MeshFile, SourceShape
 
 SAYS = (b">Y_UP<", b">X_UP<")
 HEAD = 1 << 16

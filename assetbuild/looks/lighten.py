@@ -16,7 +16,7 @@ from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.weld import cleaned
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Mesh, MeshAsset, Shapes
+from assetbuild.robot.shapes import Mesh, MeshAsset, Shapes
 
 SMALLEST = 60
 """Triangles below which no mesh is decimated: a screw stays a screw."""

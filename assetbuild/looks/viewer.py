@@ -20,8 +20,9 @@ from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.solid import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Geometry, Mesh, Shapes, Tree
+from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array
+from assetbuild.robot.shapes import Geometry, Mesh, Shapes
 
 SPAN_M = 0.03
 """Distances between visual and collision geometry are told up to this; beyond it, all is one."""

@@ -12,8 +12,9 @@ from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.model import Geometry, Mesh, Shapes, Tree
+from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array
+from assetbuild.robot.shapes import Geometry, Mesh, Shapes
 
 Corners = dict[tuple[str, Literal["visual", "collision"]], Array]
 

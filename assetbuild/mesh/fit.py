@@ -20,8 +20,8 @@ from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.solid import ConvexPiece, Solid, sobol
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import face_areas
-from assetbuild.robot.model import Box, Capsule, Cylinder, Primitive, Sphere
 from assetbuild.robot.pose import Array, Pose, quat_between, quat_of, vec3
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere
 
 KINDS: tuple[type[Primitive], ...] = (Sphere, Capsule, Box, Cylinder)
 """From simple to costly in contact: of two equally good fits the earlier one is taken."""

@@ -37,8 +37,8 @@ from assetbuild.mesh.primitives import (
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.solid import ConvexPiece, sobol
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.model import Capsule, Cylinder, Primitive, Sphere
 from assetbuild.robot.pose import Array, Pose, Vec3, vec3
+from assetbuild.robot.shapes import Capsule, Cylinder, Primitive, Sphere
 
 POINTS = 4096
 """Sobol points that the union is fitted to: a share is known to 0.008."""

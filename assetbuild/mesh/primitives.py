@@ -10,8 +10,8 @@ import numpy as np
 
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.triangles import TriangleMesh, unit_vectors
-from assetbuild.robot.model import Box, Capsule, Cylinder, Primitive, Sphere
 from assetbuild.robot.pose import Array, vec3
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere
 
 BY_NAME: dict[str, type[Primitive]] = {
     kind.__name__: kind for kind in (Box, Sphere, Cylinder, Capsule)

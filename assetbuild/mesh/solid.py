@@ -13,8 +13,8 @@ from assetbuild.mesh.hull import beyond, convex_hull, hull_planes
 from assetbuild.mesh.primitives import signed_distance, tessellate
 from assetbuild.mesh.triangles import TriangleMesh, face_normals
 from assetbuild.mesh.volume import is_closed
-from assetbuild.robot.model import Primitive
 from assetbuild.robot.pose import IDENTITY, Array, Pose
+from assetbuild.robot.shapes import Primitive
 
 RAYS = ((0.31, 0.67, 0.67), (-0.8, 0.36, 0.48), (0.1, -0.2, -0.97))
 """Directions of the parity test: skew, so that no ray runs along a wall."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from assetbuild.mesh.primitives import BY_NAME, resized, sizes_of
-from assetbuild.robot.model import Primitive
 from assetbuild.robot.pose import IDENTITY, Array, Pose, Vec3
+from assetbuild.robot.shapes import Primitive
 
 SEGMENT = 25
 """Points along the axis of a probe."""

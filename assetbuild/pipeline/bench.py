@@ -24,7 +24,7 @@ from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.bundle import json_text
 from assetbuild.report.pareto import front, pareto_svg
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Shapes
+from assetbuild.robot.shapes import Shapes
 
 SECONDS = 900
 """Wall clock of one simulation."""

@@ -16,7 +16,7 @@ from assetbuild.pipeline.recipes import collision_rule
 from assetbuild.plan import plan
 from assetbuild.plugins import load_plugin
 from assetbuild.recipe.loader import LoadedRecipe
-from assetbuild.robot.model import Mesh, Shapes
+from assetbuild.robot.shapes import Mesh, Shapes
 
 LEVELS: Mapping[str, Mapping[str, Any]] = {  # Any: values of a recipe
     "mesh": {"method": "keep"},

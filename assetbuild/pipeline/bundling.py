@@ -46,7 +46,8 @@ from assetbuild.report.html import Picture, View, html_page
 from assetbuild.report.snapshot import robot_json
 from assetbuild.report.summary import summary
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.shapes import Shapes
 
 
 def bundle_files(

@@ -36,7 +36,8 @@ from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import SourceShapes, Tree
+from assetbuild.robot.model import Tree
+from assetbuild.robot.shapes import SourceShapes
 from assetbuild.samples.state_ranges import StateRanges
 from assetbuild.source.export import lint_export
 from assetbuild.source.plan import Description, SourceFiles, description_of, open_source

@@ -12,7 +12,8 @@ from assetbuild.geometry.plan import Geometry
 from assetbuild.kinds import Edit
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import MeshFile, SourceShapes, Tree
+from assetbuild.robot.model import Tree
+from assetbuild.robot.shapes import MeshFile, SourceShapes
 
 Key = tuple[str | int, ...]
 

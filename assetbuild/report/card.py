@@ -10,7 +10,8 @@ from assetbuild.report.facts import Subject, center_of_mass, principal
 from assetbuild.report.grade import grade
 from assetbuild.report.tables import Record, Table, markdown_table, records, table
 from assetbuild.robot.inertia import total_mass
-from assetbuild.robot.model import Actuator, Body, Geometry, Joint, Mesh
+from assetbuild.robot.model import Actuator, Body, Joint
+from assetbuild.robot.shapes import Geometry, Mesh
 
 CHANGES = ("edit.", "merge.", "urdf.dropped", "visual.decimated", "mesh.")
 """Families of rules that tell what is not as the source has it."""

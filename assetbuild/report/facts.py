@@ -10,8 +10,9 @@ import numpy as np
 
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.inertia import matrix_of, principal_moments
-from assetbuild.robot.model import Control, Inertial, Keyframe, Shapes, Tree
+from assetbuild.robot.model import Control, Inertial, Keyframe, Tree
 from assetbuild.robot.pose import Quat, Vec3, quat_of, vec3
+from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.tree import forward_kinematics
 
 

@@ -19,7 +19,8 @@ import numpy as np
 from assetbuild.errors import UsageError
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.inertia import principal_moments, total_mass
-from assetbuild.robot.model import Control, Mesh, MeshFile, Placed, Shapes, SourceShapes, Tree
+from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.shapes import Mesh, MeshFile, Placed, Shapes, SourceShapes
 from assetbuild.simulators.readings import FALL, HEIGHT, fall_m
 
 Value = float | str | tuple[float, ...] | None

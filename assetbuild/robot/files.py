@@ -6,7 +6,8 @@ from functools import cached_property
 from pathlib import Path
 
 from assetbuild.robot.codec import decode_file
-from assetbuild.robot.model import Control, Shapes, SourceShapes, Tree
+from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.shapes import Shapes, SourceShapes
 from assetbuild.robot.source import SourceControl
 
 

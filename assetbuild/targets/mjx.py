@@ -22,7 +22,8 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
 from assetbuild.quantities import Model, Pattern, Positive
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Contact, Control, Mesh, Shapes
+from assetbuild.robot.model import Contact, Control
+from assetbuild.robot.shapes import Mesh, Shapes
 from assetbuild.targets.mjcf.files import readable, refuse_name, write_robot, write_xml
 from assetbuild.targets.mjcf.options import Cone
 from assetbuild.targets.mjcf.robot_xml import RobotXml, Solver

@@ -11,23 +11,19 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import (
-    Actuator,
-    Body,
+from assetbuild.robot.model import Actuator, Body, Inertial, Joint, Tree
+from assetbuild.robot.pose import Pose, rpy_of
+from assetbuild.robot.shapes import (
     Box,
     Capsule,
     Cylinder,
     Geometry,
-    Inertial,
-    Joint,
     Material,
     Mesh,
     Shape,
     Shapes,
     Sphere,
-    Tree,
 )
-from assetbuild.robot.pose import Pose, rpy_of
 from assetbuild.robot.tree import held_by_world
 
 FIXED_AWAY = Rule(

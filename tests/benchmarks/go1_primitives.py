@@ -35,8 +35,8 @@ from assetbuild.mesh.quality import NearestSurface, surface_samples
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import face_normals, merged
 from assetbuild.mesh.weld import cleaned
-from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
 from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere
 
 RECIPE = """\
 schema: assetbuild/v1

@@ -12,16 +12,8 @@ from assetbuild.body.lint_bodies import LintBodies
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.inertia import InertiaBounds
-from assetbuild.robot.model import (
-    Body,
-    Inertial,
-    Joint,
-    Limits,
-    SourceShape,
-    SourceShapes,
-    Sphere,
-    Tree,
-)
+from assetbuild.robot.model import Body, Inertial, Joint, Limits, Tree
+from assetbuild.robot.shapes import SourceShape, SourceShapes, Sphere
 
 BRICK = box_inertial(1.0, (0.1, 0.1, 0.1))
 

@@ -9,17 +9,8 @@ from tiny import TinyRobot, box_inertial, pendulum, run_step, tiny_quadruped, wr
 
 from assetbuild.body.lint_links import LintLinks
 from assetbuild.findings import Finding
-from assetbuild.robot.model import (
-    Body,
-    Box,
-    Inertial,
-    Joint,
-    Limits,
-    Mimic,
-    SourceShape,
-    SourceShapes,
-    Tree,
-)
+from assetbuild.robot.model import Body, Inertial, Joint, Limits, Mimic, Tree
+from assetbuild.robot.shapes import Box, SourceShape, SourceShapes
 
 BRICK = box_inertial(1.0, (0.1, 0.1, 0.1))
 

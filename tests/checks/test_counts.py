@@ -12,7 +12,7 @@ from tiny import run_step, tiny_quadruped, write_robot_ports
 from assetbuild.checks.counts import Counts
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import encode
-from assetbuild.robot.model import Box, Capsule, Material, Shape, Shapes, Sphere
+from assetbuild.robot.shapes import Box, Capsule, Material, Shape, Shapes, Sphere
 from assetbuild.targets.urdf import Urdf
 
 SOURCE = """<robot name="r">

@@ -16,8 +16,8 @@ from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import distance_to
 from assetbuild.mesh.triangles import merged
-from assetbuild.robot.model import Box, Capsule, Geometry, Mesh, MeshAsset, Shape, Shapes
 from assetbuild.robot.pose import Pose, Vec3
+from assetbuild.robot.shapes import Box, Capsule, Geometry, Mesh, MeshAsset, Shape, Shapes
 
 SIZE = (0.05, 0.04, 0.3)
 

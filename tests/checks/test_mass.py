@@ -13,8 +13,9 @@ from tiny import TinyRobot, box_inertial, box_obj, pendulum, run_step, write_rob
 from assetbuild.checks.mass import Mass
 from assetbuild.findings import Finding
 from assetbuild.robot.inertia import rotate_tensor
-from assetbuild.robot.model import Box, Inertial, Mesh, MeshAsset, Shape, Shapes
+from assetbuild.robot.model import Inertial
 from assetbuild.robot.pose import Pose, normalised_quat
+from assetbuild.robot.shapes import Box, Mesh, MeshAsset, Shape, Shapes
 
 SIZE = (0.05, 0.04, 0.4)
 WEIGHT = 0.05 * 0.04 * 0.4 * 1000.0

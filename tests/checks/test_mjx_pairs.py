@@ -13,7 +13,8 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
 from assetbuild.checks.mjx_pairs import FAST_ON_WARP, KINDS, NOT_IN_MJX, MjxPairs, judge, pairs
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Box, Contact, Control
+from assetbuild.robot.model import Contact, Control
+from assetbuild.robot.shapes import Box
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjx import Mjx, MjxOptions
 

@@ -12,15 +12,8 @@ from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.checks.oracle import Oracle
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import (
-    Actuator,
-    Control,
-    MeshFile,
-    Shape,
-    Shapes,
-    SourceShapes,
-    Tree,
-)
+from assetbuild.robot.model import Actuator, Control, Tree
+from assetbuild.robot.shapes import MeshFile, Shape, Shapes, SourceShapes
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 from assetbuild.targets.mjcf import Mjcf
 

@@ -11,8 +11,9 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 from assetbuild.checks.stand import Stand
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
-from assetbuild.robot.model import Actuator, Box, Control, Shape
+from assetbuild.robot.model import Actuator, Control
 from assetbuild.robot.pose import Pose
+from assetbuild.robot.shapes import Box, Shape
 from assetbuild.targets.mjcf import Mjcf
 
 FEET = ".*_foot"

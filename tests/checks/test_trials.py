@@ -14,7 +14,7 @@ from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_port
 
 from assetbuild.checks.trials import Trials
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Box
+from assetbuild.robot.shapes import Box
 from assetbuild.simulators.mujoco_trials import polygon_margin
 from assetbuild.targets.mjcf import Mjcf
 

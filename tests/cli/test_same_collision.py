@@ -15,8 +15,8 @@ from assetbuild.mesh.cover import union_of
 from assetbuild.mesh.obj import obj_bytes
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.model import Box
 from assetbuild.robot.pose import Pose
+from assetbuild.robot.shapes import Box
 
 RECIPE = """\
 schema: assetbuild/v1

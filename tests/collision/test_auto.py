@@ -33,8 +33,8 @@ from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.mesh.volume import face_areas
 from assetbuild.mesh.weld import cleaned
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Box, Sphere
 from assetbuild.robot.pose import Pose
+from assetbuild.robot.shapes import Box, Sphere
 
 MESH = (PlacedSource.of_mesh("shapes/0"),)
 COARSE = VHacdOptions(resolution=30_000)

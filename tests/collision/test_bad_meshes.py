@@ -21,7 +21,7 @@ from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Box, Sphere
+from assetbuild.robot.shapes import Box, Sphere
 
 BOX = tessellate(Box((1.0, 1.0, 1.0)))
 BALL = tessellate(Sphere(0.5))

@@ -31,8 +31,8 @@ from assetbuild.mesh.vhacd import VHacdOptions
 from assetbuild.mesh.volume import is_closed, signed_volume
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Box, Capsule, Cylinder, Mesh, Sphere
 from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 
 BOX = tessellate(Box((1.0, 1.0, 1.0)))
 MESH = (PlacedSource.of_mesh("shapes/0"),)

@@ -19,25 +19,19 @@ from assetbuild.pipeline.recipes import whole_model
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import (
-    Body,
+from assetbuild.robot.model import Body, Control, Frame, Joint, Limits, Mimic, Tree
+from assetbuild.robot.pose import Pose, normalised_quat, quat_of_rpy
+from assetbuild.robot.shapes import (
     Box,
     Capsule,
-    Control,
     Cylinder,
-    Frame,
-    Joint,
-    Limits,
     Mesh,
     MeshAsset,
-    Mimic,
     Shape,
     Shapes,
     SourceShapes,
     Sphere,
-    Tree,
 )
-from assetbuild.robot.pose import Pose, normalised_quat, quat_of_rpy
 
 LEGS = {"FL": (1, 1), "FR": (1, -1), "RL": (-1, 1), "RR": (-1, -1)}
 

@@ -8,8 +8,9 @@ import math
 from tiny import TinyRobot, run_step, write_robot_ports
 
 from assetbuild.control.sample_pairs import SamplePairs
-from assetbuild.robot.model import Body, Box, Joint, Limits, Shape, Shapes, Sphere, Tree
+from assetbuild.robot.model import Body, Joint, Limits, Tree
 from assetbuild.robot.pose import Pose
+from assetbuild.robot.shapes import Box, Shape, Shapes, Sphere
 
 HALF_TURN = Limits(-math.pi, math.pi)
 

@@ -9,7 +9,8 @@ import pytest
 from mjcfs import Reading, Written, hard_arm, read, write
 
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Contact, SourceShapes
+from assetbuild.robot.model import Contact
+from assetbuild.robot.shapes import SourceShapes
 
 PAIR = '<mujoco><option timestep="0.003"/><worldbody><body name="a"><geom name="ga" size=".1" friction="2 0.1 0.1" group="3"/><body name="b" pos="0 0 1"><joint name="j" armature="0.2" damping="0.5"/><geom name="gb" size=".1" group="3"/><body name="c"><geom name="gc" size=".1" group="3"/></body></body></body></worldbody><contact><exclude body1="a" body2="c"/></contact><actuator><position name="p" joint="j" kp="5"/></actuator><sensor><actuatorfrc name="f" actuator="p"/></sensor><keyframe><key name="home" qpos="0.5"/></keyframe></mujoco>'  # noqa: E501 # one robot per line
 

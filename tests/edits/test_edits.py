@@ -24,22 +24,17 @@ from assetbuild.mesh.volume import solid_moments
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.inertia import matrix_of, principal_moments, tensor_of, triangle_violation
-from assetbuild.robot.model import (
-    Body,
+from assetbuild.robot.model import Body, Inertial, Joint, Limits, Mimic, Tree
+from assetbuild.robot.pose import IDENTITY, Pose, rotation_of
+from assetbuild.robot.shapes import (
     Box,
     Capsule,
     Cylinder,
-    Inertial,
-    Joint,
-    Limits,
     MeshFile,
-    Mimic,
     SourceShape,
     SourceShapes,
     Sphere,
-    Tree,
 )
-from assetbuild.robot.pose import IDENTITY, Pose, rotation_of
 
 EMPTY = SourceShapes()
 

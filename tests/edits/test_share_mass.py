@@ -15,8 +15,9 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import RecipeError
 from assetbuild.findings import Finding
 from assetbuild.robot.inertia import least_second_moment
-from assetbuild.robot.model import Body, Control, Joint, Limits, Shapes, SourceShapes, Tree
+from assetbuild.robot.model import Body, Control, Joint, Limits, Tree
 from assetbuild.robot.pose import Pose, normalised_quat
+from assetbuild.robot.shapes import Shapes, SourceShapes
 from assetbuild.targets.mjcf import Mjcf
 
 TURNED = normalised_quat((0.9, 0.1, -0.2, 0.3))

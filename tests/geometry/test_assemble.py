@@ -10,7 +10,8 @@ from tiny import box_obj, run_step
 from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse, called
 from assetbuild.kinds import ConvertedMesh, MeshPart, Piece, Pieces
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import (
+from assetbuild.robot.pose import Pose
+from assetbuild.robot.shapes import (
     Box,
     Material,
     Mesh,
@@ -21,7 +22,6 @@ from assetbuild.robot.model import (
     SourceShapes,
     Sphere,
 )
-from assetbuild.robot.pose import Pose
 
 RAISED = Pose((0.0, 0.0, 1.0))
 RED = (1.0, 0.0, 0.0, 1.0)

@@ -17,8 +17,9 @@ from assetbuild.geometry.convert_mesh import ConvertMesh
 from assetbuild.geometry.jobs import check_files, collision_jobs, equal_shapes
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.recipe.loader import LoadedRecipe
-from assetbuild.robot.model import Body, Box, Joint, MeshFile, SourceShape, SourceShapes, Tree
+from assetbuild.robot.model import Body, Joint, Tree
 from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.robot.shapes import Box, MeshFile, SourceShape, SourceShapes
 
 TURNED = Pose((1.0, 0.0, 0.0), quat_of_rpy(0.0, 0.0, math.pi / 2.0))
 LINKS = Tree(

@@ -17,7 +17,7 @@ from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.volume import signed_volume
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Box, Sphere
+from assetbuild.robot.shapes import Box, Sphere
 
 BALL = tessellate(Sphere(0.1))
 

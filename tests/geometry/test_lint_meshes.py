@@ -11,16 +11,9 @@ from assetbuild.findings import Finding
 from assetbuild.geometry.lint_meshes import LintMeshes
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.robot.codec import encode
-from assetbuild.robot.model import (
-    Body,
-    Box,
-    MeshFile,
-    SourceGeometry,
-    SourceShape,
-    SourceShapes,
-    Tree,
-)
+from assetbuild.robot.model import Body, Tree
 from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.robot.shapes import Box, MeshFile, SourceGeometry, SourceShape, SourceShapes
 
 LONG = ((-0.1, 0.0, -0.1), (0.1, 1.0, 0.1))
 """A rod of 1 m along y of the file: along z once Y_UP is honoured."""

@@ -16,8 +16,8 @@ from assetbuild.mesh.material import MaterialPart, SurfaceMaterial
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.triangles import TriangleMesh
-from assetbuild.robot.model import Box, Sphere
 from assetbuild.robot.pose import Pose
+from assetbuild.robot.shapes import Box, Sphere
 
 
 def bracket(sign: float) -> TriangleMesh:

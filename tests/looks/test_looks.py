@@ -21,8 +21,9 @@ from assetbuild.looks.viewer import SPAN_M, Viewer, in_bytes, three_js
 from assetbuild.mesh.obj import obj_bytes, read_triangles
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Box, Control, Material, Mesh, MeshAsset, Shape, Shapes, Sphere
+from assetbuild.robot.model import Control
 from assetbuild.robot.pose import Pose
+from assetbuild.robot.shapes import Box, Material, Mesh, MeshAsset, Shape, Shapes, Sphere
 from assetbuild.simulators.offscreen import renderer
 from assetbuild.targets.mjcf import Mjcf
 

@@ -21,8 +21,8 @@ from assetbuild.mesh.solid import ConvexPiece
 from assetbuild.mesh.sources import Probe
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.mesh.weld import cleaned
-from assetbuild.robot.model import Box, Capsule, Sphere
 from assetbuild.robot.pose import Pose
+from assetbuild.robot.shapes import Box, Capsule, Sphere
 
 UNIT = tessellate(Box((1.0, 1.0, 1.0)))
 

@@ -11,7 +11,7 @@ from assetbuild.errors import StepError
 from assetbuild.mesh.hull import convex_hull, hull_planes, polygon_count
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.volume import is_closed, signed_volume
-from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere
 
 
 def grid(n: int = 7) -> np.ndarray:

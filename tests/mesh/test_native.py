@@ -16,7 +16,7 @@ from assetbuild.mesh.native import NativeError, NativeLimits, run_apart
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import signed_volume
-from assetbuild.robot.model import Box
+from assetbuild.robot.shapes import Box
 
 LIMITS = NativeLimits(cpu_s=2.0, memory_mb=256)
 UNIT = tessellate(Box((1.0, 1.0, 1.0)))

@@ -7,7 +7,7 @@ import pytest
 
 from assetbuild.mesh.fit_many import Cloud
 from assetbuild.mesh.primitives import distance_slopes, resized, signed_distance, sizes_of
-from assetbuild.robot.model import Box, Capsule, Cylinder, Primitive, Sphere
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Primitive, Sphere
 
 STEP = 1e-6
 POINTS = np.random.default_rng(0).uniform(-1.0, 1.0, (200, 3))

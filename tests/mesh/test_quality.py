@@ -18,7 +18,7 @@ from assetbuild.mesh.quality import (
 from assetbuild.mesh.solid import ConvexPiece, Solid
 from assetbuild.mesh.triangles import merged
 from assetbuild.mesh.volume import area
-from assetbuild.robot.model import Box, Capsule, Cylinder, Sphere
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere
 
 
 def test_parallel_boxes_are_as_far_apart_as_they_were_moved():

@@ -19,7 +19,7 @@ from assetbuild.mesh.read import read_mesh
 from assetbuild.mesh.triangles import merged
 from assetbuild.mesh.volume import area, signed_volume
 from assetbuild.mesh.weld import cleaned
-from assetbuild.robot.model import Box
+from assetbuild.robot.shapes import Box
 
 BOX = tessellate(Box((1.0, 2.0, 3.0)))
 

@@ -8,7 +8,7 @@ from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import is_closed
 from assetbuild.mesh.weld import cleaned, drop_collapsed, drop_repeated, first_seen, weld
-from assetbuild.robot.model import Box
+from assetbuild.robot.shapes import Box
 
 
 def soup(mesh: TriangleMesh) -> TriangleMesh:

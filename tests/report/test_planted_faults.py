@@ -22,8 +22,9 @@ from assetbuild.report.document import CheckResult, make_report
 from assetbuild.report.facts import Subject
 from assetbuild.report.html import html_page
 from assetbuild.robot.inertia import rotate_tensor
-from assetbuild.robot.model import Body, Box, Capsule, Joint, Shape, Sphere
+from assetbuild.robot.model import Body, Joint
 from assetbuild.robot.pose import Pose, normalised_quat
+from assetbuild.robot.shapes import Box, Capsule, Shape, Sphere
 from assetbuild.targets.mjcf import Mjcf
 
 from .robots_for_tests import recipe

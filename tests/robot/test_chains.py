@@ -13,20 +13,9 @@ from tiny import TinyRobot, ball_inertial, box_inertial, run_step, write_robot_p
 
 from assetbuild.checks.mjcf_equal import MjcfEqual
 from assetbuild.robot.chains import find_chains
-from assetbuild.robot.model import (
-    Actuator,
-    Body,
-    Control,
-    Frame,
-    Inertial,
-    Joint,
-    Limits,
-    Shape,
-    Shapes,
-    Sphere,
-    Tree,
-)
+from assetbuild.robot.model import Actuator, Body, Control, Frame, Inertial, Joint, Limits, Tree
 from assetbuild.robot.pose import Pose, normalised_quat
+from assetbuild.robot.shapes import Shape, Shapes, Sphere
 from assetbuild.robot.tree import forward_kinematics, sample_positions
 from assetbuild.targets.mjcf import Mjcf
 

@@ -10,7 +10,8 @@ from hypothesis import given
 from tiny import TinyRobot, pendulum, robots, tiny_quadruped
 
 from assetbuild.robot.codec import decode, encode
-from assetbuild.robot.model import Body, Control, Inertial, Shapes, Tree
+from assetbuild.robot.model import Body, Control, Inertial, Tree
+from assetbuild.robot.shapes import Shapes
 
 
 @given(robots())

@@ -9,7 +9,7 @@ import mujoco as engine
 import numpy as np
 from tiny import run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.robot.model import Box, Shape
+from assetbuild.robot.shapes import Box, Shape
 from assetbuild.simulators import mujoco, mujoco_motion
 from assetbuild.simulators.experiments import sine_of
 from assetbuild.targets.mjcf import Mjcf

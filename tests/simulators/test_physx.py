@@ -10,18 +10,9 @@ import numpy as np
 import pytest
 from tiny import TinyRobot, box_inertial, check_inputs, pendulum, tiny_quadruped
 
-from assetbuild.robot.model import (
-    Actuator,
-    Body,
-    Control,
-    Joint,
-    Keyframe,
-    Limits,
-    Mimic,
-    Shapes,
-    Tree,
-)
+from assetbuild.robot.model import Actuator, Body, Control, Joint, Keyframe, Limits, Mimic, Tree
 from assetbuild.robot.pose import Pose, Vec3
+from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Motion, Sine, compare_response, sine_of
 from assetbuild.targets.usd import Usd

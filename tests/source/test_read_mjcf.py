@@ -12,8 +12,9 @@ import pytest
 from mjcfs import TET, Reading, hard_arm, read
 
 from assetbuild.errors import SourceError
-from assetbuild.robot.model import Capsule, Contact, Limits, MeshFile, Mimic, Place, Sensor
+from assetbuild.robot.model import Contact, Limits, Mimic, Place, Sensor
 from assetbuild.robot.pose import Pose
+from assetbuild.robot.shapes import Capsule, MeshFile
 from assetbuild.robot.tree import forward_kinematics
 
 

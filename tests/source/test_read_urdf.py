@@ -18,17 +18,8 @@ from tiny import run_step
 from assetbuild.errors import SourceError
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import (
-    Box,
-    Capsule,
-    Cylinder,
-    Limits,
-    MeshFile,
-    Mimic,
-    SourceShapes,
-    Sphere,
-    Tree,
-)
+from assetbuild.robot.model import Limits, Mimic, Tree
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, MeshFile, SourceShapes, Sphere
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 
 FILE = "pkg/urdf/robot.urdf"

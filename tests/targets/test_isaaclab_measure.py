@@ -16,7 +16,7 @@ from assetbuild.errors import UsageError
 from assetbuild.report.diff import changes
 from assetbuild.report.foreign import foreign_snapshot
 from assetbuild.report.snapshot import Snapshot, robot_facts
-from assetbuild.robot.model import Shapes
+from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.readings import FALL, FALL_S, HEIGHT, fall_m
 from assetbuild.targets.isaaclab import IsaacLab
 

@@ -44,14 +44,10 @@ from assetbuild.robot.model import (
     Joint,
     Keyframe,
     Limits,
-    Material,
-    Mesh,
-    MeshAsset,
-    Shape,
-    Shapes,
     Tree,
 )
 from assetbuild.robot.pose import Pose, normalised_quat
+from assetbuild.robot.shapes import Material, Mesh, MeshAsset, Shape, Shapes
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjcf.inertia import principal_inertia

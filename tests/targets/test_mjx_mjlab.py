@@ -17,9 +17,10 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, wr
 from assetbuild.checks.mjlab_contract import MjlabContract
 from assetbuild.errors import StepError
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Actuator, General, Mesh, Tree
+from assetbuild.robot.model import Actuator, General, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.ranges import Randomize
+from assetbuild.robot.shapes import Mesh
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
 from assetbuild.targets.mjx import Mjx, MjxOptions

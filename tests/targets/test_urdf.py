@@ -13,7 +13,8 @@ from tiny import TinyRobot, examples, pendulum, robots, run_step, tiny_quadruped
 
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Limits, Material, Shapes, SourceShapes, Tree
+from assetbuild.robot.model import Limits, Tree
+from assetbuild.robot.shapes import Material, Shapes, SourceShapes
 from assetbuild.robot.tree import depth_first, held_by_world
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 from assetbuild.targets.urdf import Urdf

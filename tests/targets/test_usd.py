@@ -38,25 +38,19 @@ from assetbuild.checks.usd_equal import UsdEqual
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
 from assetbuild.robot.inertia import matrix_of
-from assetbuild.robot.model import (
-    Body,
+from assetbuild.robot.model import Body, Frame, Inertial, Joint, Keyframe, Limits, Tree
+from assetbuild.robot.pose import Pose, Vec3, quat_of_rpy, rotation_of
+from assetbuild.robot.shapes import (
     Box,
     Capsule,
     Cylinder,
-    Frame,
-    Inertial,
-    Joint,
-    Keyframe,
-    Limits,
     Material,
     Mesh,
     MeshAsset,
     Shape,
     Shapes,
     Sphere,
-    Tree,
 )
-from assetbuild.robot.pose import Pose, Vec3, quat_of_rpy, rotation_of
 from assetbuild.simulators.usd_names import usd_identifier, usd_identifiers
 from assetbuild.targets.usd import Usd
 from assetbuild.targets.usd.bodies import principal_axes

@@ -18,22 +18,9 @@ from assetbuild.kinds import Check, write_figures
 from assetbuild.quantities import Positive
 from assetbuild.robot.chains import axis_in_body, find_chains
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import (
-    MOVING,
-    Actuator,
-    Box,
-    Capsule,
-    Control,
-    Cylinder,
-    Inertial,
-    Joint,
-    Keyframe,
-    Shape,
-    Shapes,
-    Sphere,
-    Tree,
-)
+from assetbuild.robot.model import MOVING, Actuator, Control, Inertial, Joint, Keyframe, Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose, normalised_quat, vec3
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Shape, Shapes, Sphere
 from assetbuild.simulators import mujoco
 
 ROUNDING = 1e-14

@@ -7,20 +7,19 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from assetbuild.findings import Data, Finding, Rule
-from assetbuild.robot.model import (
+from assetbuild.robot.model import Contact, MjcfOnly
+from assetbuild.robot.pose import Pose, Vec3, normalised_quat, rotation_of, vec3
+from assetbuild.robot.shapes import (
     Box,
     Capsule,
-    Contact,
     Cylinder,
     Material,
     MeshFile,
-    MjcfOnly,
     Role,
     SourceGeometry,
     SourceShape,
     Sphere,
 )
-from assetbuild.robot.pose import Pose, Vec3, normalised_quat, rotation_of, vec3
 from assetbuild.source.mjcf.compiled import Model, pose_at
 from assetbuild.source.mjcf.links import Links
 from assetbuild.source.mjcf.opaque import attributes_of, body_element, keys, leftover, words

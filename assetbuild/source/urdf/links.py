@@ -12,12 +12,12 @@ from assetbuild.errors import did_you_mean
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.read import Format
 from assetbuild.robot.inertia import rotate_tensor
-from assetbuild.robot.model import (
-    Body,
+from assetbuild.robot.model import Body, Inertial
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of_rpy, vec3
+from assetbuild.robot.shapes import (
     Box,
     Capsule,
     Cylinder,
-    Inertial,
     Material,
     MeshFile,
     SourceGeometry,
@@ -25,7 +25,6 @@ from assetbuild.robot.model import (
     SourceShapes,
     Sphere,
 )
-from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of_rpy, vec3
 from assetbuild.source.urdf.paths import Paths
 from assetbuild.source.urdf.xml import SIZE, Node, Problems
 

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.chains import Chain, axis_in_body, find_chains
-from assetbuild.robot.model import Joint, Shapes, Tree
+from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Pose
+from assetbuild.robot.shapes import Shapes
 
 CHAIN = Rule(
     "mjcf.chain",

@@ -10,7 +10,8 @@ from xml.etree.ElementTree import Element
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.model import Material, MjcfOnly, Shapes
+from assetbuild.robot.model import MjcfOnly
+from assetbuild.robot.shapes import Material, Shapes
 from assetbuild.targets.mjcf.opaque import add_opaque
 from assetbuild.targets.mjcf.robot_xml import RobotXml
 from assetbuild.targets.mjcf.xml import document

@@ -14,20 +14,9 @@ from dataclasses import dataclass
 from functools import partial
 from xml.etree.ElementTree import Element
 
-from assetbuild.robot.model import (
-    Box,
-    Capsule,
-    Contact,
-    Control,
-    Cylinder,
-    Mesh,
-    Role,
-    Shape,
-    Shapes,
-    Sphere,
-    Tree,
-)
+from assetbuild.robot.model import Contact, Control, Tree
 from assetbuild.robot.pose import Pose
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Role, Shape, Shapes, Sphere
 from assetbuild.targets.mjcf.classes import (
     FAMILY_MEMBERS,
     FEWEST,

@@ -12,8 +12,9 @@ from xml.etree.ElementTree import Element
 from pydantic import BaseModel
 
 from assetbuild.errors import StepError
-from assetbuild.robot.model import Control, Inertial, Joint, Keyframe, Mesh, Shapes, Tree
+from assetbuild.robot.model import Control, Inertial, Joint, Keyframe, Tree
 from assetbuild.robot.pose import Pose, quat_between, rotation_of, vec3
+from assetbuild.robot.shapes import Mesh, Shapes
 from assetbuild.robot.tree import depth_first
 from assetbuild.simulators.mujoco import body_names
 from assetbuild.targets.mjcf.chains import Seats

@@ -16,8 +16,9 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import RecipeView, Target
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Actuator, Control, Place, Sensor, Shapes, Tree
+from assetbuild.robot.model import Actuator, Control, Place, Sensor, Tree
 from assetbuild.robot.ranges import Randomize
+from assetbuild.robot.shapes import Shapes
 from assetbuild.targets.mjcf.files import readable, refuse_name, write_robot
 from assetbuild.targets.mjcf.robot_xml import RobotXml
 from assetbuild.targets.mjlab.events import lost

@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from assetbuild.findings import Finding
-from assetbuild.robot.model import Control, Shapes, Tree
+from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd.bodies import apply_rigid_bodies, write_base
 from assetbuild.targets.usd.colliders import apply_filtered_pairs, apply_masks, define_colliders

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.model import Control, Mesh, Shape, Shapes
+from assetbuild.robot.model import Control
 from assetbuild.robot.pose import Vec3
+from assetbuild.robot.shapes import Mesh, Shape, Shapes
 from assetbuild.simulators.usd_names import PHYSICS_MATERIALS
 from assetbuild.targets.usd.geometry import define_shape
 from assetbuild.targets.usd.layers import apply_foreign

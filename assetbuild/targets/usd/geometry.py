@@ -11,17 +11,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 from assetbuild.errors import StepError
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.triangles import TriangleMesh, face_normals
-from assetbuild.robot.model import (
-    Box,
-    Capsule,
-    Cylinder,
-    Material,
-    Mesh,
-    Shape,
-    Shapes,
-    Sphere,
-)
 from assetbuild.robot.pose import Pose, Vec3
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Material, Mesh, Shape, Shapes, Sphere
 from assetbuild.simulators.usd_names import LOOKS
 from assetbuild.targets.usd.layers import GEOMETRIES, label, new_layer, new_stage, place, save
 from assetbuild.targets.usd.names import PrimPaths

@@ -18,8 +18,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.model import Shape, Shapes, Tree
+from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Vec3
+from assetbuild.robot.shapes import Shape, Shapes
 from assetbuild.simulators.usd_names import (
     JOINTS,
     LOOKS,

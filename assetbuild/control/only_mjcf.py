@@ -1,0 +1,50 @@
+"""What only the MJCF holds, one finding for each kind of thing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from xml.etree import ElementTree
+
+from assetbuild.findings import Finding, Rule
+from assetbuild.robot.model import MjcfOnly
+
+ONLY_IN_MJCF = Rule(
+    "mjcf.only",
+    "info",
+    "what only MJCF can express (sizes of sites, tendons, lights, solver options, ...) is kept "
+    "in the MJCF; URDF and USD have no place for it",
+    "nothing",
+)
+
+
+def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
+    """One finding for each kind of thing that only the MJCF holds."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for item in items:
+        element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+        said = _SAID_OF.get(item.place, _element_of)(element)
+        groups.setdefault((item.place, said), []).append(item.owner or element.get("name", ""))
+    for (place, said), owners in groups.items():
+        names = [f"`{name}`" for name in owners if name]
+        shown = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
+        of = f" of {_WORDS.get(place, place)} {shown}" if names else ""
+        yield ONLY_IN_MJCF(
+            "robot",
+            f"{said}{of}: in the MJCF only, URDF and USD have no place for it",
+            data={"place": place, "said": said, "count": len(owners)},
+        )
+
+
+def _attributes_of(element: ElementTree.Element) -> str:
+    return ", ".join(f"`{key}`" for key in element.attrib)
+
+
+def _element_of(element: ElementTree.Element) -> str:
+    return f"<{element.tag}>"
+
+
+_SAID_OF: Mapping[str, Callable[[ElementTree.Element], str]] = dict.fromkeys(
+    ("joint", "shape", "frame", "camera", "material", "option", "drive", "mimic", "root"),
+    _attributes_of,
+)
+_WORDS = {"shape": "geom", "frame": "site", "drive": "actuator", "mimic": "coupled joint"}
