@@ -10,7 +10,7 @@ from pathlib import Path
 from tiny import run_step
 
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
-from assetbuild.control.control import ControlStep
+from assetbuild.control.plan import control_step
 from assetbuild.findings import Finding
 from assetbuild.geometry.assemble import Assemble, CollisionUse, VisualUse
 from assetbuild.geometry.convert_mesh import ConvertMesh
@@ -120,7 +120,7 @@ def write(reading: Reading, folder: Path, **recipe: object) -> Written:
     _assemble(reading, folder, ports)
     files = {name: ports / name for name in ("tree.json", "shapes.json", "meshes")}
     files["source_control.json"] = _said(reading)
-    step = ControlStep.configure(asked)
+    step = control_step(asked)
     out = folder / "control" / "out"
     findings = run_step(step, _inputs(folder / "control", files), out)
     shutil.copyfile(out / "control.json", ports / "control.json")

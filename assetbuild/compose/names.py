@@ -21,7 +21,7 @@ from functools import cached_property
 from typing import Generic, Literal, TypeVar
 
 from assetbuild.compose.compose_parts import PLATE
-from assetbuild.control.sides import own_side
+from assetbuild.control.plan import own_side
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.quantities import listed
 from assetbuild.recipe.compose import Part

@@ -19,13 +19,11 @@ from assetbuild.control.senses import (
     placed_cameras,
     placed_sensors,
 )
-from assetbuild.control.sides import own_side
 from assetbuild.control.source_control import Stated, join
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import did_you_mean
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import read_triangles
-from assetbuild.recipe.models import Recipe
 from assetbuild.robot import model
 from assetbuild.robot.actuator_table import ActuatorRow, Motor
 from assetbuild.robot.actuators import RowError, resolve
@@ -97,31 +95,6 @@ class ControlStep(Step):
     """Joints of parts in keyframes that only the base's MJCF has; rad or m."""
     common_surfaces: tuple[str, ...] = ()
     """Patterns of `contact.links` for all of a part: nobody has written them, they may be idle."""
-
-    @classmethod
-    def configure(
-        cls,
-        recipe: Recipe,
-        sides: tuple[Side, ...] = (),
-        poses: Mapping[str, Mapping[str, float]] | None = None,
-        common_surfaces: tuple[str, ...] = (),
-    ) -> ControlStep:
-        """The step with what the recipe says; sides, poses, common_surfaces: of a composite."""
-        return cls(
-            rows=recipe.actuators,
-            motors=recipe.motors,
-            keyframes=dict(recipe.keyframes),
-            contact=recipe.contact,
-            simulation=recipe.simulation,
-            exclude=recipe.collision.exclude,
-            feet=recipe.feet,
-            imu=recipe.imu,
-            sensors=dict(recipe.sensors),
-            cameras=dict(recipe.cameras),
-            sides=sides or (own_side(recipe),),
-            poses={name: dict(pose) for name, pose in (poses or {}).items()},
-            common_surfaces=common_surfaces,
-        )
 
     def check(self, tree: model.Tree) -> None:
         """Raise the RowError that `run` would raise; for a plan that knows the tree and lines."""

@@ -20,8 +20,7 @@ from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plan import Outline, plan
 from assetbuild.recipe.loader import LoadedRecipe, shown_path
 from assetbuild.recipe.source import Source
-from assetbuild.source.get.fetch import resolve
-from assetbuild.source.get.fetch_git import resolve_git
+from assetbuild.source.get.pins import resolve, resolve_git
 from assetbuild.source.plan import repository
 
 if TYPE_CHECKING:

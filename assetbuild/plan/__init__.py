@@ -19,10 +19,8 @@ from assetbuild.body.lint_bodies import LintBodies
 from assetbuild.body.lint_links import LintLinks
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.compose.plan import Ready, check_parts, compose
-from assetbuild.control.control import ControlStep
 from assetbuild.control.keep_ratings import KeepRatings
-from assetbuild.control.sample_pairs import SamplePairs
-from assetbuild.control.sides import own_side
+from assetbuild.control.plan import control, control_step, own_side
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.geometry.companions import companions
@@ -99,8 +97,8 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
     merged = p.ask(tree["tree.json"])
     if links is None or shapes is None or merged is None:
         return outline
-    control_step = ControlStep.configure(recipe, sides, ready.poses, ready.common_surfaces)
-    check_against_robot(loaded, decode(Tree, links), decode(Tree, merged), control_step)
+    step = control_step(recipe, sides, ready.poses, ready.common_surfaces)
+    check_against_robot(loaded, decode(Tree, links), decode(Tree, merged), step)
 
     if geometry is None:
         return outline
@@ -110,21 +108,22 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
     outline.subjects = geometry.subjects
     if assembled is None:
         return outline
-    control = _control(recipe, control_step, read, tree, assembled, p)
-    ratings = p.add("ratings", KeepRatings(), {"control.json": control["control.json"]})
+    samples = recipe.collision.exclude.sampled
+    controlled = control(step, read, tree, assembled, samples, p)["control.json"]
+    ratings = p.add("ratings", KeepRatings(), {"control.json": controlled})
     outline.robot = {
         "links.json": edited["links.json"],
         "tree.json": tree["tree.json"],
         "shapes.json": assembled["shapes.json"],
-        "control.json": control["control.json"],
+        "control.json": controlled,
         "ratings.json": ratings["ratings.json"],
         "meshes/": assembled["meshes/"],
     }
     outline.targets = _targets(recipe, outline.robot, p)
     if recipe.randomize is not None:
-        step = StateRanges(robot=recipe.robot, randomize=recipe.randomize)
+        ranges = StateRanges(robot=recipe.robot, randomize=recipe.randomize)
         ports = {port: outline.robot[port] for port in ("tree.json", "control.json")}
-        outline.ranges = p.add("state_ranges", step, ports)
+        outline.ranges = p.add("state_ranges", ranges, ports)
     if drawn:
         outline.looks = looks(recipe, outline.robot, p)
     _checks(recipe, outline, _sources(recipe, outline, read), p)
@@ -210,24 +209,6 @@ def _merge(recipe: Recipe, ready: Ready, p: Planner) -> Node:
 
 
 # --- control, targets, checks ---------------------------------------------------------------
-
-
-def _control(
-    recipe: Recipe, step: ControlStep, read: Reading, tree: Node, assembled: Node, p: Planner
-) -> Node:
-    inputs = {
-        "tree.json": tree["tree.json"],
-        "shapes.json": assembled["shapes.json"],
-        "meshes/": assembled["meshes/"],
-    }
-    if read.control is not None:
-        inputs["source_control.json"] = read.control
-    samples = recipe.collision.exclude.sampled
-    if samples:
-        robot = {name: inputs[name] for name in ("tree.json", "shapes.json", "meshes/")}
-        pairs = p.add("sample_pairs", SamplePairs(samples=samples), robot)
-        inputs["sampled_pairs.json"] = pairs["sampled_pairs.json"]
-    return p.add("control", step, inputs)
 
 
 def _targets(recipe: Recipe, robot: Mapping[str, Ref], p: Planner) -> dict[str, Node]:

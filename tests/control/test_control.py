@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from assetbuild.control.control import ControlStep, half_height
+from assetbuild.control.control import half_height
+from assetbuild.control.plan import control_step
 from assetbuild.engine.step import Files
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.recipe.models import Recipe
@@ -75,7 +76,7 @@ def run(tmp_path):
         (tmp_path / "in/shapes.json").write_bytes(encode(shapes))
         for name, text in meshes.items():
             (tmp_path / f"in/meshes/{name}.obj").write_text(text)
-        findings = list(ControlStep.configure(said).run(Files(tmp_path / "in", tmp_path / "out")))
+        findings = list(control_step(said).run(Files(tmp_path / "in", tmp_path / "out")))
         control = decode(Control, (tmp_path / "out/control.json").read_bytes())
         return control, {finding.rule: finding for finding in findings}
 
@@ -84,7 +85,7 @@ def run(tmp_path):
 
 def refused(tree: Tree, said: Recipe) -> RowError:
     with pytest.raises(RowError) as caught:
-        ControlStep.configure(said).check(tree)
+        control_step(said).check(tree)
     return caught.value
 
 
@@ -386,7 +387,7 @@ def test_what_a_row_states_over_the_source_is_told(tmp_path: Path):
     (tmp_path / "in").mkdir(exist_ok=True)
     for name, data in inputs.items():
         (tmp_path / "in" / name).write_bytes(data)
-    step = ControlStep.configure(recipe(actuators=rows))
+    step = control_step(recipe(actuators=rows))
     findings = list(step.run(Files(tmp_path / "in", tmp_path / "out")))
     told = {(f.subject, f.message.split(": ", 1)[1]) for f in findings if "overr" in f.rule}
     assert told == {

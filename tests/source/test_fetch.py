@@ -16,7 +16,8 @@ import pytest
 from assetbuild.engine.step import Files
 from assetbuild.errors import LockError, MachineError, SourceError
 from assetbuild.source.get import fetch
-from assetbuild.source.get.fetch import Fetch, resolve
+from assetbuild.source.get.fetch import Fetch
+from assetbuild.source.get.pins import resolve
 
 WHEEL = "tiny_robots-1.2.0-py3-none-any.whl"
 

@@ -21,7 +21,6 @@ from assetbuild.errors import (
     did_you_mean,
 )
 from assetbuild.findings import Finding
-from assetbuild.lock import Pin
 
 OnLine = Callable[[str], None]
 
@@ -69,7 +68,7 @@ class Fetch(Step):
         """LockError: other bytes; SourceError: no such wheel; MachineError: no index in reach."""
         # Beside the result, so that moving the file is a rename.
         with TemporaryDirectory(prefix=".fetch-", dir=files.outputs) as folder:
-            wheel = _download(self.name, self.release, Path(folder))
+            wheel = downloaded_wheel(self.name, self.release, Path(folder))
             if wheel.name != self.filename:
                 raise LockError(
                     f"{self.name}=={self.release}: the index gives `{wheel.name}`, "
@@ -87,24 +86,7 @@ class Fetch(Step):
         yield from ()
 
 
-def resolve(
-    name: str, version: str, *, on_line: OnLine | None = None, keep: Path | None = None
-) -> Pin:
-    """Download a wheel to learn its file name, digest and size: what the lock pins.
-
-    on_line: gets pip's own lines while it works ("Downloading ... (131.1 MB)"). keep: a file to
-    leave the wheel in, so that nobody has to download it again. Errors as `Fetch.run`.
-    """
-    with TemporaryDirectory(prefix=".fetch-", dir=keep.parent if keep else None) as folder:
-        wheel = _download(name, version, Path(folder), on_line)
-        size = wheel.stat().st_size
-        pin = Pin(pypi=f"{name}=={version}", file=wheel.name, sha256=digest_file(wheel), size=size)
-        if keep is not None:
-            wheel.replace(keep)
-    return pin
-
-
-def _download(name: str, version: str, folder: Path, on_line: OnLine | None = None) -> Path:
+def downloaded_wheel(name: str, version: str, folder: Path, on_line: OnLine | None = None) -> Path:
     """The wheel that the user's pip chooses, in `folder`."""
     wanted = f"{name}=={version}"
     command = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary=:all:"]

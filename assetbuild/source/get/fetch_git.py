@@ -20,7 +20,6 @@ from typing import ClassVar
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import LockError, MachineError, SourceError, did_you_mean
 from assetbuild.findings import Finding
-from assetbuild.lock import GitPin
 
 SECONDS = 1800.0
 COMMIT = re.compile(r"[0-9a-f]{40}")
@@ -53,7 +52,7 @@ class FetchGit(Step):
         """Fetch, export, compare."""
         target = files.outputs / "archive"
         with TemporaryDirectory(prefix=".git-", dir=files.outputs) as folder:
-            _export(self.url, self.commit, Path(folder), target)
+            export_commit(self.url, self.commit, Path(folder), target)
         found = tree_digest(target)
         if found != self.sha256:
             raise LockError(
@@ -62,20 +61,6 @@ class FetchGit(Step):
                 hint="run `assetbuild lock` only if you trust the change",
             )
         yield from ()
-
-
-def resolve_git(git: str, rev: str, url: str) -> GitPin:
-    """The commit that a branch, tag or commit stands for now, and the digest of its files.
-
-    git: as the recipe spells it; url: where it is from here. Errors as `FetchGit.run`.
-    """
-    with TemporaryDirectory(prefix=".git-") as temporary:
-        folder = Path(temporary)
-        commit = rev if COMMIT.fullmatch(rev) else _commit_of(url, rev, folder)
-        target = folder / "archive.tar"
-        _export(url, commit, folder, target)
-        size = target.stat().st_size
-        return GitPin(git=git, rev=rev, commit=commit, sha256=tree_digest(target), size=size)
 
 
 def tree_digest(archive: Path) -> str:
@@ -96,7 +81,7 @@ def tree_digest(archive: Path) -> str:
     return hashlib.sha256(text.encode("ascii")).hexdigest()
 
 
-def _commit_of(url: str, rev: str, folder: Path) -> str:
+def commit_of(url: str, rev: str, folder: Path) -> str:
     """A tag (what it points to), else a branch."""
     lines = _git(["ls-remote", "--", url], folder, url).splitlines()
     refs = {name: commit for commit, _, name in (line.partition("\t") for line in lines)}
@@ -111,7 +96,8 @@ def _commit_of(url: str, rev: str, folder: Path) -> str:
     )
 
 
-def _export(url: str, commit: str, folder: Path, target: Path) -> None:
+def export_commit(url: str, commit: str, folder: Path, target: Path) -> None:
+    """The files of one commit as a tar at `target`; `folder` takes the repository."""
     _git(["init", "--quiet", "--bare", "."], folder, url)
     fetch = ["fetch", "--quiet", "--no-tags", "--no-write-fetch-head"]
     try:
