@@ -99,6 +99,7 @@ def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     return commands.run(words, folder, environment)
 
 
+@pytest.mark.slow
 def test_a_part_whose_mesh_names_other_files_keeps_them(folder: Path):
     """The base is known before the part is: its questions are asked in rounds of their own."""
     corners = ("0 0 0", "0.1 0 0", "0 0.1 0", "0 0 0.1")
@@ -227,6 +228,7 @@ def test_an_error_of_a_part_has_its_line_in_the_parts_recipe(folder, old, new, m
     assert message in done.stderr
 
 
+@pytest.mark.slow
 def test_a_finding_about_a_row_of_a_part_has_its_line_in_the_parts_recipe(folder):
     arm = (folder / "arm.yaml").read_text().replace("kd: 5", "kd: 5, effort: 7")
     (folder / "arm.yaml").write_text(arm)
@@ -239,6 +241,7 @@ def test_a_finding_about_a_row_of_a_part_has_its_line_in_the_parts_recipe(folder
     ]
 
 
+@pytest.mark.slow
 def test_samples_of_a_composite_draw_each_robot_from_its_own_ranges(folder):
     for name, factor in (("cart", 3), ("arm", 2)):
         text = (folder / f"{name}.yaml").read_text()

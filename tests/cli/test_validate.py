@@ -82,6 +82,7 @@ SHIFTED = robot(
 )
 
 
+@pytest.mark.slow
 def test_a_urdf_is_tried_as_init_would_build_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -175,6 +175,7 @@ def test_a_viewer_of_the_urdf_finds_the_texture_beside_the_mesh(bundle: Path):
         assert mesh.visual.uv.shape == (4, 2)
 
 
+@pytest.mark.slow
 def test_a_picture_that_appears_later_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "empty"))
     files = {k: v for k, v in FILES.items() if k != "meshes/looks/wood one.jpg"}
@@ -190,6 +191,7 @@ def test_a_picture_that_appears_later_is_noticed(tmp_path: Path, monkeypatch: py
     assert "convert_mesh tile" in ran
 
 
+@pytest.mark.slow
 def test_a_picture_outside_of_the_source_is_not_followed(tmp_path: Path):
     (tmp_path / "secret.png").write_bytes(picture((1, 2, 3), (4, 5, 6), "PNG"))
     outside = MTL.replace("wood one.jpg", "../../../secret.png").encode()

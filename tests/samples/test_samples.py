@@ -67,6 +67,7 @@ def test_the_statistics_count_no_inconsistent_draw_and_show_what_noise_does(wide
         assert sum(body["mass_kg"]["histogram"]) == 100
 
 
+@pytest.mark.slow
 def test_the_same_seed_draws_the_same_robots_and_another_seed_others(ports, widely):
     first, more = widely[1], drawn(ports, WIDE, keep=9)
     assert first.samples == more.samples[:4]

@@ -108,6 +108,7 @@ def told(urdf: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str,
     return {f"{f['rule']} {f['subject']}": f for f in report["findings"]}
 
 
+@pytest.mark.slow
 def test_a_clean_export_is_named_and_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     findings = told(export(tmp_path), tmp_path, monkeypatch)
     (found,) = (f for key, f in findings.items() if key.startswith("export."))
@@ -117,6 +118,7 @@ def test_a_clean_export_is_named_and_no_more(tmp_path: Path, monkeypatch: pytest
     assert "inertia.default_density robot" in findings  # all of it was planted at 1000 kg/m3
 
 
+@pytest.mark.slow
 def test_each_planted_defect_is_found_and_its_fix_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

@@ -65,6 +65,7 @@ def errors(report: dict) -> list[str]:
     ]
 
 
+@pytest.mark.slow
 def test_no_check_finds_an_error(built: tuple[Path, dict]):
     assert errors(built[1]) == []
 
