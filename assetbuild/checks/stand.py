@@ -112,7 +112,7 @@ class Stand(Check):
 
     @property
     def feet_pattern(self) -> str | None:
-        """Of the source links that may touch the floor; None = any may."""
+        """Pattern of the source links that may touch the floor; None = any may."""
         return self.feet or self.soles
 
     def run(self, files: Files) -> Iterator[Finding]:

@@ -103,7 +103,7 @@ def left_out(recipe: Recipe, part: Recipe) -> tuple[str, ...]:
 
 
 def _by_pattern(rows: Iterable[Row[Value]], *, once: bool = False) -> dict[str, Row[Value]]:
-    """Of rows about the same names the first; RecipeError for a second if there may be one only."""
+    """The first of the rows about the same names; RecipeError for a second if `once`."""
     found: dict[str, Row[Value]] = {}
     for row in rows:
         first = found.setdefault(row.pattern, row)

@@ -62,7 +62,7 @@ class Member:
 
     @property
     def prefix(self) -> str:
-        """Of all its names in the whole."""
+        """Prefix of all its names in the whole."""
         return self.part.as_ if self.part else ""
 
     @property
@@ -79,7 +79,7 @@ class Member:
 
     @cached_property
     def poses(self) -> dict[str, dict[str, float]]:
-        """Of each keyframe of its source the joints that mimic no other, rad or m."""
+        """Values of the joints that mimic no other in each keyframe of its source, rad or m."""
         free = {joint.name for joint in self.tree.moving_joints if joint.mimic is None}
         keys = self.said.control.keyframes if self.said else ()
         return {key.name: {n: q for n, q in key.joints if n in free} for key in keys}
@@ -108,7 +108,7 @@ class Row(Generic[Value]):
 
     @property
     def pattern(self) -> str:
-        """Of its names and no others."""
+        """A pattern that matches its names and no others."""
         return listed(self.names)
 
     def without(self, taken: Collection[str]) -> Row[Value]:
@@ -152,7 +152,7 @@ def _means(base: Member, key: Key, pattern: str, part: Member, name: str) -> boo
 
 
 def _other_prefixes(part: Member, base: Iterable[str], parts: Iterable[Member]) -> list[str]:
-    """Of the same shape, and no beginning of any name of the composite."""
+    """Prefixes of the same shape that begin no name of the composite."""
     known = [*base, *(each.prefix for each in parts)]
     upper = [re.sub("[A-Z]", letter.upper(), part.prefix) for letter in OTHER_LETTERS]
     made = [re.sub("[a-z]", c, text) for c, text in zip(OTHER_LETTERS, upper, strict=True)]

@@ -232,7 +232,7 @@ class Twin:
 
 
 Twins = Mapping[Job, Twin]
-"""By the job that may reuse the other's result."""
+"""Keyed by the job that may reuse the other's result."""
 
 
 def equal_shapes(jobs: Sequence[Job], meshes: Meshes, p: Planner) -> Twins | None:
