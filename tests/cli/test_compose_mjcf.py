@@ -12,6 +12,8 @@ import mujoco
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 DOG = """<mujoco model="dog">
   <compiler angle="radian"/>
   <option timestep="0.003" cone="elliptic" impratio="10"/>

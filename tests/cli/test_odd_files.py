@@ -13,6 +13,8 @@ import pytest
 
 from .conftest import Legs, new_legs
 
+pytestmark = pytest.mark.slow
+
 MESH = b"""solid m
 facet normal 0 0 1
 outer loop

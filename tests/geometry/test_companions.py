@@ -19,6 +19,8 @@ from assetbuild.errors import RecipeError
 from assetbuild.pipeline.building import Outcome, Request, build
 from assetbuild.pipeline.checking import check
 
+pytestmark = pytest.mark.slow
+
 URDF = """<robot name="r">
   <material name="paper"><color rgba="1 1 0 1"/><texture filename="pictures/check.bmp"/></material>
   <link name="base">

@@ -29,6 +29,8 @@ from assetbuild.targets.mjcf import Mjcf
 
 from .robots_for_tests import recipe
 
+pytestmark = pytest.mark.slow
+
 RECIPE = recipe(
     base="floating",
     actuators=[{"joints": ".*", "model": "pd", "kp": 100, "kd": 3}],

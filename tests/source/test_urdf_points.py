@@ -16,6 +16,8 @@ from urdfs import LIMIT, inertial, joint, link, shape
 
 from assetbuild.cli import main
 
+pytestmark = pytest.mark.slow
+
 SPIN = "<limit effort='9' velocity='5'/>"
 HALF = LIMIT + "<mimic joint='a' multiplier='-0.5'/>"
 CAPSULE = shape("collision", "<capsule radius='0.02' length='0.1'/>")
