@@ -331,7 +331,9 @@ def pendulum() -> TinyRobot:
 
 # --- random trees -------------------------------------------------------------------------------
 
-_unit = st.floats(-1.0, 1.0, allow_nan=False)
+SAME_FRAME = 1e-5
+"""MuJoCo's compiler takes frames less than 1e-6 apart for one: smaller numbers are drawn as 0."""
+_unit = st.floats(-1.0, 1.0, allow_nan=False).map(lambda v: v if abs(v) > SAME_FRAME else 0.0)
 
 
 def examples(most: int) -> int:
