@@ -1,6 +1,6 @@
 """What a body's mass properties must satisfy; one set of rules for links and merged bodies.
 
-Per body the first broken rule of the chain mass, positive, triangle, pseudo is told, since each
+Per body the first broken rule of the chain mass, positive, triangle, pseudo is reported, since each
 implies the next; size, density and smallness are judged besides.
 """
 
@@ -125,7 +125,7 @@ def inertia_findings(
 
 
 def _of_this(finding: Finding, *, moves: bool, shows: bool) -> Finding | None:
-    """As grave as it is for a body that moves or not, and has a shape or not."""
+    """The severity that fits a body which moves or not, and has a shape or not."""
     if finding.rule == DENSE.id and not shows and finding.severity != "error":
         return replace(finding, severity="info")  # it has no size to doubt
     if moves:

@@ -39,7 +39,7 @@ LARGE = Rule(
 DEAD = Rule(
     "trials.dead",
     "error",
-    "a joint hardly moves when its drive is told to",
+    "a joint hardly moves when its drive is commanded",
     "check whether kp is in degrees, and the effort limit",
 )
 ENERGY = Rule(
@@ -143,7 +143,7 @@ class Trials(Check):
         0.02, description="rad or m: difference to a quarter of the timestep, warning"
     )
     dead: Positive = Field(
-        0.01, description="rad or m: a joint that moves less when its drive is told to, error"
+        0.01, description="rad or m: a joint that moves less when its drive is commanded, error"
     )
     poses: int = Field(200, ge=1, le=100_000, description="random poses for self-collision")
     always: Positive = Field(

@@ -33,7 +33,7 @@ class Settled(Generic[T]):
 
     @property
     def errors(self) -> tuple[AssetBuildError, ...]:
-        """Of the steps that failed, in the order of the graph."""
+        """Errors of the steps that failed, in the order of the graph."""
         return tuple(result.error for result in self.results.values() if result.error)
 
 

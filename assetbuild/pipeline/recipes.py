@@ -81,7 +81,7 @@ def _named(root: Node) -> _Named:
     edits: set[str] = set()
     for index, node in _items(root, "edits"):
         for name in _keys(node):
-            _must_be(Edit, name, plugin_names(Edit), root, ("edits", index), "no edit named")
+            _must_be(name, plugin_names(Edit), root, ("edits", index), "no edit named")
             edits.add(name)
     methods = {"auto"}
     known = (*plugin_names(CollisionMethod), *BUILT_IN)
@@ -89,14 +89,13 @@ def _named(root: Node) -> _Named:
         stated = _child(rule, "method")
         if stated is not None and isinstance(stated.value, str):
             what = f"{'.'.join(key)}: no collision method"
-            _must_be(CollisionMethod, stated.value, known, root, (*key, "method"), what)
+            _must_be(stated.value, known, root, (*key, "method"), what)
             methods.add(stated.value)
     chosen = targets & set(plugin_names(Target))
     return _Named(tuple(sorted(chosen)), tuple(sorted(edits)), tuple(sorted(methods)))
 
 
 def _must_be(
-    kind: type[object],
     name: str,
     known: Iterable[str],
     root: Node,
