@@ -75,7 +75,8 @@ class Reference:
         }  # fmt: skip
         plain = {name: json.loads(encode(part)) for name, part in parts.items()}
         plain["options"] = self.options
-        return json.dumps(plain, sort_keys=True, separators=(",", ":")) + "\n"
+        # Not sorted: where a section maps patterns to ranges, the first that matches wins.
+        return json.dumps(plain, separators=(",", ":")) + "\n"
 
     @classmethod
     def of_bundle(cls, bundle: Path) -> Reference:
