@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
-from pathlib import Path
 
 from assetbuild.engine.step import Files, Step
+from assetbuild.facts.picture import pixel_digest
 from assetbuild.facts.reference import Assets
 from assetbuild.facts.surface import measure
 from assetbuild.findings import Finding
@@ -33,13 +32,3 @@ class MeasureAssets(Step):
         pixels = tuple((file, pixel_digest(robot.mesh_dir / file)) for file in textures)
         (files.outputs / "assets.json").write_bytes(encode(Assets(tuple(surfaces), pixels)))
         yield from ()
-
-
-def pixel_digest(file: Path) -> str:
-    """Digest of the size and the RGBA pixels of a picture, whatever its file says besides."""
-    from PIL import Image
-
-    with Image.open(file) as picture:
-        pixels = picture.convert("RGBA")
-        held = hashlib.sha256(repr(pixels.size).encode() + pixels.tobytes())
-    return held.hexdigest()[:16]
