@@ -104,12 +104,12 @@ class Walk:
         while todo:
             element = todo.pop()
             if element not in self._elements:
-                yield Unread(self.where(element), f"<{element.tag}>", _shown(element))
+                yield Unread(self.where(element), f"<{_tag(element)}>", _shown(element))
                 continue
-            where, tag = f"{self.where(element)} <{element.tag}>", str(element.tag)
-            for name, value in element.attrib.items():
-                if (element, str(name)) not in self._attributes:
-                    yield Unread(where, f"`{name}` of <{tag}>", str(value)[:200])
+            where, tag = f"{self.where(element)} <{_tag(element)}>", _tag(element)
+            for name in map(str, element.attrib):
+                if (element, name) not in self._attributes:
+                    yield Unread(where, f"`{name}` of <{tag}>", str(element.get(name))[:200])
             yield from _texts(element, where)
             todo += list(element.iterchildren())[::-1]
 
@@ -119,7 +119,12 @@ def _texts(element: _Element, where: str) -> Iterator[Unread]:
     texts: Sequence[str | None] = (element.text, *(child.tail for child in element))
     for text in texts:
         if text and text.strip():
-            yield Unread(where, f"text in <{element.tag}>", text.strip()[:200])
+            yield Unread(where, f"text in <{_tag(element)}>", text.strip()[:200])
+
+
+def _tag(element: _Element) -> str:
+    """An entity, which is not resolved, has a function in place of a tag."""
+    return element.tag if isinstance(element.tag, str) else str(element)
 
 
 def _shown(element: _Element) -> str:

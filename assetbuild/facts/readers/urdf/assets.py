@@ -20,10 +20,11 @@ from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.read import Format, read_mesh
 from assetbuild.robot.pose import Array, Pose
 
-SURFACE_WORDS = frozenset((b"v", b"vt", b"f"))
-NO_FACTS = frozenset((b"vn", b"o", b"g", b"s", b"#"))
-"""Of an OBJ. Normals only soften how light falls on it, and the robot states none; groups and
-comments name things that nobody looks up."""
+PLAIN = frozenset((b"", b"v", b"vt", b"vn", b"f"))
+"""Lines of an OBJ that are a surface. Normals (`vn`) only soften how light falls on it: the robot
+states none, so they are no facts."""
+NO_FACTS = frozenset((b"o", b"g", b"s", b"#"))
+"""Groups and comments name things that nobody looks up."""
 LOOKS = frozenset((b"mtllib", b"usemtl"))
 HEAD = re.compile(rb"(?:[ \t]*(?:#|mtllib|usemtl|o|g)\b[^\n]*\n)*")
 
@@ -97,11 +98,15 @@ class Assets:
         return self._corners[stated]
 
     def _read_obj(self, stated: str, data: bytes) -> tuple[Array, Array | None]:
-        for word in sorted(set(re.findall(rb"(?m)^[ \t]*([^\s\d]+)", data))):
-            if word not in SURFACE_WORDS | NO_FACTS | LOOKS and not word.startswith(b"#"):
+        head = HEAD.match(data)
+        start = head.end() if head else 0
+        plain = set(data[start:].translate(None, b"0123456789.-+eE/ \t\r").split(b"\n")) <= PLAIN
+        spoken = data[:start] if plain else data  # no words stand among the numbers
+        for word in sorted(set(re.findall(rb"(?m)^[ \t]*([^\s\d]+)", spoken))):
+            if word not in PLAIN | NO_FACTS | LOOKS and not word.startswith(b"#"):
                 self._book.skip(stated, "an element of the OBJ", word.decode("utf-8", "replace"))
-        self._looks[stated] = self._obj_looks(stated, data)
-        mesh = read_triangles(data[_head(data) :], stated)
+        self._looks[stated] = self._obj_looks(stated, spoken)
+        mesh = read_triangles(data[start:], stated)
         return mesh.vertices[mesh.faces], mesh.uv
 
     def _obj_looks(self, stated: str, data: bytes) -> dict[str, Value]:
@@ -136,12 +141,6 @@ class Assets:
             elif key and not key.startswith("#"):
                 self._book.skip(f"{name}:{number}", f"`{key}` of a material", rest)
         return looks
-
-
-def _head(data: bytes) -> int:
-    """Where the numbers of an OBJ begin."""
-    found = HEAD.match(data)
-    return found.end() if found else 0
 
 
 def _plain_numbers(text: str) -> Value:

@@ -72,14 +72,15 @@ class Links:
         walk, book = self._walk, self._book
         name = self.unique("body", walk.text(link, "name") or "")
         book.place("body", name, walk.where(link))
-        book.put("body", name, {"parent": ""} | self._inertial(link))
+        book.put("body", name, {"parent": ""})
+        book.put("body", name, self._inertial(link))
         for role in ROLES:
             for index, element in enumerate(walk.all(link, role)):
                 said = f"{name}_{role}" + (f"_{index}" if index else "")
                 shape = self.unique("shape", walk.text(element, "name") or said)
                 book.place("shape", shape, walk.where(element))
-                facts: dict[str, Value] = {"role": role, "body": name}
-                book.put("shape", shape, facts | self._shape(element, role))
+                book.put("shape", shape, {"role": role, "body": name})
+                book.put("shape", shape, self._shape(element, role))
 
     def _inertial(self, link: _Element) -> dict[str, Value]:
         walk = self._walk
