@@ -20,6 +20,8 @@ from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Capsule, Cylinder, Mesh, Shape, Sphere
 from assetbuild.robot.tree import held_by_world
 
+BOUNDLESS = 1e9
+"""m: URDF has no word for a prismatic joint without a limit, and one left out means 0."""
 _CONTACT = "URDF has no contact parameters"
 _DRIVE = "URDF has no drives: a joint has limits, damping and friction alone"
 LACKS: Mapping[str, str] = {
@@ -100,6 +102,8 @@ class UrdfFacts(Reader):
         stated = robot_table(reference, merged=False).only(self.holds)
         book = Writer()
         book.put("robot", "", {"urdf:name": links.name})
+        for body in links.bodies:
+            book.put("body", body.name, {"urdf:link": True})
         for joint in links.joints:
             book.put("joint", joint.name, dict(_ratings(joint, reference.control)))
         capsules = set()
@@ -128,6 +132,9 @@ def _ratings(joint: Joint, control: Control) -> Iterator[tuple[str, Value]]:
             yield name, value
         elif value is not None:
             yield f"urdf:{name}", value
+    if joint.kind == "prismatic":
+        yield "lower", -BOUNDLESS if limits.lower is None else limits.lower
+        yield "upper", BOUNDLESS if limits.upper is None else limits.upper
     own: dict[str, float | None] = {}
     if joint.kind not in ("revolute", "prismatic"):
         own |= {"lower": limits.lower, "upper": limits.upper}

@@ -52,17 +52,18 @@ class Assets:
         """
         path = self.find(stated)
         if path is None:
-            return {"urdf:missing mesh": stated}
+            return {"geometry": "mesh", "urdf:missing mesh": stated}
         try:
             corners, uv = self._read(stated, path)
         except AssetBuildError as error:
-            return {"urdf:unreadable mesh": f"{stated}: {error.message}"}
+            return {"geometry": "mesh", "urdf:unreadable mesh": f"{stated}: {error.message}"}
         placed = pose.apply(corners * np.asarray(scale))
         if np.prod(scale) < 0.0:  # a mirror image: its triangles turn the other way
             placed, uv = placed[:, ::-1], None if uv is None else uv[:, ::-1]
-        return measure(placed, uv).facts() | (
-            {} if format_of(stated) == "obj" else {"urdf:mesh file": _digest(path)}
-        )
+        facts = {"geometry": "mesh"} | measure(placed, uv).facts()
+        if format_of(stated) != "obj":
+            facts["urdf:mesh file"] = _digest(path)  # with its colours, names and normals
+        return facts
 
     def mesh_looks(self, stated: str) -> dict[str, Value]:
         """Colour and picture by which a viewer draws the mesh: of the MTL beside an OBJ."""

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
 TYPES = {"revolute": "rotary", "continuous": "rotary", "prismatic": "linear"}
 BOUNDED = ("revolute", "prismatic")
-BOUNDLESS = 1e9
-"""rad or m: URDF has no word for a prismatic joint without limits; so far means none."""
 
 
 def read_joints(walk: Walk, book: Writer, unique: Callable[[str, str], str]) -> None:
@@ -61,8 +59,7 @@ def _numbers(walk: Walk, joint: _Element, kind: str) -> dict[str, Value]:
     facts: dict[str, Value] = {}
     if kind in BOUNDED and limit is not None:
         for side in ("lower", "upper"):
-            value = said[side] or 0.0  # which one left out means
-            facts[side] = value if abs(value) < BOUNDLESS else None
+            facts[side] = said[side] or 0.0  # which one left out means
     meant = ("effort", "velocity", "damping", "friction") if kind in TYPES else ()
     facts |= {name: stated[name] for name in meant if name in stated}
     return facts | {

@@ -72,7 +72,7 @@ class Links:
         walk, book = self._walk, self._book
         name = self.unique("body", walk.text(link, "name") or "")
         book.place("body", name, walk.where(link))
-        book.put("body", name, {"parent": ""})
+        book.put("body", name, {"urdf:link": True, "parent": ""})
         book.put("body", name, self._inertial(link))
         for role in ROLES:
             for index, element in enumerate(walk.all(link, role)):
@@ -116,7 +116,7 @@ class Links:
             found = walk.first(geometry, tag)
             stated = (walk.text(found, "filename") or "").strip()
             scale = walk.numbers(found, "scale", 3) or (1.0, 1.0, 1.0)
-            facts = {"geometry": "mesh"} | self._assets.mesh_facts(stated, scale, pose)
+            facts = self._assets.mesh_facts(stated, scale, pose)
             if role == "visual":  # who reads collision shapes knows no materials
                 facts |= self._assets.mesh_looks(stated)
         return facts | self._wears(walk.first(element, "material"))
@@ -126,7 +126,7 @@ class Links:
     def _look(self, element: _Element) -> Material:
         walk = self._walk
         facts: dict[str, Value] = {}
-        rgba = walk.numbers(walk.first(element, "color"), "rgba", 4)
+        rgba = walk.numbers(walk.first(element, "color"), "rgba")
         texture = (walk.text(walk.first(element, "texture"), "filename") or "").strip()
         if texture:
             facts = {"rgba": (1.0, 1.0, 1.0, 1.0)}  # a texture alone is shown as it is
