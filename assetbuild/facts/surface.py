@@ -20,8 +20,9 @@ class Surface:
     """A triangle mesh in some frame.
 
     triangles: their number. area: m2. volume: m3, signed: the sum of the tetrahedra with the mean
-    of all corners, so that an open mesh has the same wherever it lies. mean: (3,) m, mean of all corners. moments: (3, 3) m2, mean of their
-    outer products about the origin. uv: means of u, v, uu, vv, uv; empty without texture.
+    of all corners, so that an open mesh has the same wherever it lies. mean: (3,) m, mean of all
+    corners. moments: (3, 3) m2, mean of their outer products about the origin. uv: means of u, v,
+    uu, vv, uv; empty without texture.
     """
 
     triangles: int

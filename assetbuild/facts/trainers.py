@@ -12,7 +12,7 @@ from assetbuild.facts.syntax import Call, flat
 from assetbuild.facts.table import Value, Writer
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Actuator, Joint, Keyframe
-from assetbuild.robot.ranges import RandomJoint, Randomize, first_match
+from assetbuild.robot.ranges import Randomize, RandomJoint, first_match
 
 # --- names ------------------------------------------------------------------------------------
 

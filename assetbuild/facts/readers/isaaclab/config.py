@@ -249,7 +249,7 @@ def _plain_start(
     start: Call, generation: Generation, joints: Collection[str], book: Writer
 ) -> None:
     pos, rot = start.take("pos"), start.take("rot")
-    if is_vector(pos) and len(pos) == 3 and (rot is None or is_vector(rot) and len(rot) == 4):
+    if is_vector(pos) and len(pos) == 3 and (rot is None or (is_vector(rot) and len(rot) == 4)):
         book.put("robot", "", {"start pose": _pose(pos, rot, generation)})
     positions = start.take("joint_pos")
     if isinstance(positions, dict):
