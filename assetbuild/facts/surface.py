@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from assetbuild.facts.table import Value
 from assetbuild.robot.pose import Array, Pose
 
-CLOSED = 1e-4
+CLOSED = 1e-8
 """Share of its area that the area vectors of a closed mesh may add up to, by rounding."""
 
 
