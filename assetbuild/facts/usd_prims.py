@@ -262,7 +262,7 @@ def stage_facts(stage: Usd.Stage, units: Units, book: Writer) -> None:
             else:
                 book.skip(layer.GetDisplayName(), key, root.GetInfo(key))
     for key, values in own.items():
-        differing = tuple(str(value) for value in dict.fromkeys(values))
+        differing = tuple(sorted({str(value) for value in values}))
         book.put("stage", "", {f"usd:{key} of layers": differing})
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
@@ -111,8 +111,7 @@ def apply_filtered_pairs(
     """
     tree = names.tree
     jointed = {frozenset((joint.parent, joint.child)) for joint in tree.joints}
-    solid = {tree.placement(shape.link)[0] for shape in shapes.of("collision")}
-    pairs = dict.fromkeys((*control.excludes, *rigid_neighbours(tree, solid)))
+    pairs = dict.fromkeys((*control.excludes, *rigid_neighbours(tree, shapes, control)))
     targets: dict[str, list[str]] = {}
     for pair in pairs:
         first, second = sorted(pair, key=lambda body: body == tree.root)
@@ -122,12 +121,15 @@ def apply_filtered_pairs(
         _filter(stage, names.body(body), paths)
 
 
-def rigid_neighbours(tree: Tree, bodies: Collection[str]) -> Iterator[tuple[str, str]]:
-    """Pairs (sorted) of `bodies` that MuJoCo never lets touch.
+def rigid_neighbours(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tuple[str, str]]:
+    """Pairs (sorted) of bodies with collision shapes that MuJoCo never lets touch.
 
     Bodies that fixed joints hold together are one piece to it; the bodies of a piece, and those of
-    two pieces with a joint between them, do not touch. What is fixed to the world is no parent.
+    two pieces with a joint between them, do not touch, unless the source's option says so. What is
+    fixed to the world is no parent.
     """
+    bodies = {tree.placement(shape.link)[0] for shape in shapes.of("collision")}
+    parents = not any("filterparent" in item.element for item in control.mjcf_only)
     piece, parent = {tree.root: tree.root}, {}
     for joint in tree.joints:  # parents first
         is_fixed = joint.kind == "fixed"
@@ -136,15 +138,16 @@ def rigid_neighbours(tree: Tree, bodies: Collection[str]) -> Iterator[tuple[str,
             parent[joint.child] = piece[joint.parent]
     for first, second in itertools.combinations(sorted(bodies), 2):
         one, two = piece[first], piece[second]
-        if one == two or parent.get(one) == two or parent.get(two) == one:
+        near = parents and (parent.get(one) == two or parent.get(two) == one)
+        if one == two or near:
             yield first, second
 
 
 def touching_neighbours(names: PrimPaths, shapes: Shapes, control: Control) -> set[frozenset[str]]:
-    """Jointed pairs that may touch: the parent is fixed to the world and nothing excludes them."""
+    """Jointed pairs that may touch: most often, the parent is fixed to the world."""
     tree = names.tree
     solid = {tree.placement(shape.link)[0] for shape in shapes.of("collision")}
-    apart = {frozenset(pair) for pair in (*control.excludes, *rigid_neighbours(tree, solid))}
+    apart = {frozenset(pair) for pair in (*control.excludes, *rigid_neighbours(tree, shapes, control))}
     pairs = (frozenset((joint.parent, joint.child)) for joint in tree.joints)
     return {pair for pair in pairs if pair <= solid and pair not in apart}
 
