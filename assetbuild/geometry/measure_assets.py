@@ -27,8 +27,7 @@ class MeasureAssets(Step):
         surfaces = []
         for asset in robot.shapes.meshes:
             mesh = read_triangles((robot.mesh_dir / asset.file).read_bytes(), asset.file)
-            uv = None if mesh.uv is None else mesh.uv
-            surfaces.append((asset.name, measure(mesh.vertices[mesh.faces], uv)))
+            surfaces.append((asset.name, measure(mesh.corners, mesh.uv, mesh.normals)))
         textures = sorted({m.texture for m in robot.shapes.materials if m.texture})
         read = {file: pixel_digest(robot.mesh_dir / file) for file in textures}
         pixels = tuple((file, digest) for file, digest in read.items() if digest)
