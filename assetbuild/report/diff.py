@@ -9,9 +9,10 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from assetbuild.errors import UsageError
 from assetbuild.facts.compare import Difference, Precision, differences, shown
-from assetbuild.facts.table import Key
-from assetbuild.facts.vocabulary import RANKS, Rank
+from assetbuild.facts.table import Key, Table
+from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Rank, Required
 from assetbuild.report.sides import DERIVED, ROBOT, Side
 from assetbuild.report.tables import markdown_table, table
 from assetbuild.simulators.readings import FALL, HEIGHT
@@ -123,7 +124,15 @@ def _facts(before: Side, after: Side) -> tuple[list[Change], frozenset[str]]:
     for one, other in [(form, form) for form in both] or [_nearest(before, after)]:
         if _unchanged(before, after, one) and one == other:
             continue
-        differ = _compared(before, one, after, other)
+        try:
+            differ = _compared(before, one, after, other)
+        except UsageError as error:
+            if before.folder is None or after.folder is None:
+                raise
+            telling.add(one)
+            text = error.message
+            found.append(Change("CRITICAL", (f"format {one}",), "can be read", "?", "no", text))
+            continue
         telling |= {one} if differ else set()
         named = one if one == other else f"{one}, {other}"
         found += [_change(item, named) for item in differ]
@@ -167,8 +176,17 @@ def _compared(before: Side, one: str, after: Side, other: str) -> list[Differenc
     return [
         item
         for item in differences(old, new, _loose(precision))
-        if (item.what == "value" or item.key.kind in ("body", "joint")) and not _is_near(item)
+        if (item.what == "value" or item.key.kind in ("body", "joint"))
+        and not _is_near(item)
+        and (item.what != "value" or (_tells(item.key, old) and _tells(item.key, new)))
     ]
+
+
+def _tells(key: Key, table: Table) -> bool:
+    """Whether a table states a fact, or means something by not stating it."""
+    quantity = VOCABULARY.get((key.kind, key.quantity))
+    default = quantity.unstated if quantity else None
+    return key in table.facts or not (default is None or isinstance(default, Required))
 
 
 def _is_near(item: Difference) -> bool:
