@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -19,12 +20,14 @@ from numpy.typing import ArrayLike
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
+from assetbuild.robot.contact_filter import passing_pairs
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import MOVING, Actuator, Body, Joint, Tree
 from assetbuild.robot.pose import Array, Pose, normalised_quat, rotation_of
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Geometry, Sphere
 from assetbuild.robot.tree import forward_kinematics
+from assetbuild.simulators import usd_pairs
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -46,7 +49,7 @@ DIFFERS = Rule(
 class UsdEqual(Check):
     """Bodies, joints, limits, gains and shapes of `usd/<robot>.usda` against the robot."""
 
-    version: ClassVar[str] = "5"
+    version: ClassVar[str] = "6"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     reads: ClassVar[tuple[str, ...]] = (
         "tree.json",
@@ -81,7 +84,7 @@ class UsdEqual(Check):
             _compare_root(robot.tree, prims, book)
             _compare_joints(robot, prims, book)
             _compare_shapes(robot, prims, book)
-            _compare_excludes(robot, prims, book)
+            _compare_contacts(robot, prims, book)
         write_figures(files, {kind: book.worst[kind] for kind in sorted(book.worst)})
         yield from book.findings
 
@@ -454,22 +457,25 @@ def _lengths(prim: Usd.Prim, *attributes: str) -> Array:
     return np.array([v if isinstance(v, float) else np.nan for v in values])
 
 
-def _compare_excludes(robot: RobotFiles, prims: Prims, book: Book) -> None:
-    """Each excluded pair is filtered: by a joint between the two, or by a filtered pair."""
-    jointed = {frozenset((joint.parent, joint.child)) for joint in robot.tree.joints}
-    filtered = jointed | _filtered(robot.tree, prims)
-    has_colliders = {robot.tree.placement(s.link)[0] for s in robot.shapes.of("collision")}
-    for pair in robot.control.excludes:
-        if frozenset(pair) not in filtered and has_colliders >= set(pair):
-            book.differ("excludes", f"link {pair[0]}", f"collides with `{pair[1]}` in USD")
-
-
-def _filtered(tree: Tree, prims: Prims) -> set[frozenset[str]]:
-    pairs = set()
-    for name, prim in prims.bodies.items():
-        for target in prim.GetRelationship("physics:filteredPairs").GetTargets():
-            other = prims.stage.GetPrimAtPath(target)
-            while other and _name(other) not in tree.by_body:
-                other = other.GetParent()
-            pairs.add(frozenset((name, _name(other) if other else "")))
-    return pairs
+def _compare_contacts(robot: RobotFiles, prims: Prims, book: Book) -> None:
+    """Shapes may touch in USD exactly where they may in MuJoCo, but for the bodies of a joint."""
+    tree, control = robot.tree, robot.control
+    solid, apart = usd_pairs.colliders(prims.stage), usd_pairs.apart(prims.stage)
+    never = {frozenset(pair) for pair in control.excludes}
+    never |= {frozenset(pair) for pair in passing_pairs(tree, robot.shapes, control)}
+    never |= {frozenset((joint.parent, joint.child)) for joint in tree.joints}
+    own = dict(control.contacts)
+    wrong: dict[tuple[str, str], str] = {}
+    for one, other in combinations(robot.shapes.of("collision"), 2):
+        bodies = tree.placement(one.link)[0], tree.placement(other.link)[0]
+        found = [prims.shapes[s.name] for s in (one, other) if s.name in prims.shapes]
+        paths = {str(prim.GetPath()) for prim in found}
+        if bodies[0] == bodies[1] or len(paths) < 2:
+            continue  # a shape that is lost has its own finding
+        a, b = (own.get(shape.name, control.contact) for shape in (one, other))
+        meet = a.mask & b.partners or b.mask & a.partners
+        expected = bool(meet) and frozenset(bodies) not in never
+        if expected != (paths <= solid.keys() and frozenset(paths) not in apart):
+            wrong[bodies] = "passes through" if expected else "collides with"
+    for (first, second), does in wrong.items():
+        book.differ("excludes", f"link {first}", f"{does} `{second}` in USD, unlike in the robot")

@@ -16,6 +16,7 @@ from tiny import (
     TinyRobot,
     check_inputs,
     examples,
+    kept_feet,
     pendulum,
     robots,
     run_step,
@@ -210,6 +211,42 @@ def test_lost_filter_is_named(tmp_path: Path) -> None:
 
     findings = check(robot, tmp_path / "bad", spoil)
     assert [f.rule for f in findings] == ["equal.usd.excludes"]
+
+
+@pytest.mark.parametrize(
+    ("body", "targets", "said"),
+    [
+        ("FL_foot", [], "link FL_thigh collides with `FL_foot`"),
+        ("FL_foot", ["FL_thigh", "FR_foot"], "link FR_foot passes through `FL_foot`"),
+        ("FL_foot", ["FL_hip"], "link FL_hip passes through `FL_foot`"),
+    ],
+)
+def test_pairs_that_mujoco_drops_by_itself_are_filtered_and_no_others(
+    body: str, targets: list[str], said: str, tmp_path: Path
+) -> None:
+    """A foot that is welded to the shin passes through the thigh in MuJoCo."""
+    robot = kept_feet()
+    assert check(robot, tmp_path / "good") == []
+
+    def spoil(stage: Usd.Stage) -> None:
+        filters = stage.GetRelationshipAtPath(f"/robot/{body}.physics:filteredPairs")
+        filters.SetTargets([f"/robot/{name}" for name in targets])
+
+    findings = check(robot, tmp_path / "bad", spoil)
+    assert {f.rule for f in findings} == {"equal.usd.excludes"}
+    assert any(said in f"{f.subject} {f.message}" for f in findings)
+
+
+def test_a_filter_that_speaks_for_the_whole_robot_is_named(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+
+    def spoil(stage: Usd.Stage) -> None:
+        api = UsdPhysics.FilteredPairsAPI.Apply(stage.GetPrimAtPath("/robot/FR_thigh"))
+        api.CreateFilteredPairsRel().SetTargets(["/robot/trunk"])
+
+    findings = check(robot, tmp_path / "bad", spoil)
+    assert {f.rule for f in findings} == {"equal.usd.excludes"}
+    assert len(findings) > 5
 
 
 def test_main_file_that_is_no_usd_is_caught(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
 from assetbuild.findings import Finding, Rule
+from assetbuild.robot.contact_filter import passing_pairs
 from assetbuild.robot.model import Control
 from assetbuild.robot.pose import Vec3
 from assetbuild.robot.shapes import Mesh, Shape, Shapes
@@ -101,15 +102,16 @@ def _define_surface(stage: Usd.Stage, path: str, friction: Vec3) -> object:
 def apply_filtered_pairs(
     stage: Usd.Stage, names: PrimPaths, shapes: Shapes, control: Control
 ) -> None:
-    """FilteredPairsAPI for the excluded pairs that no joint filters already.
+    """FilteredPairsAPI for the excluded pairs, and for those that MuJoCo drops by itself.
 
+    PhysX filters the two bodies of each joint alone. See `robot.contact_filter`.
     Never between a body and the root link itself: on a floating base it carries the articulation,
     and a pair there would speak for the whole robot. Its colliders stand in for it.
     """
     tree = names.tree
     jointed = {frozenset((joint.parent, joint.child)) for joint in tree.joints}
     targets: dict[str, list[str]] = {}
-    for pair in control.excludes:
+    for pair in sorted({*control.excludes, *passing_pairs(tree, shapes, control)}):
         first, second = sorted(pair, key=lambda body: body == tree.root)
         if frozenset(pair) not in jointed:
             targets.setdefault(first, []).extend(_standing_for(second, names, shapes))
