@@ -16,12 +16,14 @@ from tiny import (
     TinyRobot,
     check_inputs,
     kept_feet,
+    pendulum,
     run_step,
     tiny_quadruped,
     write_robot_ports,
 )
 
 from assetbuild.checks.alignment import Alignment
+from assetbuild.checks.alignment.floor import floor_rows
 from assetbuild.checks.alignment.modules import World, mjlab_world, module_rows
 from assetbuild.checks.alignment.pair import stand_row, weight_of
 from assetbuild.checks.alignment.row import Row, findings_of
@@ -273,3 +275,43 @@ def test_that_physx_has_no_contacts_of_a_joint_is_a_warning(tmp_path: Path) -> N
     stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
     row = touching_row(model, stage, tree)
     assert (row.verdict, row.off) == ("warning", 4.0)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "off"),
+    [
+        (lambda stage: None, []),
+        (lambda stage: stage.GetAttributeAtPath(
+            "/World/floor_surface.physics:dynamicFriction").Set(1.0), ["floor_friction"]),
+        (lambda stage: stage.GetPrimAtPath("/World/floor").GetRelationship(
+            "material:binding:physics").SetTargets([]), ["floor_friction"]),
+        (lambda stage: stage.GetAttributeAtPath(
+            "/World/floor.xformOp:translate").Set((0.0, 0.0, -1.0)), ["floor_height"]),
+    ],
+)  # fmt: skip
+def test_both_scenes_stand_on_the_same_floor(tmp_path: Path, spoil: Spoil, off: list[str]) -> None:
+    """Below the hand of a bolted arm, as slippery as the most slippery part of the robot."""
+    robot = pendulum()
+    slippery = replace(robot.tree, joints=tuple(
+        replace(joint, X_parent_joint=Pose((0.0, 0.0, -0.4))) for joint in robot.tree.joints
+    ))  # fmt: skip
+    shape = robot.shapes.of("collision")[0].name
+    contact = robot.control.contact.model_copy(update={"friction": (0.7, 0.02, 0.01)})
+    contacts = ((shape, contact.model_copy(update={"friction": (0.6, 0.02, 0.01)})),)
+    control = replace(robot.control, contact=contact, contacts=contacts)
+    arm = replace(robot, tree=slippery, control=control)
+    inputs = write_robot_ports(tmp_path / "inputs", arm)
+    for target, name in ((Mjcf(robot="robot"), "mjcf"), (UsdTarget(robot="robot"), "usd")):
+        run_step(target, inputs, tmp_path / "built")
+        (tmp_path / "built" / name).rename(inputs / name)
+    model = mujoco.load(inputs / "mjcf/scene.xml").model
+    floor = mujoco.floors(model)[0]
+    assert (model.geom_friction[floor, 0], model.geom_pos[floor, 2]) == (
+        0.6,
+        pytest.approx(-0.7),
+    )
+    stage = Usd.Stage.Open(str(inputs / "usd/scene.usda"))
+    spoil(stage)
+    rows = list(floor_rows(model, stage))
+    assert [row.name for row in rows] == ["floor_friction", "floor_height"]
+    assert [row.name for row in rows if row.verdict == "error"] == off

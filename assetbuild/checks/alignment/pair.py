@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
+from assetbuild.checks.alignment.floor import floor_rows
 from assetbuild.checks.alignment.gap import Ranges, ranges_of
 from assetbuild.checks.alignment.modules import World, module_rows
 from assetbuild.checks.alignment.response import Responses
@@ -189,6 +190,8 @@ class Pair:
         option = self._model("scene.xml").opt
         stage = Usd.Stage.Open(str(self.files.inputs / "usd/scene.usda"))
         yield touching_row(self._model(f"{self.robot}.xml"), stage, self.tree)
+        if not mujoco.floors(self._model(f"{self.robot}.xml")):  # else the source has its own
+            yield from floor_rows(self._model("scene.xml"), stage)
         scene = UsdPhysics.Scene(stage.GetPrimAtPath("/World/physics"))
         rate = scene.GetPrim().GetAttribute("physxScene:timeStepsPerSecond").Get()
         dt = 1.0 / float(rate)

@@ -45,7 +45,7 @@ def define_colliders(
     for shape in shapes.of("collision"):
         friction = own.get(shape.name, control.contact).friction
         if friction not in surfaces:
-            surfaces[friction] = _define_surface(
+            surfaces[friction] = define_surface(
                 stage, names.surface(friction, control.contact.friction), friction
             )
         prim = define_shape(stage, names, shape)
@@ -86,7 +86,7 @@ def _hull_findings(shape: Shape, geometry: Mesh, shapes: Shapes) -> Iterator[Fin
         )
 
 
-def _define_surface(stage: Usd.Stage, path: str, friction: Vec3) -> object:
+def define_surface(stage: Usd.Stage, path: str, friction: Vec3) -> UsdShade.Material:
     """The physics material: MuJoCo has one sliding friction, so static equals dynamic."""
     material = UsdShade.Material.Define(stage, path)
     sliding, torsional, rolling = friction

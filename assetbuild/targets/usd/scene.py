@@ -8,11 +8,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from pxr import Gf, Usd, UsdGeom, UsdLux, UsdPhysics
+from pxr import Gf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade
 
+from assetbuild.robot.floor import Floor, floor_of
 from assetbuild.robot.model import Control
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
+from assetbuild.targets.usd.colliders import define_surface
 from assetbuild.targets.usd.joints import starting_positions
 from assetbuild.targets.usd.layers import apply_foreign, new_stage, save, set_place
 from assetbuild.targets.usd.names import PrimPaths
@@ -33,12 +35,7 @@ def write_scene(folder: Path, main: str, names: PrimPaths, control: Control) -> 
     stage = new_stage(folder / SCENE)
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
     _define_physics(stage, control)
-    floor = UsdGeom.Plane.Define(stage, "/World/floor")
-    floor.CreateAxisAttr(UsdGeom.Tokens.z)
-    floor.CreateWidthAttr(FLOOR_M)
-    floor.CreateLengthAttr(FLOOR_M)
-    floor.CreateExtentAttr([(-FLOOR_M / 2, -FLOOR_M / 2, 0.0), (FLOOR_M / 2, FLOOR_M / 2, 0.0)])
-    UsdPhysics.CollisionAPI.Apply(floor.GetPrim())
+    _define_floor(stage, floor_of(names.tree, control))
     UsdLux.DomeLight.Define(stage, "/World/light").CreateIntensityAttr(1000.0)
     robot = UsdGeom.Xform.Define(stage, f"/World/{names.root}").GetPrim()
     robot.GetReferences().AddReference(f"./{main}")
@@ -50,6 +47,24 @@ def write_scene(folder: Path, main: str, names: PrimPaths, control: Control) -> 
         prim = stage.OverridePrim(f"/World{names.body(body)}")
         set_place(prim, X_world_base @ X_root_body)
     save(stage)
+
+
+def _define_floor(stage: Usd.Stage, ground: Floor) -> None:
+    floor = UsdGeom.Plane.Define(stage, "/World/floor")
+    floor.CreateAxisAttr(UsdGeom.Tokens.z)
+    floor.CreateWidthAttr(FLOOR_M)
+    floor.CreateLengthAttr(FLOOR_M)
+    floor.CreateExtentAttr([(-FLOOR_M / 2, -FLOOR_M / 2, 0.0), (FLOOR_M / 2, FLOOR_M / 2, 0.0)])
+    if ground.height_m:
+        floor.AddTranslateOp().Set(Gf.Vec3d(0.0, 0.0, ground.height_m))
+    UsdPhysics.CollisionAPI.Apply(floor.GetPrim())
+    surface = define_surface(stage, "/World/floor_surface", ground.friction)
+    # As in MuJoCo the larger friction of two surfaces acts; PhysX would take their mean.
+    combined = {"frictionCombineMode": "max"}
+    apply_foreign(surface.GetPrim(), "PhysxMaterialAPI", "physxMaterial", combined)
+    UsdShade.MaterialBindingAPI.Apply(floor.GetPrim()).Bind(
+        surface, UsdShade.Tokens.weakerThanDescendants, "physics"
+    )
 
 
 def _define_physics(stage: Usd.Stage, control: Control) -> None:
