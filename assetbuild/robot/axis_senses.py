@@ -2,9 +2,9 @@
 
 Two conventions are common for the axes of twins: both sides have the same axes in the robot's
 frame, or each axis is the mirror image of its twin's. In some legs all axes are turned round. A
-limb follows one of the three. A single joint
-that does not is a slip: its range and its poses may be turned round with
-it, so that the robot moves as it should, but commands and observations have the wrong sign.
+limb follows one of the three. A single joint that does not is a slip: its range and its poses may
+be turned round with it, so that the robot moves as it should, but commands and observations have
+the wrong sign.
 """
 
 from __future__ import annotations
