@@ -282,7 +282,7 @@ def test_that_physx_has_no_contacts_of_a_joint_is_a_warning(tmp_path: Path) -> N
     [
         (lambda stage: None, []),
         (lambda stage: stage.GetAttributeAtPath(
-            "/World/floor_surface.physics:dynamicFriction").Set(1.0), ["floor_friction"]),
+            "/World/PhysicsMaterials/floor.physics:dynamicFriction").Set(1.0), ["floor_friction"]),
         (lambda stage: stage.GetPrimAtPath("/World/floor").GetRelationship(
             "material:binding:physics").SetTargets([]), ["floor_friction"]),
         (lambda stage: stage.GetAttributeAtPath(

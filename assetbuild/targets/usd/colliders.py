@@ -102,21 +102,32 @@ def define_surface(stage: Usd.Stage, path: str, friction: Vec3) -> UsdShade.Mate
 def apply_filtered_pairs(
     stage: Usd.Stage, names: PrimPaths, shapes: Shapes, control: Control
 ) -> None:
-    """FilteredPairsAPI for the excluded pairs, and for those that MuJoCo drops by itself.
+    """FilteredPairsAPI for the pairs that never touch and that no joint filters already.
 
-    PhysX filters the two bodies of each joint alone. See `robot.contact_filter`.
+    These are the excluded ones, and those that MuJoCo drops: see `robot.contact_filter`.
+
     Never between a body and the root link itself: on a floating base it carries the articulation,
     and a pair there would speak for the whole robot. Its colliders stand in for it.
     """
     tree = names.tree
     jointed = {frozenset((joint.parent, joint.child)) for joint in tree.joints}
+    pairs = sorted({*control.excludes, *passing_pairs(tree, shapes, control)})
     targets: dict[str, list[str]] = {}
-    for pair in sorted({*control.excludes, *passing_pairs(tree, shapes, control)}):
+    for pair in pairs:
         first, second = sorted(pair, key=lambda body: body == tree.root)
         if frozenset(pair) not in jointed:
             targets.setdefault(first, []).extend(_standing_for(second, names, shapes))
     for body, paths in targets.items():
         _filter(stage, names.body(body), paths)
+
+
+def touching_neighbours(names: PrimPaths, shapes: Shapes, control: Control) -> set[frozenset[str]]:
+    """Jointed pairs that may touch: most often, the parent is fixed to the world."""
+    tree = names.tree
+    solid = {tree.placement(shape.link)[0] for shape in shapes.of("collision")}
+    apart = {frozenset(pair) for pair in (*control.excludes, *passing_pairs(tree, shapes, control))}
+    pairs = (frozenset((joint.parent, joint.child)) for joint in tree.joints)
+    return {pair for pair in pairs if pair <= solid and pair not in apart}
 
 
 def _filter(stage: Usd.Stage, path: str, others: list[str]) -> None:

@@ -14,6 +14,7 @@ from assetbuild.robot.floor import Floor, floor_of
 from assetbuild.robot.model import Control
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
+from assetbuild.simulators.usd_names import PHYSICS_MATERIALS
 from assetbuild.targets.usd.colliders import define_surface
 from assetbuild.targets.usd.joints import starting_positions
 from assetbuild.targets.usd.layers import apply_foreign, new_stage, save, set_place
@@ -58,7 +59,8 @@ def _define_floor(stage: Usd.Stage, ground: Floor) -> None:
     if ground.height_m:
         floor.AddTranslateOp().Set(Gf.Vec3d(0.0, 0.0, ground.height_m))
     UsdPhysics.CollisionAPI.Apply(floor.GetPrim())
-    surface = define_surface(stage, "/World/floor_surface", ground.friction)
+    UsdGeom.Scope.Define(stage, f"/World/{PHYSICS_MATERIALS}")
+    surface = define_surface(stage, f"/World/{PHYSICS_MATERIALS}/floor", ground.friction)
     # As in MuJoCo the larger friction of two surfaces acts; PhysX would take their mean.
     combined = {"frictionCombineMode": "max"}
     apply_foreign(surface.GetPrim(), "PhysxMaterialAPI", "physxMaterial", combined)
