@@ -22,8 +22,8 @@ from assetbuild.robot.inertia import total_mass
 SHOWN_OF_A_RULE = 2
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("equality", "The same robot in every format",
-     ("oracle", "urdf_", "dr_equal", "mjcf_equal", "mjcf_source", "mjcf_compiles",
-      "usd_equal", "usd_valid", "counts")),
+     ("oracle", "urdf_", "bare_", "dr_", "isaaclab_", "mjcf_", "mjlab_", "mjx_", "scene_", "usd_",
+      "counts")),
     ("alignment", "Simulators agree", ("alignment", "physx", "free_fall")),
     ("gains", "Drives and their effect", ("gains", "stand", "trials")),
     ("collision", "Collision quality", ("coverage", "collision")),

@@ -366,6 +366,27 @@ def test_a_table_of_passive_rows_drives_nothing_and_it_is_said(run):
     )
 
 
+@pytest.mark.parametrize(
+    ("contact", "said"),
+    [
+        ({"friction": [0.08, 0.02, 0.01]}, "0.08 is below"),
+        ({"friction": [8.0, 0.02, 0.01]}, "8 is above"),
+        ({"links": {"FL_foot": {"friction": [0.01, 0.0, 0.0]}}}, "0.01 is below"),
+        ({"friction": [0.2, 0.02, 0.01]}, ""),
+        ({"friction": [3.0, 0.02, 0.01]}, ""),
+        ({"friction": [0.0, 0.0, 0.0], "condim": 1}, ""),  # no friction, and meant so
+    ],
+)
+def test_a_surface_like_ice_or_glue_is_told_with_the_plausible_range(run, contact, said):
+    _, findings = run(quadruped(), feet(), recipe(contact=contact))
+    assert ("contact.friction" in findings) == bool(said)
+    if said:
+        found = findings["contact.friction"]
+        assert (found.severity, found.subject) == ("warning", "link FL_foot")
+        assert said in found.message
+        assert (found.data["lower"], found.data["upper"]) == (0.2, 3.0)
+
+
 def test_a_source_s_limit_of_zero_is_reported(run):
     tree = with_calf_limits(-3.0, 3.0)
     joints = [replace(j, limits=Limits(-3, 3, 9.0, 0.0)) for j in tree.joints]
