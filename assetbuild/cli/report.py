@@ -33,6 +33,11 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{path}: not a report: {error}") from None
     verdict = report["verdict"]
     print(f"{report['robot']}: ready for training: {'yes' if verdict['ready'] else 'no'}")
+    for part in ("formats", "physics"):  # bundles of older versions have neither
+        if part in verdict:
+            print(f"  {part}: {verdict[part]['status']}: {verdict[part]['sentence']}")
+    for name, trainer in verdict.get("trainers", {}).items():
+        print(f"  trainers: {name}: {trainer['status']}: {trainer['sentence']}")
     for name, check in report["checks"].items():
         print(f"  {check['status']:4}  {name}  {check.get('note', '')}".rstrip())
     for line in every_finding_line([finding_from_json(raw) for raw in report["findings"]]):

@@ -76,7 +76,7 @@ class ControlStep(Step):
     `source_control.json`, whose words hold where the recipe has none.
     """
 
-    version = "7"
+    version = "8"
     outputs = ("control.json",)
 
     rows: tuple[ActuatorRow, ...] = ()

@@ -11,9 +11,10 @@ from tiny import ball_inertial, box_inertial, tiny_quadruped
 
 from assetbuild.findings import Finding
 from assetbuild.report.card import card_tables, model_card
-from assetbuild.report.document import CheckResult, make_report
+from assetbuild.report.document import make_report
 from assetbuild.report.facts import center_of_mass, ellipsoid, principal
 from assetbuild.report.grade import grade
+from assetbuild.report.verdict import CheckResult
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Body, Joint, Keyframe, Tree
 from assetbuild.robot.pose import Pose, rotation_of

@@ -9,9 +9,10 @@ from tiny import tiny_quadruped
 
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Waiver
-from assetbuild.report.document import CheckResult, make_report
+from assetbuild.report.document import make_report
 from assetbuild.report.figures import check_section, tables_of
 from assetbuild.report.html import Picture, View, html_page
+from assetbuild.report.verdict import CheckResult
 
 from .robots_for_tests import subject
 
