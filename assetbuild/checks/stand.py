@@ -214,9 +214,10 @@ class Stand(Check):
 
     def _let_go(self, stood: Stood) -> Finding:
         joint, off = stood.worst_held
+        unit = "m" if joint in stood.slides else "rad"
         return FALL(
             f"actuator {joint}",
-            f"does not hold the pose: after {self.seconds:g} s its joint is {off:.3g} rad or m off "
+            f"does not hold the pose: after {self.seconds:g} s its joint is {off:.3g} {unit} off "
             f"`{self.keyframe}`, above the limit of {self.fall:g}",
             hint="raise kp, check the effort limit",
             data={"off": off, "limit": self.fall},

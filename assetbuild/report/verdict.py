@@ -108,7 +108,7 @@ def verdict_rows(verdict: Verdict) -> tuple[tuple[str, str], ...]:
         shown = "mjlab" if "mjlab" in untried else untried[0]
         command = verdict.trainers[shown].command
         others = ", ".join(untried)
-        rows.append(("trainers", f"not tried: {others}; `{command}` tries {shown}"))
+        rows.append(("trainers", f"not tried: {others}; run `{command}` to try {shown}"))
     if verdict.not_tried:
         notes = [
             f"`{name}`: {why}" if why else f"`{name}`" for name, why in verdict.not_tried.items()

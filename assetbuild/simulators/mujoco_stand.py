@@ -45,7 +45,7 @@ class Stand:
     touching, touched: geoms on the floor at the end, and at any time.
     overlapping: pairs of the robot's own geoms in contact at the start, with depth in m.
     joint_sag: target minus position at the end, rad or m; load: |torque| / effort at the end.
-    floats: whether its base is free; driven: joints that an actuator turns or slides.
+    floats: whether its base is free; driven: joints that actuators act on; slides: joints in m.
     com_height_m: of its centre of mass over the floor, at the start; com_sag_m: lower at the end.
     """
 
@@ -64,6 +64,7 @@ class Stand:
     load: Mapping[str, float]
     floats: bool
     driven: tuple[str, ...]
+    slides: tuple[str, ...]
     com_height_m: float
     com_sag_m: float
 
@@ -74,6 +75,8 @@ class Stand:
         return max(off.items(), key=lambda item: (item[1], item[0]), default=("", 0.0))
 
 
+_SLIDE = 2
+"""`mjJNT_SLIDE`."""
 Outcome = Literal["stands", "holds", "falls", "rests", "unstable"]
 """A floating robot stands under its drives, or rests where it has none; a fixed one holds."""
 
@@ -103,7 +106,8 @@ def outcome_figures(stood: Stand, fall: float) -> dict[str, object]:
         return {"outcome": did, "sentence": f"the simulation became unstable within {seconds}"}
     if not stood.floats:
         joint, off = stood.worst_held
-        far = f"`{joint}` ends {off:.3g} rad or m off its target" if joint else "nothing is driven"
+        unit = "m" if joint in stood.slides else "rad"
+        far = f"`{joint}` moves furthest, by {off:.3g} {unit}" if joint else "nothing drives it"
         verb = "does not hold" if did == "falls" else "holds"
         return {"outcome": did, "sentence": f"{verb} its pose for {seconds}: {far}"}
     after = stood.height_m - stood.sag_m
@@ -112,7 +116,7 @@ def outcome_figures(stood: Stand, fall: float) -> dict[str, object]:
         "rests": f"rests for {seconds} without drives",
         "falls": f"falls within {seconds}",
     }[did]
-    heights = f"base {stood.height_m:.3g} m -> {after:.3g} m above the floor"
+    heights = f"base height {stood.height_m:.3g} m at the start, {after:.3g} m at the end"
     return {
         "outcome": did,
         "sentence": f"{verb}: {heights}, tilted by {stood.tilt_rad:.2g} rad",
@@ -175,6 +179,7 @@ def stand(
         load=_load(model, data),
         floats=floats(model),
         driven=driven(model),
+        slides=tuple(n for n in places if int(model.joint(n).type[0]) == _SLIDE),
         com_height_m=com_start,
         com_sag_m=com_start - com,
     )

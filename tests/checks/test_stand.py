@@ -180,7 +180,7 @@ def stood(**values: object) -> Stood:
     base: dict[str, object] = {
         **dict.fromkeys(("sag_m", "tilt_rad", "drift_m", "com_sag_m"), 0.0),
         **{name: {} for name in ("gap_m", "overlapping", "joint_sag", "load")},
-        **dict.fromkeys(("warnings", "touching", "touched"), ()),
+        **dict.fromkeys(("warnings", "touching", "touched", "slides"), ()),
         **{"seconds": 2.0, "finite": True, "floats": True, "driven": ("hip",)},
         **{"height_m": 0.5, "com_height_m": 0.4},
     }

@@ -215,7 +215,7 @@ def test_a_robot_that_falls_untouched_is_told_with_its_heights(tmp_path: Path, v
     untouched = figures(tmp_path)["untouched"]
     assert untouched["outcome"] == "falls"
     assert untouched["height_after_m"] < 0.5 * untouched["height_before_m"]
-    assert f"{untouched['height_before_m']:.3g} m -> " in fall.message
+    assert f"base height {untouched['height_before_m']:.3g} m at the start" in fall.message
 
 
 def test_where_the_recipe_asks_it_to_stand_the_trials_leave_that_to_the_check(tmp_path: Path):

@@ -14,13 +14,13 @@ from assetbuild.report.verdict import (
 
 STANDS = {
     "outcome": "stands",
-    "sentence": "stands for 2 s: base 0.3 m -> 0.29 m above the floor, tilted by 0.01 rad",
+    "sentence": "stands for 2 s: base height 0.3 m at the start, 0.29 m at the end",
     "height_before_m": 0.3,
     "height_after_m": 0.29,
 }
 FALLS = {
     "outcome": "falls",
-    "sentence": "falls within 2 s: base 0.74 m -> 0.16 m above the floor, tilted by 1.4 rad",
+    "sentence": "falls within 2 s: base height 0.74 m at the start, 0.16 m at the end",
     "height_before_m": 0.74,
     "height_after_m": 0.16,
 }
@@ -104,8 +104,8 @@ def test_a_trainer_that_was_tried_says_with_what_result():
     assert lines(judged)[2:] == [
         "trainers: mjlab: yes; 0 of 8 robots fell",
         "trainers: newton: failed; no such joint",
-        "trainers: not tried: isaaclab; `assetbuild smoke r.yaml --consumer isaaclab` tries "
-        "isaaclab",
+        "trainers: not tried: isaaclab; run `assetbuild smoke r.yaml --consumer isaaclab` "
+        "to try isaaclab",
     ]
 
 
