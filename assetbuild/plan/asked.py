@@ -39,7 +39,7 @@ def _requests(
 ) -> Iterator[tuple[str, tuple[str, ...]]]:
     for word in sorted(recipe.stated("validate")):
         key = f"validate.{word}"
-        names = tuple(name for name, check in checks.items() if check.section == key)
+        names = tuple(name for name, check in checks.items() if _is_about(check, key))
         if names and recipe.value(key) is not None:
             yield key, names
     for name, check in checks.items():
@@ -49,6 +49,11 @@ def _requests(
         if engine != USUAL:
             names = tuple(name for name, check in checks.items() if engine in check.engines)
             yield "validate.simulators", names
+
+
+def _is_about(check: type[Check], key: str) -> bool:
+    """Whether a section is a check's; what a list names runs by that list, not by its limits."""
+    return check.section == key or (key in check.sections and not check.listed_in)
 
 
 def _lack(checks: Sequence[type[Check]], recipe: Recipe) -> str:
