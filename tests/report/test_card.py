@@ -37,6 +37,14 @@ def test_the_card_has_every_body_joint_drive_and_shape_once():
     assert len(by_title["Collision geometry"].rows) == len(robot.shapes.of("collision"))
 
 
+def test_the_card_begins_with_the_parts_of_the_verdict():
+    text = model_card(subject(), report(Finding("equal.usd.mass", "error", "link a", "1, not 2")))
+    head = text.partition("## Identity")[0]
+    assert "Blocked by `equal.usd.mass`." in head
+    assert "- formats: differ: 1 finding of the equality checks (usd)" in head
+    assert "- physics: not tried: " in head
+
+
 def test_a_bar_in_a_name_does_not_break_the_table():
     text = model_card(subject(), report(Finding("urdf.dropped", "info", "link a|b", "x | y")))
     assert "a\\|b" in text
