@@ -109,8 +109,9 @@ def actuator_findings(
 
     only_mjcf: drives of the source that stand in the MJCF alone.
     """
-    if actuators and all(a.model == "passive" for a in actuators):
-        yield from _nothing_drives(len(actuators), has_table=has_table, only_mjcf=only_mjcf)
+    moving = [a for a in actuators if not _is_locked(tree.by_joint[a.joint])]
+    if moving and all(a.model == "passive" for a in actuators):
+        yield from _nothing_drives(len(moving), has_table=has_table, only_mjcf=only_mjcf)
     for actuator in actuators:
         stated = tree.by_joint[actuator.joint].limits
         for name in ("effort", "velocity"):
@@ -121,6 +122,11 @@ def actuator_findings(
                     hint=f"give `{name}` in the actuator row or its motor",
                     data={name: 0.0},
                 )
+
+
+def _is_locked(joint: Joint) -> bool:
+    """Whether equal limits hold it, so that a drive could move nothing."""
+    return joint.limits.lower is not None and joint.limits.lower == joint.limits.upper
 
 
 def _nothing_drives(joints: int, *, has_table: bool, only_mjcf: int) -> Iterator[Finding]:

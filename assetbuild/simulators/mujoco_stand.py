@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,16 +11,15 @@ import numpy as np
 
 from assetbuild.errors import StepError
 from assetbuild.robot.pose import Array
+from assetbuild.simulators.joint_drives import Drive, drives_of, read_drives
 from assetbuild.simulators.mujoco import (
     Data,
     Model,
     at_key,
     caught_warnings,
     collision_geoms,
-    driven_joint,
     floors,
     is_finite,
-    largest_force,
     name_of,
     overlaps,
     turning,
@@ -45,7 +44,8 @@ class Stand:
     touching, touched: geoms on the floor at the end, and at any time.
     overlapping: pairs of the robot's own geoms in contact at the start, with depth in m.
     joint_sag: target minus position at the end, rad or m; load: |torque| / effort at the end.
-    floats: whether its base is free; driven: joints that actuators act on; slides: joints in m.
+    floats: whether its base is free; driven: whether it has actuators; held: joints whose drives
+    aim at a position; slides: joints in m.
     com_height_m: of its centre of mass over the floor, at the start; com_sag_m: lower at the end.
     """
 
@@ -63,15 +63,16 @@ class Stand:
     joint_sag: Mapping[str, float]
     load: Mapping[str, float]
     floats: bool
-    driven: tuple[str, ...]
+    driven: bool
+    held: tuple[str, ...]
     slides: tuple[str, ...]
     com_height_m: float
     com_sag_m: float
 
     @property
     def worst_held(self) -> tuple[str, float]:
-        """The driven joint furthest from its target at the end, and how far, rad or m."""
-        off = {name: abs(self.joint_sag[name]) for name in self.driven if name in self.joint_sag}
+        """The held joint furthest from its target at the end, and how far, rad or m."""
+        off = {name: abs(self.joint_sag[name]) for name in self.held}
         return max(off.items(), key=lambda item: (item[1], item[0]), default=("", 0.0))
 
 
@@ -89,6 +90,8 @@ def outcome(stood: Stand, fall: float) -> Outcome:
     """
     if not stood.finite:
         return "unstable"
+    if not stood.floats and not stood.held:
+        return "rests"
     if not stood.floats:
         return "falls" if stood.worst_held[1] > fall else "holds"
     # A base frame on the ground cannot sink, so the centre of mass counts besides.
@@ -107,9 +110,12 @@ def outcome_figures(stood: Stand, fall: float) -> dict[str, object]:
     if not stood.floats:
         joint, off = stood.worst_held
         unit = "m" if joint in stood.slides else "rad"
-        far = f"`{joint}` moves furthest, by {off:.3g} {unit}" if joint else "nothing drives it"
+        far = f"`{joint}` moves furthest, by {off:.3g} {unit}"
         verb = "does not hold" if did == "falls" else "holds"
-        return {"outcome": did, "sentence": f"{verb} its pose for {seconds}: {far}"}
+        said = f"{verb} its pose for {seconds}: {far}"
+        if did == "rests":
+            said = "rests on its fixed base: no drive holds a position"
+        return {"outcome": did, "sentence": said}
     after = stood.height_m - stood.sag_m
     verb = {
         "stands": f"stands for {seconds}",
@@ -144,6 +150,9 @@ def stand(
     if not floors(model):
         raise StepError("the scene has no floor: no plane in its world")
     floor = floors(model)[0]
+    laws = [(d, (external or {})[d.joint_name]) for d in read_drives(model)
+            if d.gain and d.joint_name in (external or {})]  # fmt: skip
+    holding = [drive.joint_name for drive in read_drives(model) if drive.holds_position]
     with caught_warnings() as said:
         data = at_key(model, key)
         target = np.array(data.qpos)
@@ -154,7 +163,7 @@ def stand(
         com_start = float(np.array(data.subtree_com[base])[2])
         touched: set[str] = set()
         for _ in range(max(1, round(seconds / model.opt.timestep))):
-            _drive_outside(model, data, target, external or {})
+            _drive_outside(model, data, target, laws)
             mujoco.mj_step(model, data)
             touched |= _on_floor(model, data, floor)
         mujoco.mj_forward(model, data)
@@ -178,7 +187,8 @@ def stand(
         joint_sag={name: float(target[q] - data.qpos[q]) for name, q in places.items()},
         load=_load(model, data),
         floats=floats(model),
-        driven=driven(model),
+        driven=model.nu > 0,
+        held=tuple(dict.fromkeys((*holding, *(drive.joint_name for drive, _ in laws)))),
         slides=tuple(n for n in places if int(model.joint(n).type[0]) == _SLIDE),
         com_height_m=com_start,
         com_sag_m=com_start - com,
@@ -190,12 +200,6 @@ def floats(model: Model) -> bool:
     import mujoco
 
     return bool(model.njnt) and int(model.jnt_type[0]) == int(mujoco.mjtJoint.mjJNT_FREE)
-
-
-def driven(model: Model) -> tuple[str, ...]:
-    """The joints that actuators act on; those that pull tendons or push sites have none."""
-    kinds = [int(kind) for kind in model.actuator_trntype]
-    return tuple(dict.fromkeys(driven_joint(model, i) for i, kind in enumerate(kinds) if not kind))
 
 
 def _base(model: Model) -> int:
@@ -235,27 +239,24 @@ def _on_floor(model: Model, data: Data, floor: int) -> set[str]:
     return {name_of(model, "geom", geom) for geom in others}
 
 
-def _drive_outside(model: Model, data: Data, target: Array, external: Mapping[str, Gains]) -> None:
+def _drive_outside(
+    model: Model, data: Data, target: Array, laws: Sequence[tuple[Drive, Gains]]
+) -> None:
     """What a controller with these gains would command before this step."""
-    if not external:
-        return
-    for actuator in range(model.nu):
-        joint = int(model.actuator_trnid[actuator, 0])
-        gains = external.get(name_of(model, "joint", joint))
-        if gains is None:
-            continue
-        q, v = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+    for drive, gains in laws:
+        q, v = int(model.jnt_qposadr[drive.joint]), int(model.jnt_dofadr[drive.joint])
         torque = gains.kp * (target[q] - data.qpos[q]) - gains.kd * data.qvel[v]
         if gains.effort is not None:
             torque = max(-gains.effort, min(gains.effort, torque))
-        data.ctrl[actuator] = torque
+        data.ctrl[drive.ctrl_index] = torque / drive.gain
 
 
 def _load(model: Model, data: Data) -> dict[str, float]:
     load = {}
-    for actuator in range(model.nu):
-        limit = largest_force(model, actuator)
-        if limit:
-            force = abs(float(data.actuator_force[actuator]))
-            load[driven_joint(model, actuator)] = force / limit
+    for joint in turning(model):
+        found = drives_of(model, joint)
+        torque = float(data.qfrc_actuator[int(model.jnt_dofadr[joint])])
+        limit = found.torque[1] if torque > 0.0 else -found.torque[0]
+        if found.drives and 0.0 < limit < math.inf:
+            load[name_of(model, "joint", joint)] = abs(torque) / limit
     return load

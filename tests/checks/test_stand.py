@@ -179,9 +179,10 @@ def stood(**values: object) -> Stood:
     """A robot of 0.5 m whose centre of mass is at 0.4 m, as it stood for 2 s."""
     base: dict[str, object] = {
         **dict.fromkeys(("sag_m", "tilt_rad", "drift_m", "com_sag_m"), 0.0),
-        **{name: {} for name in ("gap_m", "overlapping", "joint_sag", "load")},
+        **{name: {} for name in ("gap_m", "overlapping", "load")},
+        "joint_sag": {"hip": 0.1},
         **dict.fromkeys(("warnings", "touching", "touched", "slides"), ()),
-        **{"seconds": 2.0, "finite": True, "floats": True, "driven": ("hip",)},
+        **{"seconds": 2.0, "finite": True, "floats": True, "driven": True, "held": ("hip",)},
         **{"height_m": 0.5, "com_height_m": 0.4},
     }
     return Stood(**(base | values))  # type: ignore[arg-type] # each has its own type
@@ -189,7 +190,8 @@ def stood(**values: object) -> Stood:
 
 def test_what_a_robot_does_is_one_of_five_words() -> None:
     assert outcome(stood(), 0.5) == "stands"
-    assert outcome(stood(driven=()), 0.5) == "rests"
+    assert outcome(stood(driven=False), 0.5) == "rests"
+    assert outcome(stood(floats=False, held=()), 0.5) == "rests"
     assert outcome(stood(floats=False), 0.5) == "holds"
     assert outcome(stood(tilt_rad=0.6), 0.5) == "falls"
     assert outcome(stood(finite=False), 0.5) == "unstable"

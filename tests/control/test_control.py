@@ -368,6 +368,13 @@ def test_a_table_of_passive_rows_drives_nothing_and_it_is_said(run):
     )
 
 
+def test_joints_that_equal_limits_lock_need_no_drive(run):
+    tree = quadruped()
+    locked = [replace(joint, limits=Limits(0.0, 0.0)) for joint in tree.joints]
+    _, findings = run(replace(tree, joints=tuple(locked)), feet(), recipe(actuators=()))
+    assert "actuator.none" not in findings
+
+
 def test_a_source_s_limit_of_zero_is_reported(run):
     tree = with_calf_limits(-3.0, 3.0)
     joints = [replace(j, limits=Limits(-3, 3, 9.0, 0.0)) for j in tree.joints]
