@@ -80,7 +80,7 @@ TORQUE = Rule(
 class Stand(Check):
     """Simulates `mjcf/scene.xml` in MuJoCo; a fixed base only has its joints judged."""
 
-    version = "5"
+    version = "6"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)

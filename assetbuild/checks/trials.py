@@ -120,7 +120,7 @@ class _Row(NamedTuple):
 class Trials(Check):
     """Findings `trials.<what>`; one compilation of `mjcf/scene.xml` serves all experiments."""
 
-    version = "8"
+    version = "9"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
