@@ -80,6 +80,8 @@ def write_robot_ports(folder: Path, robot: TinyRobot) -> Path:
     (folder / "meshes").mkdir(exist_ok=True)
     for name, data in robot.meshes.items():
         (folder / "meshes" / name).write_bytes(data)
+    if isinstance(robot.shapes, Shapes):
+        run_step(MeasureAssets(), folder, folder)
     return folder
 
 

@@ -7,10 +7,15 @@ from pathlib import Path
 
 
 def pixel_digest(file: Path) -> str:
-    """Digest of the size and the RGBA pixels of a picture, whatever its file says besides."""
-    from PIL import Image
+    """Digest of the size and the RGBA pixels of a picture, whatever its file says besides.
 
-    with Image.open(file) as picture:
-        pixels = picture.convert("RGBA")
-        held = hashlib.sha256(repr(pixels.size).encode() + pixels.tobytes())
-    return held.hexdigest()[:16]
+    "" where it is missing or no picture, which the targets report.
+    """
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(file) as picture:
+            pixels = picture.convert("RGBA")
+    except (FileNotFoundError, UnidentifiedImageError):
+        return ""
+    return hashlib.sha256(repr(pixels.size).encode() + pixels.tobytes()).hexdigest()[:16]

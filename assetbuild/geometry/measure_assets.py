@@ -29,6 +29,7 @@ class MeasureAssets(Step):
             mesh = read_triangles((robot.mesh_dir / asset.file).read_bytes(), asset.file)
             surfaces.append((asset.name, measure(mesh.corners, mesh.uv, mesh.normals)))
         textures = sorted({m.texture for m in robot.shapes.materials if m.texture})
-        pixels = tuple((file, pixel_digest(robot.mesh_dir / file)) for file in textures)
+        read = {file: pixel_digest(robot.mesh_dir / file) for file in textures}
+        pixels = tuple((file, digest) for file, digest in read.items() if digest)
         (files.outputs / "assets.json").write_bytes(encode(Assets(tuple(surfaces), pixels)))
         yield from ()
