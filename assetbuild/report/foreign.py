@@ -34,9 +34,15 @@ def foreign_snapshot(path: Path, name: str = "", joints: Collection[str] = ()) -
         shown = f"{path}:{name}" if name else str(path)
         return Snapshot(shown, isaaclab_facts(path, name, joints), precision=FLOAT32)
     if path.suffix.lower() in (".usd", ".usda", ".usdc"):
-        from assetbuild.targets.usd.facts import usd_facts
+        from assetbuild.facts.readers.usd import UsdReader
 
-        return Snapshot(str(path), usd_facts(path), precision=FLOAT32)
+        found = UsdReader(robot=path.stem).read(path).facts
+        facts: Facts = {
+            (key.kind, key.name, key.quantity): value  # type: ignore[misc] # without sets of names
+            for key, value in found.items()
+            if not key.is_foreign
+        }
+        return Snapshot(str(path), facts, precision=FLOAT32)
     try:
         text = path.read_bytes()
     except OSError as error:

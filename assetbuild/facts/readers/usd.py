@@ -11,7 +11,9 @@ from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Table
 
-_OUTSIDE = "the controller that computes it runs outside of the simulator: see the trainers' modules"
+_OUTSIDE = (
+    "the controller that computes it runs outside of the simulator: see the trainers' modules"
+)
 _CONTACT = "PhysX has no such value; Newton reads it from the MJCF"
 _BITS = "USD has no masks: `collides` and filtered pairs say what they mean"
 _SPRING = "UsdPhysics has no spring beside the drive"
@@ -20,7 +22,7 @@ _SPRING = "UsdPhysics has no spring beside the drive"
 class UsdReader(Reader):
     """Every prim, attribute, relationship and schema of the composed stage against the robot."""
 
-    version: ClassVar[str] = "1"
+    version: ClassVar[str] = "2"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     tools: ClassVar[tuple[str, ...]] = ("usd-core", "pillow")
     preload: ClassVar[tuple[str, ...]] = (
@@ -32,6 +34,7 @@ class UsdReader(Reader):
     form: ClassVar[str] = "usd"
     called: ClassVar[str] = "the USD"
     folder: ClassVar[str] = "usd"
+    behind: ClassVar[tuple[str, ...]] = ("usd/{robot}.usda", "usd/payloads/*")
     suffixes: ClassVar[tuple[str, ...]] = (".usd", ".usda", ".usdc", ".usdz")
     asks: ClassVar[tuple[str, ...]] = ("usd",)
     # Transforms and sizes are double precision.

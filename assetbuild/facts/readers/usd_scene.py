@@ -18,7 +18,7 @@ _MUJOCO = "MuJoCo's own"
 class UsdSceneReader(Reader):
     """Every prim of the scene but the robot's, and all that it says of the robot's."""
 
-    version: ClassVar[str] = "1"
+    version: ClassVar[str] = "2"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     tools: ClassVar[tuple[str, ...]] = ("usd-core",)
     preload: ClassVar[tuple[str, ...]] = (
@@ -30,6 +30,7 @@ class UsdSceneReader(Reader):
     form: ClassVar[str] = "usd_scene"
     called: ClassVar[str] = "the USD scene"
     folder: ClassVar[str] = "usd"
+    behind: ClassVar[tuple[str, ...]] = ("usd/scene.usda",)
     precision: ClassVar[Precision] = Precision(FLOAT32)
     lacks: ClassVar[Mapping[str, str]] = {
         "robot base": _ROBOT,
