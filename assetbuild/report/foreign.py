@@ -11,7 +11,7 @@ import numpy as np
 
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import UsageError
-from assetbuild.report.isaaclab_config import isaaclab_facts
+from assetbuild.facts.readers.isaaclab import read_config
 from assetbuild.report.snapshot import Facts, Snapshot, Value, kinds_text, robot_facts
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.pose import vec3
@@ -28,11 +28,11 @@ DECIMALS = 1e-5
 def foreign_snapshot(path: Path, name: str = "", joints: Collection[str] = ()) -> Snapshot:
     """Of a file by its suffix; AssetBuildError for what cannot be read.
 
-    name, joints: of an Isaac Lab configuration, see `isaaclab_facts`.
+    name, joints: of an Isaac Lab configuration, see `read_config`.
     """
     if path.suffix.lower() == ".py":
         shown = f"{path}:{name}" if name else str(path)
-        return Snapshot(shown, isaaclab_facts(path, name, joints), precision=FLOAT32)
+        return Snapshot(shown, _config_facts(path, name, joints), precision=FLOAT32)
     if path.suffix.lower() in (".usd", ".usda", ".usdc"):
         from assetbuild.targets.usd.facts import usd_facts
 
@@ -51,6 +51,18 @@ def foreign_snapshot(path: Path, name: str = "", joints: Collection[str] = ()) -
         f"`{path}` is no model that can be compared",
         hint="give a bundle, a recipe, an MJCF, URDF or USD file, or an Isaac Lab configuration",
     )
+
+
+def _config_facts(path: Path, name: str, joints: Collection[str]) -> Facts:
+    """Of an Isaac Lab configuration; its initial state is the pose `home`."""
+    facts: Facts = {}
+    for key, value in read_config(path, name, joints).facts.items():
+        if isinstance(value, tuple):
+            facts["robot", "robot", "keyframe home, base, m"] = vec3(value[:3])
+        else:
+            quantity = "keyframe home" if key.quantity == "start" else key.quantity
+            facts[key.kind, key.name, quantity] = value
+    return facts
 
 
 def _readings(path: Path, text: bytes) -> Snapshot:
