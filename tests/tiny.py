@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
+from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import (
     Actuator,
@@ -79,6 +80,8 @@ def write_robot_ports(folder: Path, robot: TinyRobot) -> Path:
     (folder / "meshes").mkdir(exist_ok=True)
     for name, data in robot.meshes.items():
         (folder / "meshes" / name).write_bytes(data)
+    if isinstance(robot.shapes, Shapes):
+        run_step(MeasureAssets(), folder, folder)
     return folder
 
 
@@ -467,8 +470,9 @@ def _depth_first(parents: list[int]) -> list[int]:
 
 
 def check_inputs(folder: Path, robot: TinyRobot, target: Step, name: str) -> Path:
-    """The ports of `robot` and the folder `<name>/` that `target` writes."""
+    """The ports of `robot`, its measured meshes and the folder `<name>/` that `target` writes."""
     inputs = write_robot_ports(folder / "inputs", robot)
+    run_step(MeasureAssets(), inputs, inputs)
     outputs = folder / "target"
     run_step(target, inputs, outputs)
     shutil.copytree(outputs / name, inputs / name)

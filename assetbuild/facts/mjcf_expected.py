@@ -257,7 +257,12 @@ def _drive(actuator: Actuator, joint: Joint, facts: dict[Key, Value]) -> None:
             speed = actuator.velocity
             put("command range", actuator.ctrl or ((-speed, speed) if speed else None))
         case "general":
-            put("drive parameters", _general(actuator))
+            kind, kp, kd = _law(actuator)
+            put("model", kind)
+            if kind == "general" or (kind == "motor" and kp != 1.0):
+                put("drive parameters", _general(actuator))
+            put("kp", kp if kind == "pd" else 0.0)
+            put("kd", kd if kind in ("pd", "velocity") else 0.0)
         case _:
             effort = actuator.effort
             ctrl = actuator.ctrl or ((-effort, effort) if effort else None)
@@ -266,10 +271,24 @@ def _drive(actuator: Actuator, joint: Joint, facts: dict[Key, Value]) -> None:
             put("effort", max(-ctrl[0], ctrl[1]) if ctrl else None)
             put("kp", 0.0)
             put("kd", 0.0)
-    if actuator.model in ("general", "velocity"):
+    if actuator.model == "velocity":
         put("kp", 0.0)
-    if actuator.model == "general":
-        put("kd", 0.0)
+
+
+def _law(actuator: Actuator) -> tuple[str, float, float]:
+    """(model, gain, kd): a general actuator may say what a plainer one says too."""
+    said = actuator.general
+    if said is None or said.dyntype != "none" or said.gaintype != "fixed":
+        return "general", 0.0, 0.0
+    gain = float((*said.gainprm, *DEFAULT_PRM[len(said.gainprm) :])[0])
+    bias = [float(v) for v in (*said.biasprm, 0.0, 0.0, 0.0)[:3]]
+    if said.biastype == "none" or not any(bias):
+        return "motor", gain, 0.0
+    if said.biastype == "affine" and gain > 0.0 and bias[0] == 0.0 and bias[1] in (0.0, -gain):
+        kind = "pd" if bias[1] else "velocity"
+        if kind == "pd" or bias[2] == -gain:
+            return kind, gain, -bias[2]
+    return "general", gain, 0.0
 
 
 def _drive_names(reference: Reference) -> dict[str, str]:

@@ -142,19 +142,20 @@ def _joint(model: Model, joint: int) -> dict[str, Value]:
 
 def _drive(model: Model, drive: Drive, book: Writer) -> None:
     name = _name(model, "actuator", drive.index)
+    kind = "general" if drive.filtered else drive.kind
+    plain = kind != "general"
     facts: dict[str, Value] = {
-        "model": {"servo": "pd"}.get(drive.kind, drive.kind),
-        "kp": drive.kp if drive.is_affine else 0.0,
-        "kd": drive.kd if drive.is_affine else 0.0,
+        "model": {"servo": "pd"}.get(kind, kind),
+        "kp": drive.kp if plain else 0.0,
+        "kd": drive.kd if plain else 0.0,
         "gear": drive.gear,
         "effort": _largest(drive.torque),
         "command range": drive.ctrl if math.isfinite(drive.ctrl[1]) else None,
     }
     if name != drive.joint_name:
         facts["drive name"] = name
-    if drive.kind == "general":
+    if not plain or (kind == "motor" and drive.gain != drive.gear):
         facts["drive parameters"] = general_text(model, drive.index)
-        facts["kp"] = facts["kd"] = 0.0
     if drive.torque[0] != -drive.torque[1]:
         facts["mjcf:effort range"] = drive.torque
     known = book.facts.get(("joint", drive.joint_name, "gear"))  # type: ignore[call-overload] # a plain tuple

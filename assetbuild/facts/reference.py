@@ -62,10 +62,12 @@ class Reference:
 
     @classmethod
     def of_ports(cls, folder: Path, options: Mapping[str, Any]) -> Reference:  # Any: as above
-        """Of the ports of a step."""
+        """Of the ports of a step; of one that reads `ratings.json`, these are all its control."""
         files = RobotFiles(folder)
         assets = decode(Assets, (folder / "assets.json").read_bytes())
-        return cls(files.links, files.tree, files.shapes, files.control, assets, options)
+        rated = (folder / "ratings.json").is_file() and not (folder / "control.json").is_file()
+        control = files.ratings if rated else files.control
+        return cls(files.links, files.tree, files.shapes, control, assets, options)
 
     def to_json(self) -> str:
         """`report/robot.json`."""
