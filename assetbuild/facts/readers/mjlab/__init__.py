@@ -42,6 +42,7 @@ class MjlabReader(Reader):
     form: ClassVar[str] = FORM
     called: ClassVar[str] = "mjlab's module"
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
+    behind: ClassVar[tuple[str, ...]] = ("python/*_mjlab.py",)
     asks: ClassVar[tuple[str, ...]] = ("randomize", "feet", "imu", "mjlab")
     lacks: ClassVar[Mapping[str, str]] = {
         **dict.fromkeys(("body", "frame", "shape", "pair", "sensor", "camera", "element"), IN_BARE),
