@@ -102,6 +102,14 @@ def test_a_module_that_nobody_edited_is_the_robot(
     assert proof.compared > 100
 
 
+def test_a_bundles_robot_keeps_the_order_of_patterns_of_which_the_first_wins(tmp_path: Path):
+    one = built(quadruped(), tmp_path, randomize=RANDOMIZE, **WALKER)
+    (tmp_path / "report").mkdir()
+    (tmp_path / "report/robot.json").write_text(one.reference.to_json())
+    read = Reference.of_bundle(tmp_path)
+    assert one.reader.prove(read, one.path).findings == ()
+
+
 def test_a_robot_that_does_not_walk_has_a_module_too(tmp_path: Path):
     assert built(pendulum(), tmp_path).prove().findings == ()
 
