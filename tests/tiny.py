@@ -320,6 +320,16 @@ def _stance(name: str, joints: tuple[Joint, ...], thigh: float) -> Keyframe:
     return Keyframe(name, values, Pose((0.0, 0.0, standing_height(thigh))))
 
 
+def turned(robot: TinyRobot) -> TinyRobot:
+    """The same robot; its keyframes turn a floating base about no axis of the world."""
+    turn = normalised_quat((0.9, 0.1, 0.2, 0.3))
+    keyframes = tuple(
+        replace(key, base=key.base and Pose((0.1, 0.2, key.base.xyz[2]), turn))
+        for key in robot.control.keyframes
+    )
+    return replace(robot, control=replace(robot.control, keyframes=keyframes))
+
+
 def pendulum() -> TinyRobot:
     """A fixed base and one swinging arm of 1 kg, 0.5 m; torque drive, limits +-2 rad, 5 N m."""
     arm = box_inertial(1.0, (0.02, 0.02, 0.5), (0.0, 0.0, -0.25))

@@ -120,10 +120,7 @@ def surface_material(prim: Prim) -> dict[str, Value]:
 
 
 def _pixels(file: Sdf.AssetPath) -> str:
-    try:
-        return pixel_digest(Path(str(file.resolvedPath)))
-    except OSError:
-        return f"unreadable {file.path}"
+    return pixel_digest(Path(str(file.resolvedPath))) or f"unreadable {file.path}"
 
 
 def _numbers(value: object) -> tuple[float, ...]:

@@ -28,7 +28,7 @@ from assetbuild.simulators.usd_names import usd_identifier
 FLOOR_M = 20.0
 """Edge of the floor as it is drawn; it collides without end."""
 CLEARANCE_M = 1e-3
-"""The soles start a millimetre above the floor: PhysX throws out a sole that starts inside of it."""
+"""The soles start a millimetre above the floor: PhysX throws out what starts inside of it."""
 MOVED = frozenset({"xformOp:translate", "xformOp:orient"})
 CONTAINERS = frozenset({"Xform", "Scope"})
 

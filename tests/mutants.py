@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from lxml import etree
 
 from assetbuild.facts.reader import Proof
 
 
-def literals(text: str) -> Iterator[tuple[str, str]]:
-    """(what was changed, text) for each literal that is no documentation."""
+def literals(text: str, wanted: Callable[[], bool] = lambda: True) -> Iterator[tuple[str, str]]:
+    """(what was changed, text) for each literal that is no documentation.
+
+    wanted: asked for each, whether to change it.
+    """
     tree = ast.parse(text)
     silent = {
         id(node.value)
@@ -19,17 +22,17 @@ def literals(text: str) -> Iterator[tuple[str, str]]:
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
     }
     for node in list(ast.walk(tree)):
-        if isinstance(node, ast.Constant) and id(node) not in silent:
+        if isinstance(node, ast.Constant) and id(node) not in silent and wanted():
             yield _changed(tree, node, "value", _other(node.value))
 
 
-def names(text: str) -> Iterator[tuple[str, str]]:
+def names(text: str, wanted: Callable[[], bool] = lambda: True) -> Iterator[tuple[str, str]]:
     """(what was changed, text) for each name, attribute and keyword."""
     tree = ast.parse(text)
     for node in list(ast.walk(tree)):
         for part in ("id", "attr", "arg", "name"):
             said = getattr(node, part, None)
-            if isinstance(said, str):
+            if isinstance(said, str) and wanted():
                 yield _changed(tree, node, part, f"{said}x")
 
 
