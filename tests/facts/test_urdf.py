@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from facts.mutants import is_found, xml_elements, xml_values
+from mutants import is_found, xml_elements, xml_values
 from hypothesis import HealthCheck, given, settings
 from PIL import Image
 from tiny import (
