@@ -21,6 +21,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import MOVING, Actuator, Body, Joint, Tree
 from assetbuild.robot.pose import Array, Pose, normalised_quat, rotation_of
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Geometry, Sphere
@@ -46,7 +47,7 @@ DIFFERS = Rule(
 class UsdEqual(Check):
     """Bodies, joints, limits, gains and shapes of `usd/<robot>.usda` against the robot."""
 
-    version: ClassVar[str] = "5"
+    version: ClassVar[str] = "6"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     reads: ClassVar[tuple[str, ...]] = (
         "tree.json",
@@ -272,7 +273,7 @@ def _compare_mass(body: Body, prim: Usd.Prim, book: Book) -> None:
 
 
 def _compare_joints(robot: RobotFiles, prims: Prims, book: Book) -> None:
-    home = next((dict(k.joints) for k in robot.control.keyframes if k.name == "home"), {})
+    start = dict(initial_pose(robot.tree, robot.control).joints)
     for joint in robot.tree.joints:
         prim = prims.joints.get(joint.name)
         if prim is None:
@@ -284,7 +285,7 @@ def _compare_joints(robot: RobotFiles, prims: Prims, book: Book) -> None:
         _compare_limits(joint, prim, book)
         actuator = robot.control.by_joint.get(joint.name)
         if actuator is not None:
-            _compare_drive(joint, actuator, prim, home.get(joint.name, 0.0), book)
+            _compare_drive(joint, actuator, prim, start[joint.name], book)
             _compare_passive(joint, actuator, prim, book)
 
 

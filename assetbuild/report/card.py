@@ -10,6 +10,7 @@ from assetbuild.report.facts import Subject, center_of_mass, principal
 from assetbuild.report.grade import grade
 from assetbuild.report.tables import Record, Table, markdown_table, records, table
 from assetbuild.robot.inertia import total_mass
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Body, Joint
 from assetbuild.robot.shapes import Geometry, Mesh
 
@@ -67,14 +68,14 @@ def _identity(subject: Subject) -> Table:
 
 def _counts(subject: Subject) -> Table:
     tree, shapes, control = subject.tree, subject.shapes, subject.control
-    home = control.keyframes[0] if control.keyframes else None
+    start = initial_pose(tree, control)
     facts = {
         "bodies": len(tree.bodies),
         "frames of merged links": len(tree.frames),
         "moving joints": len(tree.moving_joints),
         "actuators": sum(a.model != "passive" for a in control.actuators),
         "total mass, kg": total_mass(tree),
-        f"centre of mass at {home.name if home else 'zero'}, m": center_of_mass(tree, home),
+        f"centre of mass at {start.name or 'the initial pose'}, m": center_of_mass(tree, start),
         "visual shapes": len(shapes.of("visual")),
         "collision shapes": len(shapes.of("collision")),
         "triangles of all meshes": sum(asset.faces for asset in shapes.meshes),

@@ -67,7 +67,8 @@ class ActuatorRow(Model):
     )
     inertia: Literal["home", "armature"] = Field(
         "home",
-        description="what `frequency` moves: the joint with all it carries at keyframe `home`, "
+        description="what `frequency` moves: the joint with all it carries in its initial pose "
+        "(keyframe `home`, else the first), "
         "or the motor's armature alone (mjlab's convention)",
     )
     damping: NonNegative | None = Field(

@@ -5,7 +5,7 @@ name. A number comes from the row, else from the row's motor, else from the sour
 is zero (damping, friction, armature) or absent (velocity). A mimic joint that no row matches is
 `passive`, with its own damping and friction. Without any row every moving joint is `passive`.
 Gains by natural frequency f and damping ratio z act on an inertia I, of the joint with all that it
-carries at the keyframe `home`, or of the motor alone: kp = I (2 pi f)^2 and
+carries in the initial pose, or of the motor alone: kp = I (2 pi f)^2 and
 kd = 2 z sqrt(kp I) - damping, because drive and joint damp together.
 """
 
@@ -69,12 +69,12 @@ def resolve(
     tree: Tree,
     rows: Sequence[ActuatorRow],
     motors: Mapping[str, Motor],
-    home: Mapping[str, float] | None = None,
+    start: Mapping[str, float] | None = None,
     driven: Collection[str] = (),
 ) -> tuple[Actuator, ...]:
     """One actuator for each moving joint, in tree order. Raises RowError, see the module.
 
-    home: positions by joint name at which `inertia: home` is taken, rad or m; None = all 0.
+    start: positions by joint name at which `inertia: home` is taken, rad or m; None = all 0.
     driven: joints that need no row, because their source says what drives them.
     """
     table = [_Matched(i, row, _motor_of(i, row, motors)) for i, row in enumerate(rows)]
@@ -88,7 +88,7 @@ def resolve(
     for joint in tree.moving_joints:
         matched = by_joint.get(joint.name)
         made.append(_driven(joint, matched) if matched else _passive(joint))
-    return _with_gains(tree, tuple(made), by_joint, home or {})
+    return _with_gains(tree, tuple(made), by_joint, start or {})
 
 
 def _motor_of(index: int, row: ActuatorRow, motors: Mapping[str, Motor]) -> Motor:
@@ -237,10 +237,10 @@ def _with_gains(
     tree: Tree,
     actuators: tuple[Actuator, ...],
     by_joint: Mapping[str, _Matched],
-    home: Mapping[str, float],
+    start: Mapping[str, float],
 ) -> tuple[Actuator, ...]:
     """Gains by natural frequency and damping ratio as numbers, and ranges that follow from them."""
-    inertias = _inertias(tree, actuators, by_joint, home)
+    inertias = _inertias(tree, actuators, by_joint, start)
     done = []
     for actuator in actuators:
         entry = by_joint.get(actuator.joint)
@@ -258,7 +258,7 @@ def _inertias(
     tree: Tree,
     actuators: tuple[Actuator, ...],
     by_joint: Mapping[str, _Matched],
-    home: Mapping[str, float],
+    start: Mapping[str, float],
 ) -> dict[str, float]:
     """Of the joints whose gains need one, kg m2 or kg."""
     wanted = {
@@ -269,7 +269,7 @@ def _inertias(
     armature = {actuator.joint: actuator.armature for actuator in actuators}
     felt: Mapping[str, float] = {}
     if any(entry.row.inertia == "home" for entry in wanted.values()):
-        felt = dynamics(tree, home, armature).effective_inertia
+        felt = dynamics(tree, start, armature).effective_inertia
     found = {}
     for name, entry in wanted.items():
         inertia = felt.get(name, 0.0) if entry.row.inertia == "home" else armature[name]

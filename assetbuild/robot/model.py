@@ -288,6 +288,7 @@ class Control:
         return {actuator.joint: actuator for actuator in self.actuators}
 
     @property
-    def home(self) -> Keyframe | None:
-        """The keyframe `home`, if there is one."""
-        return next((key for key in self.keyframes if key.name == "home"), None)
+    def initial_keyframe(self) -> Keyframe | None:
+        """The keyframe `home`, else the first; None without any, see `robot.initial`."""
+        first = self.keyframes[0] if self.keyframes else None
+        return next((key for key in self.keyframes if key.name == "home"), first)

@@ -37,7 +37,7 @@ class Shaken:
 def shake(model: Model, seconds: float = 5.0, seed: int = SEED, finer: int = 1) -> Shaken | None:
     """What PPO does at first: each servo gets a new random target 50 times a second.
 
-    Normally distributed about the first keyframe with the joint's `action_scale`; falls and lies
+    Normally distributed about the initial pose with the joint's `action_scale`; falls and lies
     on the floor as it may. finer: steps in place of each. None: nothing is a position servo.
     """
     import mujoco

@@ -158,11 +158,12 @@ def _motion(model: mujoco.Model, joint: int, axis: Array, drive: int | None) -> 
             else None
         )
     low, high = (float(v) for v in model.jnt_range[joint])
+    key = mujoco.initial_key(model)
     return Motion(
         mujoco.name_of(model, "joint", joint),
         int(model.jnt_type[joint]) == 3,
         axis,
         (low, high) if model.jnt_limited[joint] else None,
-        float(model.key_qpos[0, at]) if model.nkey else None,
+        None if key is None else float(model.key_qpos[key, at]),
         values,
     )

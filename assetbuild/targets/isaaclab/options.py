@@ -15,5 +15,5 @@ class IsaacLabOptions(Model):
     )
     contact_sensors: bool = Field(True, description="`activate_contact_sensors` of the spawner")
     clearance: NonNegative = Field(
-        0.001, description="m; how much higher than at `home` the robot is spawned"
+        0.001, description="m; how much higher than in its initial keyframe the robot is spawned"
     )

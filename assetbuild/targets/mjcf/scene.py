@@ -8,6 +8,7 @@ from xml.etree.ElementTree import Element, fromstring
 
 import numpy as np
 
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.tree import forward_kinematics
@@ -77,12 +78,12 @@ def floor_height(tree: Tree, origins: Array) -> float:
 
 
 def _origins(tree: Tree, control: Control) -> Array:
-    """(n, 3) world positions of all bodies and frames in the first keyframe, m."""
-    keyframe = next(iter(control.keyframes), None)
-    X_root = forward_kinematics(tree, dict(keyframe.joints) if keyframe else {})
+    """(n, 3) world positions of all bodies and frames in the initial pose, m."""
+    start = initial_pose(tree, control)
+    X_root = forward_kinematics(tree, dict(start.joints))
     points = [X_root[f.body].apply(f.X_body_frame.xyz) for f in tree.frames]
     points += [np.asarray(X.xyz) for X in X_root.values()]
-    return tree.root_pose(keyframe).apply(np.array(points))
+    return tree.root_pose(start).apply(np.array(points))
 
 
 def _has_floor(tree: Tree, control: Control) -> bool:

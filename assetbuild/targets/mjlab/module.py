@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from assetbuild.robot.actuators import LARGEST_ACTION, action_scale
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.ranges import Randomize, RandomJoint, first_match
 from assetbuild.targets.mjlab.events import (
@@ -161,9 +162,9 @@ def _scale(tree: Tree, group: DriveGroup) -> float:
 
 def _robot(facts: ModuleFacts) -> str:
     actuators = "".join(_actuator(group) for group in facts.groups)
-    key = facts.control.home or next(iter(facts.control.keyframes), None)
-    base = facts.tree.root_pose(key)  # of a fixed root too: mjlab puts it here
-    joints = dict(key.joints) if key else {}
+    start = initial_pose(facts.tree, facts.control)
+    base = facts.tree.root_pose(start)  # of a fixed root too: mjlab puts it here
+    joints = dict(start.joints)
     drives = f"({actuators}\n            )" if actuators else "()"
     # A regex of mjlab may not match nothing, so a robot without joints has no map of them.
     positions = dict_of(joints, 12, escape=True) if joints else '{".*": 0.0}'
