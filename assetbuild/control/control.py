@@ -77,7 +77,7 @@ class ControlStep(Step):
     `source_control.json`, whose words hold where the recipe has none.
     """
 
-    version = "8"
+    version = "9"
     outputs = ("control.json",)
 
     rows: tuple[ActuatorRow, ...] = ()

@@ -132,6 +132,8 @@ def _joints(subject: Subject) -> Table:
 
 
 def _drives(subject: Subject) -> Table:
+    stalls = any(drive.stall is not None for drive in subject.control.actuators)
+
     def columns(drive: Actuator) -> Record:
         return {
             "joint": drive.joint,
@@ -143,6 +145,7 @@ def _drives(subject: Subject) -> Table:
             "armature, kg m2": drive.armature,
             "effort": drive.effort,
             "velocity": drive.velocity,
+            **({"stall": drive.stall} if stalls else {}),
             "motor": drive.motor,
             "source": drive.source,
         }

@@ -19,7 +19,7 @@ SHOWN_NAMES = 3
 CRITICAL_IF_CHANGED = ("kind", "axis", "base", "gravity, m/s2", "model")
 MOTION: dict[str, float] = {FALL: 0.02, HEIGHT: 0.01}
 """m; what two simulators may differ by: 5 % of the fall, a centimetre of height."""
-DRIVE = ("kp", "kd", "damping", "friction", "armature", "effort", "velocity")
+DRIVE = ("kp", "kd", "damping", "friction", "armature", "effort", "velocity", "stall")
 
 
 @dataclass(frozen=True)

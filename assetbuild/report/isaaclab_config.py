@@ -35,6 +35,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = {
         "velocity_limit",
         "actuator_velocity_limit",
     ),
+    "stall": ("saturation_effort",),
 }
 """Fact -> the fields that state it, both generations. SI, as Isaac Lab counts angles in radians.
 

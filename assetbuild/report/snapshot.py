@@ -160,6 +160,8 @@ def _control_facts(control: Control, facts: Facts) -> None:
         own = ("joint", drive.joint)
         for name in ("kp", "kd", "damping", "friction", "armature", "effort", "velocity"):
             facts[*own, name] = getattr(drive, name)
+        if drive.model == "dc_motor":
+            facts[*own, "stall"] = drive.saturation
         facts[*own, "model"] = drive.model
     for keyframe in control.keyframes:
         for joint, value in keyframe.joints:

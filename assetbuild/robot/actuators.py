@@ -34,13 +34,13 @@ _NEEDS: Mapping[str, tuple[tuple[str, ...], ...]] = {
 """What a model needs: of each tuple one."""
 _BY_FREQUENCY = ("frequency", "damping_ratio")
 _REFUSES: Mapping[str, tuple[str, ...]] = {
-    "pd": ("general",),
-    "ideal_pd": ("general",),
+    "pd": ("general", "stall"),
+    "ideal_pd": ("general", "stall"),
     "dc_motor": ("general",),
-    "velocity": ("kp", "general", *_BY_FREQUENCY),
-    "motor": ("kp", "kd", "general", *_BY_FREQUENCY),
-    "general": ("kp", "kd", *_BY_FREQUENCY),
-    "passive": ("kp", "kd", "general", "ctrl", *_BY_FREQUENCY),
+    "velocity": ("kp", "general", "stall", *_BY_FREQUENCY),
+    "motor": ("kp", "kd", "general", "stall", *_BY_FREQUENCY),
+    "general": ("kp", "kd", "stall", *_BY_FREQUENCY),
+    "passive": ("kp", "kd", "general", "stall", "ctrl", *_BY_FREQUENCY),
 }
 LARGEST_ACTION = {"rad": 0.5, "m": 0.05}
 """What a policy's unit of action may ask of a joint at most: a URDF with a placeholder of 1000 N m
@@ -157,6 +157,7 @@ _WITH_UNIT: Mapping[str, str] = {
     "friction": "N m and N",
     "armature": "kg m2 and kg",
     "effort": "N m and N",
+    "stall": "N m and N",
     "velocity": "rad/s and m/s",
 }
 
@@ -204,10 +205,19 @@ def _driven(joint: Joint, entry: _Matched) -> Actuator:
     # A source that says effort or velocity 0 says nothing: the joint could never move.
     effort = _limit(row.effort, motor.effort, limits.effort)
     velocity = _limit(row.velocity, motor.velocity, limits.velocity)
-    if effort is None and row.model in DRIVEN and row.effort != "unlimited":
+    is_dc_motor = row.model == "dc_motor"
+    if effort is None and row.model in DRIVEN and (is_dc_motor or row.effort != "unlimited"):
         raise _without(entry, joint, "effort", limits.effort)
-    if velocity is None and row.model == "dc_motor":
+    if velocity is None and is_dc_motor:
         raise _without(entry, joint, "velocity", limits.velocity)
+    stall = (row.stall or motor.stall) if is_dc_motor else None
+    if effort is not None and stall is not None and stall < effort:
+        raise entry.error(
+            "stall" if row.stall else "motor",
+            f"joint `{joint.name}`: the stall torque {stall:g} is below the effort limit "
+            f"{effort:g}, which the motor could never reach",
+            "correct `stall`, or lower `effort`",
+        )
     return Actuator(
         joint=joint.name,
         model=row.model,
@@ -218,6 +228,7 @@ def _driven(joint: Joint, entry: _Matched) -> Actuator:
         armature=_first(row.armature, motor.armature),
         effort=effort,
         velocity=velocity,
+        stall=stall,
         ctrl=row.ctrl if isinstance(row.ctrl, tuple) else None,
         general=row.general,
         motor=row.motor or "",
@@ -314,6 +325,8 @@ def _reach(entry: _Matched, joint: Joint, actuator: Actuator) -> tuple[float, fl
 
 def _without(entry: _Matched, joint: Joint, name: str, stated: float | None) -> RowError:
     source = f"the source says {stated:g}" if stated is not None else "the source states none"
+    if getattr(entry.row, name) == "unlimited":
+        source = "its row says `unlimited`"
     return entry.error(
         "model",
         f"model `{entry.row.model}` needs the limit `{name}` of joint `{joint.name}`; {source}",

@@ -21,6 +21,7 @@ from assetbuild.robot.model import Actuator, General, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.shapes import Mesh
+from assetbuild.targets.isaaclab import IsaacLab
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
 from assetbuild.targets.mjx import Mjx, MjxOptions
@@ -240,6 +241,32 @@ def test_a_robot_without_feet_has_no_task_and_is_told(tmp_path: Path) -> None:
     findings = run_step(Mjlab(robot="robot"), inputs, tmp_path / "out")
     assert [f.rule for f in findings] == ["mjlab.imu", "mjlab.feet"]
     assert "velocity" not in (tmp_path / "out/mjlab/python/robot_mjlab.py").read_text()
+
+
+@pytest.mark.parametrize(("stall", "said"), [(None, 5.0), (12.0, 12.0)])
+def test_a_dc_motor_saturates_at_its_stall_torque(
+    stall: float | None, said: float, tmp_path: Path
+) -> None:
+    robot = pendulum()
+    drive = Actuator("swing_joint", "dc_motor", 9.0, effort=5.0, velocity=10.0, stall=stall)
+    robot = replace(robot, control=replace(robot.control, actuators=(drive,)))
+    inputs = write_robot_ports(tmp_path / "in", robot)
+    found = [f.rule for f in run_step(Mjlab(robot="r"), inputs, tmp_path / "o")]
+    found += [f.rule for f in run_step(IsaacLab(robot="r"), inputs, tmp_path / "i")]
+    unstated = ["mjlab.saturation", "isaaclab.saturation"]
+    assert found == ([] if stall else unstated)
+    for file in ("o/mjlab/python/r_mjlab.py", "i/isaaclab/r_isaaclab_2.py"):
+        text = (tmp_path / file).read_text()
+        assert f"saturation_effort={said!r}" in text
+        assert "effort_limit=5.0" in text
+
+
+def test_a_motor_without_a_limit_has_a_number_that_mjlab_takes(tmp_path: Path) -> None:
+    robot = pendulum()
+    drive = Actuator("swing_joint", "motor")
+    robot = replace(robot, control=replace(robot.control, actuators=(drive,)))
+    text = (built(robot, tmp_path, Mjlab(robot="r")) / "mjlab/python/r_mjlab.py").read_text()
+    assert "effort_limit=1000000000.0," in text
 
 
 def test_a_general_actuator_is_told_not_dropped(tmp_path: Path) -> None:

@@ -191,7 +191,7 @@ SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, grav
             "damping": actuator.kd if has_kd else 0.0,
         }
         if actuator.model == "dc_motor":
-            values["saturation_effort"] = actuator.effort
+            values["saturation_effort"] = actuator.saturation
         if self._delay(actuator) != (0, 0):
             values |= dict(zip(("min_delay", "max_delay"), self._delay(actuator), strict=True))
         if actuator.effort is not None:

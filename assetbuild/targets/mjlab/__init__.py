@@ -45,6 +45,12 @@ NO_FEET = Rule(
 UNSUPPORTED_DRIVES = Rule(
     "mjlab.actuator", "warning", "drives that mjlab has no form of", "another model"
 )
+SATURATION = Rule(
+    "mjlab.saturation",
+    "info",
+    "a `dc_motor` has no stall torque; its effort limit is used instead",
+    "`stall` in the row or the motor",
+)
 SENSORS_LEFT_OUT = Rule(
     "mjlab.sensors",
     "info",
@@ -56,7 +62,7 @@ SENSORS_LEFT_OUT = Rule(
 class Mjlab(Target):
     """Writes `mjcf/<robot>_bare.xml` with its assets, and `python/<robot>_mjlab.py`."""
 
-    version = "13"
+    version = "14"
     outputs = ("mjlab/",)
     folder = ""
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
@@ -158,6 +164,7 @@ class Mjlab(Target):
                 hint="use pd, ideal_pd, dc_motor, velocity or motor",
                 data={"joints": tuple(undriven)},
             )
+        yield from _saturation(control)
         if self.randomize is not None:
             yield from lost(self.randomize, tree, facts.driven)
         gone = [s.name for s in control.sensors if _of_mjlab(s)]
@@ -168,6 +175,18 @@ class Mjlab(Target):
                 "own",
                 data={"sensors": tuple(gone)},
             )
+
+
+def _saturation(control: Control) -> Iterator[Finding]:
+    unstated = [a.joint for a in control.actuators if a.model == "dc_motor" and a.stall is None]
+    if unstated:
+        yield SATURATION(
+            f"actuator {unstated[0]}",
+            f"the table states no stall torque: {len(unstated)} joints take their effort limit for "
+            "it, so half of the torque is left at half of the velocity limit",
+            hint="a motor's stall torque is often higher: give `stall` in the row or the motor",
+            data={"joints": tuple(unstated)},
+        )
 
 
 def _of_mjlab(sensor: Sensor) -> bool:

@@ -33,6 +33,8 @@ CLASSES: Mapping[str, str] = {
     "motor": "BuiltinMotorActuatorCfg",
 }
 """mjlab's actuator for a model of the table; it has none for the others."""
+UNLIMITED = 1e9
+"""N m or N: `BuiltinMotorActuatorCfg` needs a number where the table says `unlimited`."""
 
 
 @dataclass(frozen=True)
@@ -199,10 +201,10 @@ def _actuator(group: DriveGroup) -> str:
             fields |= {"stiffness": a.kp, "damping": a.kd}
         case "velocity":
             fields |= {"damping": a.kd}
-    if a.effort is not None:
-        fields["effort_limit"] = a.effort
+    if a.effort is not None or a.model == "motor":
+        fields["effort_limit"] = UNLIMITED if a.effort is None else a.effort
     if a.model == "dc_motor":
-        fields |= {"saturation_effort": a.effort, "velocity_limit": a.velocity}
+        fields |= {"saturation_effort": a.saturation, "velocity_limit": a.velocity}
     fields |= {"armature": a.armature, "frictionloss": a.friction, "viscous_damping": a.damping}
     if group.ranges is not None and group.ranges.delay != (0, 0):
         fields |= dict(zip(("delay_min_lag", "delay_max_lag"), group.ranges.delay, strict=True))
