@@ -42,9 +42,6 @@ _REFUSES: Mapping[str, tuple[str, ...]] = {
     "general": ("kp", "kd", "stall", *_BY_FREQUENCY),
     "passive": ("kp", "kd", "general", "stall", "ctrl", *_BY_FREQUENCY),
 }
-LARGEST_ACTION = {"rad": 0.5, "m": 0.05}
-"""What a policy's unit of action may ask of a joint at most: a URDF with a placeholder of 1000 N m
-would else ask for turns."""
 UNITS = {"prismatic": "linear", "revolute": "rotary", "continuous": "rotary"}
 
 
@@ -353,13 +350,3 @@ def _listed(names: Sequence[str]) -> str:
     shown = ", ".join(f"`{name}`" for name in names[:8])
     more = f" and {len(names) - 8} more" if len(names) > 8 else ""
     return f"{'joint' if len(names) == 1 else 'joints'} {shown}{more}"
-
-
-def action_scale(effort: float | None, kp: float, unit: str) -> float:
-    """rad or m of a joint's target for one unit of a policy's action.
-
-    A quarter of the error that asks for the whole effort, as mjlab has it for its own robots, and
-    no more than `LARGEST_ACTION`. unit: "rad" or "m".
-    """
-    most = LARGEST_ACTION[unit]
-    return min(0.25 * effort / kp, most) if effort is not None and kp > 0.0 else most

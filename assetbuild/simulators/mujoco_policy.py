@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from assetbuild.robot.actuators import action_scale
+from assetbuild.robot.action import Action
 from assetbuild.simulators.mujoco import (
     Model,
     at_key,
@@ -34,15 +34,19 @@ class Shaken:
     fastest: float
 
 
-def shake(model: Model, seconds: float = 5.0, seed: int = SEED, finer: int = 1) -> Shaken | None:
+def shake(
+    model: Model, action: Action, seconds: float = 5.0, seed: int = SEED, finer: int = 1
+) -> Shaken | None:
     """What PPO does at first: each servo gets a new random target 50 times a second.
 
-    Normally distributed about the initial pose with the joint's `action_scale`; falls and lies
+    Normally distributed about the initial pose with the joint's scale of `action`; falls and lies
     on the floor as it may. finer: steps in place of each. None: nothing is a position servo.
     """
     import mujoco
 
-    servos = [(a, _action(model, a)) for a in range(model.nu) if servo_joint(model, a) is not None]
+    servos = [
+        (a, _scale(model, a, action)) for a in range(model.nu) if servo_joint(model, a) is not None
+    ]
     joints = turning(model)
     if not servos:
         return None
@@ -68,8 +72,8 @@ def shake(model: Model, seconds: float = 5.0, seed: int = SEED, finer: int = 1) 
     return Shaken(ended, name, float(speeds.max()))
 
 
-def _action(model: Model, actuator: int) -> float:
-    """rad or m; see `action_scale`."""
+def _scale(model: Model, actuator: int, action: Action) -> float:
+    """rad or m for one unit of action."""
     import mujoco
 
     joint = int(model.actuator_trnid[actuator, 0])
@@ -77,5 +81,5 @@ def _action(model: Model, actuator: int) -> float:
     if model.actuator_forcelimited[actuator]:
         efforts.append(float(model.actuator_forcerange[actuator, 1]))
     kp = -float(model.actuator_biasprm[actuator, 1])
-    unit = "m" if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
-    return action_scale(min(efforts, default=None), kp, unit)
+    slides = bool(model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE)
+    return action.scale(min(efforts, default=None), kp, slides=slides)

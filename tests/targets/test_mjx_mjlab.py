@@ -24,6 +24,7 @@ from assetbuild.robot.shapes import Mesh
 from assetbuild.targets.isaaclab import IsaacLab
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
+from assetbuild.targets.mjlab.options import MjlabOptions
 from assetbuild.targets.mjx import Mjx, MjxOptions
 
 
@@ -150,6 +151,36 @@ def test_an_action_moves_no_target_by_more_than_half_a_radian(tmp_path: Path) ->
     robot = replace(tiny_quadruped(), control=replace(control, actuators=strong))
     text = (built(robot, tmp_path, MJLAB) / "mjlab/python/robot_mjlab.py").read_text()
     assert set(table(text, "ACTION_SCALE").values()) == {0.5}
+
+
+def test_the_recipe_decides_what_only_mjlab_knows(tmp_path: Path) -> None:
+    options = {
+        "soft_joint_pos_limit_factor": 0.8,
+        "num_envs": 64,
+        "cone": "pyramidal",
+        "impratio": 2.5,
+        "njmax": None,
+        "nconmax": 90,
+        "action": {"effort_share": 0.5, "rad": 0.1},
+        "foot_scan": {"radius": 0.02, "samples": 6},
+        "pose": {"knees": ".*_thigh_joint", "walking": [0.2, 0.4]},
+    }
+    robot = MJLAB.model_copy(update={"options": MjlabOptions.model_validate(options)})
+    text = (built(tiny_quadruped(), tmp_path, robot) / "mjlab/python/robot_mjlab.py").read_text()
+    for said in (
+        "soft_joint_pos_limit_factor=0.8,",
+        "num_envs: int = 64)",
+        'cfg.sim.mujoco.cone = "pyramidal"',
+        "cfg.sim.mujoco.impratio = 2.5",
+        "cfg.sim.njmax = None",
+        "cfg.sim.nconmax = 90",
+        "A share of 0.5 of the error that asks for the whole effort, at most 0.1 rad or",
+        "single_ring(radius=0.02, num_samples=6)",
+        '"std_walking": (0.2, 0.4),',
+    ):
+        assert said in text
+    assert set(table(text, "ACTION_SCALE").values()) == {0.1}  # 0.5 * 24 / 100 would be 0.12
+    assert table(text, "KNEES") == ("FR_thigh_joint", "FL_thigh_joint", "RR_thigh_joint", "RL_thigh_joint")  # fmt: skip # noqa: E501
 
 
 def test_the_task_rewards_the_pose_of_driven_joints_alone(tmp_path: Path) -> None:

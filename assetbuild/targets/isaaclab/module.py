@@ -63,7 +63,9 @@ class Module:
         actuators = "".join(f"\n        {group}," for group in self._actuators())
         randomized = ""
         if self.randomize is not None:
-            randomized = f"\n\n{events.events_text(self.randomize, self.tree, self.control)}\n"
+            buckets = self.options.friction_buckets
+            drawn = events.events_text(self.randomize, self.tree, self.control, buckets)
+            randomized = f"\n\n{drawn}\n"
         # USD is not resolved: `smoke` shows the module links into the store, where none is beside.
         return f'''"""{self.robot} for Isaac Lab {self.generation}.x, by assetbuild.
 

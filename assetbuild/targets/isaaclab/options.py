@@ -17,3 +17,9 @@ class IsaacLabOptions(Model):
     clearance: NonNegative = Field(
         0.001, description="m; how much higher than in its initial keyframe the robot is spawned"
     )
+    friction_buckets: int = Field(
+        64,
+        ge=1,
+        le=64000,
+        description="contact materials that `randomize` draws; PhysX has room for 64000",
+    )

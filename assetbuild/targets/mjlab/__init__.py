@@ -23,6 +23,7 @@ from assetbuild.targets.mjcf.files import readable, refuse_name, write_robot
 from assetbuild.targets.mjcf.robot_xml import RobotXml
 from assetbuild.targets.mjlab.events import lost
 from assetbuild.targets.mjlab.module import ModuleFacts, module_text
+from assetbuild.targets.mjlab.options import MjlabOptions
 
 TASK_SENSORS = {"gyro": "imu_ang_vel", "velocimeter": "imu_lin_vel", "accelerometer": "imu_lin_acc"}
 """Sensors that mjlab's tasks look for, at the IMU."""
@@ -62,17 +63,20 @@ SENSORS_LEFT_OUT = Rule(
 class Mjlab(Target):
     """Writes `mjcf/<robot>_bare.xml` with its assets, and `python/<robot>_mjlab.py`."""
 
-    version = "14"
+    version = "15"
     outputs = ("mjlab/",)
     folder = ""
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
 
+    sections: ClassVar[Mapping[str, str]] = {"mjlab": "options"}
     told: ClassVar[Mapping[str, str]] = {
         "feet": "feet.links",
         "imu": "imu.link",
         "randomize": "randomize",
     }
 
+    options: MjlabOptions = MjlabOptions()
+    """The recipe's `mjlab`."""
     feet: str | None = None
     """Pattern of the source links that the robot stands on."""
     imu: str | None = None
@@ -121,6 +125,7 @@ class Mjlab(Target):
             foot_sites=tuple(dict.fromkeys(shape.link for shape in soles)),
             foot_geoms=tuple(shape.name for shape in soles),
             imu_site=self.imu or tree.root,
+            options=self.options,
             randomize=self.randomize,
         )
 
