@@ -18,11 +18,18 @@ from assetbuild.kinds import RecipeView, Target
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Tree
 from assetbuild.robot.ranges import Randomize
-from assetbuild.robot.shapes import Shapes
-from assetbuild.targets.mjcf.files import readable, refuse_name, write_robot
+from assetbuild.robot.shapes import Shape, Shapes
+from assetbuild.targets.mjcf.files import (
+    copy_assets,
+    readable,
+    refuse_name,
+    robot_element,
+    write_xml,
+)
 from assetbuild.targets.mjcf.robot_xml import RobotXml
 from assetbuild.targets.mjlab.events import lost
-from assetbuild.targets.mjlab.module import ModuleFacts, module_text
+from assetbuild.targets.mjlab.geom_names import name_collisions
+from assetbuild.targets.mjlab.module import Foot, ModuleFacts, module_text
 from assetbuild.targets.mjlab.options import MjlabOptions
 
 TASK_SENSORS = {"gyro": "imu_ang_vel", "velocimeter": "imu_lin_vel", "accelerometer": "imu_lin_acc"}
@@ -52,6 +59,12 @@ SATURATION = Rule(
     "a `dc_motor` has no stall torque; its effort limit is used instead",
     "`stall` in the row or the motor",
 )
+RENAMED = Rule(
+    "mjlab.renamed",
+    "info",
+    "collision geoms of the bare MJCF are called `*_collision`, whatever the source calls them",
+    "use the new names in your own configs of mjlab",
+)
 SENSORS_LEFT_OUT = Rule(
     "mjlab.sensors",
     "info",
@@ -63,7 +76,7 @@ SENSORS_LEFT_OUT = Rule(
 class Mjlab(Target):
     """Writes `mjcf/<robot>_bare.xml` with its assets, and `python/<robot>_mjlab.py`."""
 
-    version = "15"
+    version = "16"
     outputs = ("mjlab/",)
     folder = ""
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
@@ -102,28 +115,34 @@ class Mjlab(Target):
         shapes = readable(shapes, meshes)
 
         facts = self._facts(tree, shapes, control)
-        sites = [s for s in (*facts.foot_sites, facts.imu_site) if s in tree.by_body]
+        sites = [foot.site for foot in facts.feet if foot.site in tree.by_body]
+        sites += [facts.imu_site] if facts.imu_site in tree.by_body else []
         model = RobotXml(
             self.robot, None, tree, shapes, self._bare(tree, control, facts), sites=sites
         )
         folder = files.outputs / "mjlab"
         opaque = tuple(o for o in control.mjcf_only if o.place not in NOT_BARE)
         path = folder / "mjcf" / f"{self.robot}_bare.xml"
-        write_robot(path, model, opaque, meshes, bare=True)
+        root = robot_element(model, opaque, bare=True)
+        renamed = name_collisions(root, {shape.name for shape in shapes.of("visual")})
+        write_xml(path, root)
+        copy_assets(path.parent, shapes, meshes)
+        feet = [_called(foot, renamed) for foot in facts.feet]
+        feet.sort(key=lambda foot: model.order.index(foot.body))
+        facts = replace(facts, feet=tuple(feet))
         module = folder / "python" / f"{self.robot.replace('-', '_').replace('.', '_')}_mjlab.py"
         module.parent.mkdir(parents=True)
         module.write_text(module_text(facts), encoding="utf-8")
         yield from self._explain(tree, control, facts)
+        yield from _renamed(renamed)
 
     def _facts(self, tree: Tree, shapes: Shapes, control: Control) -> ModuleFacts:
-        soles = [s for s in shapes.of("collision") if self.feet and re.fullmatch(self.feet, s.link)]
         return ModuleFacts(
             robot=self.robot,
             tree=tree,
             control=control,
             rows=self.rows,
-            foot_sites=tuple(dict.fromkeys(shape.link for shape in soles)),
-            foot_geoms=tuple(shape.name for shape in soles),
+            feet=_feet(tree, shapes, self.feet) if self.feet else (),
             imu_site=self.imu or tree.root,
             options=self.options,
             randomize=self.randomize,
@@ -154,7 +173,7 @@ class Mjlab(Target):
                 f"the recipe names no IMU: its sensors sit in the frame of `{tree.root}`",
                 hint="add `imu: {link: ...}`",
             )
-        if tree.base == "floating" and not facts.foot_sites:
+        if tree.base == "floating" and not facts.feet:
             yield NO_FEET(
                 "robot",
                 "the recipe names no feet: the module has no velocity task",
@@ -180,6 +199,33 @@ class Mjlab(Target):
                 "own",
                 data={"sensors": tuple(gone)},
             )
+
+
+def _feet(tree: Tree, shapes: Shapes, pattern: str) -> tuple[Foot, ...]:
+    """A foot for each body that has sole links, however many; its site is at the first of them."""
+    soles: dict[str, list[Shape]] = {}
+    for sole in shapes.of("collision"):
+        if re.fullmatch(pattern, sole.link):
+            soles.setdefault(tree.placement(sole.link)[0], []).append(sole)
+    return tuple(
+        Foot(body, own[0].link, tuple(sole.name for sole in own)) for body, own in soles.items()
+    )
+
+
+def _called(foot: Foot, names: Mapping[str, str]) -> Foot:
+    """The foot with the names that its geoms have in the bare MJCF."""
+    return replace(foot, geoms=tuple(names.get(geom, geom) for geom in foot.geoms))
+
+
+def _renamed(renamed: Mapping[str, str]) -> Iterator[Finding]:
+    if renamed:
+        name, new = next(iter(renamed.items()))
+        yield RENAMED(
+            "robot",
+            f"{len(renamed)} collision geoms have other names in the bare MJCF, where mjlab's "
+            f"configs look for `*_collision`: `{name}` is `{new}`",
+            data={"geoms": tuple(renamed), "names": tuple(renamed.values())},
+        )
 
 
 def _saturation(control: Control) -> Iterator[Finding]:

@@ -45,15 +45,26 @@ class DriveGroup:
 
 
 @dataclass(frozen=True)
+class Foot:
+    """A body that stands on the ground. site, geoms: names in the bare MJCF."""
+
+    body: str
+    site: str
+    geoms: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class ModuleFacts:
-    """What the module says. foot_sites, imu_site: names of sites in the bare MJCF."""
+    """What the module says. feet: in the order of the bodies in the MJCF; imu_site: a name there.
+
+    mjlab takes sensors in the model's order and the rays of the feet in the module's.
+    """
 
     robot: str
     tree: Tree
     control: Control
     rows: tuple[str, ...]
-    foot_sites: tuple[str, ...]
-    foot_geoms: tuple[str, ...]
+    feet: tuple[Foot, ...]
     imu_site: str
     options: MjlabOptions
     randomize: Randomize | None = None
@@ -61,7 +72,7 @@ class ModuleFacts:
     @property
     def walks(self) -> bool:
         """Whether there is enough for mjlab's velocity task."""
-        return self.tree.base == "floating" and bool(self.foot_sites) and bool(self.groups)
+        return self.tree.base == "floating" and bool(self.feet) and bool(self.groups)
 
     @cached_property
     def groups(self) -> tuple[DriveGroup, ...]:
@@ -146,8 +157,8 @@ def _facts(facts: ModuleFacts) -> str:
 XML = Path(__file__).parent.parent / "mjcf" / "{facts.robot}_bare.xml"
 ROOT_BODY = {literal(facts.tree.root)}
 IMU_SITE = {literal(facts.imu_site)}
-FOOT_SITES = {tuple_of(facts.foot_sites)}
-FOOT_GEOMS = {tuple_of(facts.foot_geoms)}
+FOOT_SITES = {tuple_of(tuple(foot.site for foot in facts.feet))}
+FOOT_GEOMS = {tuple_of(tuple(geom for foot in facts.feet for geom in foot.geoms))}
 ACTION_SCALE = {dict_of(scale)}
 """{_share(action)} of the error that asks for the whole effort, at most {action.rad!r} rad or
 {action.m!r} m, by joint; rad or m per unit of action."""
@@ -304,8 +315,7 @@ def _soles(facts: ModuleFacts) -> str:
 
     Where that foot was merged into a shank, what the shank touches counts too.
     """
-    if len(facts.foot_geoms) == len(facts.foot_sites):
+    if all(len(foot.geoms) == 1 for foot in facts.feet):
         return 'mode="geom", pattern=FOOT_GEOMS'
-    bodies = [facts.tree.placement(link)[0] for link in facts.foot_sites]
-    listed = ", ".join(literal(body) for body in bodies)
+    listed = ", ".join(literal(foot.body) for foot in facts.feet)
     return f'mode="body", pattern=({listed},)'
