@@ -110,9 +110,9 @@ def _taken(found: MjcfSource) -> Iterator[str]:
     yield f"# simulation: {{timestep: {step:g}}}   # s"
     yield f"# collision pairs that are excluded: {len(control.excludes)}"
     if control.keyframes:
-        yield f"# keyframes: {some([key.name for key in control.keyframes])}"
+        yield f"# its keyframes: {some([key.name for key in control.keyframes])}"
     if control.sensors:
-        yield f"# sensors: {some([sensor.name for sensor in control.sensors])}"
+        yield f"# its sensors: {some([sensor.name for sensor in control.sensors])}"
 
 
 def _collision(robot: InspectedRobot) -> Iterator[str]:

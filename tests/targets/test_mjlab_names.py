@@ -15,6 +15,7 @@ from tiny import TinyRobot, check_inputs, run_step, tiny_quadruped
 from assetbuild.checks.mjlab_contract import MjlabContract
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Frame
+from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Sphere
 from assetbuild.targets.mjlab import Mjlab
 
@@ -88,7 +89,8 @@ def with_heels(robot: TinyRobot) -> TinyRobot:
     legs = ("FR", "FL", "RR", "RL")
     foot = next(s for s in robot.shapes.shapes if s.name == "FR_foot_collision")
     places = {frame.name: frame.X_body_frame for frame in robot.tree.frames}
-    frames = tuple(Frame(f"{leg}_heel", f"{leg}_calf", places[f"{leg}_foot"]) for leg in legs)
+    up = Pose((0.0, 0.0, 0.02))
+    frames = tuple(Frame(f"{leg}_heel", f"{leg}_calf", places[f"{leg}_foot"] @ up) for leg in legs)
     more = tuple(
         replace(foot, name=f"{leg}_heel_collision", link=f"{leg}_heel", geometry=Sphere(0.01))
         for leg in legs
@@ -96,7 +98,7 @@ def with_heels(robot: TinyRobot) -> TinyRobot:
     return replace(
         robot,
         tree=replace(robot.tree, frames=robot.tree.frames + frames),
-        shapes=replace(robot.shapes, shapes=robot.shapes.shapes + more),
+        shapes=replace(robot.shapes, shapes=more + robot.shapes.shapes),
     )
 
 

@@ -16,9 +16,11 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import RecipeView, Target
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Tree
 from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.shapes import Shape, Shapes
+from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.mjcf.files import (
     copy_assets,
     readable,
@@ -76,7 +78,7 @@ SENSORS_LEFT_OUT = Rule(
 class Mjlab(Target):
     """Writes `mjcf/<robot>_bare.xml` with its assets, and `python/<robot>_mjlab.py`."""
 
-    version = "16"
+    version = "17"
     outputs = ("mjlab/",)
     folder = ""
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
@@ -142,7 +144,7 @@ class Mjlab(Target):
             tree=tree,
             control=control,
             rows=self.rows,
-            feet=_feet(tree, shapes, self.feet) if self.feet else (),
+            feet=_feet(tree, shapes, control, self.feet) if self.feet else (),
             imu_site=self.imu or tree.root,
             options=self.options,
             randomize=self.randomize,
@@ -201,14 +203,23 @@ class Mjlab(Target):
             )
 
 
-def _feet(tree: Tree, shapes: Shapes, pattern: str) -> tuple[Foot, ...]:
-    """A foot for each body that has sole links, however many; its site is at the first of them."""
+def _feet(tree: Tree, shapes: Shapes, control: Control, pattern: str) -> tuple[Foot, ...]:
+    """A foot for each body that has sole links, however many; its site is at the lowest of them."""
+    start = initial_pose(tree, control)
+    X_root_body = forward_kinematics(tree, dict(start.joints))
+
+    def height(sole: Shape) -> float:
+        body, X_body_link = tree.placement(sole.link)
+        X_world_link = tree.root_pose(start) @ X_root_body[body] @ X_body_link
+        return X_world_link.xyz[2]
+
     soles: dict[str, list[Shape]] = {}
     for sole in shapes.of("collision"):
         if re.fullmatch(pattern, sole.link):
             soles.setdefault(tree.placement(sole.link)[0], []).append(sole)
     return tuple(
-        Foot(body, own[0].link, tuple(sole.name for sole in own)) for body, own in soles.items()
+        Foot(body, min(own, key=height).link, tuple(sole.name for sole in own))
+        for body, own in soles.items()
     )
 
 
