@@ -9,6 +9,7 @@ import platform
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from assetbuild import __version__
 from assetbuild.engine.digest import digest_bytes
@@ -26,6 +27,8 @@ from assetbuild.engine.publish import (
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Listing, machine_error
 from assetbuild.errors import StepError, UsageError
+from assetbuild.facts.reader import asked_sections, stated_options
+from assetbuild.facts.reference import Assets, Reference
 from assetbuild.lock import GitPin, Lock, Pin, lock_path
 from assetbuild.plan import Outline, part_lock
 from assetbuild.recipe.loader import LoadedRecipe
@@ -43,7 +46,6 @@ from assetbuild.report.card import model_card
 from assetbuild.report.document import Report
 from assetbuild.report.facts import Subject
 from assetbuild.report.html import Picture, View, html_page
-from assetbuild.report.snapshot import robot_json
 from assetbuild.report.summary import summary
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Tree
@@ -66,7 +68,12 @@ def bundle_files(
     told = [(each, dict(pin.model_dump()) if pin else {}) for each, pin in pins]
     tree, shapes, control = built.robot()
     subject = Subject(recipe, told[0][1], tree, shapes, control)
-    files = [*built.targets(), *built.licences(), *_report_files(subject, report, built)]
+    reference = built.reference(stated_options(recipe, asked_sections()))
+    files = [
+        *built.targets(),
+        *built.licences(),
+        *_report_files(subject, report, built, reference),
+    ]
     files += [notice(told), *built.others()]
     files.append(manifest(recipe.robot, files))
     materials = [*_tools(graph), *(material for pin in pins for material in _material(*pin))]
@@ -141,6 +148,14 @@ class _Built:
         )
         return decode(Tree, tree), decode(Shapes, shapes), decode(Control, control)
 
+    def reference(self, options: Mapping[str, Any]) -> Reference:  # Any: plain JSON
+        """That robot with what its files hold, for whoever compares."""
+        ports = self.outline.robot
+        links, assets = (self.read(ports[port]) for port in ("links.json", "assets.json"))
+        tree, shapes, control = self.robot()
+        held = decode(Assets, assets)
+        return Reference(decode(Tree, links), tree, shapes, control, held, options)
+
     def targets(self) -> list[BundleFile]:
         """Files of all targets, each path once; StepError when two disagree about one."""
         files: dict[str, BundleFile] = {}
@@ -191,14 +206,16 @@ class _Built:
         return View(self.read(node["viewer.json"]).decode(), self.read(node["three.js"]).decode())
 
 
-def _report_files(subject: Subject, report: Report, built: _Built) -> list[BundleFile]:
+def _report_files(
+    subject: Subject, report: Report, built: _Built, reference: Reference
+) -> list[BundleFile]:
     """The report for machines, for people, for a job's page; its pictures."""
     shown = list(built.pictures())
     texts = {
         "report/report.json": json_text(report.to_json()),
         "report/index.html": html_page(report, subject, [p for p, _ in shown], built.view()),
         "report/report.md": summary(report),
-        "report/robot.json": robot_json(subject.tree, subject.shapes, subject.control),
+        "report/robot.json": reference.to_json(),
         "model_card.md": model_card(subject, report),
     }
     files = [BundleFile.of_text(path, "report", text) for path, text in texts.items()]

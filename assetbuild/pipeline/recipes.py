@@ -17,6 +17,7 @@ from pydantic import BaseModel, Discriminator, Field, Tag, create_model
 
 from assetbuild.collision import CollisionMethod
 from assetbuild.errors import RecipeError, did_you_mean
+from assetbuild.facts.reader import Reader
 from assetbuild.geometry.jobs import BUILT_IN
 from assetbuild.kinds import Check, Edit, Plugin, Target
 from assetbuild.plugins import load_plugin, plugin_names
@@ -142,6 +143,7 @@ def _items(root: Node, key: str) -> Iterator[tuple[int, Node]]:
 @functools.cache
 def _model(named: _Named) -> type[Recipe]:
     checks = [load_plugin(Check, name) for name in plugin_names(Check)]
+    checks += [load_plugin(Reader, name) for name in plugin_names(Reader)]
     targets = [load_plugin(Target, name) for name in named.targets]
     fields: Fields = {path: field for target in targets for path, field in _sections(target)}
     validate = _validate(tuple(checks))

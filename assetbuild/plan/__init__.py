@@ -11,7 +11,7 @@ the open question is built, and the recipe is planned again. An answer only ever
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -23,7 +23,9 @@ from assetbuild.control.keep_ratings import KeepRatings
 from assetbuild.control.plan import control, control_step, own_side
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
+from assetbuild.facts.reader import Reader
 from assetbuild.geometry.companions import companions
+from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.geometry.plan import Geometry, assemble, lint_density, lint_meshes
 from assetbuild.kinds import Check, Target, lacking
 from assetbuild.lock import Lock, lock_path, read_lock
@@ -119,6 +121,12 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
         "ratings.json": ratings["ratings.json"],
         "meshes/": assembled["meshes/"],
     }
+    measured = p.add(
+        "measure_assets",
+        MeasureAssets(),
+        {port: outline.robot[port] for port in ("shapes.json", "meshes/")},
+    )
+    outline.robot["assets.json"] = measured["assets.json"]
     outline.targets = _targets(recipe, outline.robot, p)
     if recipe.randomize is not None:
         ranges = StateRanges(robot=recipe.robot, randomize=recipe.randomize)
@@ -234,6 +242,8 @@ def _sources(recipe: Recipe, outline: Outline, read: Reading) -> dict[str, dict[
         found["source"] = {"source.urdf": written["urdf/"] / f"{recipe.robot}.urdf"}
     if read.mjcf and not recipe.edits and not recipe.compose:
         found["source_mjcf"] = dict(read.mjcf)
+    if outline.ranges is not None:
+        found["ranges"] = {"ranges/dr.yaml": outline.ranges["dr.yaml"]}
     return found
 
 
@@ -241,9 +251,9 @@ def _checks(
     recipe: Recipe, outline: Outline, sources: Mapping[str, Mapping[str, Ref]], p: Planner
 ) -> None:
     """Every check whose needs are built; those that this machine cannot run are named."""
-    possible = {*outline.targets, "source", *(["source_mjcf"] if recipe.source.mjcf else [])}
-    for name in plugin_names(Check):
-        check = load_plugin(Check, name)
+    possible = {*outline.targets, *sources, "source"}
+    possible |= {"source_mjcf"} if recipe.source.mjcf else set()
+    for name, check in _all_checks():
         if not set(check.needs) <= possible:
             continue
         step = check.configure(recipe)
@@ -262,6 +272,14 @@ def _checks(
             built = outline.targets.get(need)
             inputs |= {f"{need}/": built[f"{need}/"]} if built else sources[need]
         outline.checks[name] = p.add(f"check {name}", step, inputs)
+
+
+def _all_checks() -> Iterator[tuple[str, type[Check]]]:
+    """Every check by its name in the report; a reader of facts is the check of its format."""
+    for name in plugin_names(Check):
+        yield name, load_plugin(Check, name)
+    for name in plugin_names(Reader):
+        yield f"{name}_equal", load_plugin(Reader, name)
 
 
 _WITHOUT = {

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from assetbuild.robot.action import Action
+from assetbuild.simulators.joint_drives import Drive, drives_of, read_drives
 from assetbuild.simulators.mujoco import (
     Model,
     at_key,
@@ -16,7 +18,7 @@ from assetbuild.simulators.mujoco import (
     turning,
     without,
 )
-from assetbuild.simulators.mujoco_trials import SEED, servo_joint
+from assetbuild.simulators.mujoco_trials import SEED
 
 CONTROL_S = 0.02
 """Between two commands."""
@@ -45,7 +47,9 @@ def shake(
     import mujoco
 
     servos = [
-        (a, _scale(model, a, action)) for a in range(model.nu) if servo_joint(model, a) is not None
+        (drive.ctrl_index, drive.command_step(_scale(model, drive, action)))
+        for drive in read_drives(model)
+        if drive.holds_position
     ]
     joints = turning(model)
     if not servos:
@@ -61,8 +65,8 @@ def shake(
         each = max(1, round(CONTROL_S / model.opt.timestep))
         for step in range(each * round(seconds / CONTROL_S)):
             if step % each == 0:
-                for actuator, scale in servos:
-                    data.ctrl[actuator] = commands[actuator] + scale * random.standard_normal()
+                for index, scale in servos:
+                    data.ctrl[index] = commands[index] + scale * random.standard_normal()
             mujoco.mj_step(model, data)
             if not is_finite(data):
                 ended = step * model.opt.timestep
@@ -72,14 +76,10 @@ def shake(
     return Shaken(ended, name, float(speeds.max()))
 
 
-def _scale(model: Model, actuator: int, action: Action) -> float:
+def _scale(model: Model, drive: Drive, action: Action) -> float:
     """rad or m for one unit of action."""
     import mujoco
 
-    joint = int(model.actuator_trnid[actuator, 0])
-    efforts = [float(model.jnt_actfrcrange[joint, 1])] if model.jnt_actfrclimited[joint] else []
-    if model.actuator_forcelimited[actuator]:
-        efforts.append(float(model.actuator_forcerange[actuator, 1]))
-    kp = -float(model.actuator_biasprm[actuator, 1])
-    slides = bool(model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE)
-    return action.scale(min(efforts, default=None), kp, slides=slides)
+    effort = drives_of(model, drive.joint).effort
+    slides = bool(model.jnt_type[drive.joint] == mujoco.mjtJoint.mjJNT_SLIDE)
+    return action.scale(effort if math.isfinite(effort) else None, drive.kp, slides=slides)

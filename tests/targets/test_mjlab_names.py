@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,10 @@ from mjcfs import read, write
 from tiny import TinyRobot, check_inputs, run_step, tiny_quadruped
 
 from assetbuild.checks.mjlab_contract import MjlabContract
+from assetbuild.facts.readers.bare import BareFacts
+from assetbuild.facts.reference import Assets
 from assetbuild.findings import Finding
+from assetbuild.robot.codec import encode
 from assetbuild.robot.model import Frame
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Sphere
@@ -21,14 +25,14 @@ from assetbuild.targets.mjlab import Mjlab
 
 HOPPER = """<mujoco model="hopper"><compiler angle="radian"/>
 <worldbody><geom name="slab" type="plane" size="1 1 1"/>
-<body name="trunk" pos="0 0 0.6"><freejoint/><geom name="box" type="box" size=".1 .1 .1" mass="4"/>
+<body name="trunk" pos="0 0 0.6"><freejoint/><geom name="box" group="3" type="box" size=".1 .1 .1" mass="4"/>
   <geom name="shell" type="box" size=".1 .1 .1" contype="0" conaffinity="0" group="2" mass="0"/>
-  <site name="top" pos="0 0 0.1"/>
+  <site name="top" group="4" pos="0 0 0.1"/>
   <body name="leg" pos="0 0 -0.1"><joint name="knee" type="hinge" axis="0 1 0" range="-1 1"/>
-    <geom name="shin" type="cylinder" fromto="0 0 0 0 0 -0.3" size=".02" mass="1"/>
-    <geom name="heel" pos="-0.03 0 -0.3" size=".03" mass="0.1"/>
-    <geom name="ball" pos="0.03 0 -0.3" size=".03" mass="0.1"/>
-    <site name="sole" pos="0 0 -0.33"/></body></body></worldbody>
+    <geom name="shin" group="3" type="cylinder" fromto="0 0 0 0 0 -0.3" size=".02" mass="1"/>
+    <geom name="heel" group="3" pos="-0.03 0 -0.3" size=".03" mass="0.1"/>
+    <geom name="ball" group="3" pos="0.03 0 -0.3" size=".03" mass="0.1"/>
+    <site name="sole" group="4" pos="0 0 -0.33"/></body></body></worldbody>
 <contact><pair name="own" geom1="ball" geom2="box"/></contact>
 <tendon><spatial name="string"><site site="top"/><geom geom="shin"/><site site="sole"/>
 </spatial></tendon>
@@ -70,6 +74,14 @@ def test_an_mjcf_with_names_of_its_own_builds_for_mjlab(hopper, tmp_path: Path):
     model = mujoco.MjModel.from_xml_path(str(inputs / "mjlab/mjcf/robot_bare.xml"))
     names = {model.geom(i).name for i in range(model.ngeom)}
     assert {"box_collision", "shin_collision", "shell"} <= names
+
+
+def test_the_new_names_are_what_the_reader_of_facts_expects(hopper, tmp_path: Path):
+    inputs, _ = hopper
+    shutil.copyfile(inputs / "tree.json", inputs / "links.json")
+    (inputs / "assets.json").write_bytes(encode(Assets()))
+    reader = BareFacts(robot="robot", options={"feet": {"links": "leg"}})
+    assert run_step(reader, inputs, tmp_path / "out") == []
 
 
 def test_what_names_a_geom_follows_its_new_name(hopper):

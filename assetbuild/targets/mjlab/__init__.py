@@ -117,8 +117,8 @@ class Mjlab(Target):
         shapes = readable(shapes, meshes)
 
         facts = self._facts(tree, shapes, control)
-        sites = [foot.site for foot in facts.feet if foot.site in tree.by_body]
-        sites += [facts.imu_site] if facts.imu_site in tree.by_body else []
+        looked_at = (*(sole.link for sole in self._soles(shapes)), facts.imu_site)
+        sites = [link for link in looked_at if link in tree.by_body]
         model = RobotXml(
             self.robot, None, tree, shapes, self._bare(tree, control, facts), sites=sites
         )
@@ -144,11 +144,16 @@ class Mjlab(Target):
             tree=tree,
             control=control,
             rows=self.rows,
-            feet=_feet(tree, shapes, control, self.feet) if self.feet else (),
+            feet=_feet(tree, self._soles(shapes), control),
             imu_site=self.imu or tree.root,
             options=self.options,
             randomize=self.randomize,
         )
+
+    def _soles(self, shapes: Shapes) -> list[Shape]:
+        """Collision shapes of the links that the robot stands on."""
+        solid = shapes.of("collision")
+        return [s for s in solid if self.feet and re.fullmatch(self.feet, s.link)]
 
     def _bare(self, tree: Tree, control: Control, facts: ModuleFacts) -> Control:
         """Without drives; what the module states for driven joints is not in the XML too."""
@@ -203,8 +208,8 @@ class Mjlab(Target):
             )
 
 
-def _feet(tree: Tree, shapes: Shapes, control: Control, pattern: str) -> tuple[Foot, ...]:
-    """A foot for each body that has sole links, however many; its site is at the lowest of them."""
+def _feet(tree: Tree, soles: list[Shape], control: Control) -> tuple[Foot, ...]:
+    """A foot for each body that has soles, however many; its site is at the lowest link of them."""
     start = initial_pose(tree, control)
     X_root_body = forward_kinematics(tree, dict(start.joints))
 
@@ -213,13 +218,12 @@ def _feet(tree: Tree, shapes: Shapes, control: Control, pattern: str) -> tuple[F
         X_world_link = tree.root_pose(start) @ X_root_body[body] @ X_body_link
         return X_world_link.xyz[2]
 
-    soles: dict[str, list[Shape]] = {}
-    for sole in shapes.of("collision"):
-        if re.fullmatch(pattern, sole.link):
-            soles.setdefault(tree.placement(sole.link)[0], []).append(sole)
+    by_body: dict[str, list[Shape]] = {}
+    for sole in soles:
+        by_body.setdefault(tree.placement(sole.link)[0], []).append(sole)
     return tuple(
         Foot(body, min(own, key=height).link, tuple(sole.name for sole in own))
-        for body, own in soles.items()
+        for body, own in by_body.items()
     )
 
 

@@ -1,0 +1,290 @@
+"""The difference of two tables of facts, and the findings that tell it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from assetbuild.facts.table import Key, Table, Value
+from assetbuild.facts.vocabulary import (
+    RANKS,
+    VOCABULARY,
+    Comparison,
+    Quantity,
+    Rank,
+    Required,
+)
+from assetbuild.findings import Finding, Rule, Scalar
+from assetbuild.robot.pose import normalised_quat, rotation_of
+
+EXACT: Mapping[Comparison, float] = {
+    "number": 1e-9, "vector": 1e-9, "direction": 1e-9, "pose": 1e-9, "tensor": 1e-9, "length": 1e-9
+}  # fmt: skip
+FLOAT32: Mapping[Comparison, float] = {
+    "number": 2e-7, "vector": 2e-7, "direction": 1e-6, "pose": 1e-6, "tensor": 1e-6, "length": 3e-7
+}  # fmt: skip
+"""float32 holds 6e-8 of a number's size: 2e-7 covers that and one conversion of units; directions
+and tensors come from a float32 quaternion."""
+ROUNDING = 1e-14
+"""Absolute, SI units: where the expected value is zero."""
+NAMED = 3
+"""So many subjects of one difference are named."""
+
+EQUAL = Rule(
+    "equal.*",
+    "error",
+    "a file says something else than the robot (`equal.<format>.<quantity>`), or lacks it "
+    "(`.missing`), or has more (`.extra`)",
+    "of a bundle that nobody edited, report it with both values: this is a bug",
+)
+
+
+@dataclass(frozen=True)
+class Precision:
+    """How exactly a format holds its facts: tolerance by comparison, and by (kind, quantity)."""
+
+    by_comparison: Mapping[Comparison, float] = field(default_factory=lambda: EXACT)
+    by_quantity: Mapping[tuple[str, str], float] = field(default_factory=dict)
+
+    def of(self, key: Key, comparison: Comparison) -> float:
+        """Relative tolerance of one fact."""
+        own = self.by_quantity.get((key.kind, key.quantity))
+        return self.by_comparison.get(comparison, 0.0) if own is None else own
+
+    def coarser(self, other: Precision) -> Precision:
+        """The larger tolerance of both, for what is compared between two formats."""
+        kinds = {*self.by_comparison, *other.by_comparison}
+        one, two = self.by_comparison, other.by_comparison
+        both = {kind: max(one.get(kind, 0.0), two.get(kind, 0.0)) for kind in kinds}
+        own = {*self.by_quantity, *other.by_quantity}
+        of = {k: max(self.by_quantity.get(k, 0.0), other.by_quantity.get(k, 0.0)) for k in own}
+        return Precision(both, of)
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One fact that two tables tell differently.
+
+    what: "value", or "missing" or "extra" of a whole subject, which then has no values.
+    before, after: the values; of a quantity that one does not state, what its absence means.
+    """
+
+    key: Key
+    before: Value
+    after: Value
+    what: str = "value"
+
+    @property
+    def quantity(self) -> Quantity | None:
+        """As the vocabulary has it; None for a word of one format."""
+        return VOCABULARY.get((self.key.kind, self.key.quantity))
+
+    @property
+    def rank(self) -> Rank:
+        """How much it matters."""
+        if self.what != "value":
+            return max_rank(self.key.kind)
+        return self.quantity.rank if self.quantity else "MEDIUM"
+
+
+def max_rank(kind: str) -> Rank:
+    """The worst that a difference of such a subject can be."""
+    ranks = [quantity.rank for (of, _), quantity in VOCABULARY.items() if of == kind]
+    return min(ranks, key=RANKS.index, default="MEDIUM")
+
+
+def differences(before: Table, after: Table, precision: Precision) -> list[Difference]:
+    """All facts that differ, worst first, in the order of the first table."""
+    gone, new = _absent(before, after), _absent(after, before)
+    found = [Difference(Key(*subject, ""), None, None, "missing") for subject in gone]
+    found += [Difference(Key(*subject, ""), None, None, "extra") for subject in new]
+    whole = {*gone, *new}
+    for key in dict.fromkeys((*before.facts, *after.facts)):
+        if (key.kind, key.name) in whole:
+            continue
+        old, now = _value(before, key), _value(after, key)
+        if not _same(key, old, now, precision, before):
+            found.append(Difference(key, _plain(old), _plain(now)))
+    return sorted(found, key=lambda d: RANKS.index(d.rank))
+
+
+def _absent(here: Table, there: Table) -> list[tuple[str, str]]:
+    """Subjects of one table that the other lacks though such a subject states something always."""
+    known = {(key.kind, key.name) for key in there.facts}
+    lost = dict.fromkeys(
+        (key.kind, key.name)
+        for key in here.facts
+        if (key.kind, key.name) not in known and _is_required(key)
+    )
+    return list(lost)
+
+
+def _is_required(key: Key) -> bool:
+    quantity = VOCABULARY.get((key.kind, key.quantity))
+    return quantity is not None and isinstance(quantity.unstated, Required)
+
+
+def _value(table: Table, key: Key) -> Value | Required:
+    if key in table.facts:
+        return table.facts[key]
+    quantity = VOCABULARY.get((key.kind, key.quantity))
+    return quantity.unstated if quantity else None
+
+
+def _plain(value: Value | Required) -> Value:
+    return None if isinstance(value, Required) else value
+
+
+def _same(
+    key: Key, old: Value | Required, new: Value | Required, precision: Precision, table: Table
+) -> bool:
+    if isinstance(old, Required) or isinstance(new, Required):
+        return old is new
+    if old is None or new is None or isinstance(old, bool | str) or isinstance(new, bool | str):
+        return old == new
+    quantity = VOCABULARY.get((key.kind, key.quantity))
+    comparison: Comparison = quantity.comparison if quantity else _guessed(old)
+    if comparison == "names":
+        return set(np.atleast_1d(old)) == set(np.atleast_1d(new))
+    a, b = _numbers(old), _numbers(new)
+    if a is None or b is None or a.shape != b.shape:
+        return old == new
+    tolerance = precision.of(key, comparison)
+    if comparison == "pose":
+        return _same_pose(a, b, tolerance)
+    size = float(np.linalg.norm(a))
+    if comparison == "length" and quantity is not None:
+        size = max(size, _size(table, key) ** {"m": 1, "m2": 2, "m3": 3}[quantity.unit])
+    with np.errstate(invalid="ignore"):
+        distance = float(np.linalg.norm(np.where(a == b, 0.0, a - b)))
+    return distance <= tolerance * size + ROUNDING
+
+
+def _guessed(value: object) -> Comparison:
+    return "vector" if isinstance(value, tuple) else "number"
+
+
+def _numbers(value: object) -> np.ndarray[tuple[int], np.dtype[np.float64]] | None:
+    try:
+        return np.atleast_1d(np.asarray(value, dtype=np.float64))
+    except (TypeError, ValueError):
+        return None
+
+
+def _same_pose(
+    a: np.ndarray[tuple[int], np.dtype[np.float64]],
+    b: np.ndarray[tuple[int], np.dtype[np.float64]],
+    tolerance: float,
+) -> bool:
+    if a.shape != (7,) or not (np.all(np.isfinite(a)) and np.all(np.isfinite(b))):
+        return bool(np.array_equal(a, b))
+    reach = max(1.0, float(np.abs(a[:3]).max()))
+    if not float(np.abs(a[:3] - b[:3]).max()) <= tolerance * reach + ROUNDING:
+        return False
+    if not (np.any(a[3:]) and np.any(b[3:])):
+        return bool(np.array_equal(a, b))
+    turns = [rotation_of(normalised_quat(tuple(map(float, q[3:])))) for q in (a, b)]  # type: ignore[arg-type] # four numbers
+    return bool(float(np.abs(turns[0] - turns[1]).max()) <= max(tolerance, 1e-15))
+
+
+def _size(table: Table, key: Key) -> float:
+    """m: root mean square distance of a mesh's corners from its body's origin."""
+    moments = table.facts.get(Key(key.kind, key.name, "corner moments"))
+    return math.sqrt(sum(moments[:3])) if isinstance(moments, tuple) else 0.0  # type: ignore[arg-type] # numbers
+
+
+# --- findings -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Group:
+    """Equal differences of several subjects."""
+
+    keys: tuple[Key, ...]
+    one: Difference
+
+
+def group(found: Sequence[Difference]) -> list[Group]:
+    """Differences of one quantity between the same two values, together; worst first."""
+    groups: dict[tuple[object, ...], list[Difference]] = {}
+    for item in found:
+        same = (item.what, item.key.kind, item.key.quantity, item.before, item.after)
+        groups.setdefault(same, []).append(item)
+    return [Group(tuple(d.key for d in some), some[0]) for some in groups.values()]
+
+
+def equality_findings(
+    found: Sequence[Difference], form: str, subject: str, places: Mapping[tuple[str, str], str]
+) -> Iterator[Finding]:
+    """One finding `equal.<form>.<quantity>` for each group. subject: what the file is called."""
+    for same in group(found):
+        first, keys = same.one, same.keys
+        slug = first.key.quantity.rsplit(":", 1)[-1] if first.what == "value" else first.what
+        data: dict[str, Scalar | tuple[Scalar, ...]] = {
+            "expected": _data(first.before),
+            "found": _data(first.after),
+        }
+        if len(keys) > 1:
+            data["subjects"] = tuple(key.subject for key in keys)
+        yield EQUAL.named(f"{form}.{_slug(slug)}")(
+            keys[0].subject,
+            f"{_sentence(first, subject)}{_others(keys)}",
+            data=data
+            if first.what == "value"
+            else {k: data[k] for k in ("subjects",) if k in data},
+            where=places.get((first.key.kind, first.key.name), ""),
+        )
+
+
+def _sentence(one: Difference, subject: str) -> str:
+    if one.what == "missing":
+        return f"{subject} lacks it"
+    if one.what == "extra":
+        return f"{subject} has it, the robot does not"
+    unit = one.quantity.unit if one.quantity else ""
+    before, after = shown(one.before, unit), shown(one.after, unit)
+    if before == after:
+        before, after = shown(one.before, unit, 17), shown(one.after, unit, 17)
+    return f"{one.key.quantity} is {after} in {subject}, {before} in the robot"
+
+
+def _others(keys: Sequence[Key]) -> str:
+    if len(keys) == 1:
+        return ""
+    names = ", ".join(f"`{key.name}`" for key in keys[1:NAMED])
+    rest = len(keys) - NAMED
+    return f"; so for {names}" + (f" and {rest} more" if rest > 0 else "")
+
+
+def _slug(text: str) -> str:
+    return "_".join(text.lower().replace("-", "_").split())
+
+
+def shown(value: Value, unit: str = "", digits: int = 6) -> str:
+    """A value for people."""
+    if value is None:
+        return "not stated"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, str):
+        return f"`{value}`" if value else "none"
+    if isinstance(value, tuple):
+        text = " ".join(f"{v:.{digits}g}" if isinstance(v, float) else str(v) for v in value)
+        return f"({text})" + (f" {unit}" if unit else "")
+    return f"{value:.{digits}g}" + (f" {unit}" if unit and " or " not in unit else "")
+
+
+def _data(value: Value) -> Scalar | tuple[Scalar, ...]:
+    """Plain data; numbers that are not finite as text, which JSON has no other form of."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, tuple):
+        return tuple(_scalar(v) for v in value)
+    return value
+
+
+def _scalar(value: float | str) -> Scalar:
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,166 @@
+"""What a reader of facts is: a plug-in that turns the files of one format into a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from pydantic import BaseModel, Field
+
+from assetbuild.engine.step import Files
+from assetbuild.errors import AssetBuildError
+from assetbuild.facts.compare import Difference, Precision, differences, equality_findings
+from assetbuild.facts.reference import Reference, robot_table
+from assetbuild.facts.table import Key, Table
+from assetbuild.findings import Finding, Rule
+from assetbuild.kinds import Check, RecipeView, write_figures
+from assetbuild.plugins import load_plugin, plugin_names
+
+UNREADABLE = Rule(
+    "equal.unreadable",
+    "error",
+    "a file of the bundle cannot be read back",
+    "of a bundle that nobody edited, report it: this is a bug",
+)
+UNREAD = Rule(
+    "equal.unread",
+    "error",
+    "a file says something that has no meaning known here, so nothing proves it right",
+    "of a bundle that nobody edited, report it: this is a bug",
+)
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What the comparison of one file with the robot gave."""
+
+    found: Table
+    differences: tuple[Difference, ...]
+    findings: tuple[Finding, ...]
+    compared: int
+
+
+class Reader(Check):
+    """Reads one format back and compares it with the robot: findings `equal.<form>.<quantity>`.
+
+    It shares no code with the writer of its format.
+    """
+
+    group: ClassVar[str] = "facts.readers"
+    reads: ClassVar[tuple[str, ...]] = (
+        "links.json",
+        "tree.json",
+        "shapes.json",
+        "control.json",
+        "assets.json",
+    )
+    isolated: ClassVar[bool] = True
+    form: ClassVar[str] = ""
+    """The format's name in rules: `mjcf` in `equal.mjcf.mass`."""
+    called: ClassVar[str] = ""
+    """The format's name in sentences: "the MJCF"."""
+    folder: ClassVar[str] = ""
+    """Where a bundle keeps what the target writes at the top of its own folder."""
+    suffixes: ClassVar[tuple[str, ...]] = ()
+    """Endings of files that it may read when a person names one; none: only in a bundle."""
+    precision: ClassVar[Precision] = Precision()
+    lacks: ClassVar[Mapping[str, str]] = {}
+    """`kind quantity`, or a whole `kind` -> why this format cannot say it."""
+    asks: ClassVar[tuple[str, ...]] = ()
+    """Sections of the recipe that decide how the format is written."""
+
+    robot: str
+    options: dict[str, Any] = Field(default_factory=dict)  # Any: plain JSON
+    """Those sections."""
+
+    @classmethod
+    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
+        """With the sections that it asks for."""
+        found = super().values(recipe)
+        return None if found is None else found | {"options": stated_options(recipe, cls.asks)}
+
+    def file(self, root: Path, robot: str) -> Path | None:
+        """The main file below `root`, the target's folder; None where there is none to compare."""
+        raise NotImplementedError
+
+    def read(self, path: Path) -> Table:
+        """The facts of a file. AssetBuildError where it is not readable."""
+        raise NotImplementedError
+
+    def expected(self, reference: Reference) -> Table:
+        """What the file must say: the robot's facts as far as the format holds them."""
+        return robot_table(reference).only(self.holds)
+
+    @property
+    def exactness(self) -> Precision:
+        """How exactly this file must agree."""
+        return self.precision
+
+    def found(self, path: Path, reference: Reference) -> Table:
+        """What is compared with `expected` of all that a file of this robot says."""
+        return self.read(path).only(self.holds)
+
+    @classmethod
+    def holds(cls, key: Key) -> bool:
+        """Whether the format can say this."""
+        return key.kind not in cls.lacks and f"{key.kind} {key.quantity}" not in cls.lacks
+
+    def prove(self, reference: Reference, path: Path) -> Proof:
+        """Compares a file with the robot."""
+        try:
+            known = self.found(path, reference)
+        except AssetBuildError as error:
+            unreadable = UNREADABLE("robot", f"{self.called}: {error.message}", error.hint)
+            return Proof(Table({}), (), (unreadable,), 0)
+        expected = self.expected(reference)
+        different = differences(expected, known, self.exactness)
+        findings = [*equality_findings(different, self.form, self.called, known.places)]
+        findings += [
+            UNREAD(
+                item.where,
+                f"{self.called} says {item.attribute} {item.text}, which nothing compares",
+                data={"attribute": item.attribute, "found": item.text},
+            )
+            for item in known.unread
+        ]
+        compared = len(dict.fromkeys((*expected.facts, *known.facts)))
+        return Proof(known, tuple(different), tuple(findings), compared)
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads what the target wrote; figures: how many facts were compared and differ."""
+        reference = Reference.of_ports(files.inputs, self.options)
+        path = self.file(files.inputs / self.needs[0], self.robot)
+        if path is None:
+            write_figures(files, {"facts": 0})
+            return
+        proof = self.prove(reference, path)
+        figures = {
+            "facts": proof.compared,
+            "differ": len(proof.differences),
+            "unread": len(proof.found.unread),
+        }
+        write_figures(files, figures)
+        yield from proof.findings
+
+
+def asked_sections() -> tuple[str, ...]:
+    """The sections of the recipe that any reader asks for."""
+    readers = (load_plugin(Reader, name) for name in plugin_names(Reader))
+    return tuple(sorted({section for reader in readers for section in reader.asks}))
+
+
+def stated_options(recipe: RecipeView, sections: tuple[str, ...]) -> dict[str, Any]:  # Any: JSON
+    """Sections of a recipe as plain data; one that it cannot have is left out."""
+    found: dict[str, Any] = {}  # Any: as above
+    for section in sections:
+        with suppress(KeyError):
+            value = recipe.value(section)
+            found[section] = (
+                value.model_dump(mode="json", by_alias=True)
+                if isinstance(value, BaseModel)
+                else value
+            )
+    return found

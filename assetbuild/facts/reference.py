@@ -1,0 +1,333 @@
+"""The robot of a build as a table of facts: what every format is compared with."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from assetbuild.errors import UsageError
+from assetbuild.facts.surface import Surface
+from assetbuild.facts.table import Table, Value, Writer
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import (
+    MOVING,
+    Actuator,
+    Contact,
+    Control,
+    Inertial,
+    Joint,
+    Keyframe,
+    Sensor,
+    Tree,
+)
+from assetbuild.robot.pose import IDENTITY, Pose
+from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, Shape, Shapes, Sphere
+
+SOLREF, SOLIMP = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
+"""MuJoCo's own softness, which a contact has that states none."""
+TYPES = {"revolute": "rotary", "continuous": "rotary", "prismatic": "linear"}
+
+
+@dataclass(frozen=True)
+class Assets:
+    """What the mesh and picture files of the robot hold, measured once.
+
+    surfaces: (name of the mesh, its surface in its own frame); pixels: (file, digest of the
+    picture's pixels).
+    """
+
+    surfaces: tuple[tuple[str, Surface], ...] = ()
+    pixels: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The robot that all formats must be.
+
+    links: the source's links; tree: the bodies after merging. options: sections of the recipe, by
+    name, that say how a format is written.
+    """
+
+    links: Tree
+    tree: Tree
+    shapes: Shapes
+    control: Control
+    assets: Assets
+    options: Mapping[str, Any]  # Any: plain JSON
+
+    @classmethod
+    def of_ports(cls, folder: Path, options: Mapping[str, Any]) -> Reference:  # Any: as above
+        """Of the ports of a step."""
+        files = RobotFiles(folder)
+        assets = decode(Assets, (folder / "assets.json").read_bytes())
+        return cls(files.links, files.tree, files.shapes, files.control, assets, options)
+
+    def to_json(self) -> str:
+        """`report/robot.json`."""
+        parts: dict[str, object] = {
+            "links": self.links, "tree": self.tree, "shapes": self.shapes,
+            "control": self.control, "assets": self.assets,
+        }  # fmt: skip
+        plain = {name: json.loads(encode(part)) for name, part in parts.items()}
+        plain["options"] = self.options
+        return json.dumps(plain, sort_keys=True, separators=(",", ":")) + "\n"
+
+    @classmethod
+    def of_bundle(cls, bundle: Path) -> Reference:
+        """Of `report/robot.json`; UsageError where it is missing or not readable."""
+        file = bundle / "report" / "robot.json"
+        try:
+            raw = json.loads(file.read_bytes())
+            parts = {name: json.dumps(raw[name]).encode() for name in raw if name != "options"}
+            return cls(
+                decode(Tree, parts["links"]), decode(Tree, parts["tree"]),
+                decode(Shapes, parts["shapes"]), decode(Control, parts["control"]),
+                decode(Assets, parts["assets"]), dict(raw["options"]),
+            )  # fmt: skip
+        except FileNotFoundError:
+            raise UsageError(
+                f"`{bundle}` is no bundle of this version: it has no report/robot.json",
+                hint="build it again, or give the MJCF, URDF or USD in it",
+            ) from None
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise UsageError(f"`{file}` is not the robot of a bundle: {error}") from None
+
+
+def robot_table(reference: Reference, *, merged: bool = True) -> Table:
+    """Every fact of the robot. merged: of the bodies that are simulated, else of the links."""
+    book = Writer()
+    tree = reference.tree if merged else reference.links
+    book.put("robot", "", {"base": tree.base, "base pose": pose_value(tree.X_world_root)})
+    above = tree.joint_above
+    for body in tree.bodies:
+        joint = above.get(body.name)
+        pose = {"pose": pose_value(joint.X_parent_joint)} if joint else {}
+        parent: dict[str, Value] = {"parent": joint.parent if joint else ""}
+        book.put("body", body.name, parent | pose | inertial_facts(body.inertial))
+    for frame in tree.frames:
+        book.put("frame", frame.name, {"body": frame.body, "pose": pose_value(frame.X_body_frame)})
+    for joint in tree.joints:
+        book.put("joint", joint.name, joint_facts(joint))
+        if joint.kind in MOVING:
+            book.put("joint", joint.name, drive_facts(joint, reference.control))
+    _shapes(tree, reference, book)
+    for first, second in filtered_pairs(tree, reference.shapes, reference.control):
+        book.put("pair", f"{first} {second}", {"filtered": True})
+    _senses(tree, reference.control, book)
+    for key in reference.control.keyframes:
+        _keyframe(key, tree, book)
+    simulation = reference.control.simulation
+    book.put(
+        "simulation",
+        "",
+        {
+            "timestep": simulation.timestep,
+            "decimation": float(simulation.decimation),
+            "gravity": tuple(simulation.gravity),
+        },
+    )
+    return book.table()
+
+
+def pose_value(pose: Pose) -> tuple[float, ...]:
+    """(x, y, z, w, x, y, z)."""
+    return (*pose.xyz, *pose.quat)
+
+
+def inertial_facts(inertial: Inertial | None) -> dict[str, Value]:
+    """Mass properties; a body without mass says nothing of a centre."""
+    if inertial is None:
+        return {"mass": 0.0}
+    return {
+        "mass": inertial.mass_kg,
+        "centre of mass": tuple(inertial.com_m),
+        "inertia": tuple(inertial.inertia_com_kg_m2),
+    }
+
+
+def joint_facts(joint: Joint) -> dict[str, Value]:
+    """Of the joint itself, in the frame of its child body, which is the joint's at q = 0."""
+    facts: dict[str, Value] = {
+        "type": TYPES.get(joint.kind, joint.kind),
+        "body": joint.child,
+        "parent": joint.parent,
+    }
+    if joint.kind in MOVING:
+        limited = joint.kind != "continuous"
+        facts |= {
+            "axis": tuple(joint.axis),
+            "lower": joint.limits.lower if limited else None,
+            "upper": joint.limits.upper if limited else None,
+        }
+    elif joint.kind == "planar":
+        facts["axis"] = tuple(joint.axis)
+    if joint.mimic is not None:
+        facts |= {
+            "mimics": joint.mimic.joint,
+            "mimic multiplier": joint.mimic.multiplier,
+            "mimic offset": joint.mimic.offset,
+        }
+    return facts
+
+
+def drive_facts(joint: Joint, control: Control) -> dict[str, Value]:
+    """Of what drives, brakes and limits a joint."""
+    row = control.by_joint.get(joint.name) or Actuator(
+        joint.name, "passive", damping=joint.damping or 0.0, friction=joint.friction or 0.0,
+        effort=joint.limits.effort, velocity=joint.limits.velocity,
+    )  # fmt: skip
+    facts: dict[str, Value] = {
+        "model": row.model, "kp": row.kp, "kd": row.kd, "damping": row.damping,
+        "friction": row.friction, "armature": row.armature, "effort": row.effort,
+        "velocity": row.velocity, "command range": row.ctrl,
+    }  # fmt: skip
+    if row.model == "dc_motor":
+        facts["stall"] = row.saturation
+    if row.name:
+        facts["drive name"] = row.name
+    if row.general is not None:
+        facts["drive parameters"] = json.dumps(row.general.model_dump(), sort_keys=True)
+    return facts
+
+
+# --- shapes ---------------------------------------------------------------------------------
+
+
+def _shapes(tree: Tree, reference: Reference, book: Writer) -> None:
+    materials = {material.name: material for material in reference.shapes.materials}
+    surfaces, pixels = dict(reference.assets.surfaces), dict(reference.assets.pixels)
+    own = dict(reference.control.contacts)
+    for shape in reference.shapes.shapes:
+        body, pose = tree.shape_placement(shape)
+        facts: dict[str, Value] = {"role": shape.role, "body": body}
+        facts |= geometry_facts(shape, pose, surfaces)
+        if shape.role == "visual":
+            material = materials.get(shape.material or "")
+            if material is not None:
+                facts["material"], facts["rgba"] = material.name, tuple(material.rgba)
+                facts["texture"] = pixels.get(material.texture or "")
+        else:
+            facts |= surface_facts(own.get(shape.name, reference.control.contact))
+        book.put("shape", shape.name, facts)
+
+
+def geometry_facts(shape: Shape, pose: Pose, surfaces: Mapping[str, Surface]) -> dict[str, Value]:
+    """Kind, size and place of a shape at `pose` in its body."""
+    geometry = shape.geometry
+    if isinstance(geometry, Mesh):
+        surface = surfaces[geometry.mesh].moved(pose)
+        return {"geometry": "mesh"} | surface.facts()
+    kind = type(geometry).__name__.lower()
+    return {"geometry": kind, "size": size_of(geometry), "pose": pose_value(pose)}
+
+
+def size_of(geometry: Box | Sphere | Cylinder | Capsule) -> tuple[float, ...]:
+    """Edges of a box; radius; radius and length; m."""
+    match geometry:
+        case Box(size):
+            return tuple(size)
+        case Sphere(radius):
+            return (radius,)
+        case Cylinder(radius, length) | Capsule(radius, length):
+            return (radius, length)
+
+
+def surface_facts(contact: Contact) -> dict[str, Value]:
+    """Of a surface that may touch something."""
+    return {
+        "friction": tuple(contact.friction),
+        "condim": float(contact.condim),
+        "priority": float(contact.priority),
+        "solref": tuple(contact.solref or SOLREF),
+        "solimp": tuple(contact.solimp or SOLIMP),
+        "margin": contact.margin,
+        "gap": contact.gap,
+        "mask": float(contact.mask),
+        "partners": float(contact.partners),
+    }
+
+
+def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tuple[str, str]]:
+    """Pairs of bodies (sorted) that both may touch something, and never each other.
+
+    Excluded by the recipe; one rigid piece; parent and child, unless the parent is part of the
+    world: MuJoCo's rules, which every format must follow. Or masks that never meet.
+    """
+    own = dict(control.contacts)
+    solid: dict[str, list[Contact]] = {}
+    for shape in shapes.of("collision"):
+        body = tree.placement(shape.link)[0]
+        solid.setdefault(body, []).append(own.get(shape.name, control.contact))
+    piece, above = _rigid_pieces(tree)
+    excluded = {frozenset(pair) for pair in control.excludes}
+    parents = not any("filterparent" in item.element for item in control.mjcf_only)
+    for first, second in itertools.combinations(sorted(solid), 2):
+        a, b = piece[first], piece[second]
+        near = parents and "" not in (a, b) and (above.get(a) == b or above.get(b) == a)
+        meets = any(
+            one.mask & two.partners or two.mask & one.partners
+            for one in solid[first]
+            for two in solid[second]
+        )
+        if frozenset((first, second)) in excluded or a == b or near or not meets:
+            yield first, second
+
+
+def _rigid_pieces(tree: Tree) -> tuple[dict[str, str], dict[str, str]]:
+    """(body -> its piece, piece -> the piece above): bodies that fixed joints hold together.
+
+    A piece is named by its topmost body, that of the world "".
+    """
+    piece, above = {tree.root: "" if tree.base == "fixed" else tree.root}, {}
+    for joint in tree.joints:  # parents first
+        if joint.kind == "fixed":
+            piece[joint.child] = piece[joint.parent]
+        else:
+            piece[joint.child] = joint.child
+            above[joint.child] = piece[joint.parent]
+    return piece, above
+
+
+# --- sensors, cameras, poses ----------------------------------------------------------------
+
+
+def _senses(tree: Tree, control: Control, book: Writer) -> None:
+    for sensor in control.sensors:
+        book.put("sensor", sensor.name, sensor_facts(sensor))
+    for camera in control.cameras:
+        body, pose = tree.placement(camera.link) if camera.link else ("", IDENTITY)
+        book.put(
+            "camera",
+            camera.name,
+            {
+                "body": body,
+                "pose": pose_value(pose @ camera.X_link_camera),
+                "field of view": camera.fovy,
+                "resolution": tuple(float(n) for n in camera.resolution),
+                "tracking": camera.tracking,
+            },
+        )
+
+
+def sensor_facts(sensor: Sensor) -> dict[str, Value]:
+    """Kind, object and noise of a sensor."""
+    relative = sensor.relative_to
+    return {
+        "type": sensor.kind,
+        "object": f"{sensor.at.kind} {sensor.at.name}".strip(),
+        "reference": f"{relative.kind} {relative.name}".strip() if relative else "",
+        "cutoff": sensor.cutoff,
+        "noise": sensor.noise,
+    }
+
+
+def _keyframe(key: Keyframe, tree: Tree, book: Writer) -> None:
+    if key.base is not None and tree.base == "floating":
+        book.put("keyframe", key.name, {"base pose": pose_value(key.base)})
+    for joint, value in key.joints:
+        book.put("keyframe", f"{key.name}/{joint}", {"position": value})

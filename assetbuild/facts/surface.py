@@ -1,0 +1,83 @@
+"""What a mesh is, in a few numbers that neither order nor format of its vertices changes.
+
+Sums over the corners of all triangles: whatever moves one vertex moves them, however a format
+shares, splits or orders vertices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from assetbuild.facts.table import Value
+from assetbuild.robot.pose import Array, Pose
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A triangle mesh in some frame.
+
+    triangles: their number. area: m2. volume: m3, signed: the sum of the tetrahedra with the mean
+    of all corners, so that an open mesh has the same wherever it lies. mean: (3,) m, mean of all corners. moments: (3, 3) m2, mean of their
+    outer products about the origin. uv: means of u, v, uu, vv, uv; empty without texture.
+    """
+
+    triangles: int
+    area: float
+    volume: float
+    mean: tuple[float, ...]
+    moments: tuple[tuple[float, ...], ...]
+    uv: tuple[float, ...] = ()
+
+    def moved(self, pose: Pose) -> Surface:
+        """The same mesh in the parent of its frame."""
+        turn, shift = pose.rotation, np.asarray(pose.xyz)
+        mean = turn @ np.asarray(self.mean)
+        second = turn @ np.asarray(self.moments) @ turn.T
+        second = second + np.outer(mean, shift) + np.outer(shift, mean) + np.outer(shift, shift)
+        return Surface(
+            self.triangles, self.area, self.volume,
+            tuple((mean + shift).tolist()), tuple(map(tuple, second.tolist())), self.uv,
+        )  # fmt: skip
+
+    def facts(self) -> dict[str, Value]:
+        """By the names of the vocabulary."""
+        m = self.moments
+        found: dict[str, Value] = {
+            "triangles": float(self.triangles),
+            "area": (self.area,),
+            "volume": (self.volume,),
+            "mean corner": tuple(self.mean),
+            "corner moments": (m[0][0], m[1][1], m[2][2], m[0][1], m[0][2], m[1][2]),
+        }
+        if self.uv:
+            found["texture corners"] = tuple(self.uv)
+        return found
+
+
+def measure(corners: ArrayLike, uv: ArrayLike | None = None) -> Surface:
+    """Of (n, 3, 3) corners of triangles, m, and (n, 3, 2) texture coordinates."""
+    points: Array = np.asarray(corners, dtype=np.float64).reshape(-1, 3, 3)
+    a, b, c = points[:, 0], points[:, 1], points[:, 2]
+    across = np.cross(b - a, c - a)
+    area = float(np.linalg.norm(across, axis=1).sum()) / 2.0
+    flat = points.reshape(-1, 3)
+    count = max(1, len(flat))
+    mean, moments = flat.sum(axis=0) / count, flat.T @ flat / count
+    volume = float(np.einsum("ij,ij->", a - mean, np.cross(b - mean, c - mean))) / 6.0
+    return Surface(
+        len(points), area, volume,
+        tuple(mean.tolist()), tuple(map(tuple, moments.tolist())), _uv_means(uv),
+    )  # fmt: skip
+
+
+def _uv_means(uv: ArrayLike | None) -> tuple[float, ...]:
+    if uv is None:
+        return ()
+    flat: Array = np.asarray(uv, dtype=np.float64).reshape(-1, 2)
+    if not len(flat):
+        return ()
+    u, v = flat[:, 0], flat[:, 1]
+    return tuple(float(np.mean(part)) for part in (u, v, u * u, v * v, u * v))

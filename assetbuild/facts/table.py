@@ -1,0 +1,105 @@
+"""Facts and tables of facts: `(kind, name, quantity) -> value`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+Value = bool | str | float | tuple[float, ...] | tuple[str, ...] | None
+"""SI units, radians, quaternions wxyz. None: unlimited, or "no such thing"."""
+
+
+class Key(NamedTuple):
+    """What a fact is about: `Key("joint", "FR_hip_joint", "armature")`.
+
+    kind: body, frame, joint, shape, ...: see `vocabulary`. name: the robot's name for the subject.
+    quantity: a name of the vocabulary; one with a colon (`mjcf:solmix`) is a word of one format,
+    which the vocabulary does not know.
+    """
+
+    kind: str
+    name: str
+    quantity: str
+
+    @property
+    def subject(self) -> str:
+        """`joint FR_hip_joint`, as findings name it."""
+        return f"{self.kind} {self.name}" if self.name else self.kind
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether it is a word of one format rather than of the vocabulary."""
+        return ":" in self.quantity
+
+
+@dataclass(frozen=True)
+class Unread:
+    """An attribute that a reader met and knows no meaning of.
+
+    where: the element or prim, with file and line where known; text: its value as it stands there.
+    """
+
+    where: str
+    attribute: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Table:
+    """Facts by key, in the order in which they were read.
+
+    places: `file:line` or path of a prim by (kind, name), where the reader knows it.
+    unread: what the reader found and did not understand.
+    """
+
+    facts: Mapping[Key, Value]
+    unread: tuple[Unread, ...] = ()
+    places: Mapping[tuple[str, str], str] = field(default_factory=dict)
+
+    def names(self, kind: str) -> tuple[str, ...]:
+        """The names of all subjects of a kind, in order."""
+        return tuple(dict.fromkeys(key.name for key in self.facts if key.kind == kind))
+
+    def of(self, kind: str, name: str) -> dict[str, Value]:
+        """The facts of one subject by quantity."""
+        return {k.quantity: v for k, v in self.facts.items() if (k.kind, k.name) == (kind, name)}
+
+    def only(self, holds: Callable[[Key], bool]) -> Table:
+        """The table without the facts that do not satisfy a condition."""
+        kept = {key: value for key, value in self.facts.items() if holds(key)}
+        return Table(kept, self.unread, self.places)
+
+    def __or__(self, other: Table) -> Table:
+        """Both tables; of facts that both have, the other's."""
+        return Table(
+            {**self.facts, **other.facts},
+            (*self.unread, *other.unread),
+            {**self.places, **other.places},
+        )
+
+
+class Writer:
+    """Collects facts while a reader walks a file: `book.put("joint", name, armature=0.01)`."""
+
+    def __init__(self) -> None:
+        self.facts: dict[Key, Value] = {}
+        self.unread: list[Unread] = []
+        self.places: dict[tuple[str, str], str] = {}
+
+    def put(self, kind: str, name: str, facts: Mapping[str, Value]) -> None:
+        """Notes facts of one subject by their quantities."""
+        for quantity, value in facts.items():
+            self.facts[Key(kind, name, quantity)] = value
+
+    def place(self, kind: str, name: str, where: str) -> None:
+        """Notes where a subject stands."""
+        self.places[kind, name] = where
+
+    def skip(self, where: str, attribute: str, value: object) -> None:
+        """Notes an attribute without a known meaning."""
+        self.unread.append(Unread(where, attribute, str(value)[:200]))
+
+    def table(self) -> Table:
+        """All that was noted."""
+        return Table(dict(self.facts), tuple(self.unread), dict(self.places))
