@@ -41,7 +41,6 @@ class MjlabReader(Reader):
 
     form: ClassVar[str] = FORM
     called: ClassVar[str] = "mjlab's module"
-    behind: ClassVar[tuple[str, ...]] = ("python/*_mjlab.py",)
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
     behind: ClassVar[tuple[str, ...]] = ("python/*_mjlab.py",)
     asks: ClassVar[tuple[str, ...]] = ("randomize", "feet", "imu", "mjlab")
