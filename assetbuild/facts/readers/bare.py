@@ -27,10 +27,12 @@ BROUGHT = ("actuator", "option", "keyframe", "drive")
 class BareFacts(MjcfReader):
     """Bodies, joints without drives, shapes, sites and the sensors of mjlab's tasks."""
 
+    version = "2"
     needs = ("mjlab",)
     form = "bare"
     called = "the bare MJCF"
     folder = ""
+    behind = ("mjcf/{robot}_bare.xml", "mjcf/assets/*")
     asks = ("feet", "imu")
     lacks: ClassVar[Mapping[str, str]] = {
         **LACKS,

@@ -17,10 +17,12 @@ from assetbuild.quantities import Positive
 class MjcfFacts(MjcfReader):
     """Every fact of the robot, in `<robot>.xml`."""
 
+    version = "2"
     needs = ("mjcf",)
     form = "mjcf"
     called = "the MJCF"
     folder = "mjcf"
+    behind = ("mjcf/{robot}.xml", "mjcf/assets/*")
     suffixes = (".xml", ".mjcf")
     asks = ("mjcf",)
     lacks = LACKS
