@@ -174,7 +174,7 @@ def _mimic(tree: Tree, joint: Joint, options: UsdOptions, book: Writer) -> None:
 
 def _shape(shape: Shape, reference: Reference, options: UsdOptions, book: Writer) -> None:
     """Colliders are hulls and guides, which no picture shows; visual meshes are shared."""
-    collides, is_mesh = shape.role == "collision", isinstance(shape.geometry, Mesh)
+    collides = shape.role == "collision"
     facts: dict[str, Value] = {
         "usd:purpose": "guide" if collides else "default",
         "usd:group": "collisions" if collides else "visuals",
@@ -182,10 +182,10 @@ def _shape(shape: Shape, reference: Reference, options: UsdOptions, book: Writer
     }
     if collides or shape.material is not None:
         facts["usd:binding strength"] = "weakerThanDescendants"
-    if is_mesh:
+    if isinstance(shape.geometry, Mesh):
         # Any other scheme would smooth it; shells that are open show from both sides in MuJoCo.
         facts |= {"usd:subdivisionScheme": "none", "usd:doubleSided": True}
-        facts |= _normals(shape, reference)
+        facts |= _normals(shape, shape.geometry.mesh, reference)
         if collides:
             facts |= {"usd:approximation": "convexHull", "usd:hullVertexLimit": HULL_VERTICES}
         elif options.instanceable:
@@ -197,10 +197,9 @@ def _shape(shape: Shape, reference: Reference, options: UsdOptions, book: Writer
     book.put("shape", shape.name, facts)
 
 
-def _normals(shape: Shape, reference: Reference) -> dict[str, Value]:
+def _normals(shape: Shape, mesh: str, reference: Reference) -> dict[str, Value]:
     """Those that the mesh states, in its body's axes; of its faces where it states none."""
-    assert isinstance(shape.geometry, Mesh)
-    surface = dict(reference.assets.surfaces)[shape.geometry.mesh]
+    surface = dict(reference.assets.surfaces)[mesh]
     if not surface.normals:
         return {"usd:normals": "of its faces"}
     _, pose = reference.tree.shape_placement(shape)

@@ -34,6 +34,7 @@ class UsdReader(Reader):
     form: ClassVar[str] = "usd"
     called: ClassVar[str] = "the USD"
     folder: ClassVar[str] = "usd"
+    behind: ClassVar[tuple[str, ...]] = ("usd/{robot}.usda", "usd/payloads/*")
     suffixes: ClassVar[tuple[str, ...]] = (".usd", ".usda", ".usdc", ".usdz")
     asks: ClassVar[tuple[str, ...]] = ("usd",)
     # Transforms and sizes are double precision.
@@ -68,7 +69,7 @@ class UsdReader(Reader):
         "sensor": "UsdPhysics has none; simulators add their own",
         "camera": "frameworks add their own",
         "keyframe": "USD has none: the start of each joint is the initial one",
-        "element": "MuJoCo's own elements",
+        "robot start pose": "`scene.usda` has it",
         "simulation": "`scene.usda` says it",
         "floor": "`scene.usda` has it",
     }

@@ -30,6 +30,7 @@ class UsdSceneReader(Reader):
     form: ClassVar[str] = "usd_scene"
     called: ClassVar[str] = "the USD scene"
     folder: ClassVar[str] = "usd"
+    behind: ClassVar[tuple[str, ...]] = ("usd/scene.usda",)
     precision: ClassVar[Precision] = Precision(FLOAT32)
     lacks: ClassVar[Mapping[str, str]] = {
         "robot base": _ROBOT,
@@ -43,7 +44,7 @@ class UsdSceneReader(Reader):
         "sensor": _ROBOT,
         "camera": _ROBOT,
         "body": _ROBOT,
-        "element": _MUJOCO,
+        "robot start pose": _ROBOT,
         "keyframe": "USD has none: each body stands where it starts",
         "simulation decimation": "the trainers' modules say it",
         "simulation integrator": _MUJOCO,

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from assetbuild.facts.mjlab_names import found_by_mjlab
 from assetbuild.facts.readers.mjlab import said
 from assetbuild.facts.reference import Reference, pose_value
+from assetbuild.facts.statements import put_words
 from assetbuild.facts.syntax import Module
 from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.facts.trainers import (
@@ -26,65 +27,75 @@ from assetbuild.facts.trainers import (
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.pose import Pose, rotation_of
 from assetbuild.robot.ranges import Randomize, RandomMatter, RandomPayload, claimed, per_axis
-from assetbuild.robot.tree import depth_first, forward_kinematics
+from assetbuild.robot.tree import forward_kinematics
 
 FORM = said.FORM
 CLASSES = {model: name for name, model in said.MODELS.items()}
-Foot = tuple[str, str, list[str]]
-"""Body, link of its site, collision shapes."""
 LOOPS = ("pd", "ideal_pd", "dc_motor")
 """Drives that hold a position, which mjlab's terms for gains and effort know."""
-TASK = {
-    "soft_joint_pos_limit_factor": 0.9, "num_envs": 4096, "cone": "elliptic", "impratio": 10,
-    "njmax": 300, "nconmax": None, "action": {"effort_share": 0.25, "rad": 0.5, "m": 0.05},
-    "foot_scan": {"radius": 0.04, "samples": 4},
-    "pose": {
-        "knees": "(?i).*(calf|knee).*", "standing": (0.05, 0.1), "walking": (0.3, 0.6),
-        "running": (0.3, 0.6),
-    },
-}  # fmt: skip
-"""What mjlab's own robots take, where the recipe's `mjlab` says nothing else."""
+COLLISION = re.compile(r".*_collision\d*")
+"""What mjlab's configurations call geoms that touch something."""
+
+
+@dataclass(frozen=True)
+class Foot:
+    """A body with soles. site: its lowest sole link; geoms: its soles in the bare MJCF."""
+
+    body: str
+    site: str
+    geoms: tuple[str, ...]
 
 
 def expected_table(reference: Reference, robot: str) -> Table:
     """All facts and words of the module."""
     book = Writer()
-    reference = found_by_mjlab(reference)
-    asked = TASK | (reference.options.get("mjlab") or {})
+    asked = {**said.TASK, **(reference.options.get("mjlab") or {})}
     drives = [a for a in reference.control.actuators if a.model in CLASSES]
-    feet = list(_feet(reference))
+    feet = _feet(reference)
     _robot(reference, robot, asked, feet, book)
-    _drives(reference, drives, asked["action"], book)
+    _drives(reference, asked["action"], drives, book)
     events = _events(reference, drives)
     for event in events:
         event.put(FORM, book)
     walks = reference.tree.base == "floating" and bool(feet) and bool(drives)
     if walks:
-        _walk(drives, asked["pose"], book)
+        _walk(asked["pose"], drives, book)
     text = _text(reference, asked, drives, feet, events, walks=walks)
-    Module.parsed(text, "expected").words(FORM, book, said.READ)
+    put_words(Module.parsed(text, "expected"), FORM, book, said.READ)
     return said.with_task_facts(book).table()
 
 
-def _feet(reference: Reference) -> Iterator[Foot]:
-    """(body, its lowest link of the recipe's feet, collision shapes of these), as MuJoCo counts."""
+def _feet(reference: Reference) -> list[Foot]:
+    """One for each body that stands on something, in the order of the bodies."""
     pattern = (reference.options.get("feet") or {}).get("links")
     tree, start = reference.tree, start_of(reference)
     X_root_body = forward_kinematics(tree, dict(start.joints))
-    upright = tree.root_pose(start)
-    found: dict[str, list[tuple[str, str]]] = {}
-    for shape in reference.shapes.of("collision") if pattern else ():
-        if re.fullmatch(str(pattern), shape.link):
-            body = tree.placement(shape.link)[0]
-            found.setdefault(body, []).append((shape.link, shape.name))
-    carried = [tree.joint_above[b.name] for b in tree.bodies if b.name in tree.joint_above]
-    for body in depth_first(tree.root, carried)[0]:
-        if body in found:
-            height = {
-                link: (upright @ X_root_body[body] @ tree.placement(link)[1]).xyz[2]
-                for link, _ in found[body]
-            }
-            yield body, min(height, key=lambda link: height[link]), [n for _, n in found[body]]
+    names = _geom_names(reference)
+    soles: dict[str, list[tuple[float, str, str]]] = {}
+    for shape in reference.shapes.of("collision"):
+        if pattern and re.fullmatch(pattern, shape.link):
+            body, X_body_link = tree.placement(shape.link)
+            X_world_link = tree.root_pose(start) @ X_root_body[body] @ X_body_link
+            sole = (X_world_link.xyz[2], shape.link, names[shape.name])
+            soles.setdefault(body, []).append(sole)
+    return [
+        Foot(body, min(own, key=lambda sole: sole[0])[1], tuple(geom for _, _, geom in own))
+        for body, own in sorted(soles.items(), key=lambda item: [*tree.by_body].index(item[0]))
+    ]
+
+
+def _geom_names(reference: Reference) -> dict[str, str]:
+    """What the bare MJCF calls collision shapes; a number tells new names apart from taken ones."""
+    names: dict[str, str] = {}
+    taken = {shape.name for shape in reference.shapes.shapes}
+    for shape in reference.shapes.of("collision"):
+        name = shape.name
+        if not COLLISION.fullmatch(name):
+            wanted = (f"{shape.name}_collision{n}" for n in ("", *range(2, len(taken) + 3)))
+            name = next(one for one in wanted if one not in taken)
+            taken.add(name)
+        names[shape.name] = name
+    return names
 
 
 def _robot(
@@ -101,8 +112,8 @@ def _robot(
         "XML": f"mjcf/{robot}_bare.xml",
         "ROOT_BODY": tree.root,
         "IMU_SITE": imu,
-        "FOOT_SITES": tuple(link for _, link, _ in feet),
-        "FOOT_GEOMS": tuple(shape for _, _, shapes in feet for shape in shapes),
+        "FOOT_SITES": tuple(foot.site for foot in feet),
+        "FOOT_GEOMS": tuple(geom for foot in feet for geom in foot.geoms),
         "robot_cfg": "EntityCfg",
         "spec_fn": "spec",
         "init_state": "EntityCfg.InitialStateCfg",
@@ -124,8 +135,8 @@ def _robot(
 
 def _drives(
     reference: Reference,
+    action: Mapping[str, float],
     drives: list[Actuator],
-    action: dict[str, float],
     book: Writer,
 ) -> None:
     """Numbers of joints that mjlab can drive; passive ones are whole in the bare MJCF."""
@@ -150,14 +161,18 @@ def _drives(
         book.put("joint", drive.joint, facts)
 
 
-def _walk(drives: list[Actuator], pose: dict[str, Any], book: Writer) -> None:  # Any: JSON
+def _walk(
+    pose: dict[str, Any],  # Any: JSON
+    drives: list[Actuator],
+    book: Writer,
+) -> None:
     """Which joints the velocity task keeps near their start, and how near."""
     for drive in drives:
         book.put("joint", drive.joint, {f"{FORM}:in JOINTS": True})
         if re.fullmatch(pose["knees"], drive.joint):
             book.put("joint", drive.joint, {f"{FORM}:in KNEES": True})
-    spreads = {name: tuple(pose[name]) for name in ("standing", "walking", "running")}
-    book.put("robot", "", {f"{FORM}:std_{name}": value for name, value in spreads.items()})
+    for gait in ("standing", "walking", "running"):
+        book.put("robot", "", {f"{FORM}:std_{gait}": tuple(pose[gait])})
 
 
 # --- events -----------------------------------------------------------------------------------
@@ -273,9 +288,8 @@ def _text(
     parts += [said.EVENTS] if events else []
     if walks:
         lines = "\n".join(f"    {line}" for line in _event_lines(reference, events))
-        words = {name: asked[name] for name in said.TASK}
-        words |= asked["foot_scan"]
-        parts.append(said.VELOCITY.format(**words, soles=_match(feet), events=lines))
+        words = {**asked, **asked["foot_scan"], "soles": _match(feet), "events": lines}
+        parts.append(said.VELOCITY.format(**words))
     return "\n".join(parts)
 
 
@@ -296,7 +310,6 @@ def _event_lines(reference: Reference, events: list[Event]) -> Iterator[str]:
 
 def _match(feet: list[Foot]) -> str:
     """Contacts count by foot: a foot of several shapes is its body."""
-    if all(len(shapes) == 1 for _, _, shapes in feet):
+    if all(len(foot.geoms) == 1 for foot in feet):
         return 'mode="geom", pattern=FOOT_GEOMS'
-    bodies = tuple(body for body, _, _ in feet)
-    return f'mode="body", pattern={bodies!r}'
+    return f'mode="body", pattern={tuple(foot.body for foot in feet)!r}'
