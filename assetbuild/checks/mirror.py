@@ -16,7 +16,7 @@ from assetbuild.robot.twins import parts_of, twins
 class Mirror(Check):
     """Findings `mirror.<what>`; figures: the pairs, and which axis of the root points sideways."""
 
-    version = "2"
+    version = "3"
     tools = ("numpy",)
     preload = ("numpy",)
     reads = ("tree.json", "control.json")

@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from assetbuild.control.actuator_findings import actuator_findings, row_findings
+from assetbuild.control.contact_findings import contact_findings
 from assetbuild.control.senses import (
     check_sensors,
     contacts,
@@ -76,7 +77,7 @@ class ControlStep(Step):
     `source_control.json`, whose words hold where the recipe has none.
     """
 
-    version = "7"
+    version = "8"
     outputs = ("control.json",)
 
     rows: tuple[ActuatorRow, ...] = ()
@@ -155,6 +156,7 @@ class ControlStep(Step):
         yield from actuator_findings(
             tree, control.actuators, has_table=bool(self.rows), only_mjcf=only_mjcf
         )
+        yield from contact_findings(shapes, control)
         (files.outputs / "control.json").write_bytes(encode(control))
 
 

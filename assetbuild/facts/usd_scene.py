@@ -20,6 +20,7 @@ from assetbuild.facts.usd_prims import (
     stage_facts,
     units_of,
 )
+from assetbuild.robot.floor import floor_of
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.simulators.usd_names import usd_identifier
@@ -165,7 +166,8 @@ def _light(prim: Prim, book: Writer) -> None:
 def scene_table(robot: str, reference: Reference) -> Table:
     """The robot in its initial pose, on a floor that rubs as its least rough surface.
 
-    PhysX takes the mean of two frictions, so that what the recipe says is what acts on most of it.
+    The larger friction of two surfaces acts, as in MuJoCo. Below a bolted robot that reaches under
+    its base the floor is lower: see `robot.floor`.
     """
     book = Writer()
     tree, control = reference.tree, reference.control
@@ -183,18 +185,18 @@ def scene_table(robot: str, reference: Reference) -> Table:
         "gravity": tuple(simulation.gravity),
         "timestep": 1.0 / round(1.0 / simulation.timestep),  # USD has whole steps per second
     })  # fmt: skip
-    surfaces = [control.contact, *(own for _, own in control.contacts if not own.priority)]
-    friction = tuple(min(v) for v in zip(*(s.friction for s in surfaces), strict=True))
+    ground = floor_of(tree, control)
     book.put("floor", "", {
-        "height": 0.0,
-        "friction": friction,
-        "usd:floor pose": pose_value(IDENTITY),
+        "height": ground.height_m,
+        "friction": ground.friction,
+        "usd:floor pose": pose_value(Pose((0.0, 0.0, ground.height_m))),
+        "usd:frictionCombineMode": "max",
         "usd:axis": "Z",
         "usd:width": FLOOR_M,
         "usd:length": FLOOR_M,
         "usd:extent": "its bounds",
         "usd:collides": True,
-        "usd:dynamicFriction": friction[0],
+        "usd:dynamicFriction": ground.friction[0],
         "usd:restitution": 0.0,
         "usd:binding strength": "weakerThanDescendants",
     })  # fmt: skip

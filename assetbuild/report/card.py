@@ -9,6 +9,7 @@ from assetbuild.report.document import Report
 from assetbuild.report.facts import Subject, center_of_mass, principal
 from assetbuild.report.grade import grade
 from assetbuild.report.tables import Record, Table, markdown_table, records, table
+from assetbuild.report.verdict import verdict_rows
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Actuator, Body, Joint
 from assetbuild.robot.shapes import Geometry, Mesh
@@ -30,7 +31,9 @@ def model_card(subject: Subject, report: Report) -> str:
 def _verdict(report: Report) -> str:
     ready = "yes" if report.verdict.ready else "no"
     blocked = ", ".join(f"`{rule}`" for rule in report.verdict.blocked_by)
-    return f"Ready for training: {ready}." + (f" Blocked by {blocked}." if blocked else "")
+    head = f"Ready for training: {ready}." + (f" Blocked by {blocked}." if blocked else "")
+    rows = [f"- {part}: {said}" for part, said in verdict_rows(report.verdict)]
+    return "\n".join([head, "", *rows])
 
 
 def card_tables(subject: Subject, report: Report) -> tuple[Table, ...]:

@@ -9,6 +9,8 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import Difference, Precision, differences, shown
 from assetbuild.facts.table import Key, Table
@@ -27,7 +29,7 @@ PAGES = ("report/report.json", "report/index.html", "report/report.md", "model_c
 NOISE = 0.01
 """Relative: what a figure of a check may change by."""
 TEXT = (".xml", ".urdf", ".yaml", ".py", ".md", ".html", ".usda", ".txt", "")
-READ_WHOLE = (".xml", ".urdf", ".usda", ".usdc", ".yaml")
+READ_WHOLE = (".xml", ".urdf", ".usda", ".usdc", ".yaml", ".py")
 """Endings of files that a reader of facts reads to the last attribute."""
 
 
@@ -217,7 +219,7 @@ def judge(item: Difference) -> tuple[Rank, str]:
     """How bad a change is, and what to think of."""
     old, new = item.before, item.after
     if item.key.quantity == "axis" and isinstance(old, tuple) and isinstance(new, tuple):
-        turned = sum(float(a) * float(b) for a, b in zip(old, new, strict=True))
+        turned = float(np.dot(np.asarray(old, float), np.asarray(new, float)))
         return item.rank, "turns the other way" if turned < -0.999 else ""
     if isinstance(old, float) and isinstance(new, float) and old and new:
         ratio = new / old

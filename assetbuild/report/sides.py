@@ -159,8 +159,8 @@ def foreign_side(path: Path) -> Side:
     """One model by the ending of its file; AssetBuildError for what cannot be read."""
     suffix = path.suffix.lower()
     if suffix == ".json":
-        made, simulator = readings(path)
-        read = _side(path, "readings", made, Precision(FLOAT32))
+        measured, simulator = readings(path)
+        read = _side(path, "readings", measured, Precision(FLOAT32))
         return replace(read, name=f"{path} ({simulator})")
     try:
         text = path.read_bytes() if suffix in (".xml", ".urdf", ".mjcf") else b""
@@ -216,7 +216,7 @@ def _merged_urdf(path: Path) -> Table:
 
 
 def readings(path: Path) -> tuple[Table, str]:
-    """(facts, simulator) that Isaac Lab measured, by `python/<robot>_isaaclab_measure.py` of a bundle."""
+    """(facts, simulator) that Isaac Lab measured by a bundle's `<robot>_isaaclab_measure.py`."""
     try:
         raw = json.loads(path.read_bytes())
         if raw["format"] != FORMAT:

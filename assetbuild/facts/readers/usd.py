@@ -69,7 +69,7 @@ class UsdReader(Reader):
         "sensor": "UsdPhysics has none; simulators add their own",
         "camera": "frameworks add their own",
         "keyframe": "USD has none: the start of each joint is the initial one",
-        "element": "MuJoCo's own elements",
+        "robot start pose": "`scene.usda` has it",
         "simulation": "`scene.usda` says it",
         "floor": "`scene.usda` has it",
     }

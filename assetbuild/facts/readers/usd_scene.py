@@ -44,7 +44,7 @@ class UsdSceneReader(Reader):
         "sensor": _ROBOT,
         "camera": _ROBOT,
         "body": _ROBOT,
-        "element": _MUJOCO,
+        "robot start pose": _ROBOT,
         "keyframe": "USD has none: each body stands where it starts",
         "simulation decimation": "the trainers' modules say it",
         "simulation integrator": _MUJOCO,

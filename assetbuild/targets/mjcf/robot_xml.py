@@ -108,7 +108,7 @@ class RobotXml:
             self.default(),
             self.asset(),
             self.worldbody(),
-            contact_section(self.tree, self.control, self.seats, self.body_names),
+            contact_section(self.tree, self.shapes, self.control, self.seats, self.body_names),
             equality_section(self.joints),
             self.actuator(),
             sensor_section(self.control, self.body_names, self.drive_names),

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade
 
+from assetbuild.robot.floor import Floor, floor_of
 from assetbuild.robot.model import Control
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
@@ -35,13 +36,7 @@ def write_scene(folder: Path, main: str, names: PrimPaths, control: Control) -> 
     stage = new_stage(folder / SCENE)
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
     _define_physics(stage, control)
-    floor = UsdGeom.Plane.Define(stage, "/World/floor")
-    floor.CreateAxisAttr(UsdGeom.Tokens.z)
-    floor.CreateWidthAttr(FLOOR_M)
-    floor.CreateLengthAttr(FLOOR_M)
-    floor.CreateExtentAttr([(-FLOOR_M / 2, -FLOOR_M / 2, 0.0), (FLOOR_M / 2, FLOOR_M / 2, 0.0)])
-    UsdPhysics.CollisionAPI.Apply(floor.GetPrim())
-    _bind_surface(stage, floor.GetPrim(), control)
+    _define_floor(stage, floor_of(names.tree, control))
     UsdLux.DomeLight.Define(stage, "/World/light").CreateIntensityAttr(1000.0)
     robot = UsdGeom.Xform.Define(stage, f"/World/{names.root}").GetPrim()
     robot.GetReferences().AddReference(f"./{main}")
@@ -55,16 +50,21 @@ def write_scene(folder: Path, main: str, names: PrimPaths, control: Control) -> 
     save(stage)
 
 
-def _bind_surface(stage: Usd.Stage, floor: Usd.Prim, control: Control) -> None:
-    """The robot's least friction, as in `scene.xml`: PhysX takes the mean of two surfaces."""
-    surfaces = [control.contact, *(own for _, own in control.contacts if not own.priority)]
-    sliding, torsional, rolling = (
-        min(values) for values in zip(*(s.friction for s in surfaces), strict=True)
-    )
+def _define_floor(stage: Usd.Stage, ground: Floor) -> None:
+    floor = UsdGeom.Plane.Define(stage, "/World/floor")
+    floor.CreateAxisAttr(UsdGeom.Tokens.z)
+    floor.CreateWidthAttr(FLOOR_M)
+    floor.CreateLengthAttr(FLOOR_M)
+    floor.CreateExtentAttr([(-FLOOR_M / 2, -FLOOR_M / 2, 0.0), (FLOOR_M / 2, FLOOR_M / 2, 0.0)])
+    if ground.height_m:
+        floor.AddTranslateOp().Set(Gf.Vec3d(0.0, 0.0, ground.height_m))
+    UsdPhysics.CollisionAPI.Apply(floor.GetPrim())
     UsdGeom.Scope.Define(stage, f"/World/{PHYSICS_MATERIALS}")
-    path = f"/World/{PHYSICS_MATERIALS}/floor"
-    surface = define_surface(stage, path, (sliding, torsional, rolling))
-    UsdShade.MaterialBindingAPI.Apply(floor).Bind(
+    surface = define_surface(stage, f"/World/{PHYSICS_MATERIALS}/floor", ground.friction)
+    # As in MuJoCo the larger friction of two surfaces acts; PhysX would take their mean.
+    combined = {"frictionCombineMode": "max"}
+    apply_foreign(surface.GetPrim(), "PhysxMaterialAPI", "physxMaterial", combined)
+    UsdShade.MaterialBindingAPI.Apply(floor.GetPrim()).Bind(
         surface, UsdShade.Tokens.weakerThanDescendants, "physics"
     )
 

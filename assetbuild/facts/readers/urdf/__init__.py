@@ -57,7 +57,7 @@ LACKS: Mapping[str, str] = {
     "keyframe": "URDF has no poses of the whole robot; SRDF has",
     "simulation": "URDF describes a robot, not a simulation",
     "floor": "URDF describes a robot, not a scene",
-    "element": "URDF has no place for MJCF",
+    "robot start pose": "URDF has no initial pose",
 }  # fmt: skip
 
 
@@ -74,6 +74,7 @@ class UrdfFacts(Reader):
     form: ClassVar[str] = "urdf"
     called: ClassVar[str] = "the URDF"
     folder: ClassVar[str] = "urdf"
+    behind: ClassVar[tuple[str, ...]] = ("urdf/*",)
     suffixes: ClassVar[tuple[str, ...]] = (".urdf",)
     lacks: ClassVar[Mapping[str, str]] = LACKS
 
