@@ -33,10 +33,10 @@ class IsaacLabReader(Reader):
     called: ClassVar[str] = "Isaac Lab's modules"
     needs: ClassVar[tuple[str, ...]] = ("isaaclab",)
     folder: ClassVar[str] = "python"
-    behind: ClassVar[tuple[str, ...]] = ("python/*_isaaclab_?.py", "python/*_isaaclab_measure.py")
+    behind: ClassVar[tuple[str, ...]] = ("python/*_isaaclab_*.py",)
     asks: ClassVar[tuple[str, ...]] = ("isaaclab", "usd", "randomize")
     lacks: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(("body", "frame", "shape", "pair", "sensor", "camera", "element"), IN_USD),
+        **dict.fromkeys(("body", "frame", "shape", "pair", "sensor", "camera"), IN_USD),
         "keyframe": "Isaac Lab starts in one pose: quantity `start`",
         "floor": "the environment brings its own",
         "robot base": IN_USD,
