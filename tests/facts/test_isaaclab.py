@@ -144,6 +144,12 @@ def test_a_field_of_the_other_generation_is_unread(tmp_path: Path):
     assert found["equal.unread"]["attribute"] == "effort_limit_sim"
 
 
+def test_a_quaternion_of_another_length_is_found(tmp_path: Path):
+    one = built(tiny_quadruped(), tmp_path)
+    found = one.edited("3", lambda text: text.replace("0.0, 1.0),  # x", "0.0, 1.01),  # x"))
+    assert found["equal.isaaclab.length_of_rot"] == {"expected": 1.0, "found": 1.01}
+
+
 def test_what_nobody_knows_is_unread(tmp_path: Path):
     one = built(tiny_quadruped(), tmp_path)
     for field in ("activate_contact_sensors=True", "joint_vel={'.*': 0.0}", "armature=0.01"):

@@ -147,6 +147,12 @@ def test_a_negated_start_is_found(tmp_path: Path):
     assert found["equal.mjlab.start"]["found"] == -0.8
 
 
+def test_a_quaternion_of_another_length_is_found(tmp_path: Path):
+    one = built(tiny_quadruped(), tmp_path, **WALKER)
+    found = one.edited(lambda text: text.replace("rot=(1.0,", "rot=(1.01,"))
+    assert found["equal.mjlab.length_of_rot"] == {"expected": 1.0, "found": 1.01}
+
+
 def test_what_nobody_knows_is_unread(tmp_path: Path):
     one = built(tiny_quadruped(), tmp_path, **WALKER)
     for field in ("armature=0.01", 'joint_vel={".*": 0.0}', "spec_fn=spec"):
