@@ -1,9 +1,11 @@
-"""Every single change of a Python module that could change what it does."""
+"""Every single change of a Python module, or of an XML file, that could change what it says."""
 
 from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Iterator
+
+from lxml import etree
 
 from assetbuild.facts.reader import Proof
 
@@ -34,6 +36,39 @@ def names(text: str, wanted: Callable[[], bool] = lambda: True) -> Iterator[tupl
                 yield _changed(tree, node, part, f"{said}x")
 
 
+def xml_values(data: bytes) -> Iterator[tuple[str, bytes]]:
+    """(what was changed, file) for each number and each text of an attribute."""
+    root = etree.fromstring(data)
+    for element in root.iter("*"):
+        for name, said in dict(element.attrib).items():
+            words = str(said).split()
+            for index, word in enumerate(words):
+                try:
+                    value: object = _other(float(word))
+                except ValueError:
+                    value = _other(word)
+                element.set(name, " ".join([*words[:index], str(value), *words[index + 1 :]]))
+                where = f"line {element.sourceline}: {element.tag} {name}"
+                yield f"{where}: {word} -> {value}", etree.tostring(root)
+            element.set(name, said)
+
+
+def xml_elements(data: bytes) -> Iterator[tuple[str, bytes]]:
+    """(what was changed, file) with each element removed, doubled, or with an unknown attribute."""
+    for number in range(1, len(list(etree.fromstring(data).iter("*")))):
+        for change in ("removed", "doubled", "given an attribute"):
+            root = etree.fromstring(data)
+            element = list(root.iter("*"))[number]
+            what = f"line {element.sourceline}: {element.tag} {change}"
+            if change == "given an attribute":
+                element.set("unknown", "1")
+            elif change == "doubled":
+                element.addnext(etree.fromstring(etree.tostring(element)))
+            elif (above := element.getparent()) is not None:
+                above.remove(element)
+            yield what, etree.tostring(root)
+
+
 def _changed(tree: ast.Module, node: ast.AST, part: str, value: object) -> tuple[str, str]:
     before = getattr(node, part)
     setattr(node, part, value)
@@ -57,8 +92,13 @@ def _other(value: object) -> object:
 
 
 def is_found(proof: Proof) -> bool:
-    """Whether a finding names the subject, the quantity and both values."""
+    """Whether a finding names the subject, the quantity and both values, or a subject as lost."""
     return any(
-        f.subject and ({"expected", "found"} <= set(f.data or ()) or "attribute" in (f.data or ()))
+        f.subject
+        and (
+            f.rule.endswith((".missing", ".extra"))
+            or {"expected", "found"} <= set(f.data or ())
+            or "attribute" in (f.data or ())
+        )
         for f in proof.findings
     )

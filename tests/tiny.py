@@ -53,6 +53,7 @@ from assetbuild.robot.shapes import (
     SourceShapes,
     Sphere,
 )
+from assetbuild.robot.tree import depth_first, merge_fixed_joints
 
 SEGMENT_M = 0.2
 FOOT_RADIUS_M = 0.02
@@ -218,6 +219,16 @@ def tiny_quadruped() -> TinyRobot:
         control=_quadruped_control(tuple(moving)),
         meshes={"trunk_box.obj": box_obj((0.4, 0.2, 0.1))},
     )
+
+
+def kept_feet() -> TinyRobot:
+    """The quadruped with feet that stay bodies of their own, each welded to its shin."""
+    robot = tiny_quadruped()
+    feet = [f"{leg}_foot" for leg, _, _ in LEGS]
+    merged, _ = merge_fixed_joints(robot.links, True, feet)
+    names, joints = depth_first(merged.root, merged.joints)
+    bodies = tuple(merged.by_body[name] for name in names)
+    return replace(robot, tree=replace(merged, bodies=bodies, joints=joints))
 
 
 def _leg_joints(leg: str, front: float, left: float) -> list[Joint]:

@@ -29,11 +29,12 @@ IN_USD = "stands in the USD"
 class IsaacLabReader(Reader):
     """Reads the modules for Isaac Lab back and compares them with the robot."""
 
+    version = "3"
     form: ClassVar[str] = FORM
     called: ClassVar[str] = "Isaac Lab's modules"
     needs: ClassVar[tuple[str, ...]] = ("isaaclab",)
     folder: ClassVar[str] = "python"
-    behind: ClassVar[tuple[str, ...]] = ("python/*_isaaclab_*.py",)
+    behind: ClassVar[tuple[str, ...]] = ("python/*_isaaclab_?.py", "python/*_isaaclab_measure.py")
     asks: ClassVar[tuple[str, ...]] = ("isaaclab", "usd", "randomize")
     lacks: ClassVar[Mapping[str, str]] = {
         **dict.fromkeys(("body", "frame", "shape", "pair", "sensor", "camera"), IN_USD),
