@@ -12,7 +12,15 @@ from typing import Any
 
 import pytest
 from mutants import is_found, literals, names
-from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, turned, write_robot_ports
+from tiny import (
+    TinyRobot,
+    odd_drives,
+    pendulum,
+    run_step,
+    tiny_quadruped,
+    turned,
+    write_robot_ports,
+)
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.reader import Proof
@@ -22,6 +30,7 @@ from assetbuild.facts.table import Key
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.ranges import Randomize
 from assetbuild.targets.isaaclab import IsaacLab
+from assetbuild.targets.isaaclab.options import IsaacLabOptions
 
 RANDOMIZE = Randomize.model_validate(
     {
@@ -96,6 +105,24 @@ def test_a_module_that_nobody_edited_is_the_robot(
     proof = built(robot, tmp_path, randomize=drawn).prove()
     assert proof.findings == ()
     assert proof.compared > 100
+
+
+def test_what_the_recipe_says_of_isaac_lab_is_expected(tmp_path: Path):
+    asked = IsaacLabOptions.model_validate(
+        {
+            "friction_buckets": 12, "clearance": 0.01, "contact_sensors": False,
+            "soft_joint_pos_limit_factor": 0.9,
+        }
+    )  # fmt: skip
+    assert built(quadruped(), tmp_path, options=asked, randomize=RANDOMIZE).prove().findings == ()
+
+
+def test_drives_without_a_limit_or_a_form_in_isaac_lab_are_what_they_are(tmp_path: Path):
+    proof = built(odd_drives(tiny_quadruped()), tmp_path).prove()
+    assert proof.findings == ()
+    drives = {joint: proof.found.of("joint", joint) for joint in proof.found.names("joint")}
+    assert drives["FR_thigh_joint"]["stall"] == 70.0
+    assert drives["FR_calf_joint"]["model"] == "motor"  # general, of which it has no form
 
 
 def test_names_that_no_usd_can_have_are_still_the_robots(tmp_path: Path):
