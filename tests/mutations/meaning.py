@@ -1,0 +1,167 @@
+"""Whether a changed file means something else, by the library of its own format."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from lxml import etree
+
+from tests.mutations import leaves
+from tests.mutations.bundle import form_of
+from tests.mutations.change import numbers_in
+
+Meaning = Any  # compared with == by `differ`, or None where the library refuses the file
+UNNAMED = {"signature", "narena", "nbuffer", "paths", "names_map", "path_meshadr", "npaths"}
+"""Of a compiled model: where it came from, and how much memory it takes."""
+
+
+def meaning(bundle: Path, file: str) -> Meaning:
+    """What a file of the bundle means; None where it means nothing, because it is refused."""
+    form = form_of(file)
+    try:
+        if form == "mjcf":
+            return [compiled(path) for path in _models(bundle, file)]
+        if form == "usd":
+            return composed(bundle)
+        if file.endswith(".urdf"):
+            return _element(etree.parse(str(bundle / file)).getroot())
+        if file.endswith(".obj"):
+            return _mesh(bundle / file)
+        if file.endswith(".png"):
+            return _pixels(bundle / file)
+        if form == "python":
+            return ast.dump(ast.parse((bundle / file).read_text(encoding="utf-8")))
+        return leaves.load(bundle / file)
+    except (ValueError, SyntaxError, etree.XMLSyntaxError, OSError, RuntimeError):
+        return None
+
+
+def differ(one: Meaning, two: Meaning) -> bool:
+    """Whether two meanings differ by more than rounding."""
+    if isinstance(one, dict) and isinstance(two, dict):
+        return one.keys() != two.keys() or any(differ(one[k], two[k]) for k in one)
+    if isinstance(one, list | tuple) and isinstance(two, list | tuple):
+        return len(one) != len(two) or any(differ(a, b) for a, b in zip(one, two, strict=True))
+    if isinstance(one, np.ndarray) and isinstance(two, np.ndarray):
+        if one.shape != two.shape or one.dtype.kind not in "f":
+            return not np.array_equal(one, two)
+        return not np.allclose(one, two, rtol=1e-9, atol=1e-14, equal_nan=True)
+    if isinstance(one, float) and isinstance(two, float):
+        return not (one == two or abs(one - two) <= 1e-9 * abs(one))
+    return type(one) is not type(two) or bool(one != two)
+
+
+# --- MJCF
+
+
+def _models(bundle: Path, file: str) -> list[Path]:
+    """The models that a file of the MJCF's folder is part of: itself, or all of an asset's."""
+    own = bundle / file
+    return [own] if own.suffix == ".xml" else sorted((bundle / "mjcf").glob("*.xml"))
+
+
+def compiled(path: Path) -> dict[str, Meaning]:
+    """Every array and number of the compiled model, names included. ValueError: refused."""
+    import mujoco
+
+    return _fields(mujoco.MjModel.from_xml_path(str(path)))
+
+
+def _fields(model: object) -> dict[str, Meaning]:
+    found: dict[str, Meaning] = {}
+    for name in dir(model):
+        if name.startswith("_") or name in UNNAMED:
+            continue
+        value = getattr(model, name)
+        if isinstance(value, np.ndarray):
+            found[name] = value.copy()
+        elif isinstance(value, bool | int | float | bytes | str):
+            found[name] = value
+        elif not callable(value):
+            found[name] = _fields(value)
+    return found
+
+
+# --- USD
+
+
+def composed(bundle: Path) -> list[Meaning]:
+    """Every field of every spec of the flattened stages, the robot's and its scene's."""
+    from pxr import Sdf, Usd
+
+    found: list[Meaning] = []
+    for root in sorted((bundle / "usd").glob("*.usd*")):
+        stage = Usd.Stage.Open(str(root))
+        instances = _opened(stage)
+        flat = stage.Flatten(addSourceFileComment=False)
+        paths: list[Sdf.Path] = []
+        flat.Traverse(Sdf.Path.absoluteRootPath, paths.append)
+        specs = {str(p): flat.GetObjectAtPath(p) for p in paths if not p.IsTargetPath()}
+        found += [instances, {at: _spec(spec, bundle) for at, spec in specs.items()}]
+    return found
+
+
+def _opened(stage: Any) -> list[str]:  # a stage
+    """The instances of a stage, which stand in its flattened form without numbered prototypes."""
+    stage.SetEditTarget(stage.GetSessionLayer())
+    found: list[str] = []
+    while instances := [prim for prim in stage.Traverse() if prim.IsInstance()]:
+        for prim in instances:
+            found.append(str(prim.GetPath()))
+            prim.SetInstanceable(False)
+    return sorted(found)
+
+
+def _spec(spec: Any, bundle: Path) -> dict[str, Meaning]:  # a spec of a layer
+    return {key: _plain(spec.GetInfo(key), bundle) for key in spec.ListInfoKeys()}
+
+
+def _plain(value: Any, bundle: Path) -> Meaning:  # whatever a field holds
+    name = type(value).__name__
+    if name.endswith("Array"):
+        return np.array(value)
+    if name == "AssetPath":
+        return str(value).replace(str(bundle), "")
+    return value
+
+
+# --- the others
+
+
+def _element(element: etree._Element) -> Meaning:
+    """Its tag, attributes and children; numbers as numbers."""
+    attributes = {str(k): numbers_in(str(v)) or str(v) for k, v in element.attrib.items()}
+    children = [_element(child) for child in element if isinstance(child.tag, str)]
+    return [str(element.tag), attributes, (element.text or "").strip(), children]
+
+
+def _mesh(path: Path) -> Meaning:
+    """The triangles of a Wavefront file by the values of their corners: order of lines is none."""
+    rows: dict[str, list[tuple[float, ...]]] = {"v": [], "vt": [], "vn": []}
+    faces: list[Meaning] = []
+    for line in path.read_text(encoding="utf-8").splitlines():
+        word, *parts = line.split() or [""]
+        if word in rows:
+            rows[word].append(tuple(map(float, parts)))
+        elif word == "f":
+            faces.append(tuple(tuple(part.split("/")) for part in parts))
+    names = ("v", "vt", "vn")
+    return [
+        tuple(
+            rows[name][int(index) - 1]
+            for corner in face
+            for name, index in zip(names, corner, strict=False)
+            if index
+        )
+        for face in faces
+    ]
+
+
+def _pixels(path: Path) -> Meaning:
+    from PIL import Image
+
+    with Image.open(path) as picture:
+        return np.array(picture.convert("RGBA"))
