@@ -22,6 +22,9 @@ Word = Literal["found", "vague", "missed"]
 """found: a finding names subject, quantity and both values. vague: only that something is wrong:
 a file is not readable, or an attribute has no known meaning. missed: nothing was said."""
 
+Identity = tuple[str, str, str]
+"""Rule, subject and data of a finding."""
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -39,7 +42,11 @@ class Read:
     reader: Reader
     file: Path
     table: Table
-    findings: frozenset[tuple[str, str, str]]
+    findings: frozenset[Identity]
+
+    def news(self, findings: Iterable[Finding]) -> list[Finding]:
+        """Those that the untouched bundle does not have, of any of its subjects."""
+        return [finding for finding in findings if not _identities(finding) <= self.findings]
 
 
 class Judge:
@@ -56,11 +63,11 @@ class Judge:
             path = reader.file(bundle / reader.folder, robot)
             if path is not None:
                 proof = reader.prove(self.reference, path)
-                known = frozenset(map(_identity, proof.findings))
+                known = frozenset(one for f in proof.findings for one in _identities(f))
                 self.reads.append(Read(reader, path, proof.found, known))
 
     @property
-    def alarms(self) -> list[tuple[str, str, str]]:
+    def alarms(self) -> list[Identity]:
         """What the readers find in the untouched bundle."""
         return sorted(finding for read in self.reads for finding in read.findings)
 
@@ -77,7 +84,7 @@ class Judge:
             except Exception:  # a reader that breaks is a finding of this run
                 said.append(_crash(read))
                 continue
-            said += [f for f in proof.findings if _identity(f) not in read.findings]
+            said += read.news(proof.findings)
             told += differences(read.table, proof.found, read.reader.precision)
         return Verdict(_word(said), _diff_word(told), tuple(map(_line, said)))
 
@@ -103,7 +110,7 @@ class Judge:
         for read in self.reads:
             try:
                 proof = _remembering(read).prove(reference, read.file)
-                said += [f for f in proof.findings if _identity(f) not in read.findings]
+                said += read.news(proof.findings)
             except Exception:
                 said.append(_crash(read))
         return Verdict(_word(said), _diff_word(told), tuple(map(_line, said)))
@@ -122,8 +129,13 @@ def _crash(read: Read) -> Finding:
     return Finding("crash", "error", read.reader.form, last)
 
 
-def _identity(finding: Finding) -> tuple[str, str, str]:
-    return finding.rule, finding.subject, json.dumps(finding.data, sort_keys=True, default=str)
+def _identities(finding: Finding) -> frozenset[Identity]:
+    """One for each subject that a finding is about, in whatever order it names them."""
+    data = {key: value for key, value in finding.data.items() if key != "subjects"}
+    text = json.dumps(data, sort_keys=True, default=str)
+    several = finding.data.get("subjects")
+    subjects = several if isinstance(several, tuple) else (finding.subject,)
+    return frozenset((finding.rule, str(subject), text) for subject in subjects)
 
 
 def names_both_values(finding: Finding) -> bool:

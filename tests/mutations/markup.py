@@ -10,8 +10,8 @@ from lxml import etree
 
 from tests.mutations.change import Mutation, pools, text_changes
 
-ALONE = {"robot/link", "robot/joint", "mujoco/include"}
-"""Elements of which a second one is no legal file."""
+SEVERAL = {"visual", "collision", "transmission", "sensor", "gazebo"}
+"""Elements of which a URDF may have one more; of an MJCF MuJoCo decides."""
 
 
 def walk(path: Path, file: str, random_: random.Random) -> Iterator[Mutation]:
@@ -43,7 +43,7 @@ def _structure(element: etree._Element, index: int, file: str, where: str) -> It
     whole = " ".join(etree.tostring(element, encoding="unicode", with_tail=False).split())
     tag = str(element.tag)
     yield Mutation(file, where, tag, "element deleted", whole, "", ("delete", index, "", ""))
-    if f"{parent.tag}/{tag}" not in ALONE:
+    if not file.endswith(".urdf") or tag in SEVERAL:
         key = ("double", index, "", "")
         yield Mutation(file, where, tag, "element duplicated", whole, whole, key)
 

@@ -16,6 +16,14 @@ from tests.mutations.change import numbers_in
 Meaning = Any  # compared with == by `differ`, or None where the library refuses the file
 UNNAMED = {"signature", "narena", "nbuffer", "paths", "names_map", "path_meshadr", "npaths"}
 """Of a compiled model: where it came from, and how much memory it takes."""
+DEFAULTS = {
+    ("origin", "xyz"): (0.0, 0.0, 0.0), ("origin", "rpy"): (0.0, 0.0, 0.0),
+    ("axis", "xyz"): (1.0, 0.0, 0.0), ("mesh", "scale"): (1.0, 1.0, 1.0),
+    ("dynamics", "damping"): (0.0,), ("dynamics", "friction"): (0.0,),
+    ("limit", "lower"): (0.0,), ("limit", "upper"): (0.0,),
+    ("mimic", "multiplier"): (1.0,), ("mimic", "offset"): (0.0,),
+}  # fmt: skip
+"""What a URDF means by not stating it."""
 
 
 def meaning(bundle: Path, file: str) -> Meaning:
@@ -132,10 +140,13 @@ def _plain(value: Any, bundle: Path) -> Meaning:  # whatever a field holds
 
 
 def _element(element: etree._Element) -> Meaning:
-    """Its tag, attributes and children; numbers as numbers."""
-    attributes = {str(k): numbers_in(str(v)) or str(v) for k, v in element.attrib.items()}
+    """Its tag, attributes and children; numbers as numbers, without what URDF's defaults say."""
+    stated = {str(k): numbers_in(str(v)) or str(v) for k, v in element.attrib.items()}
+    tag = str(element.tag)
+    attributes = {k: v for k, v in stated.items() if DEFAULTS.get((tag, k)) != v}
     children = [_element(child) for child in element if isinstance(child.tag, str)]
-    return [str(element.tag), attributes, (element.text or "").strip(), children]
+    kept = [child for child in children if child != ["origin", {}, "", []]]
+    return [tag, attributes, (element.text or "").strip(), kept]
 
 
 def _mesh(path: Path) -> Meaning:

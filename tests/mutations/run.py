@@ -74,15 +74,19 @@ def sample(
     for form in forms:
         found = mutations(bundle, (form,), seed)
         random_.shuffle(found)
-        if by_name:
-            seen: dict[tuple[str, str, str], int] = {}
-            rank: dict[Mutation, int] = {}
-            for one in found:
-                name = (Path(one.file).suffix, one.attribute, "")
-                rank[one] = seen[name] = seen.get(name, 0) + 1
-            found.sort(key=lambda one: rank[one])
-        drawn += found[:count]
+        drawn += (_names_first(found) if by_name else found)[:count]
     return drawn
+
+
+def _names_first(found: Sequence[Mutation]) -> list[Mutation]:
+    """One of each attribute name, then a second of each, and so on."""
+    seen: dict[tuple[str, str], int] = {}
+    rounds: list[int] = []
+    for one in found:
+        name = (Path(one.file).suffix, one.attribute)
+        seen[name] = seen.get(name, 0) + 1
+        rounds.append(seen[name])
+    return [one for _, one in sorted(zip(rounds, found, strict=True), key=lambda pair: pair[0])]
 
 
 def try_all(bundle: Path, chosen: Sequence[Mutation], processes: int) -> Iterator[Result]:
