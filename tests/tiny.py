@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
+from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.robot.codec import encode
 from assetbuild.robot.model import (
     Actuator,
@@ -79,6 +80,8 @@ def write_robot_ports(folder: Path, robot: TinyRobot) -> Path:
     (folder / "meshes").mkdir(exist_ok=True)
     for name, data in robot.meshes.items():
         (folder / "meshes" / name).write_bytes(data)
+    if isinstance(robot.shapes, Shapes):
+        run_step(MeasureAssets(), folder, folder)
     return folder
 
 

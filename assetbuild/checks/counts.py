@@ -1,7 +1,7 @@
 """Is every shape of the source still there, and every texture? Counted, not compared.
 
-`mjcf_equal` proves that the MJCF has the shapes of the robot; this check counts them against the
-description itself, read by another parser, so that nothing can be lost before.
+The MJCF's reader of facts proves that the MJCF has the shapes of the robot; this check counts them
+against the description itself, read by another parser, so that nothing can be lost before.
 """
 
 from __future__ import annotations

@@ -75,7 +75,7 @@ TORQUE = Rule(
 class Stand(Check):
     """Simulates `mjcf/scene.xml` in MuJoCo; a fixed base only has its joints judged."""
 
-    version = "4"
+    version = "5"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)

@@ -109,7 +109,7 @@ class _Row(NamedTuple):
 class Trials(Check):
     """Findings `trials.<what>`; one compilation of `mjcf/scene.xml` serves all experiments."""
 
-    version = "7"
+    version = "8"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)

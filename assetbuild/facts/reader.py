@@ -94,6 +94,15 @@ class Reader(Check):
         """What the file must say: the robot's facts as far as the format holds them."""
         return robot_table(reference).only(self.holds)
 
+    @property
+    def exactness(self) -> Precision:
+        """How exactly this file must agree."""
+        return self.precision
+
+    def found(self, path: Path, reference: Reference) -> Table:
+        """What is compared with `expected` of all that a file of this robot says."""
+        return self.read(path).only(self.holds)
+
     @classmethod
     def holds(cls, key: Key) -> bool:
         """Whether the format can say this."""
@@ -102,24 +111,23 @@ class Reader(Check):
     def prove(self, reference: Reference, path: Path) -> Proof:
         """Compares a file with the robot."""
         try:
-            found = self.read(path)
+            known = self.found(path, reference)
         except AssetBuildError as error:
             unreadable = UNREADABLE("robot", f"{self.called}: {error.message}", error.hint)
             return Proof(Table({}), (), (unreadable,), 0)
         expected = self.expected(reference)
-        known = found.only(self.holds)
-        different = differences(expected, known, self.precision)
-        findings = [*equality_findings(different, self.form, self.called, found.places)]
+        different = differences(expected, known, self.exactness)
+        findings = [*equality_findings(different, self.form, self.called, known.places)]
         findings += [
             UNREAD(
                 item.where,
                 f"{self.called} says {item.attribute} {item.text}, which nothing compares",
                 data={"attribute": item.attribute, "found": item.text},
             )
-            for item in found.unread
+            for item in known.unread
         ]
         compared = len(dict.fromkeys((*expected.facts, *known.facts)))
-        return Proof(found, tuple(different), tuple(findings), compared)
+        return Proof(known, tuple(different), tuple(findings), compared)
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads what the target wrote; figures: how many facts were compared and differ."""

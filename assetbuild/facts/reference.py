@@ -263,15 +263,16 @@ def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tup
         solid.setdefault(body, []).append(own.get(shape.name, control.contact))
     piece, above = _rigid_pieces(tree)
     excluded = {frozenset(pair) for pair in control.excludes}
+    parents = not any("filterparent" in item.element for item in control.mjcf_only)
     for first, second in itertools.combinations(sorted(solid), 2):
         a, b = piece[first], piece[second]
-        joined = a == b or ("" not in (a, b) and (above.get(a) == b or above.get(b) == a))
+        near = parents and "" not in (a, b) and (above.get(a) == b or above.get(b) == a)
         meets = any(
             one.mask & two.partners or two.mask & one.partners
             for one in solid[first]
             for two in solid[second]
         )
-        if frozenset((first, second)) in excluded or joined or not meets:
+        if frozenset((first, second)) in excluded or a == b or near or not meets:
             yield first, second
 
 

@@ -14,22 +14,19 @@ from numpy.typing import ArrayLike
 from assetbuild.facts.table import Value
 from assetbuild.robot.pose import Array, Pose
 
-CLOSED = 1e-4
-"""Share of its area that the area vectors of a closed mesh may add up to, by rounding."""
-
 
 @dataclass(frozen=True)
 class Surface:
     """A triangle mesh in some frame.
 
-    triangles: their number. area: m2. volume: m3, signed, of a closed mesh; None of an open one,
-    which encloses none. mean: (3,) m, mean of all corners. moments: (3, 3) m2, mean of their
+    triangles: their number. area: m2. volume: m3, signed: the sum of the tetrahedra with the mean
+    of all corners, so that an open mesh has the same wherever it lies. mean: (3,) m, mean of all corners. moments: (3, 3) m2, mean of their
     outer products about the origin. uv: means of u, v, uu, vv, uv; empty without texture.
     """
 
     triangles: int
     area: float
-    volume: float | None
+    volume: float
     mean: tuple[float, ...]
     moments: tuple[tuple[float, ...], ...]
     uv: tuple[float, ...] = ()
@@ -51,11 +48,10 @@ class Surface:
         found: dict[str, Value] = {
             "triangles": float(self.triangles),
             "area": (self.area,),
+            "volume": (self.volume,),
             "mean corner": tuple(self.mean),
             "corner moments": (m[0][0], m[1][1], m[2][2], m[0][1], m[0][2], m[1][2]),
         }
-        if self.volume is not None:
-            found["volume"] = (self.volume,)
         if self.uv:
             found["texture corners"] = tuple(self.uv)
         return found
@@ -67,13 +63,12 @@ def measure(corners: ArrayLike, uv: ArrayLike | None = None) -> Surface:
     a, b, c = points[:, 0], points[:, 1], points[:, 2]
     across = np.cross(b - a, c - a)
     area = float(np.linalg.norm(across, axis=1).sum()) / 2.0
-    volume = float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
-    openness = float(np.linalg.norm(across.sum(axis=0)))  # 0 of a closed mesh, by Gauss
     flat = points.reshape(-1, 3)
     count = max(1, len(flat))
     mean, moments = flat.sum(axis=0) / count, flat.T @ flat / count
+    volume = float(np.einsum("ij,ij->", a - mean, np.cross(b - mean, c - mean))) / 6.0
     return Surface(
-        len(points), area, volume if openness <= CLOSED * area else None,
+        len(points), area, volume,
         tuple(mean.tolist()), tuple(map(tuple, moments.tolist())), _uv_means(uv),
     )  # fmt: skip
 

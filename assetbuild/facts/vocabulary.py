@@ -128,7 +128,7 @@ _ROWS: tuple[Quantity, ...] = (
         ("triangles", "number", "", "MEDIUM", "of a mesh", None),
         ("area", "length", "m2", "HIGH", "of a mesh's triangles", None),
         ("volume", "length", "m3", "HIGH",
-         "of a closed mesh; negative where it is inside out", None),
+         "within a mesh, about the mean of its corners; negative where it is inside out", None),
         ("mean corner", "length", "m", "HIGH",
          "mean of the corners of a mesh's triangles, in its body's frame", None),
         ("corner moments", "length", "m2", "HIGH",

@@ -30,16 +30,22 @@ class MeasureAssets(Step):
             uv = None if mesh.uv is None else mesh.uv
             surfaces.append((asset.name, measure(mesh.vertices[mesh.faces], uv)))
         textures = sorted({m.texture for m in robot.shapes.materials if m.texture})
-        pixels = tuple((file, pixel_digest(robot.mesh_dir / file)) for file in textures)
+        read = {file: pixel_digest(robot.mesh_dir / file) for file in textures}
+        pixels = tuple((file, digest) for file, digest in read.items() if digest)
         (files.outputs / "assets.json").write_bytes(encode(Assets(tuple(surfaces), pixels)))
         yield from ()
 
 
 def pixel_digest(file: Path) -> str:
-    """Digest of the size and the RGBA pixels of a picture, whatever its file says besides."""
-    from PIL import Image
+    """Digest of the size and the RGBA pixels of a picture, whatever its file says besides.
 
-    with Image.open(file) as picture:
-        pixels = picture.convert("RGBA")
-        held = hashlib.sha256(repr(pixels.size).encode() + pixels.tobytes())
-    return held.hexdigest()[:16]
+    "" where it is missing or no picture, which the targets report.
+    """
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(file) as picture:
+            pixels = picture.convert("RGBA")
+    except (FileNotFoundError, UnidentifiedImageError):
+        return ""
+    return hashlib.sha256(repr(pixels.size).encode() + pixels.tobytes()).hexdigest()[:16]

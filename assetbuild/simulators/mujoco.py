@@ -198,20 +198,6 @@ def raise_base(model: Model, data: Data, height_m: float) -> None:
         data.qpos[int(model.jnt_qposadr[joint]) + 2] += height_m
 
 
-def driven_joint(model: Model, actuator: int) -> str:
-    """Name of the joint that an actuator of the Robot drives."""
-    return name_of(model, "joint", int(model.actuator_trnid[actuator, 0]))
-
-
-def largest_force(model: Model, actuator: int) -> float | None:
-    """N m or N: the limit of an actuator, that of the command of a plain motor; None = none."""
-    if model.actuator_forcelimited[actuator]:
-        return float(model.actuator_forcerange[actuator, 1])
-    if model.actuator_ctrllimited[actuator] and not model.actuator_biastype[actuator]:
-        return float(model.actuator_ctrlrange[actuator, 1])
-    return None
-
-
 # --- free fall ----------------------------------------------------------------------------------
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,12 +12,11 @@ import numpy as np
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.pose import Array
 from assetbuild.simulators.experiments import Motion, Sine
+from assetbuild.simulators.joint_drives import Drive, drives_of, read_drives
 from assetbuild.simulators.mujoco import (
     Data,
     Model,
     caught_warnings,
-    driven_joint,
-    largest_force,
     name_of,
     raise_base,
     turning,
@@ -128,9 +126,10 @@ def keyframe_motion(
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key(keyframe).id)
     raise_base(model, data, raised_m)
-    for index in range(model.nu):
-        if (joint := driven_joint(model, index)) in (servos or {}):
-            data.ctrl[index] = data.qpos[int(model.joint(joint).qposadr[0])]
+    for drive in read_drives(model):
+        if drive.joint_name in (servos or {}) and drive.holds_position:
+            position = float(data.qpos[int(model.jnt_qposadr[drive.joint])])
+            data.ctrl[drive.ctrl_index] = drive.command(position)
     with caught_warnings():
         mujoco.mj_forward(model, data)
         return _track(model, data, steps, every, None)
@@ -139,15 +138,13 @@ def keyframe_motion(
 def joint_numbers(model: Model, joint: str) -> dict[str, float]:
     """kp, kd, damping, effort, armature, friction of a joint; an infinite effort = no limit."""
     index = int(model.joint(joint).id)
-    dof = int(model.jnt_dofadr[index])
-    drives = [int(a) for a in np.flatnonzero(model.actuator_trnid[:, 0] == index)]
-    efforts = [force for a in drives if (force := largest_force(model, a)) is not None]
+    dof, found = int(model.jnt_dofadr[index]), drives_of(model, index)
     return {
-        "kp": sum((-float(model.actuator_biasprm[a, 1]) for a in drives), 0.0),
-        "kd": sum((-float(model.actuator_biasprm[a, 2]) for a in drives), 0.0),
-        "damping": float(model.dof_damping[dof]),
-        "effort": efforts[-1] if efforts else math.inf,
-        "armature": float(model.dof_armature[dof]),
+        "kp": found.kp,
+        "kd": found.kd,
+        "damping": float(model.dof_damping[dof]) + sum(d.damping for d in found.drives),
+        "effort": found.effort,
+        "armature": float(model.dof_armature[dof]) + sum(d.armature for d in found.drives),
         "friction": float(model.dof_frictionloss[dof]),
     }
 
@@ -159,10 +156,11 @@ def drive_as(model: Model, gains: Mapping[str, Actuator]) -> None:
     """
     import mujoco
 
-    for index in range(model.nu):
-        actuator = gains.get(driven_joint(model, index))
+    for drive in read_drives(model):
+        actuator, index = gains.get(drive.joint_name), drive.index
         if actuator is None:
             continue
+        model.actuator_gear[index, 0] = 1.0
         model.actuator_gaintype[index] = mujoco.mjtGain.mjGAIN_FIXED
         model.actuator_biastype[index] = mujoco.mjtBias.mjBIAS_AFFINE
         model.actuator_gainprm[index, :3] = (actuator.kp, 0.0, 0.0)
@@ -182,12 +180,13 @@ def _track(model: Model, data: Data, steps: int, every: int, sine: Sine | None) 
     coms: list[Array] = []
     touched = False
     sine = sine or Sine({}, {})
-    drives = {index: driven_joint(model, index) for index in range(model.nu)}
+    drives: tuple[Drive, ...] = read_drives(model) if sine.middle else ()
     for step in range(steps + 1):
         if step:
-            for index, joint in drives.items():
-                if joint in sine.middle:
-                    data.ctrl[index] = sine.target(joint, step * model.opt.timestep)
+            for drive in drives:
+                if drive.joint_name in sine.middle and drive.holds_position:
+                    target = sine.target(drive.joint_name, step * model.opt.timestep)
+                    data.ctrl[drive.ctrl_index] = drive.command(target)
             mujoco.mj_step(model, data)
             touched = touched or data.ncon > 0
         if step % every and step != steps:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from assetbuild.robot.actuators import action_scale
+from assetbuild.simulators.joint_drives import Drive, drives_of, read_drives
 from assetbuild.simulators.mujoco import (
     Model,
     at_key,
@@ -16,7 +18,7 @@ from assetbuild.simulators.mujoco import (
     turning,
     without,
 )
-from assetbuild.simulators.mujoco_trials import SEED, servo_joint
+from assetbuild.simulators.mujoco_trials import SEED
 
 CONTROL_S = 0.02
 """Between two commands."""
@@ -42,7 +44,11 @@ def shake(model: Model, seconds: float = 5.0, seed: int = SEED, finer: int = 1) 
     """
     import mujoco
 
-    servos = [(a, _action(model, a)) for a in range(model.nu) if servo_joint(model, a) is not None]
+    servos = [
+        (drive.ctrl_index, drive.command_step(_action(model, drive)))
+        for drive in read_drives(model)
+        if drive.holds_position
+    ]
     joints = turning(model)
     if not servos:
         return None
@@ -57,8 +63,8 @@ def shake(model: Model, seconds: float = 5.0, seed: int = SEED, finer: int = 1) 
         each = max(1, round(CONTROL_S / model.opt.timestep))
         for step in range(each * round(seconds / CONTROL_S)):
             if step % each == 0:
-                for actuator, scale in servos:
-                    data.ctrl[actuator] = commands[actuator] + scale * random.standard_normal()
+                for index, scale in servos:
+                    data.ctrl[index] = commands[index] + scale * random.standard_normal()
             mujoco.mj_step(model, data)
             if not is_finite(data):
                 ended = step * model.opt.timestep
@@ -68,14 +74,10 @@ def shake(model: Model, seconds: float = 5.0, seed: int = SEED, finer: int = 1) 
     return Shaken(ended, name, float(speeds.max()))
 
 
-def _action(model: Model, actuator: int) -> float:
+def _action(model: Model, drive: Drive) -> float:
     """rad or m; see `action_scale`."""
     import mujoco
 
-    joint = int(model.actuator_trnid[actuator, 0])
-    efforts = [float(model.jnt_actfrcrange[joint, 1])] if model.jnt_actfrclimited[joint] else []
-    if model.actuator_forcelimited[actuator]:
-        efforts.append(float(model.actuator_forcerange[actuator, 1]))
-    kp = -float(model.actuator_biasprm[actuator, 1])
-    unit = "m" if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
-    return action_scale(min(efforts, default=None), kp, unit)
+    effort = drives_of(model, drive.joint).effort
+    unit = "m" if model.jnt_type[drive.joint] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
+    return action_scale(effort if math.isfinite(effort) else None, drive.kp, unit)

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from assetbuild.errors import StepError
 from assetbuild.robot.pose import Array
+from assetbuild.simulators.joint_drives import Drive, drives_of, read_drives
 from assetbuild.simulators.mujoco import (
     Data,
     Model,
     at_key,
     caught_warnings,
     collision_geoms,
-    driven_joint,
     floors,
     is_finite,
-    largest_force,
     name_of,
     overlaps,
     turning,
@@ -77,6 +76,8 @@ def stand(
     if not floors(model):
         raise StepError("the scene has no floor: no plane in its world")
     floor = floors(model)[0]
+    laws = [(d, (external or {})[d.joint_name]) for d in read_drives(model)
+            if d.gain and d.joint_name in (external or {})]  # fmt: skip
     with caught_warnings() as said:
         data = at_key(model, key)
         target = np.array(data.qpos)
@@ -85,7 +86,7 @@ def stand(
         X_start = np.array(data.xpos[1]), np.array(data.xmat[1]).reshape(3, 3)
         touched: set[str] = set()
         for _ in range(max(1, round(seconds / model.opt.timestep))):
-            _drive_outside(model, data, target, external or {})
+            _drive_outside(model, data, target, laws)
             mujoco.mj_step(model, data)
             touched |= _on_floor(model, data, floor)
         mujoco.mj_forward(model, data)
@@ -142,27 +143,24 @@ def _on_floor(model: Model, data: Data, floor: int) -> set[str]:
     return {name_of(model, "geom", geom) for geom in others}
 
 
-def _drive_outside(model: Model, data: Data, target: Array, external: Mapping[str, Gains]) -> None:
+def _drive_outside(
+    model: Model, data: Data, target: Array, laws: Sequence[tuple[Drive, Gains]]
+) -> None:
     """What a controller with these gains would command before this step."""
-    if not external:
-        return
-    for actuator in range(model.nu):
-        joint = int(model.actuator_trnid[actuator, 0])
-        gains = external.get(name_of(model, "joint", joint))
-        if gains is None:
-            continue
-        q, v = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+    for drive, gains in laws:
+        q, v = int(model.jnt_qposadr[drive.joint]), int(model.jnt_dofadr[drive.joint])
         torque = gains.kp * (target[q] - data.qpos[q]) - gains.kd * data.qvel[v]
         if gains.effort is not None:
             torque = max(-gains.effort, min(gains.effort, torque))
-        data.ctrl[actuator] = torque
+        data.ctrl[drive.ctrl_index] = torque / drive.gain
 
 
 def _load(model: Model, data: Data) -> dict[str, float]:
     load = {}
-    for actuator in range(model.nu):
-        limit = largest_force(model, actuator)
-        if limit:
-            force = abs(float(data.actuator_force[actuator]))
-            load[driven_joint(model, actuator)] = force / limit
+    for joint in turning(model):
+        found = drives_of(model, joint)
+        torque = float(data.qfrc_actuator[int(model.jnt_dofadr[joint])])
+        limit = found.torque[1] if torque > 0.0 else -found.torque[0]
+        if found.drives and 0.0 < limit < math.inf:
+            load[name_of(model, "joint", joint)] = abs(torque) / limit
     return load

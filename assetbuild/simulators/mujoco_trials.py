@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from assetbuild.robot.pose import Array
+from assetbuild.simulators.joint_drives import read_drives
 from assetbuild.simulators.mujoco import (
     Data,
     Model,
     at_key,
     caught_warnings,
-    driven_joint,
     floors,
     is_finite,
     name_of,
@@ -73,30 +73,20 @@ def answers(model: Model) -> Mapping[str, Answer]:
         hold_base(model)
         model.opt.gravity[:] = 0.0
         steps = max(4, round(1.0 / FREQUENCY_HZ / model.opt.timestep))
-        for actuator in range(model.nu):
-            joint = servo_joint(model, actuator)
-            if joint is None:
+        for drive in read_drives(model):
+            if not drive.holds_position:
                 continue
             data = at_key(model)
-            asked = _swing(model, joint)
-            at, middle = int(model.jnt_qposadr[joint]), float(data.ctrl[actuator])
+            asked = _swing(model, drive.joint)
+            at, middle = int(model.jnt_qposadr[drive.joint]), float(data.ctrl[drive.ctrl_index])
             start, moved = float(data.qpos[at]), 0.0
             for step in range(steps):
                 wave = math.sin(2.0 * math.pi * (step + 1) / steps)
-                data.ctrl[actuator] = middle + asked * wave
+                data.ctrl[drive.ctrl_index] = middle + drive.command_step(asked * wave)
                 mujoco.mj_step(model, data)
                 moved = max(moved, abs(float(data.qpos[at]) - start))
-            found[driven_joint(model, actuator)] = Answer(asked, moved)
+            found[drive.joint_name] = Answer(asked, moved)
     return found
-
-
-def servo_joint(model: Model, actuator: int) -> int | None:
-    """The joint that a position servo drives; None for other actuators and transmissions."""
-    bias = float(model.actuator_biasprm[actuator, 1])
-    is_servo = bias < 0.0 and float(model.actuator_gainprm[actuator, 0]) > 0.0
-    if not is_servo or int(model.actuator_trntype[actuator]) != 0:
-        return None
-    return int(model.actuator_trnid[actuator, 0])
 
 
 def _swing(model: Model, joint: int) -> float:
@@ -171,10 +161,10 @@ def _commanded(model: Model, finer: int, seconds: float = 0.3) -> Array:
         steps = max(2, round(seconds / model.opt.timestep))
         model.opt.timestep = model.opt.timestep / finer
         data = at_key(model)
-        for actuator in range(model.nu):
-            joint = servo_joint(model, actuator)
-            if joint is not None:
-                data.ctrl[actuator] += 0.5 * _swing(model, joint)
+        for drive in read_drives(model):
+            if drive.holds_position:
+                step = drive.command_step(0.5 * _swing(model, drive.joint))
+                data.ctrl[drive.ctrl_index] += step
         for _ in range(steps):
             mujoco.mj_step(model, data, finer)
             rows.append(np.array(data.qpos) if is_finite(data) else np.full(model.nq, np.nan))

@@ -14,9 +14,9 @@ from pxr import Gf, Usd
 from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
 from assetbuild.checks.alignment.pair import root_row
-from assetbuild.checks.mjcf_equal import MjcfEqual
 from assetbuild.checks.urdf_reload import UrdfReload
 from assetbuild.checks.usd_equal import UsdEqual
+from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.findings import Finding
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat
@@ -141,11 +141,11 @@ def test_a_root_lost_in_usd_is_found(
 
 def test_a_root_lost_in_mjcf_is_found(tmp_path: Path) -> None:
     inputs = check_inputs(tmp_path, hung(), Mjcf(robot="robot"), "mjcf")
-    assert run_step(MjcfEqual(robot="robot"), inputs, tmp_path / "a") == []
+    assert run_step(MjcfFacts(robot="robot"), inputs, tmp_path / "a") == []
     path = inputs / "mjcf/robot.xml"
     path.write_text(re.sub(r'(<body name="base"[^>]*) quat="[^"]*"', r"\1", path.read_text()))
-    found = run_step(MjcfEqual(robot="robot"), inputs, tmp_path / "b")
-    assert {f.rule for f in found} == {"equal.mjcf.pose"}
+    found = run_step(MjcfFacts(robot="robot"), inputs, tmp_path / "b")
+    assert {f.rule for f in found} == {"equal.mjcf.base_pose"}
 
 
 def test_a_root_lost_in_urdf_is_found(tmp_path: Path) -> None:

@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 from tiny import TinyRobot, check_inputs, run_step, tiny_quadruped, write_robot_ports
 
-from assetbuild.checks.mjcf_equal import MjcfEqual
 from assetbuild.control.control import ControlStep
 from assetbuild.control.source_control import Stated, join
+from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.findings import Finding
 from assetbuild.quantities import Model
 from assetbuild.robot.contact import Contact, Contacts
@@ -89,7 +89,7 @@ def test_the_check_sees_that_an_mjcf_has_another_value(key: str, plain: Path, tm
     assert list(equal(plain, tmp_path / "same")) == []
     changed = write_robot_ports(tmp_path / "robot", with_other(tiny_quadruped(), key))
     (changed / "mjcf").symlink_to(plain / "mjcf")
-    assert list(equal(changed, tmp_path / "found")), f"`mjcf_equal` does not compare `{key}`"
+    assert list(equal(changed, tmp_path / "found")), f"the MJCF's reader does not compare `{key}`"
 
 
 @pytest.mark.parametrize("key", IN_MJCF)
@@ -115,7 +115,7 @@ def test_the_recipe_wins_over_an_mjcf_where_it_states_the_key(key: str):
 
 
 def equal(inputs: Path, outputs: Path) -> Iterator[Finding]:
-    yield from run_step(MjcfEqual(robot="robot"), inputs, outputs)
+    yield from run_step(MjcfFacts(robot="robot"), inputs, outputs)
 
 
 def read_back(mjcf: Path, folder: Path) -> SourceControl:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from tiny import TinyRobot, ball_inertial, box_inertial, run_step, write_robot_ports
 
-from assetbuild.checks.mjcf_equal import MjcfEqual
+from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.robot.chains import find_chains
 from assetbuild.robot.model import Actuator, Body, Control, Frame, Inertial, Joint, Limits, Tree
 from assetbuild.robot.pose import Pose, normalised_quat
@@ -86,7 +86,7 @@ def test_they_move_as_the_robot_does(tmp_path: Path):
 def test_the_check_agrees(kinds: tuple[str, ...], tmp_path: Path):
     robot = hip(kinds)
     built(robot, tmp_path)
-    assert run_step(MjcfEqual(robot="hip"), tmp_path / "in", tmp_path / "out") == []
+    assert run_step(MjcfFacts(robot="hip"), tmp_path / "in", tmp_path / "out") == []
 
 
 def test_the_check_sees_a_joint_in_the_wrong_place(tmp_path: Path):
@@ -94,7 +94,7 @@ def test_the_check_sees_a_joint_in_the_wrong_place(tmp_path: Path):
     path = tmp_path / "in/mjcf/hip.xml"
     moved = re.sub(r'(name="j0"[^>]* pos=")[^"]*', r"\g<1>1 2 3", path.read_text())
     path.write_text(moved)
-    found = run_step(MjcfEqual(robot="hip"), tmp_path / "in", tmp_path / "out")
+    found = run_step(MjcfFacts(robot="hip"), tmp_path / "in", tmp_path / "out")
     assert "equal.mjcf.anchor" in {f.rule for f in found}
 
 

@@ -19,8 +19,8 @@ from tiny import (
     write_robot_ports,
 )
 
-from assetbuild.checks.mjcf_equal import MjcfEqual
 from assetbuild.errors import StepError
+from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Actuator, Camera, Contact, General, Place, Sensor
@@ -63,7 +63,7 @@ def built(
     inputs = check_inputs(folder, robot, Mjcf(robot="robot"), "mjcf")
     path = inputs / "mjcf/robot.xml"
     path.write_text(spoil(path.read_text()))
-    findings = run_step(MjcfEqual(robot="robot"), inputs, folder / "out")
+    findings = run_step(MjcfFacts(robot="robot"), inputs, folder / "out")
     return mujoco.MjModel.from_xml_path(str(path)), findings, path.read_text()
 
 
@@ -107,9 +107,9 @@ def test_a_camera_looks_where_it_is_told(tmp_path: Path) -> None:
 
 
 SPOILT = {
-    "contact": ('condim="6"', 'condim="4"'),
-    "sensor": ('<gyro name="trunk_gyro"', '<accelerometer name="trunk_gyro"'),
-    "camera": ('fovy="', 'fovy="1'),
+    "condim": ('condim="6"', 'condim="4"'),
+    "type": ('<gyro name="trunk_gyro"', '<accelerometer name="trunk_gyro"'),
+    "field_of_view": ('fovy="', 'fovy="1'),
 }  # fmt: skip
 
 

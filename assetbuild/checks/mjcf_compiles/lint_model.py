@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -10,6 +11,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.robot.pose import Array
 from assetbuild.robot.twins import Motion, Part
 from assetbuild.simulators import mujoco
+from assetbuild.simulators.joint_drives import Drive, drives_of, read_drives
 
 RANGE_TOLERANCE = 1e-6
 """rad or m; a number that was rounded from the limit itself is inside."""
@@ -76,7 +78,9 @@ def _keyframe(model: mujoco.Model, key: int) -> Iterator[Finding]:
             and not low - RANGE_TOLERANCE <= value <= high + RANGE_TOLERANCE
         ):
             yield _outside(KEY_CTRL, model, "actuator", drive, name, value, low, high)
-        yield from _target(model, drive, name, qpos, value)
+    for servo in read_drives(model):
+        if servo.kind == "servo":
+            yield from _target(model, servo, name, qpos, float(ctrl[servo.ctrl_index]))
 
 
 def _outside(
@@ -91,20 +95,16 @@ def _outside(
 
 
 def _target(
-    model: mujoco.Model, drive: int, key: str, qpos: Array, value: float
+    model: mujoco.Model, servo: Drive, key: str, qpos: Array, command: float
 ) -> Iterator[Finding]:
     """A position drive that pulls away from the pose it starts in."""
-    gain, bias = float(model.actuator_gainprm[drive, 0]), float(model.actuator_biasprm[drive, 1])
-    joint = int(model.actuator_trnid[drive, 0])
-    if int(model.actuator_trntype[drive]) != 0 or gain <= 0.0 or bias != -gain:
-        return
-    at = float(qpos[model.jnt_qposadr[joint]])
-    if abs(at - value) > TARGET_TOLERANCE:
+    at, target = float(qpos[model.jnt_qposadr[servo.joint]]), servo.target(command)
+    if abs(at - target) > TARGET_TOLERANCE:
         yield KEY_TARGET(
-            f"actuator {mujoco.name_of(model, 'actuator', drive)}",
-            f"keyframe `{key}`: its target is {value:g}, the joint stands at {at:g}",
+            f"actuator {mujoco.name_of(model, 'actuator', servo.index)}",
+            f"keyframe `{key}`: its target is {target:g}, the joint stands at {at:g}",
             hint="give the keyframe a `ctrl` that equals its positions",
-            data={"keyframe": key, "target": value, "position": at},
+            data={"keyframe": key, "target": target, "position": at},
         )
 
 
@@ -120,8 +120,6 @@ def parts_of(model: mujoco.Model) -> tuple[Part, ...]:
     data = mj.MjData(model)
     mj.mj_kinematics(model, data)
     root, origin = np.array(data.xmat[1]).reshape(3, 3), np.array(data.xpos[1])
-    drives = {int(model.actuator_trnid[i, 0]): i for i in range(model.nu)
-              if int(model.actuator_trntype[i]) == 0}  # fmt: skip
     parts = []
     for index in range(1, model.nbody):
         turn = root.T @ np.array(data.ximat[index]).reshape(3, 3)
@@ -135,28 +133,24 @@ def parts_of(model: mujoco.Model) -> tuple[Part, ...]:
                 root.T @ (np.array(data.xipos[index]) - origin),
                 turn @ np.diag(model.body_inertia[index]) @ turn.T,
                 tuple(
-                    _motion(model, joint, root.T @ np.array(data.xaxis[joint]), drives.get(joint))
-                    for joint in joints
+                    _motion(model, joint, root.T @ np.array(data.xaxis[joint])) for joint in joints
                 ),
             )
         )
     return tuple(parts)
 
 
-def _motion(model: mujoco.Model, joint: int, axis: Array, drive: int | None) -> Motion:
+def _motion(model: mujoco.Model, joint: int, axis: Array) -> Motion:
+    found = drives_of(model, joint)
     dof, at = int(model.jnt_dofadr[joint]), int(model.jnt_qposadr[joint])
     values: dict[str, float | None] = {
         "damping": float(np.ravel(model.dof_damping[dof])[0]),
         "friction": float(model.dof_frictionloss[dof]),
         "armature": float(model.dof_armature[dof]),
     }
-    if drive is not None:
-        values["gain"] = float(model.actuator_gainprm[drive, 0])
-        values["force range"] = (
-            float(model.actuator_forcerange[drive, 1])
-            if model.actuator_forcelimited[drive]
-            else None
-        )
+    if found.drives:
+        values["gain"] = found.kp or sum(drive.gain for drive in found.drives)
+        values["effort limit"] = found.effort if math.isfinite(found.effort) else None
     low, high = (float(v) for v in model.jnt_range[joint])
     return Motion(
         mujoco.name_of(model, "joint", joint),

@@ -36,7 +36,7 @@ class MjcfSource(Check):
     What the recipe itself says (`stated`) is not compared.
     """
 
-    version = "6"
+    version = "7"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)

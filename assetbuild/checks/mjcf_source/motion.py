@@ -10,6 +10,7 @@ from assetbuild.checks.mjcf_source.compare import FREE, MESH, ROUNDING, Comparis
 from assetbuild.findings import Finding
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
+from assetbuild.simulators.joint_drives import read_drive
 
 POSITIONS = 6
 SAME_FRAME = 2e-6
@@ -63,14 +64,10 @@ class Motion(Comparison):
     def _rest(self, actuator: int) -> float:
         """`ref` of the joint of a position drive, from which its commands count here."""
         model = self.a.model
-        joint, gain = int(model.actuator_trnid[actuator][0]), model.actuator_gainprm[actuator][0]
-        pulls = gain > 0 and model.actuator_biasprm[actuator][1] == -gain
-        plain = (
-            not any(model.actuator_biasprm[actuator][:1]) and not model.actuator_dyntype[actuator]
-        )
-        if model.actuator_trntype[actuator] or not pulls or not plain:
+        drive = read_drive(model, actuator)
+        if drive is None or drive.kind != "servo" or drive.filtered:
             return 0.0
-        return float(model.qpos0[model.jnt_qposadr[joint]])
+        return drive.command(float(model.qpos0[model.jnt_qposadr[drive.joint]]))
 
     def _poses(self) -> Iterator[Finding]:
         a, b = self.a.data, self.b.data
@@ -168,12 +165,10 @@ class Motion(Comparison):
         model, watched = self.a.model, int(self.a.model.sensor_objid[sensor])
         gear, joint = 1.0, watched
         if model.sensor_type[sensor] == mj.mjtSensor.mjSENS_ACTUATORPOS:
-            if model.actuator_trntype[watched]:
+            drive = read_drive(model, watched)
+            if drive is None:
                 return 0.0
-            gear, joint = (
-                float(model.actuator_gear[watched][0]),
-                int(model.actuator_trnid[watched][0]),
-            )
+            gear, joint = drive.gear, drive.joint
         elif model.sensor_type[sensor] != mj.mjtSensor.mjSENS_JOINTPOS:
             return 0.0
         return gear * float(model.qpos0[model.jnt_qposadr[joint]])

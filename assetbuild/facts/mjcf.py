@@ -1,0 +1,106 @@
+"""What the readers of the MJCF's forms share: full, mjx, bare and scenes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import ClassVar
+
+from assetbuild.errors import UsageError
+from assetbuild.facts.compare import EXACT, Precision
+from assetbuild.facts.mjcf_expected import Opaque, opaque_of, opaque_option
+from assetbuild.facts.mjcf_model import read_model
+from assetbuild.facts.mjcf_words import is_covered, words
+from assetbuild.facts.reader import Reader
+from assetbuild.facts.reference import Reference
+from assetbuild.facts.table import Key, Table, Value, Writer
+from assetbuild.simulators.mujoco import caught_warnings
+
+LACKS: Mapping[str, str] = {
+    "robot articulation root": "MJCF has a tree of bodies, which needs no such mark",
+    "robot self-collision": "the masks of the shapes and excluded pairs say it",
+    "robot up axis": "MJCF has gravity alone",
+    "robot metres per unit": "MJCF has no units",
+    "robot kilograms per unit": "as above",
+    "joint velocity": "MJCF has no limit of velocity",
+    "joint stall": "the motor's law acts outside of the simulator",
+    "joint delay": "as above",
+    "joint start": "keyframes say it",
+    "joint drive target": "keyframes say it",
+    "shape material": "materials that look alike share the first one's name",
+    "shape collides": "the masks say it",
+    "shape restitution": "MuJoCo's contacts have softness instead",
+    "simulation decimation": "it belongs to the trainer",
+    "floor": "the scene has one",
+}
+STRONGEST = (3.0, 2.0, 1.0)
+"""Of a contact sensor: found and force, of one contact, the strongest."""
+MESHES = Precision(
+    {**EXACT, "length": 1e-6}, {("shape", "texture corners"): 1e-6, ("shape", "rgba"): 1e-6}
+)
+"""MuJoCo keeps vertices, texture coordinates and colours as float32."""
+
+
+class MjcfReader(Reader):
+    """Reads the compiled model, and by MuJoCo's parser all attributes beyond the vocabulary."""
+
+    preload: ClassVar[tuple[str, ...]] = ("mujoco",)
+    tools: ClassVar[tuple[str, ...]] = ("mujoco",)
+    precision: ClassVar[Precision] = MESHES
+
+    def read(self, path: Path) -> Table:
+        """Of any MJCF; UsageError where MuJoCo refuses it."""
+        return self._read(path, frozenset())
+
+    def _read(self, path: Path, opaque: frozenset[tuple[str, str]]) -> Table:
+        import mujoco
+
+        book = Writer()
+        with caught_warnings():
+            try:
+                spec = mujoco.MjSpec.from_file(str(path))
+                said = words(spec)
+                model = spec.compile()
+            except ValueError as error:
+                text = " ".join(str(error).replace(f"{path.parent}/", "").split())
+                raise UsageError(f"MuJoCo refuses it: {text}") from None
+        read_model(model, book, opaque)
+        return Table({**book.facts, **said})
+
+    def found(self, path: Path, reference: Reference) -> Table:
+        """What only MJCF can say is compared word by word."""
+        opaque = opaque_of(reference.control.mjcf_only, reference)
+        return self._known(self._read(path, opaque.subjects), opaque).only(self.holds)
+
+    def _known(self, table: Table, opaque: Opaque) -> Table:
+        """Without the words that the vocabulary says too, and what opaque words say instead."""
+        roles = {
+            k.name: v for k, v in table.facts.items() if (k.kind, k.quantity) == ("shape", "role")
+        }
+        owned = {(key.kind, key.name, key.quantity) for key in opaque.words}
+
+        def holds(key: Key) -> bool:
+            subject = (key.kind, key.name)
+            if not key.is_foreign:
+                return subject not in opaque.subjects and key not in opaque.touched
+            if subject in opaque.subjects or tuple(key) in owned:
+                return True
+            return not is_covered(key, str(roles.get(key.name, "")))
+
+        return table.only(holds)
+
+    def complete(self, table: Table, reference: Reference) -> Table:
+        """With the words that MJCF alone has: of the source, and those of Menagerie's style."""
+        opaque = opaque_of(reference.control.mjcf_only, reference)
+        facts: dict[Key, Value] = {
+            key: value for key, value in table.facts.items() if key not in opaque.touched
+        }
+        for frame in table.names("frame"):
+            facts[Key("frame", frame, "mjcf:group")] = 4.0
+        for asset in reference.shapes.meshes:
+            facts[Key("mesh", asset.name, "mjcf:inertia")] = "mjMESH_INERTIA_SHELL"
+        for sensor in reference.control.sensors:
+            if sensor.kind == "contact":
+                facts[Key("sensor", sensor.name, "mjcf:intprm")] = STRONGEST
+        facts |= opaque_option(reference)[1]
+        return Table({**facts, **opaque.words}).only(self.holds)

@@ -1,0 +1,434 @@
+"""What an MJCF of the robot must say: the robot's facts in MuJoCo's structure.
+
+Massless links between joints are no bodies there, fixed joints no joints, a planar joint is three,
+and a torque motor stands for every drive whose law acts outside of the simulator.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from assetbuild.facts.mjcf_model import simulation_facts
+from assetbuild.facts.mjcf_words import words
+from assetbuild.facts.reference import Reference, pose_value, robot_table
+from assetbuild.facts.table import Key, Table, Value
+from assetbuild.robot.chains import axis_in_body, find_chains
+from assetbuild.robot.model import Actuator, Joint, MjcfOnly, Tree
+from assetbuild.robot.pose import quat_between, rotation_of
+
+MOTORS = ("ideal_pd", "dc_motor", "motor")
+AT_SITE = ("accelerometer", "gyro", "velocimeter", "magnetometer", "force", "torque", "touch",
+           "rangefinder")  # fmt: skip
+"""Sensors that MuJoCo has on a site alone."""
+DEFAULT_PRM = (1.0, *(0.0,) * 9)
+OWNERS = {"joint": "joint", "shape": "shape", "frame": "frame", "camera": "camera",
+          "material": "material", "body": "body", "root": "body", "drive": "actuator",
+          "mimic": "equality"}  # fmt: skip
+"""Place of `MjcfOnly` whose attributes belong on an element of the robot -> its kind."""
+TAGS = {"frame": "site", "shape": "geom", "actuator": "general", "equality": "joint"}
+MEANS: Mapping[str, tuple[str, ...]] = {
+    "ctrlrange": ("command range",), "inheritrange": ("command range",),
+    "ctrllimited": ("command range",), "forcerange": ("effort",), "forcelimited": ("effort",),
+    "resolution": ("resolution",), "polycoef": ("mimic multiplier", "mimic offset"),
+    "stiffness": ("stiffness", "spring reference"),
+    "springref": ("spring reference",), "gear": ("gear", "kp", "kd", "effort"),
+}  # fmt: skip
+"""Attribute that only MJCF says -> quantities of the owner that it changes."""
+
+
+@dataclass(frozen=True)
+class Opaque:
+    """What only MJCF says: subjects of its own, and attributes of the robot's.
+
+    subjects: (kind, name). words: every word expected. touched: quantities that these attributes
+    change, so that the robot does not know them.
+    """
+
+    subjects: frozenset[tuple[str, str]]
+    words: Mapping[Key, Value]
+    touched: frozenset[Key]
+
+
+def opaque_of(items: tuple[MjcfOnly, ...], reference: Reference) -> Opaque:
+    """Read by MuJoCo's own parser, each element in a document of its own."""
+    subjects: dict[tuple[str, str], None] = {}
+    found: dict[Key, Value] = {}
+    touched: set[Key] = set()
+    names = mjcf_names(reference.tree)
+    for item in items:
+        kind = OWNERS.get(item.place)
+        if item.place in ("option", "keyframe", "freejoint"):
+            continue
+        if kind is None or (item.place == "body" and not item.element.startswith("<body")):
+            own = _parsed(_document(item, names))
+            own = {key: value for key, value in own.items() if key.kind != "body"}
+            for key, value in _numbered(own, subjects).items():
+                subjects[key.kind, key.name] = None
+                found[key] = value
+            continue
+        owner = names.get(item.owner, item.owner) if kind == "body" else item.owner
+        stated = _attributes(item.element)
+        of = "joint" if kind in ("actuator", "equality") else kind
+        touched |= {Key(of, owner, q) for name in stated for q in MEANS.get(name, ())}
+        plain = " ".join(f'{name}="{value}"' for name, value in stated.items() if value)
+        for key, value in _owned(kind, plain).items():
+            found[Key(kind, owner, key.quantity)] = value
+    return Opaque(frozenset(subjects), found, frozenset(touched))
+
+
+def _document(item: MjcfOnly, names: Mapping[str, str]) -> str:
+    """The sections of a document with one whole element, where it stands."""
+    if item.place != "body":
+        return f"<{item.place}>{item.element}</{item.place}>"
+    if not item.owner:
+        return f"<worldbody>{item.element}</worldbody>"
+    body = names.get(item.owner, item.owner)
+    return f'<worldbody><body name="{body}">{item.element}</body></worldbody>'
+
+
+def _numbered(own: Mapping[Key, Value], known: Mapping[tuple[str, str], None]) -> dict[Key, Value]:
+    """Subjects without a name are counted through the whole file."""
+    count: dict[str, int] = {}
+    for kind, name in known:
+        count[kind] = count.get(kind, 0) + name.startswith("#")
+    return {
+        key._replace(name=f"#{count.get(key.kind, 0) + int(key.name[1:])}")
+        if key.name.startswith("#")
+        else key: value
+        for key, value in own.items()
+    }
+
+
+def _owned(kind: str, attributes: str) -> dict[Key, Value]:
+    """Words of one element that has nothing but these attributes."""
+    needed = {"actuator": ' joint="j"', "equality": ' joint1="j"', "material": ' name="m"',
+              "shape": "", "body": "", "joint": "", "frame": "", "camera": ""}[kind]  # fmt: skip
+    text = f"<{TAGS.get(kind, kind)}{needed} {attributes}/>"
+    section = {"actuator": "actuator", "equality": "equality", "material": "asset"}.get(kind)
+    if section:
+        parsed = _parsed(f"<{section}>{text}</{section}>")
+    elif kind == "body":
+        parsed = _parsed(f"<worldbody>{text}</worldbody>")
+    else:
+        parsed = _parsed(f"<worldbody><body>{text}</body></worldbody>")
+    stated = {name.split("=")[0] for name in attributes.split() if "=" in name}
+    aliases = {"solreflimit": "solref_limit", "solimplimit": "solimp_limit",
+               "solreffriction": "solref_friction", "solimpfriction": "solimp_friction",
+               "user": "userdata", "mesh": "meshname"}  # fmt: skip
+    wanted = {aliases.get(name, name) for name in stated}
+    return {
+        key: value
+        for key, value in parsed.items()
+        if key.kind == kind and key.quantity.removeprefix("mjcf:").split(".")[0] in wanted
+    }
+
+
+def _attributes(element: str) -> dict[str, str]:
+    from defusedxml.ElementTree import fromstring
+
+    return dict(fromstring(element).attrib)
+
+
+def _parsed(inside: str) -> dict[Key, Value]:
+    """Words of a document; the angles of the build's MJCFs are radians."""
+    import mujoco
+
+    text = f'<mujoco><compiler angle="radian" autolimits="true"/>{inside}</mujoco>'
+    return words(mujoco.MjSpec.from_string(text))
+
+
+# --- the robot in MuJoCo's structure --------------------------------------------------------
+
+
+def mjcf_names(tree: Tree) -> dict[str, str]:
+    """Name in MJCF by name of a body: `world` is MuJoCo's own."""
+    taken, written = {body.name for body in tree.bodies}, "world_body"
+    while written in taken:
+        written += "_"
+    return {name: written if name == "world" else name for name in taken}
+
+
+def mjcf_table(reference: Reference) -> Table:
+    """Facts of `<robot>.xml`, without the words that only MJCF has."""
+    facts = dict(robot_table(reference).facts)
+    tree = reference.tree
+    facts |= _structure(reference, facts)
+    for actuator in reference.control.actuators:
+        joint = tree.by_joint.get(actuator.joint)
+        if joint is not None:
+            _drive(actuator, joint, facts)
+    for joint_name, name in _drive_names(reference).items():
+        facts[Key("joint", joint_name, "drive name")] = name
+    _limits(tree, facts)
+    _shapes(reference, facts)
+    _senses(reference, facts)
+    return Table(_renamed(facts, mjcf_names(tree)))
+
+
+def _structure(reference: Reference, facts: dict[Key, Value]) -> dict[Key, Value]:
+    """Bodies and joints as MuJoCo has them; removes from `facts` what it has not."""
+    tree = reference.tree
+    made: dict[Key, Value] = {}
+    chains = find_chains(tree, {shape.link for shape in reference.shapes.shapes})
+    hidden = {link for chain in chains for link in chain.between}
+    carried = {j.name for j in tree.joints if j.kind not in ("revolute", "continuous", "prismatic")}
+    for key in [k for k in facts if k.kind == "body" and k.name in hidden]:
+        del facts[key]
+    for key in [k for k in facts if k.kind == "joint" and k.name in carried]:
+        del facts[key]
+    for chain in chains:
+        made[Key("body", chain.body, "parent")] = chain.parent
+        made[Key("body", chain.body, "pose")] = pose_value(chain.pose_in_parent)
+        for joint, X_body_joint in zip(chain.joints, chain.joint_poses, strict=True):
+            place: dict[str, Value] = {
+                "body": chain.body,
+                "parent": chain.parent,
+                "anchor": tuple(X_body_joint.xyz),
+                "axis": tuple(axis_in_body(joint, X_body_joint)),
+            }
+            made |= {
+                Key("joint", name, quantity): value
+                for name, facts_of in _joints(joint, place)
+                for quantity, value in facts_of.items()
+            }
+    in_chain = {joint.name for chain in chains for joint in chain.joints}
+    for joint in tree.joints:
+        if joint.kind == "planar" and joint.name not in in_chain:
+            place = {"body": joint.child, "parent": joint.parent}
+            made |= {Key("joint", name, quantity): value
+                     for name, facts_of in _joints(joint, place)
+                     for quantity, value in facts_of.items()}  # fmt: skip
+    for body in tree.bodies:
+        inertial = body.inertial
+        if inertial is None or not (inertial.mass_kg or any(inertial.inertia_com_kg_m2)):
+            facts.pop(Key("body", body.name, "centre of mass"), None)
+            facts.pop(Key("body", body.name, "inertia"), None)
+    if tree.base == "floating":
+        made[Key("body", tree.root, "pose")] = _resting_pose(reference)
+        facts.pop(Key("robot", "", "base pose"), None)
+    return made
+
+
+def _joints(joint: Joint, place: Mapping[str, Value]) -> Iterator[tuple[str, dict[str, Value]]]:
+    """(name in MJCF, facts): a planar joint is two slides across its normal and a hinge."""
+    if joint.kind != "planar":
+        yield joint.name, dict(place)
+        return
+    turn = rotation_of(quat_between((0.0, 0.0, 1.0), joint.axis))
+    for column, suffix in enumerate(("x", "y", "yaw")):
+        axis = tuple(float(v) for v in turn[:, column])
+        kind = "rotary" if suffix == "yaw" else "linear"
+        yield f"{joint.name}_{suffix}", {**place, "axis": axis, "type": kind}
+
+
+def _resting_pose(reference: Reference) -> Value:
+    """Of a floating root before any keyframe: at the height of the initial one."""
+    keyframes = reference.control.keyframes
+    for item in reference.control.mjcf_only:
+        if item.place == "root":
+            said = _attributes(item.element)
+            xyz = tuple(float(v) for v in said.get("pos", "0 0 0").split())
+            quat = tuple(float(v) for v in said.get("quat", "1 0 0 0").split())
+            return (*xyz, *quat)
+    first = reference.control.home or next(iter(keyframes), None)
+    height = first.base.xyz[2] if first is not None and first.base is not None else 0.0
+    return (0.0, 0.0, height, 1.0, 0.0, 0.0, 0.0)
+
+
+def _drive(actuator: Actuator, joint: Joint, facts: dict[Key, Value]) -> None:
+    """As MuJoCo drives it: limits of the command, and what acts outside of the simulator."""
+
+    def put(quantity: str, value: Value) -> None:
+        facts[Key("joint", joint.name, quantity)] = value
+
+    limits = joint.limits
+    opens = joint.kind != "continuous" and _opens(joint)
+    match actuator.model:
+        case "passive":
+            put("effort", None)
+            return
+        case "pd":
+            reach = (limits.lower, limits.upper) if opens else None
+            put("command range", actuator.ctrl or reach)  # type: ignore[arg-type] # both stated
+        case "velocity":
+            speed = actuator.velocity
+            put("command range", actuator.ctrl or ((-speed, speed) if speed else None))
+        case "general":
+            kind, kp, kd = _law(actuator)
+            put("model", kind)
+            if kind == "general" or (kind == "motor" and kp != 1.0):
+                put("drive parameters", _general(actuator))
+            put("kp", kp if kind == "pd" else 0.0)
+            put("kd", kd if kind in ("pd", "velocity") else 0.0)
+        case _:
+            effort = actuator.effort
+            ctrl = actuator.ctrl or ((-effort, effort) if effort else None)
+            put("model", "motor")
+            put("command range", ctrl)
+            put("effort", max(-ctrl[0], ctrl[1]) if ctrl else None)
+            put("kp", 0.0)
+            put("kd", 0.0)
+    if actuator.model == "velocity":
+        put("kp", 0.0)
+
+
+def _law(actuator: Actuator) -> tuple[str, float, float]:
+    """(model, gain, kd): a general actuator may say what a plainer one says too."""
+    said = actuator.general
+    if said is None or said.dyntype != "none" or said.gaintype != "fixed":
+        return "general", 0.0, 0.0
+    gain = float((*said.gainprm, *DEFAULT_PRM[len(said.gainprm) :])[0])
+    bias = [float(v) for v in (*said.biasprm, 0.0, 0.0, 0.0)[:3]]
+    if said.biastype == "none" or not any(bias):
+        return "motor", gain, 0.0
+    if said.biastype == "affine" and gain > 0.0 and bias[0] == 0.0 and bias[1] in (0.0, -gain):
+        kind = "pd" if bias[1] else "velocity"
+        if kind == "pd" or bias[2] == -gain:
+            return kind, gain, -bias[2]
+    return "general", gain, 0.0
+
+
+def _drive_names(reference: Reference) -> dict[str, str]:
+    """Menagerie's: the joint's without `_joint` where that is unique, unless it has its own."""
+    rows = [row for row in reference.control.actuators if row.model != "passive"]
+    short = [row.name or row.joint.removesuffix("_joint") or row.joint for row in rows]
+    named = {row.joint: name if short.count(name) == 1 else row.joint
+             for row, name in zip(rows, short, strict=True)}  # fmt: skip
+    return {joint: name for joint, name in named.items() if name != joint}
+
+
+def _general(actuator: Actuator) -> str:
+    said = actuator.general
+    if said is None:
+        return ""
+    fill = [(*prm, *usual[len(prm) :]) for prm, usual in (
+        (said.dynprm, DEFAULT_PRM), (said.gainprm, DEFAULT_PRM), (said.biasprm, (0.0,) * 10),
+    )]  # fmt: skip
+    kinds = [said.dyntype, said.gaintype, said.biastype]
+    return json.dumps([*kinds, *(tuple(float(v) for v in row) for row in fill)])
+
+
+def _opens(joint: Joint) -> bool:
+    lower, upper = joint.limits.lower, joint.limits.upper
+    return lower is not None and upper is not None and lower < upper
+
+
+def _limits(tree: Tree, facts: dict[Key, Value]) -> None:
+    """MJCF has ranges that open; one of no width is an equality, a crossed one is none."""
+    for joint in tree.moving_joints:
+        lower, upper = joint.limits.lower, joint.limits.upper
+        locked = lower is not None and lower == upper and joint.kind != "continuous"
+        if not _opens(joint) and not (locked and joint.mimic is None):
+            facts[Key("joint", joint.name, "lower")] = None
+            facts[Key("joint", joint.name, "upper")] = None
+
+
+def _shapes(reference: Reference, facts: dict[Key, Value]) -> None:
+    pictures = {material.name: material.texture or "" for material in reference.shapes.materials}
+    for shape in reference.shapes.shapes:
+        if shape.role == "visual":
+            facts[Key("shape", shape.name, "mask")] = 0.0
+            facts[Key("shape", shape.name, "partners")] = 0.0
+            if not pictures.get(shape.material or "", "").lower().endswith(".png"):
+                facts.pop(Key("shape", shape.name, "texture"), None)
+
+
+def _senses(reference: Reference, facts: dict[Key, Value]) -> None:
+    """Objects of sensors by MuJoCo's names; a body whose frame is a sensor's place has a site."""
+    tree, control = reference.tree, reference.control
+    drives = _drive_names(reference)
+    for sensor in control.sensors:
+        place, kind = sensor.at, sensor.kind
+        word, name = place.kind, place.name
+        if word == "actuator":
+            name = drives.get(name, name)
+        if kind.startswith("subtree"):
+            word = "body"
+        seen = f"{word} {name}".strip() if word != "world" else "world"
+        facts[Key("sensor", sensor.name, "object")] = seen
+        relative = sensor.relative_to
+        if relative is not None and relative.kind == "world":
+            facts[Key("sensor", sensor.name, "reference")] = ""
+        if kind in AT_SITE and place.kind == "frame" and place.name in tree.by_body:
+            put_site(place.name, facts)
+    known = {row.joint: row for row in control.actuators}
+    by_source = any(item.place == "keyframe" for item in control.mjcf_only)
+    for key in control.keyframes:
+        for joint, value in key.joints:
+            row = known.get(joint)
+            if row is not None and row.model != "passive" and not by_source:
+                aimed = value if row.model == "pd" else 0.0
+                facts[Key("keyframe", f"{key.name}/{joint}", "target")] = aimed
+        for joint_ in tree.joints:
+            if joint_.kind == "planar":
+                for suffix in ("x", "y", "yaw"):
+                    facts[Key("keyframe", f"{key.name}/{joint_.name}_{suffix}", "position")] = 0.0
+
+
+def put_site(body: str, facts: dict[Key, Value]) -> None:
+    """A site in the origin of a body."""
+    facts[Key("frame", body, "body")] = body
+    facts[Key("frame", body, "pose")] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+def _renamed(facts: Mapping[Key, Value], names: Mapping[str, str]) -> dict[Key, Value]:
+    """With MuJoCo's names of bodies, where these differ."""
+    changed = {old: new for old, new in names.items() if old != new}
+    if not changed:
+        return dict(facts)
+    found: dict[Key, Value] = {}
+    for key, value in facts.items():
+        if key.kind == "body" or (key.kind == "frame" and key.name in changed):
+            key = key._replace(name=changed.get(key.name, key.name))
+        if key.quantity in ("body", "parent") and isinstance(value, str):
+            value = changed.get(value, value)
+        if key.kind == "sensor" and isinstance(value, str) and " " in value:
+            kind, name = value.split(" ", 1)
+            value = f"{kind} {changed.get(name, name)}"
+        if key.kind == "pair":
+            key = key._replace(
+                name=" ".join(sorted(changed.get(n, n) for n in key.name.split(" ")))
+            )
+        found[key] = value
+    return found
+
+
+def solver_facts(reference: Reference, section: str) -> dict[str, Value]:
+    """Solver options by the recipe's section, and by what the source's MJCF says besides."""
+    said: Mapping[str, Any] = reference.options.get(section) or {}  # Any: plain JSON
+    floating = reference.tree.base == "floating"
+    cone = said.get("cone") or ("elliptic" if floating else "pyramidal")
+    impratio = said.get("impratio") or (100.0 if cone == "elliptic" else 1.0)
+    found: dict[str, Value] = {
+        "integrator": said.get("integrator", "implicitfast"),
+        "cone": cone,
+        "solver": said.get("solver", "Newton"),
+        "iterations": float(said.get("iterations") or 100),
+        "line search iterations": float(said.get("ls_iterations") or 50),
+        "impratio": float(impratio),
+    }
+    return found
+
+
+ATTRIBUTE_OF = {
+    "integrator": "integrator", "cone": "cone", "solver": "solver", "iterations": "iterations",
+    "ls_iterations": "line search iterations", "impratio": "impratio",
+}  # fmt: skip
+
+
+def opaque_option(reference: Reference) -> tuple[dict[str, Value], dict[Key, Value]]:
+    """(solver facts, words of the section `option`) that the source's MJCF states."""
+    import mujoco
+
+    found: dict[str, Value] = {}
+    other: dict[Key, Value] = {}
+    for item in reference.control.mjcf_only:
+        if item.place == "option":
+            spec = mujoco.MjSpec.from_string(f"<mujoco>{item.element}</mujoco>")
+            facts, stated = simulation_facts(spec.option), _attributes(item.element)
+            found |= {q: facts[q] for name, q in ATTRIBUTE_OF.items() if name in stated}
+            other |= {k: v for k, v in words(spec).items() if k.kind == "simulation"}
+    return found, other

@@ -1,0 +1,407 @@
+"""A compiled MuJoCo model as facts: what will be simulated, whatever the file looks like."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import itertools
+import json
+import math
+from collections.abc import Collection, Iterator
+from typing import Any
+
+import numpy as np
+
+from assetbuild.facts.surface import Surface, measure
+from assetbuild.facts.table import Value, Writer
+from assetbuild.robot.pose import Pose, normalised_quat, vec3
+from assetbuild.simulators.joint_drives import Drive, read_drives
+from assetbuild.simulators.mujoco import Model, inertia_of, name_of, passes
+
+JOINTS = {0: "floating", 1: "ball", 2: "linear", 3: "rotary"}
+GROUPS = {2: "visual", 3: "collision"}
+"""Menagerie's groups of geoms."""
+OBJECTS = {
+    "mjOBJ_XBODY": "frame", "mjOBJ_SITE": "frame", "mjOBJ_BODY": "body", "mjOBJ_GEOM": "shape",
+    "mjOBJ_JOINT": "joint", "mjOBJ_ACTUATOR": "actuator", "mjOBJ_CAMERA": "camera",
+    "mjOBJ_TENDON": "tendon",
+}  # fmt: skip
+"""MuJoCo's kind of object -> the vocabulary's; an XBODY is the frame of a body."""
+
+
+def read_model(
+    model: Model, book: Writer, opaque: Collection[tuple[str, str]] = frozenset()
+) -> None:
+    """Puts every fact of a compiled model into the book; the world's own geoms are left out.
+
+    opaque: (kind, name) of what no other format can say: it has words of MJCF alone.
+    """
+    moving = [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in (2, 3)]
+    _root(model, book)
+    for body in range(1, model.nbody):
+        book.put("body", _name(model, "body", body), _body(model, body))
+    for joint in moving:
+        book.put("joint", _name(model, "joint", joint), _joint(model, joint))
+    drives = [
+        drive
+        for drive in read_drives(model)
+        if ("actuator", _name(model, "actuator", drive.index)) not in opaque
+    ]
+    for drive in drives:
+        _drive(model, drive, book)
+    for equality in range(model.neq):
+        if ("equality", str(model.eq(equality).name)) not in opaque:
+            _equality(model, equality, book)
+    for site in range(model.nsite):
+        _site(model, site, book)
+    surfaces = _Surfaces(model)
+    for geom in range(model.ngeom):
+        if int(model.geom_bodyid[geom]):
+            book.put("shape", _name(model, "geom", geom), _geom(model, geom, surfaces))
+    for pair in _filtered(model):
+        book.put("pair", " ".join(pair), {"filtered": True})
+    _senses(model, book)
+    for key in range(model.nkey):
+        _keyframe(model, key, moving, drives, book)
+    book.put("simulation", "", simulation_facts(model.opt))
+
+
+def _name(model: Model, kind: str, index: int) -> str:
+    return name_of(model, kind, index)
+
+
+def _body_name(model: Model, index: int) -> str:
+    return _name(model, "body", index) if index else ""
+
+
+def pose_of(xyz: object, quat: object) -> Pose:
+    """Of MuJoCo's arrays."""
+    w, x, y, z = (float(v) for v in np.asarray(quat, dtype=np.float64))
+    return Pose(vec3(np.asarray(xyz, dtype=np.float64)), normalised_quat((w, x, y, z)))
+
+
+def _numbers(values: object) -> tuple[float, ...]:
+    return tuple(float(v) for v in np.ravel(np.asarray(values, dtype=np.float64)))
+
+
+# --- bodies and joints ----------------------------------------------------------------------
+
+
+def _root(model: Model, book: Writer) -> None:
+    floating = bool(model.njnt) and int(model.jnt_type[0]) == 0
+    facts: dict[str, Value] = {"base": "floating" if floating else "fixed"}
+    if not floating and model.nbody > 1:
+        pose = pose_of(model.body_pos[1], model.body_quat[1])
+        facts["base pose"] = (*pose.xyz, *pose.quat)
+    book.put("robot", "", facts)
+
+
+def _body(model: Model, body: int) -> dict[str, Value]:
+    parent = int(model.body_parentid[body])
+    facts: dict[str, Value] = {
+        "parent": _body_name(model, parent),
+        "mass": float(model.body_mass[body]),
+    }
+    floating = model.njnt and int(model.jnt_type[0]) == 0
+    if parent or floating:
+        pose = pose_of(model.body_pos[body], model.body_quat[body])
+        facts["pose"] = (*pose.xyz, *pose.quat)
+    if facts["mass"] or model.body_inertia[body].any():
+        tensor = inertia_of(model, body)
+        facts["centre of mass"] = _numbers(model.body_ipos[body])
+        facts["inertia"] = tuple(
+            float(tensor[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        )
+    return facts
+
+
+def _joint(model: Model, joint: int) -> dict[str, Value]:
+    body, dof = int(model.jnt_bodyid[joint]), int(model.jnt_dofadr[joint])
+    limited = bool(model.jnt_limited[joint])
+    facts: dict[str, Value] = {
+        "type": JOINTS[int(model.jnt_type[joint])],
+        "body": _body_name(model, body),
+        "parent": _body_name(model, int(model.body_parentid[body])),
+        "anchor": _numbers(model.jnt_pos[joint]),
+        "axis": _numbers(model.jnt_axis[joint]),
+        "lower": float(model.jnt_range[joint, 0]) if limited else None,
+        "upper": float(model.jnt_range[joint, 1]) if limited else None,
+        "damping": float(np.ravel(model.dof_damping[dof])[0]),
+        "friction": float(model.dof_frictionloss[dof]),
+        "armature": float(model.dof_armature[dof]),
+        "stiffness": float(np.ravel(model.jnt_stiffness[joint])[0]),
+        "model": "passive",
+    }
+    rest = float(model.qpos_spring[int(model.jnt_qposadr[joint])])
+    if facts["stiffness"]:
+        facts["spring reference"] = rest
+    if model.jnt_actfrclimited[joint]:
+        facts["mjcf:actuatorfrcrange"] = _numbers(model.jnt_actfrcrange[joint])
+    return facts
+
+
+def _drive(model: Model, drive: Drive, book: Writer) -> None:
+    name = _name(model, "actuator", drive.index)
+    kind = "general" if drive.filtered else drive.kind
+    plain = kind != "general"
+    facts: dict[str, Value] = {
+        "model": {"servo": "pd"}.get(kind, kind),
+        "kp": drive.kp if plain else 0.0,
+        "kd": drive.kd if plain else 0.0,
+        "gear": drive.gear,
+        "effort": _largest(drive.torque),
+        "command range": drive.ctrl if math.isfinite(drive.ctrl[1]) else None,
+    }
+    if name != drive.joint_name:
+        facts["drive name"] = name
+    if not plain or (kind == "motor" and drive.gain != drive.gear):
+        facts["drive parameters"] = general_text(model, drive.index)
+    if drive.torque[0] != -drive.torque[1]:
+        facts["mjcf:effort range"] = drive.torque
+    known = book.facts.get(("joint", drive.joint_name, "gear"))  # type: ignore[call-overload] # a plain tuple
+    if known is not None:
+        book.put("actuator", name, {"mjcf:drives": drive.joint_name, **_as_words(facts)})
+        return
+    book.put("joint", drive.joint_name, facts)
+
+
+def _as_words(facts: dict[str, Value]) -> dict[str, Value]:
+    """Of a second drive on one joint, which no other format has."""
+    return {f"mjcf:{name.removeprefix('mjcf:')}": value for name, value in facts.items()}
+
+
+def _largest(ends: tuple[float, float]) -> float | None:
+    return max(-ends[0], ends[1]) if math.isfinite(ends[1]) else None
+
+
+def general_text(model: Model, index: int) -> str:
+    """The parameters of a general actuator, as JSON."""
+    import mujoco
+
+    kinds = [
+        mujoco.mjtDyn(int(model.actuator_dyntype[index])).name,
+        mujoco.mjtGain(int(model.actuator_gaintype[index])).name,
+        mujoco.mjtBias(int(model.actuator_biastype[index])).name,
+    ]
+    rows = (model.actuator_dynprm, model.actuator_gainprm, model.actuator_biasprm)
+    return json.dumps(
+        [*(k.split("_")[1].lower() for k in kinds), *(_numbers(r[index]) for r in rows)]
+    )
+
+
+def _equality(model: Model, index: int, book: Writer) -> None:
+    """A mimic joint, or one that is locked; every other kind is a word of MJCF."""
+    if int(model.eq_type[index]) != 2:  # mjEQ_JOINT
+        return
+    follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
+    name, data = _name(model, "joint", follower), _numbers(model.eq_data[index])
+    facts: dict[str, Value] = {"lower": data[0], "upper": data[0]}
+    if leader >= 0:
+        facts = {
+            "mimics": _name(model, "joint", leader),
+            "mimic offset": data[0],
+            "mimic multiplier": data[1],
+        }
+    if any(data[2:5]) or (leader < 0 and data[1]):
+        facts["mjcf:polycoef"] = data[:5]
+    if not model.eq_active0[index]:
+        facts["mjcf:active"] = False
+    book.put("joint", name, facts)
+
+
+def _site(model: Model, site: int, book: Writer) -> None:
+    pose = pose_of(model.site_pos[site], model.site_quat[site])
+    body = _body_name(model, int(model.site_bodyid[site]))
+    book.put("frame", _name(model, "site", site), {"body": body, "pose": (*pose.xyz, *pose.quat)})
+
+
+# --- shapes ---------------------------------------------------------------------------------
+
+
+class _Surfaces:
+    """The meshes of a model in their own frames, each measured once."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+
+    @functools.cache  # noqa: B019 # lives as long as one reading
+    def of(self, mesh: int) -> Surface:
+        """Corners of all triangles, with texture coordinates where it has them."""
+        model = self.model
+        first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+        faces = model.mesh_face[first : first + count]
+        vertices = model.mesh_vert[int(model.mesh_vertadr[mesh]) :]
+        uv, start = None, int(model.mesh_texcoordadr[mesh])
+        if start >= 0:
+            uv = model.mesh_texcoord[start:][model.mesh_facetexcoord[first : first + count]]
+            uv = np.stack([uv[..., 0], 1.0 - uv[..., 1]], axis=-1)  # MuJoCo counts v downwards
+        return measure(np.asarray(vertices, dtype=np.float64)[faces], uv)
+
+    @functools.cache  # noqa: B019 # as above
+    def pixels(self, texture: int) -> str:
+        """Digest of size and RGBA pixels."""
+        model = self.model
+        height, width = int(model.tex_height[texture]), int(model.tex_width[texture])
+        channels, start = int(model.tex_nchannel[texture]), int(model.tex_adr[texture])
+        data = np.asarray(model.tex_data[start : start + height * width * channels])
+        picture = data.reshape(height, width, channels).astype(np.uint8)
+        if channels == 3:
+            opaque = np.full((height, width, 1), 255, dtype=np.uint8)
+            picture = np.concatenate([picture, opaque], axis=2)
+        held = hashlib.sha256(repr((width, height)).encode() + picture.tobytes())
+        return held.hexdigest()[:16]
+
+
+def _geom(model: Model, geom: int, surfaces: _Surfaces) -> dict[str, Value]:
+    import mujoco
+
+    group = int(model.geom_group[geom])
+    kind = mujoco.mjtGeom(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower()
+    role = GROUPS.get(group, f"group {group}")
+    pose = pose_of(model.geom_pos[geom], model.geom_quat[geom])
+    facts: dict[str, Value] = {
+        "role": role,
+        "body": _body_name(model, int(model.geom_bodyid[geom])),
+        "geometry": kind,
+        "mask": float(model.geom_contype[geom]),
+        "partners": float(model.geom_conaffinity[geom]),
+    }
+    if kind == "mesh":
+        facts |= surfaces.of(int(model.geom_dataid[geom])).moved(pose).facts()
+    else:
+        facts |= {"size": _size(kind, model.geom_size[geom]), "pose": (*pose.xyz, *pose.quat)}
+    if role != "visual":
+        facts |= contact_facts(model, geom)
+    material = int(model.geom_matid[geom])
+    rgba = _numbers(np.float32(model.geom_rgba[geom]))
+    if material >= 0:
+        facts["rgba"] = _numbers(model.mat_rgba[material])
+        textures = [int(t) for t in np.ravel(model.mat_texid[material]) if int(t) >= 0]
+        if textures:
+            facts["texture"] = surfaces.pixels(textures[0])
+    elif rgba != (0.5, 0.5, 0.5, 1.0):
+        facts["rgba"] = rgba
+    return facts
+
+
+def _size(kind: str, half: object) -> tuple[float, ...]:
+    """As the vocabulary has it; MuJoCo counts half edges and half lengths."""
+    a, b, c = _numbers(half)
+    match kind:
+        case "box":
+            return (2.0 * a, 2.0 * b, 2.0 * c)
+        case "sphere":
+            return (a,)
+        case "cylinder" | "capsule":
+            return (a, 2.0 * b)
+    return (a, b, c)
+
+
+def contact_facts(model: Model, geom: int) -> dict[str, Value]:
+    """Of a surface that may touch something."""
+    return {
+        "friction": _numbers(model.geom_friction[geom]),
+        "condim": float(model.geom_condim[geom]),
+        "priority": float(model.geom_priority[geom]),
+        "solref": _numbers(model.geom_solref[geom]),
+        "solimp": _numbers(model.geom_solimp[geom]),
+        "margin": float(model.geom_margin[geom]),
+        "gap": float(model.geom_gap[geom]),
+    }
+
+
+def _filtered(model: Model) -> Iterator[tuple[str, str]]:
+    """Pairs of bodies (sorted names) that both have collision geoms and never meet."""
+    said = {(int(pair) >> 16, int(pair) & 0xFFFF) for pair in model.exclude_signature}
+    masks: dict[int, list[tuple[int, int]]] = {}
+    for geom in np.flatnonzero(model.geom_group == 3):
+        bits = int(model.geom_contype[geom]), int(model.geom_conaffinity[geom])
+        masks.setdefault(int(model.geom_bodyid[geom]), []).append(bits)
+    masks.pop(0, None)
+    for a, b in itertools.combinations(sorted(masks), 2):
+        meets = any(
+            one[0] & two[1] or two[0] & one[1] for one in set(masks[a]) for two in set(masks[b])
+        )
+        if not meets or (a, b) in said or (b, a) in said or passes(model, a, b):
+            first, second = sorted((_body_name(model, a), _body_name(model, b)))
+            yield first, second
+
+
+# --- sensors, cameras, poses ----------------------------------------------------------------
+
+
+def _senses(model: Model, book: Writer) -> None:
+    import mujoco
+
+    for sensor in range(model.nsensor):
+        kind = mujoco.mjtSensor(int(model.sensor_type[sensor])).name
+        book.put(
+            "sensor",
+            _name(model, "sensor", sensor),
+            {
+                "type": kind.removeprefix("mjSENS_").lower(),
+                "object": _object(model, sensor, "obj"),
+                "reference": _object(model, sensor, "ref"),
+                "cutoff": float(model.sensor_cutoff[sensor]),
+                "noise": float(model.sensor_noise[sensor]),
+            },
+        )
+    for camera in range(model.ncam):
+        pose = pose_of(model.cam_pos[camera], model.cam_quat[camera])
+        mode = mujoco.mjtCamLight(int(model.cam_mode[camera])).name
+        book.put(
+            "camera",
+            _name(model, "camera", camera),
+            {
+                "body": _body_name(model, int(model.cam_bodyid[camera])),
+                "pose": (*pose.xyz, *pose.quat),
+                "field of view": math.radians(float(model.cam_fovy[camera])),
+                "resolution": _numbers(model.cam_resolution[camera]),
+                "tracking": mode.removeprefix("mjCAMLIGHT_").lower(),
+            },
+        )
+
+
+def _object(model: Model, sensor: int, side: str) -> str:
+    """What a sensor looks at ("obj"), or in whose frame ("ref")."""
+    import mujoco
+
+    kind = mujoco.mjtObj(int(getattr(model, f"sensor_{side}type")[sensor]))
+    index = int(getattr(model, f"sensor_{side}id")[sensor])
+    if index < 0 or kind.name not in OBJECTS:
+        return ""
+    name = str(mujoco.mj_id2name(model, int(kind), index) or index)
+    return "world" if name == "world" else f"{OBJECTS[kind.name]} {name}"
+
+
+def _keyframe(model: Model, key: int, moving: list[int], drives: list[Drive], book: Writer) -> None:
+    name, qpos, ctrl = _name(model, "key", key), model.key_qpos[key], model.key_ctrl[key]
+    if model.njnt and int(model.jnt_type[0]) == 0:
+        pose = pose_of(qpos[:3], qpos[3:7])
+        book.put("keyframe", name, {"base pose": (*pose.xyz, *pose.quat)})
+    for joint in moving:
+        value = float(qpos[int(model.jnt_qposadr[joint])])
+        book.put("keyframe", f"{name}/{_name(model, 'joint', joint)}", {"position": value})
+    for drive in drives:
+        subject = f"{name}/{drive.joint_name}"
+        book.put("keyframe", subject, {"target": float(ctrl[drive.ctrl_index])})
+
+
+def simulation_facts(option: Any) -> dict[str, Value]:  # Any: MuJoCo's MjOption
+    """What a model steps with."""
+    import mujoco
+
+    integrator = mujoco.mjtIntegrator(int(option.integrator)).name.removeprefix("mjINT_")
+    cone = mujoco.mjtCone(int(option.cone)).name.removeprefix("mjCONE_").lower()
+    solver = mujoco.mjtSolver(int(option.solver)).name.removeprefix("mjSOL_")
+    words = {"EULER": "Euler", "NEWTON": "Newton", "RK4": "RK4", "CG": "CG", "PGS": "PGS"}
+    return {
+        "timestep": float(option.timestep),
+        "gravity": _numbers(option.gravity),
+        "integrator": words.get(integrator, integrator.lower()),
+        "cone": cone,
+        "solver": words.get(solver, solver),
+        "iterations": float(option.iterations),
+        "line search iterations": float(option.ls_iterations),
+        "impratio": float(option.impratio),
+    }

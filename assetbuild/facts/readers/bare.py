@@ -1,0 +1,105 @@
+"""`mjcf/<robot>_bare.xml`: the robot for mjlab, whose configuration brings drives and poses."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+from assetbuild.facts.mjcf import LACKS, MjcfReader
+from assetbuild.facts.mjcf_expected import mjcf_table, put_site
+from assetbuild.facts.reference import Reference
+from assetbuild.facts.table import Table
+from assetbuild.robot.model import Actuator, Control, Place, Sensor
+
+TASK_SENSORS = {
+    "imu_ang_vel": "gyro", "imu_lin_vel": "velocimeter", "imu_lin_acc": "accelerometer",
+    "imu_upvector": "framezaxis", "root_angmom": "subtreeangmom",
+}  # fmt: skip
+"""What mjlab's velocity task reads, by name, and its kind."""
+BROUGHT = ("actuator", "option", "keyframe", "drive")
+"""Sections of a source's MJCF that mjlab's configuration brings itself."""
+
+
+class BareFacts(MjcfReader):
+    """Bodies, joints without drives, shapes, sites and the sensors of mjlab's tasks."""
+
+    needs = ("mjlab",)
+    form = "bare"
+    called = "the bare MJCF"
+    folder = ""
+    asks = ("feet", "imu")
+    lacks: ClassVar[Mapping[str, str]] = {
+        **LACKS,
+        "keyframe": "mjlab's configuration has the initial state",
+        "simulation": "mjlab's configuration has the options",
+    }
+
+    def file(self, root: Path, robot: str) -> Path | None:
+        """Where the target is built."""
+        path = root / "mjcf" / f"{robot}_bare.xml"
+        return path if path.is_file() else None
+
+    def expected(self, reference: Reference) -> Table:
+        """The robot without what mjlab's configuration says."""
+        bare = _bare(reference)
+        facts = dict(mjcf_table(bare).facts)
+        for body in _sites(reference):
+            put_site(body, facts)
+        return self.complete(Table(facts), bare)
+
+    def found(self, path: Path, reference: Reference) -> Table:
+        """As of that robot."""
+        return super().found(path, _bare(reference))
+
+
+def _bare(reference: Reference) -> Reference:
+    control = reference.control
+    drives = tuple(
+        row if row.model == "passive" else Actuator(row.joint, "passive")
+        for row in control.actuators
+    )
+    only = tuple(item for item in control.mjcf_only if item.place not in BROUGHT)
+    return replace(
+        reference,
+        control=replace(
+            control,
+            actuators=drives,
+            keyframes=control.keyframes,
+            sensors=tuple(_sensors(reference, control)),
+            mjcf_only=only,
+        ),
+    )
+
+
+def _sensors(reference: Reference, control: Control) -> Iterator[Sensor]:
+    """The robot's own but for those that mjlab makes itself; those of its tasks."""
+    own = [
+        sensor
+        for sensor in control.sensors
+        if sensor.kind != "contact" and sensor.at.kind not in ("actuator", "tendon")
+    ]
+    yield from own
+    there = {sensor.name for sensor in own}
+    root = reference.tree.root
+    at = Place("frame", _imu(reference))
+    for name, kind in TASK_SENSORS.items():
+        if reference.tree.base == "floating" and name not in there:
+            yield Sensor(name, kind, Place("body", root) if kind.startswith("subtree") else at)
+
+
+def _imu(reference: Reference) -> str:
+    return str((reference.options.get("imu") or {}).get("link") or reference.tree.root)
+
+
+def _sites(reference: Reference) -> Iterator[str]:
+    """Bodies that mjlab's task looks at as sites: feet and the IMU's."""
+    pattern = (reference.options.get("feet") or {}).get("links")
+    tree = reference.tree
+    links = [s.link for s in reference.shapes.of("collision")]
+    feet = [link for link in links if pattern and re.fullmatch(pattern, link)]
+    for link in dict.fromkeys((*feet, _imu(reference))):
+        if link in tree.by_body:
+            yield link

@@ -1,0 +1,16 @@
+"""`mjcf/scene_mjx.xml`: the mjx model on a floor."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from assetbuild.facts.mjcf_scene import SceneReader
+
+
+class SceneMjxFacts(SceneReader):
+    """The scene of the mjx model."""
+
+    needs: ClassVar[tuple[str, ...]] = ("mjx",)
+    form: ClassVar[str] = "scene_mjx"
+    called: ClassVar[str] = "the scene of the mjx model"
+    stem: ClassVar[str] = "scene_mjx"
