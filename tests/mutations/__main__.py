@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -35,6 +36,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, help="all results as JSON")
     chosen = parser.parse_args(words)
     results: dict[str, list[Result]] = {}
+    began = time.monotonic()
     alarms = 0
     for bundle in chosen.bundle:
         if chosen.rewrite:
@@ -45,6 +47,7 @@ def main(words: Sequence[str] | None = None) -> int:
         drawn = sample(bundle, forms, chosen.seed, chosen.count, by_name=chosen.by_name)
         results[bundle.name] = list(try_all(bundle, drawn, chosen.processes))
         print(f"\n{bundle.name}\n\n{table(results[bundle.name])}", flush=True)
+        print(f"{(time.monotonic() - began):.0f} s so far", flush=True)
     print(missed([one for some in results.values() for one in some]))
     if chosen.out:
         plain = {name: [asdict(one) for one in some] for name, some in results.items()}

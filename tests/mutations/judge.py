@@ -75,10 +75,11 @@ class Judge:
         """The verdict on the bundle as it lies now; `file` was changed."""
         if form_of(file) == "robot":
             return self._ask_robot()
-        said, told = [], []
-        for read in self.reads:
-            if not self._concerns(read, file):
-                continue
+        said: list[Finding] = []
+        told: list[Difference] = []
+        for read in self._concerned(file):
+            if _word(said) == _diff_word(told) == "found":
+                break  # the others read the same file, or files around it, once more
             try:
                 proof = read.reader.prove(self.reference, read.file)
             except Exception:  # a reader that breaks is a finding of this run
@@ -88,9 +89,10 @@ class Judge:
             told += differences(read.table, proof.found, read.reader.precision)
         return Verdict(_word(said), _diff_word(told), tuple(map(_line, said)))
 
-    def _concerns(self, read: Read, file: str) -> bool:
-        top = read.reader.folder
-        return file.startswith(f"{top}/") if top else form_of(file) == read.reader.form
+    def _concerned(self, file: str) -> list[Read]:
+        """The readers of a file's format, first the one whose main file it is."""
+        own = [r for r in self.reads if form_of(str(r.file.relative_to(self.bundle))) == form_of(file)]
+        return sorted(own, key=lambda read: read.file != self.bundle / file)
 
     def _ask_robot(self) -> Verdict:
         """Of `report/robot.json`: every file is now compared with another robot."""
