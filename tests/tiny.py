@@ -460,8 +460,9 @@ def _depth_first(parents: list[int]) -> list[int]:
 
 
 def check_inputs(folder: Path, robot: TinyRobot, target: Step, name: str) -> Path:
-    """The ports of `robot` and the folder `<name>/` that `target` writes."""
+    """The ports of `robot`, its measured meshes and the folder `<name>/` that `target` writes."""
     inputs = write_robot_ports(folder / "inputs", robot)
+    run_step(MeasureAssets(), inputs, inputs)
     outputs = folder / "target"
     run_step(target, inputs, outputs)
     shutil.copytree(outputs / name, inputs / name)

@@ -1,22 +1,27 @@
-"""Is every shape of the source still there, and every texture? Counted, not compared.
+"""Is the whole source still there: every link, joint, number, shape and texture?
 
-The MJCF's reader of facts proves that the MJCF has the shapes of the robot; this check counts them
-against the description itself, read by another parser, so that nothing can be lost before.
+The readers of facts prove that our files are the robot; this check holds the robot against the
+description itself, read by another parser than the build's, so that nothing can be lost before.
 """
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 from xml.etree.ElementTree import Element
 
 from assetbuild.engine.step import Files
+from assetbuild.facts.compare import Precision, differences, equality_findings
+from assetbuild.facts.readers.urdf import UrdfFacts
+from assetbuild.facts.reference import Assets, Reference, robot_table
+from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, RecipeView, write_figures
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Capsule, Role, Shapes
 
 VISUAL = Rule(
@@ -37,17 +42,19 @@ TEXTURE = Rule(
 
 
 class Counts(Check):
-    """Findings `count.visual`, `count.collision`, `count.texture`; all are errors.
+    """Findings `equal.source_urdf.*`, `count.visual`, `count.collision`, `count.texture`: errors.
 
-    A mesh of several materials becomes several shapes, and a collision method several pieces or
+    Links and joints of a source that no edit changed are the robot's, number by number. A mesh of
+    several materials becomes several shapes, and a collision method several pieces or
     one: so no link may have fewer visual shapes than the source states, or none where its rule
     asks for collision.
     """
 
-    version = "3"
-    tools = ("defusedxml",)
-    needs = ("source", "mjcf")
-    reads = ("shapes.json",)
+    tools: ClassVar = ("defusedxml", "lxml", "numpy")
+    isolated: ClassVar = True
+    preload: ClassVar = ("lxml.etree", "numpy")
+    needs: ClassVar = ("source", "mjcf")
+    reads: ClassVar = ("links.json", "shapes.json")
 
     robot: str
     rules: tuple[tuple[str, str, str], ...] = ()
@@ -67,9 +74,13 @@ class Counts(Check):
         }
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Reads `source.urdf`, `shapes.json` and `mjcf/<robot>.xml`."""
-        shapes = RobotFiles(files.inputs).shapes
-        source = _root(files.inputs / "source.urdf")
+        """Reads `source.urdf`, `links.json`, `shapes.json` and `mjcf/<robot>.xml`."""
+        robot = RobotFiles(files.inputs)
+        shapes = robot.shapes
+        source = UrdfFacts(robot=self.robot).read(files.inputs / "source.urdf")
+        compared = 0
+        if not self.written:
+            compared = yield from _equal(source, robot.links)
         stated = {role: _stated(source, role) for role in ("visual", "collision")}
         built = {
             role: Counter(shape.link for shape in shapes.of(role))
@@ -89,6 +100,7 @@ class Counts(Check):
         write_figures(
             files,
             {
+                "facts": compared,
                 **{f"{role}_source": stated[role].total() for role in stated},
                 **{f"{role}_built": built[role].total() for role in built},
                 "textures": len(wanted),
@@ -125,23 +137,63 @@ def _root(path: Path) -> Element:
     return root
 
 
-def _stated(robot: Element, role: Role) -> Counter[str]:
-    """Elements of one role by link, as the description states them."""
-    counts: Counter[str] = Counter()
-    for link in robot.findall("link"):
-        elements = link.findall(role)
-        counts[str(link.get("name"))] += sum(not _shows_nothing(element) for element in elements)
-    return counts
+def _equal(source: Table, links: Tree) -> Generator[Finding, None, int]:
+    """Bodies and joints of the source against the robot's links; how many facts there are."""
+
+    def told(key: Key) -> bool:
+        return key.kind in ("body", "joint") and UrdfFacts.holds(key) and not key.is_foreign
+
+    robot = robot_table(Reference(links, links, Shapes(), Control(), Assets(), {}), merged=False)
+    expected, found = robot.only(told), _with_locked(source).only(told)
+    different = differences(expected, found, Precision())
+    yield from equality_findings(different, "source_urdf", "the source", source.places)
+    return len({*expected.facts, *found.facts})
 
 
-def _shows_nothing(element: Element) -> bool:
-    """A point or a line: `read_urdf` tells it (`urdf.visual.nothing`), or refuses it."""
-    shapes = element.findall("geometry/*")
-    if len(shapes) != 1 or element.tag != "visual":
+def _with_locked(source: Table) -> Table:
+    """The source as it moves: a joint that mimics a fixed one stays where that puts it."""
+    joints = {name: source.of("joint", name) for name in source.names("joint")}
+    book = Writer()
+
+    def position(name: str, above: tuple[str, ...] = ()) -> float | None:
+        """rad or m; None = it moves."""
+        facts = joints.get(name, {})
+        leader = facts.get("mimics")
+        if facts.get("type") == "fixed":
+            return 0.0
+        at = position(str(leader), (*above, name)) if leader and name not in above else None
+        slope, offset = facts.get("mimic multiplier"), facts.get("mimic offset")
+        if at is None or not isinstance(slope, float) or not isinstance(offset, float):
+            return None
+        return offset + slope * at
+
+    for name, facts in joints.items():
+        at = position(name)
+        if at is not None and facts.get("type") != "fixed":
+            free: dict[str, Value] = {"mimics": "", "mimic multiplier": None, "mimic offset": None}
+            book.put("joint", name, free | {"lower": at, "upper": at})
+    return source | book.table()
+
+
+def _stated(source: Table, role: Role) -> Counter[str]:
+    """Shapes of one role by link, as the description states them."""
+    shapes: dict[str, dict[str, Value]] = {}
+    for key, value in source.facts.items():
+        if key.kind == "shape":
+            shapes.setdefault(key.name, {})[key.quantity] = value
+    return Counter(
+        str(facts["body"])
+        for facts in shapes.values()
+        if facts["role"] == role and not (role == "visual" and _shows_nothing(facts))
+    )
+
+
+def _shows_nothing(facts: Mapping[str, Value]) -> bool:
+    """A point or a line: `read_urdf` reports it (`urdf.visual.nothing`), or refuses it."""
+    size = facts.get("size")
+    if not isinstance(size, tuple) or not size:
         return False
-    edges = [float(edge) for edge in shapes[0].get("size", "").split()]
-    radius = shapes[0].get("radius")
-    return float(radius) == 0.0 if radius else edges.count(0.0) >= 2
+    return size.count(0.0) >= 2 if facts["geometry"] == "box" else size[0] == 0.0
 
 
 def _visuals(stated: Counter[str], built: Counter[str]) -> Iterator[Finding]:

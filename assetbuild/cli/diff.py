@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from assetbuild.errors import UsageError
 
 if TYPE_CHECKING:
-    from assetbuild.report.snapshot import Snapshot
+    from assetbuild.report.sides import Side
 
 HELP = "compare two bundles, recipes, MJCF, URDF or USD files, Isaac Lab configurations"
 
@@ -33,23 +33,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Print the changes; 0, or with `--exit-code` 1 when there are any."""
     from assetbuild.report.diff import changes, diff_markdown, diff_text
-    from assetbuild.report.foreign import foreign_snapshot
 
     names = (arguments.before, arguments.after)
     with tempfile.TemporaryDirectory(prefix="assetbuild-diff-") as folder:
-        sides: list[Snapshot | None] = [
-            None if _config_of(name) else snapshot_of(name, Path(folder, str(side)))
-            for side, name in enumerate(names)
+        sides: list[Side | None] = [
+            None if _config_of(name) else side_of(name, Path(folder, str(place)))
+            for place, name in enumerate(names)
         ]
-    joints = [s for side in sides if side for kind, s, _ in side.facts if kind == "joint"]
-    before, after = (
-        side or foreign_snapshot(*(_config_of(name) or (Path(name), "")), dict.fromkeys(joints))
-        for side, name in zip(sides, names, strict=True)
-    )
-    found = changes(before, after)
+        known = next((side for side in sides if side is not None), None)
+        before, after = (
+            side or _config_side(name, known) for side, name in zip(sides, names, strict=True)
+        )
+        found = changes(before, after)
     write = diff_markdown if arguments.markdown else diff_text
     print(write(before, after, found), end="")
-    return 1 if arguments.exit_code and found else 0
+    return 1 if arguments.exit_code and found.rows else 0
+
+
+def _config_side(name: str, known: Side | None) -> Side:
+    """Isaac Lab's configuration; its patterns mean joints of the other side."""
+    from assetbuild.report.sides import config_side
+
+    return config_side(*(_config_of(name) or (Path(name), "")), known)
 
 
 def _config_of(name: str) -> tuple[Path, str] | None:
@@ -62,14 +67,13 @@ def _config_of(name: str) -> tuple[Path, str] | None:
     return (path, config) if path.suffix == ".py" and path.is_file() else None
 
 
-def snapshot_of(name: str, folder: Path) -> Snapshot:
+def side_of(name: str, folder: Path) -> Side:
     """Facts of whatever `name` names; recipes are built below `folder`."""
-    from assetbuild.report.foreign import foreign_snapshot
-    from assetbuild.report.snapshot import bundle_snapshot
+    from assetbuild.report.sides import bundle_side, foreign_side
 
     path = Path(name)
     if path.is_dir():
-        return bundle_snapshot(path)
+        return bundle_side(path)
     if path.suffix in (".yaml", ".yml") and path.is_file():
         return _built(path, name, folder)
     if not path.exists() and ":" in name:
@@ -77,15 +81,13 @@ def snapshot_of(name: str, folder: Path) -> Snapshot:
         return _built(_checked_out(revision, inside, folder), name, folder)
     if not path.is_file():
         raise UsageError(f"there is no `{name}`")
-    return foreign_snapshot(path)
+    return foreign_side(path)
 
 
-def _built(recipe: Path, name: str, folder: Path) -> Snapshot:
-    from dataclasses import replace
-
+def _built(recipe: Path, name: str, folder: Path) -> Side:
     from assetbuild.cli.progress import progress
     from assetbuild.pipeline.building import Request, build
-    from assetbuild.report.snapshot import bundle_snapshot
+    from assetbuild.report.sides import bundle_side
 
     with progress(recipe.name) as shown:
         request = Request(recipe=recipe, out=folder / "bundle", fail_on="never")
@@ -94,7 +96,7 @@ def _built(recipe: Path, name: str, folder: Path) -> Snapshot:
         if outcome.errors:
             raise outcome.errors[0]
         raise UsageError(f"`{name}` was not built")
-    return replace(bundle_snapshot(outcome.out), name=name)
+    return bundle_side(outcome.out, name)
 
 
 def _checked_out(revision: str, inside: str, folder: Path) -> Path:

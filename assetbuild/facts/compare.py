@@ -146,7 +146,7 @@ def _same(
     if old is None or new is None or isinstance(old, bool | str) or isinstance(new, bool | str):
         return old == new
     quantity = VOCABULARY.get((key.kind, key.quantity))
-    comparison: Comparison = quantity.comparison if quantity else _guessed(old)
+    comparison: Comparison = quantity.comparison if quantity else _guessed(key, old)
     if comparison == "names":
         return set(np.atleast_1d(old)) == set(np.atleast_1d(new))
     a, b = _numbers(old), _numbers(new)
@@ -163,7 +163,10 @@ def _same(
     return distance <= tolerance * size + ROUNDING
 
 
-def _guessed(value: object) -> Comparison:
+def _guessed(key: Key, value: object) -> Comparison:
+    """Of a word of a format: its name says whether it is a pose."""
+    if key.quantity.endswith(" pose"):
+        return "pose"
     return "vector" if isinstance(value, tuple) else "number"
 
 

@@ -79,7 +79,7 @@ class SceneReader(Reader):
         own = _robot_file(path, self.robot)
         return super().prove(reference, path) if own.is_file() else Proof(Table({}), (), (), 0)
 
-    def found(self, path: Path, reference: Reference) -> Table:
+    def read(self, path: Path) -> Table:
         """Words that the robot's own file does not have, and those that it has otherwise."""
         robot, scene = _words(_robot_file(path, self.robot)), _words(path)
         facts: dict[Key, Value] = {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -64,6 +65,8 @@ class Reader(Check):
     """The format's name in sentences: "the MJCF"."""
     folder: ClassVar[str] = ""
     """Where a bundle keeps what the target writes at the top of its own folder."""
+    behind: ClassVar[tuple[str, ...]] = ()
+    """The files of a bundle that it reads, as globs; `{robot}` is the robot's name."""
     suffixes: ClassVar[tuple[str, ...]] = ()
     """Endings of files that it may read when a person names one; none: only in a bundle."""
     precision: ClassVar[Precision] = Precision()
@@ -93,6 +96,11 @@ class Reader(Check):
     def expected(self, reference: Reference) -> Table:
         """What the file must say: the robot's facts as far as the format holds them."""
         return robot_table(reference).only(self.holds)
+
+    @classmethod
+    def covers(cls, path: str, robot: str) -> bool:
+        """Whether it reads a file of a bundle, by its path there."""
+        return any(fnmatchcase(path, glob.replace("{robot}", robot)) for glob in cls.behind)
 
     @property
     def exactness(self) -> Precision:

@@ -62,10 +62,12 @@ class Reference:
 
     @classmethod
     def of_ports(cls, folder: Path, options: Mapping[str, Any]) -> Reference:  # Any: as above
-        """Of the ports of a step."""
+        """Of the ports of a step; of one that reads `ratings.json`, these are all its control."""
         files = RobotFiles(folder)
         assets = decode(Assets, (folder / "assets.json").read_bytes())
-        return cls(files.links, files.tree, files.shapes, files.control, assets, options)
+        rated = (folder / "ratings.json").is_file() and not (folder / "control.json").is_file()
+        control = files.ratings if rated else files.control
+        return cls(files.links, files.tree, files.shapes, control, assets, options)
 
     def to_json(self) -> str:
         """`report/robot.json`."""
@@ -75,7 +77,8 @@ class Reference:
         }  # fmt: skip
         plain = {name: json.loads(encode(part)) for name, part in parts.items()}
         plain["options"] = self.options
-        return json.dumps(plain, sort_keys=True, separators=(",", ":")) + "\n"
+        # Not sorted: where a section maps patterns to ranges, the first that matches wins.
+        return json.dumps(plain, separators=(",", ":")) + "\n"
 
     @classmethod
     def of_bundle(cls, bundle: Path) -> Reference:

@@ -20,8 +20,10 @@ class Surface:
     """A triangle mesh in some frame.
 
     triangles: their number. area: m2. volume: m3, signed: the sum of the tetrahedra with the mean
-    of all corners, so that an open mesh has the same wherever it lies. mean: (3,) m, mean of all corners. moments: (3, 3) m2, mean of their
-    outer products about the origin. uv: means of u, v, uu, vv, uv; empty without texture.
+    of all corners, so that an open mesh has the same wherever it lies. mean: (3,) m, mean of all
+    corners. moments: (3, 3) m2, mean of their outer products about the origin. uv: means of u, v,
+    uu, vv, uv; empty without texture. normals: means of x, y, z, xx, yy, zz, xy, xz, yz of the
+    normals that the file states at its corners; empty where it states none.
     """
 
     triangles: int
@@ -30,6 +32,7 @@ class Surface:
     mean: tuple[float, ...]
     moments: tuple[tuple[float, ...], ...]
     uv: tuple[float, ...] = ()
+    normals: tuple[float, ...] = ()
 
     def moved(self, pose: Pose) -> Surface:
         """The same mesh in the parent of its frame."""
@@ -40,7 +43,15 @@ class Surface:
         return Surface(
             self.triangles, self.area, self.volume,
             tuple((mean + shift).tolist()), tuple(map(tuple, second.tolist())), self.uv,
+            self._turned_normals(turn),
         )  # fmt: skip
+
+    def _turned_normals(self, turn: Array) -> tuple[float, ...]:
+        if not self.normals:
+            return ()
+        x, y, z, xx, yy, zz, xy, xz, yz = self.normals
+        second = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
+        return (*(turn @ (x, y, z)).tolist(), *_six(second))
 
     def facts(self) -> dict[str, Value]:
         """By the names of the vocabulary."""
@@ -57,8 +68,10 @@ class Surface:
         return found
 
 
-def measure(corners: ArrayLike, uv: ArrayLike | None = None) -> Surface:
-    """Of (n, 3, 3) corners of triangles, m, and (n, 3, 2) texture coordinates."""
+def measure(
+    corners: ArrayLike, uv: ArrayLike | None = None, normals: ArrayLike | None = None
+) -> Surface:
+    """Of (n, 3, 3) corners of triangles, m, (n, 3, 2) texture coordinates, (n, 3, 3) normals."""
     points: Array = np.asarray(corners, dtype=np.float64).reshape(-1, 3, 3)
     a, b, c = points[:, 0], points[:, 1], points[:, 2]
     across = np.cross(b - a, c - a)
@@ -70,6 +83,7 @@ def measure(corners: ArrayLike, uv: ArrayLike | None = None) -> Surface:
     return Surface(
         len(points), area, volume,
         tuple(mean.tolist()), tuple(map(tuple, moments.tolist())), _uv_means(uv),
+        _normal_means(normals),
     )  # fmt: skip
 
 
@@ -81,3 +95,15 @@ def _uv_means(uv: ArrayLike | None) -> tuple[float, ...]:
         return ()
     u, v = flat[:, 0], flat[:, 1]
     return tuple(float(np.mean(part)) for part in (u, v, u * u, v * v, u * v))
+
+
+def _normal_means(normals: ArrayLike | None) -> tuple[float, ...]:
+    flat: Array = np.asarray(() if normals is None else normals, dtype=np.float64).reshape(-1, 3)
+    if not len(flat):
+        return ()
+    return (*flat.mean(axis=0).tolist(), *_six(flat.T @ flat / len(flat)))
+
+
+def _six(m: Array) -> tuple[float, ...]:
+    """xx, yy, zz, xy, xz, yz of a symmetric matrix."""
+    return tuple(float(m[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))

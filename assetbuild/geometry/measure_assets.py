@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator
-from pathlib import Path
 
 from assetbuild.engine.step import Files, Step
+from assetbuild.facts.picture import pixel_digest
 from assetbuild.facts.reference import Assets
 from assetbuild.facts.surface import measure
 from assetbuild.findings import Finding
@@ -18,6 +17,7 @@ from assetbuild.robot.files import RobotFiles
 class MeasureAssets(Step):
     """`shapes.json`, `meshes/` -> `assets.json`: surface of every mesh, pixels of every picture."""
 
+    version = "2"
     outputs = ("assets.json",)
     tools = ("numpy", "pillow")
 
@@ -27,25 +27,9 @@ class MeasureAssets(Step):
         surfaces = []
         for asset in robot.shapes.meshes:
             mesh = read_triangles((robot.mesh_dir / asset.file).read_bytes(), asset.file)
-            uv = None if mesh.uv is None else mesh.uv
-            surfaces.append((asset.name, measure(mesh.vertices[mesh.faces], uv)))
+            surfaces.append((asset.name, measure(mesh.corners, mesh.uv, mesh.normals)))
         textures = sorted({m.texture for m in robot.shapes.materials if m.texture})
         read = {file: pixel_digest(robot.mesh_dir / file) for file in textures}
         pixels = tuple((file, digest) for file, digest in read.items() if digest)
         (files.outputs / "assets.json").write_bytes(encode(Assets(tuple(surfaces), pixels)))
         yield from ()
-
-
-def pixel_digest(file: Path) -> str:
-    """Digest of the size and the RGBA pixels of a picture, whatever its file says besides.
-
-    "" where it is missing or no picture, which the targets report.
-    """
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(file) as picture:
-            pixels = picture.convert("RGBA")
-    except (FileNotFoundError, UnidentifiedImageError):
-        return ""
-    return hashlib.sha256(repr(pixels.size).encode() + pixels.tobytes()).hexdigest()[:16]

@@ -2,29 +2,35 @@
 
 from __future__ import annotations
 
+import difflib
+import json
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Literal, get_args
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
-from assetbuild.report.snapshot import Snapshot, Value
-from assetbuild.report.tables import markdown_table, table, text_of
-from assetbuild.simulators.readings import FALL, HEIGHT
+from assetbuild.facts.compare import Difference, Precision, differences, shown
+from assetbuild.facts.table import Key
+from assetbuild.facts.vocabulary import RANKS, Rank
+from assetbuild.report.sides import DERIVED, ROBOT, Side
+from assetbuild.report.tables import markdown_table, table
 
-Rank = Literal["CRITICAL", "HIGH", "MEDIUM", "LOW"]
-RANKS: tuple[Rank, ...] = get_args(Rank)
 DEGREES = 180.0 / math.pi
 SHOWN_NAMES = 3
-
-CRITICAL_IF_CHANGED = ("kind", "axis", "base", "gravity, m/s2", "model")
-MOTION: dict[str, float] = {FALL: 0.02, HEIGHT: 0.01}
-"""m; what two simulators may differ by: 5 % of the fall, a centimetre of height."""
-DRIVE = ("kp", "kd", "damping", "friction", "armature", "effort", "velocity")
+SHOWN_LINES = 3
+PAGES = ("report/report.json", "report/index.html", "report/report.md", "model_card.md")
+"""What a build writes of the facts, the findings and the figures."""
+NOISE = 0.01
+"""Relative: what a figure of a check may change by."""
+TEXT = (".xml", ".urdf", ".yaml", ".py", ".md", ".html", ".usda", ".txt", "")
+READ_WHOLE = (".xml", ".urdf", ".usda", ".usdc", ".yaml")
+"""Endings of files that a reader of facts reads to the last attribute."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """One quantity of one or more subjects."""
+    """One quantity of one or more subjects. forms: the formats that say so."""
 
     rank: Rank
     subjects: tuple[str, ...]
@@ -32,51 +38,70 @@ class Change:
     before: str
     after: str
     note: str = ""
+    forms: tuple[str, ...] = ()
 
 
-def changes(before: Snapshot, after: Snapshot) -> list[Change]:
-    """All changes, worst first; subjects with the same change are told together."""
-    found = [
-        *_verdict(before, after),
-        *_findings(before, after),
-        *_subjects(before, after),
-        *_facts(before, after),
-        *_files(before, after),
-    ]
+@dataclass(frozen=True)
+class Changes:
+    """rows: worst first. rewritten: files that say the same in other bytes."""
+
+    rows: tuple[Change, ...]
+    rewritten: tuple[str, ...] = ()
+
+
+def changes(before: Side, after: Side) -> Changes:
+    """All that differs; subjects with the same change are told together."""
+    facts, telling = _facts(before, after)
+    found = [*_verdict(before, after), *_findings(before, after), *facts]
+    found += _figures(before, after)
+    explained = frozenset(PAGES) if found else frozenset()
+    files, rewritten = _files(before, after, telling, explained)
+    found += files
     merged: dict[tuple[object, ...], Change] = {}
     for change in found:
         key = (change.rank, change.quantity, change.before, change.after, change.note)
-        known = merged.get(key)
-        subjects = (known.subjects if known else ()) + change.subjects
-        merged[key] = Change(
-            change.rank, subjects, change.quantity, change.before, change.after, change.note
-        )
-    return sorted(merged.values(), key=lambda c: RANKS.index(c.rank))
+        known = merged.get(key, replace(change, subjects=(), forms=()))
+        subjects = dict.fromkeys((*known.subjects, *change.subjects))
+        forms = dict.fromkeys((*known.forms, *change.forms))
+        merged[key] = replace(known, subjects=tuple(subjects), forms=tuple(forms))
+    rows = sorted(merged.values(), key=lambda change: RANKS.index(change.rank))
+    return Changes(tuple(rows), rewritten)
 
 
-def diff_text(before: Snapshot, after: Snapshot, found: Sequence[Change]) -> str:
+def diff_text(before: Side, after: Side, found: Changes) -> str:
     """For a terminal."""
     lines = [f"{before.name} -> {after.name}: {counts(found)}"]
-    for change in found:
-        note = f" ({change.note})" if change.note else ""
+    for change in found.rows:
         arrow = f"{change.before} -> {change.after}"
         subject = _named(change.subjects)
-        lines.append(f"  {change.rank:8}  {subject}: {change.quantity}: {arrow}{note}")
+        lines.append(f"  {change.rank:8}  {subject}: {change.quantity}: {arrow}{_remarks(change)}")
     return "\n".join(lines) + "\n"
 
 
-def diff_markdown(before: Snapshot, after: Snapshot, found: Sequence[Change]) -> str:
+def diff_markdown(before: Side, after: Side, found: Changes) -> str:
     """For a pull request."""
-    rows = [(c.rank, _named(c.subjects), c.quantity, c.before, c.after, c.note) for c in found]
-    shown = table("", ("", "of", "what", "before", "after", ""), rows, empty="No difference.")
+    rows = [
+        (c.rank, _named(c.subjects), c.quantity, c.before, c.after, _remarks(c).strip(" ()"))
+        for c in found.rows
+    ]
+    listed = table("", ("", "of", "what", "before", "after", ""), rows, empty="No fact differs.")
     title = f"### `{before.name}` -> `{after.name}`: {counts(found)}"
-    return f"{title}\n\n{markdown_table(shown)}\n"
+    return f"{title}\n\n{markdown_table(listed)}\n"
 
 
-def counts(found: Sequence[Change]) -> str:
+def _remarks(change: Change) -> str:
+    said = [part for part in (change.note, ", ".join(change.forms)) if part]
+    return f" ({'; '.join(said)})" if said else ""
+
+
+def counts(found: Changes) -> str:
     """`2 HIGH, 1 LOW`."""
-    ranks = [change.rank for change in found]
-    return ", ".join(f"{ranks.count(r)} {r}" for r in RANKS if r in ranks) or "no difference"
+    ranks = [change.rank for change in found.rows]
+    told = ", ".join(f"{ranks.count(r)} {r}" for r in RANKS if r in ranks)
+    if told or not found.rewritten:
+        return told or "no difference"
+    files = len(found.rewritten)
+    return f"no fact differs; {files} file{'s are' if files > 1 else ' is'} written differently"
 
 
 def _named(subjects: Sequence[str]) -> str:
@@ -85,17 +110,110 @@ def _named(subjects: Sequence[str]) -> str:
     return f"{', '.join(subjects[:SHOWN_NAMES])} and {len(subjects) - SHOWN_NAMES} more"
 
 
-# --- what may change -------------------------------------------------------------------------
+# --- facts ----------------------------------------------------------------------------------
 
 
-def _verdict(before: Snapshot, after: Snapshot) -> Iterator[Change]:
+def _facts(before: Side, after: Side) -> tuple[list[Change], frozenset[str]]:
+    """(changes, forms in which a fact differs)."""
+    found: list[Change] = []
+    telling: set[str] = set()
+    both = [form for form in before.forms if form in after.forms]
+    for one, other in [(form, form) for form in both] or [_nearest(before, after)]:
+        if _unchanged(before, after, one) and one == other:
+            continue
+        differ = _compared(before, one, after, other)
+        telling |= {one} if differ else set()
+        named = one if one == other else f"{one}, {other}"
+        found += [_change(item, named) for item in differ]
+    for form in sorted({*before.forms} ^ {*after.forms}) if both else ():
+        gone = form in before.forms
+        found.append(Change("HIGH", (f"format {form}",), "exists", *_exists(gone)))
+    return found, frozenset(telling)
+
+
+def _exists(gone: bool) -> tuple[str, str]:
+    return ("yes", "no") if gone else ("no", "yes")
+
+
+def _unchanged(before: Side, after: Side, form: str) -> bool:
+    """Whether all files behind a form have the same bytes."""
+    old, new = ({p: s.digests[p] for p in s.covers.get(form, ())} for s in (before, after))
+    return bool(old) and old == new
+
+
+def _nearest(before: Side, after: Side) -> tuple[str, str]:
+    """Forms to compare where none is common: a model's own with a bundle's robot."""
+    return next(iter(before.forms)), next(iter(after.forms))
+
+
+def _compared(before: Side, one: str, after: Side, other: str) -> list[Difference]:
+    old, new = before.forms[one](), after.forms[other]()
+    precision = before.precision[one].coarser(after.precision[other])
+    if one == other:
+        return differences(old, new, precision)
+
+    def said(key: Key) -> bool:
+        every = ((before, one), (after, other))
+        return not key.is_foreign and all(
+            side.holds[form](key) if form in side.holds else True for side, form in every
+        )
+
+    kinds = {(k.kind, k.quantity) for k in old.facts} & {(k.kind, k.quantity) for k in new.facts}
+    old, new = (
+        t.only(lambda key: said(key) and (key.kind, key.quantity) in kinds) for t in (old, new)
+    )
+    return [
+        item
+        for item in differences(old, new, _loose(precision))
+        if item.what == "value" or item.key.kind in ("body", "joint")
+    ]
+
+
+def _loose(precision: Precision) -> Precision:
+    """Between formats: MuJoCo's own writer, for one, rounds to six digits."""
+    kinds = {kind: max(tolerance, 1e-5) for kind, tolerance in precision.by_comparison.items()}
+    return replace(precision, by_comparison=kinds)
+
+
+def _change(item: Difference, form: str) -> Change:
+    subject, forms = item.key.subject, () if form == ROBOT else (form,)
+    if item.what != "value":
+        return Change(item.rank, (subject,), "exists", *_exists(item.what == "missing"), "", forms)
+    unit = item.quantity.unit if item.quantity else ""
+    rank, note = judge(item)
+    old, new = shown(item.before, unit), shown(item.after, unit)
+    if old == new:
+        old, new = shown(item.before, unit, 17), shown(item.after, unit, 17)
+    return Change(rank, (subject,), item.key.quantity, old, new, note, forms)
+
+
+def judge(item: Difference) -> tuple[Rank, str]:
+    """How bad a change is, and what to think of."""
+    old, new = item.before, item.after
+    if item.key.quantity == "axis" and isinstance(old, tuple) and isinstance(new, tuple):
+        turned = sum(float(a) * float(b) for a, b in zip(old, new, strict=True))
+        return item.rank, "turns the other way" if turned < -0.999 else ""
+    if isinstance(old, float) and isinstance(new, float) and old and new:
+        ratio = new / old
+        note = f"x {ratio:.4g}" if ratio > 0.0 else ""
+        for factor, text in ((DEGREES, "degrees and radians?"), (1e3, "a factor of 1000: units?")):
+            if any(math.isclose(ratio, f, rel_tol=1e-3) for f in (factor, 1.0 / factor)):
+                return "CRITICAL", f"{note}: {text}"
+        return item.rank, note
+    return item.rank, ""
+
+
+# --- verdict, findings, figures -------------------------------------------------------------
+
+
+def _verdict(before: Side, after: Side) -> Iterator[Change]:
     if None not in (before.ready, after.ready) and before.ready != after.ready:
         rank: Rank = "CRITICAL" if before.ready else "MEDIUM"
-        shown = text_of(before.ready), text_of(after.ready)
-        yield Change(rank, ("robot",), "ready for training", *shown)
+        texts = ("yes", "no") if before.ready else ("no", "yes")
+        yield Change(rank, ("robot",), "ready for training", *texts)
 
 
-def _findings(before: Snapshot, after: Snapshot) -> Iterator[Change]:
+def _findings(before: Side, after: Side) -> Iterator[Change]:
     worse: dict[str, Rank] = {"error": "CRITICAL", "warning": "MEDIUM", "info": "LOW"}
     if before.ready is None or after.ready is None:
         return  # one of them was never checked
@@ -107,98 +225,141 @@ def _findings(before: Snapshot, after: Snapshot) -> Iterator[Change]:
         yield Change(rank, (key[1],), f"finding {key[0]}", old or "-", new or "-")
 
 
-def _subjects(before: Snapshot, after: Snapshot) -> Iterator[Change]:
-    for group in ("body", "joint"):
-        old = {subject for kind, subject, _ in before.facts if kind == group}
-        new = {subject for kind, subject, _ in after.facts if kind == group}
-        if not old or not new:
-            continue  # a configuration names no bodies, some none of its joints
-        for name in sorted(old - new):
-            yield Change("CRITICAL", (f"{group} {name}",), "exists", "yes", "no")
-        for name in sorted(new - old):
-            yield Change("CRITICAL", (f"{group} {name}",), "exists", "no", "yes")
+def _figures(before: Side, after: Side) -> Iterator[Change]:
+    """Figures of checks that both have and that changed by more than noise."""
+    for path, old in before.figures.items():
+        new = after.figures.get(path)
+        if new is not None and not math.isclose(old, new, rel_tol=NOISE, abs_tol=1e-9):
+            check, _, figure = path.partition(".")
+            yield Change("LOW", (f"check {check}",), figure, f"{old:.4g}", f"{new:.4g}")
 
 
-def _facts(before: Snapshot, after: Snapshot) -> Iterator[Change]:
-    """Quantities that both state; one that only one of them states at all says nothing."""
-    told_before = {(group, quantity) for group, _, quantity in before.facts}
-    told_after = {(group, quantity) for group, _, quantity in after.facts}
-    both = told_before & told_after
-    there = {(g, s) for g, s, _ in before.facts} & {(g, s) for g, s, _ in after.facts}
-    for key in dict.fromkeys((*before.facts, *after.facts)):
-        group, subject, quantity = key
-        if (group, quantity) not in both or (group, subject) not in there:
+# --- files ----------------------------------------------------------------------------------
+
+
+def _files(
+    before: Side, after: Side, telling: frozenset[str], explained: frozenset[str]
+) -> tuple[list[Change], tuple[str, ...]]:
+    """(files whose bytes differ and no fact says why, files that say the same in other bytes)."""
+    found: list[Change] = []
+    rewritten: list[str] = []
+    if before.folder is None or after.folder is None:
+        return found, ()
+    for path in sorted({*before.digests, *after.digests}):
+        old, new = before.digests.get(path), after.digests.get(path)
+        if old == new or path in DERIVED or path in explained:
             continue
-        old, new = before.facts.get(key), after.facts.get(key)
-        apart = MOTION.get(quantity, 0.0)
-        if not _same(old, new, max(before.precision, after.precision), apart):
-            name = subject if group == "robot" else f"{group} {subject}"
-            rank, note = judge(quantity, old, new)
-            yield Change(rank, (name,), quantity, text_of(old), text_of(new), note)
+        behind = {f for side in (before, after) for f, of in side.covers.items() if path in of}
+        if behind & telling:
+            continue
+        if old is None or new is None:
+            found.append(Change("LOW", (f"file {path}",), "exists", *_exists(new is None)))
+            continue
+        contents = [(side.folder / path).read_bytes() for side in (before, after) if side.folder]
+        lines = [*_differing(path, contents[0], contents[1], whole=bool(behind))]
+        if not lines:
+            rewritten.append(path)
+        found += [
+            Change("LOW", (f"file {path}",), where, first, second)
+            for where, first, second in lines[:SHOWN_LINES]
+        ]
+        if len(lines) > SHOWN_LINES:
+            more = f"{len(lines) - SHOWN_LINES} more places"
+            found.append(Change("LOW", (f"file {path}",), "and", more, "differ"))
+    alone = not found and not rewritten and not telling
+    derived = [p for p in DERIVED if before.digests.get(p) != after.digests.get(p)]
+    if alone and "manifest.json" in derived:
+        contents = [(s.folder / "manifest.json").read_bytes() for s in (before, after) if s.folder]
+        for where, first, second in _differing("manifest.json", *contents, whole=False):
+            found.append(Change("LOW", ("file manifest.json",), where, first, second))
+    return found, (*rewritten, *(derived if alone and not found else ()))
 
 
-def _same(old: Value, new: Value, precision: float, apart: float) -> bool:
-    if isinstance(old, float) and isinstance(new, float):
-        return math.isclose(old, new, rel_tol=precision, abs_tol=max(1e-3 * precision, apart))
-    if isinstance(old, tuple) and isinstance(new, tuple) and len(old) == len(new):
-        size = max(map(abs, (*old, *new)), default=0.0)
-        return math.dist(old, new) <= precision * max(size, 1e-3)
-    return old == new
+def _differing(path: str, old: bytes, new: bytes, *, whole: bool) -> Iterator[tuple[str, str, str]]:
+    """(place, before, after) where two files say something else; nothing where both say the same.
 
-
-def judge(quantity: str, old: Value, new: Value) -> tuple[Rank, str]:
-    """How bad a change is, and what to think of."""
-    if quantity in CRITICAL_IF_CHANGED:
-        if quantity == "axis" and isinstance(old, tuple) and isinstance(new, tuple):
-            turned = sum(a * b for a, b in zip(old, new, strict=True))
-            if turned > 1.0 - 1e-6:
-                return "LOW", ""
-            return "CRITICAL", "turns the other way" if turned < -0.999 else ""
-        return ("HIGH" if quantity == "model" else "CRITICAL"), ""
-    if isinstance(old, float) and isinstance(new, float):
-        return _judge_number(quantity, old, new)
-    if isinstance(old, tuple) and isinstance(new, tuple):
-        size = max(map(abs, (*old, *new)), default=0.0)
-        apart = math.dist(old, new)
-        if quantity == "centre of mass, m":
-            return ("HIGH" if apart > 1e-3 else "LOW"), f"{1e3 * apart:.3g} mm"
-        if quantity.startswith("principal"):
-            return ("HIGH" if apart > 0.05 * size else "LOW"), ""
-    return ("HIGH" if quantity in ("lower", "upper", "effort") else "MEDIUM"), ""
-
-
-def _judge_number(quantity: str, old: float, new: float) -> tuple[Rank, str]:
-    ratio = new / old if old else math.inf
-    note = f"x {ratio:.4g}" if 0.0 < ratio < math.inf else ""
-    for factor, text in ((DEGREES, "degrees and radians?"), (1e3, "a factor of 1000: units?")):
-        if any(math.isclose(ratio, f, rel_tol=1e-3) for f in (factor, 1.0 / factor)):
-            return "CRITICAL", f"{note}: {text}"
-    change = abs(math.log(ratio)) if 0.0 < ratio < math.inf else math.inf
-    if "mass" in quantity:
-        return ("CRITICAL" if change > 0.01 else "LOW"), note
-    if quantity in ("lower", "upper"):
-        return ("HIGH" if abs(new - old) > 1e-3 else "LOW"), ""
-    if quantity in DRIVE:
-        return ("HIGH" if change > math.log(1.5) else "MEDIUM"), note
-    high = ("timestep, s", "decimation", *MOTION)
-    return ("HIGH" if quantity in high else "MEDIUM"), note
-
-
-def _files(before: Snapshot, after: Snapshot) -> Iterator[Change]:
-    if not before.files or not after.files:
+    whole: a reader of facts has read both, and found no difference.
+    """
+    suffix = path[path.rfind(".") :] if "." in path.rsplit("/", 1)[-1] else ""
+    if whole and suffix in READ_WHOLE:
         return
-    pictures = [p for p in {*before.files, *after.files} if p.startswith("report/images/")]
-    other = sorted(p for p in pictures if before.files.get(p) != after.files.get(p))
-    for path in other:
-        name = path.removeprefix("report/images/")
-        old, new = (s.files[path][0][:8] if path in s.files else "-" for s in (before, after))
-        yield Change("LOW", (name,), "picture", old, new, "look at both")
-    for folder in ("urdf", "mjcf", "usd"):
-        sizes = [_size(snapshot, folder) for snapshot in (before, after)]
-        if max(sizes) and abs(sizes[1] - sizes[0]) > 0.02 * max(sizes):
-            shown = [f"{size / 1e6:.2f} MB" for size in sizes]
-            yield Change("LOW", (f"{folder}/",), "size", shown[0], shown[1])
+    if suffix == ".json":
+        yield from _differing_json(old, new)
+    elif suffix in (".obj", ".mtl"):
+        yield from _differing_lines(_plain_numbers(old), _plain_numbers(new))
+    elif suffix in TEXT or path.startswith("LICENSES/") or path == "NOTICE":
+        yield from _differing_lines(old.decode("utf-8", "replace"), new.decode("utf-8", "replace"))
+    elif not _same_picture(old, new):
+        yield "bytes", f"{len(old)} bytes", f"{len(new)} bytes, look at both"
 
 
-def _size(snapshot: Snapshot, folder: str) -> int:
-    return sum(size for p, (_, size) in snapshot.files.items() if p.startswith(f"{folder}/"))
+def _plain_numbers(data: bytes) -> str:
+    """A mesh file without comments, every number in one spelling."""
+    lines = [line.split("#")[0].split() for line in data.decode("utf-8", "replace").splitlines()]
+    return "\n".join(" ".join(map(_spelled, words)) for words in lines if words)
+
+
+def _spelled(word: str) -> str:
+    try:
+        return repr(float(word) + 0.0)
+    except ValueError:
+        return word
+
+
+def _differing_lines(old: str, new: str) -> Iterator[tuple[str, str, str]]:
+    a, b = old.splitlines(), new.splitlines()
+    if len(a) == len(b):
+        for number, (one, other) in enumerate(zip(a, b, strict=True), start=1):
+            if one.split() != other.split():
+                yield f"line {number}", *_around(one, other)
+        return
+    match = difflib.SequenceMatcher(None, a[:20000], b[:20000], autojunk=True)
+    for tag, i, j, k, m in match.get_opcodes():
+        if tag != "equal":
+            yield f"line {i + 1}", _cut(" ".join(a[i:j])), _cut(" ".join(b[k:m]))
+
+
+def _around(one: str, other: str) -> tuple[str, str]:
+    """Both lines from shortly before the first difference."""
+    same = len(os.path.commonprefix([one, other]))
+    start = max(0, same - 20)
+    return _cut(one[start:]), _cut(other[start:])
+
+
+def _cut(text: str) -> str:
+    plain = re.sub(r"\s+", " ", text).strip()
+    return f"{plain[:60]}..." if len(plain) > 63 else plain or "-"
+
+
+def _differing_json(old: bytes, new: bytes) -> Iterator[tuple[str, str, str]]:
+    try:
+        a, b = dict(_leaves(json.loads(old))), dict(_leaves(json.loads(new)))
+    except (ValueError, RecursionError):
+        yield "text", f"{len(old)} bytes", f"{len(new)} bytes"
+        return
+    for key in dict.fromkeys((*a, *b)):
+        if a.get(key, "-") != b.get(key, "-"):
+            yield key, _cut(str(a.get(key, "-"))), _cut(str(b.get(key, "-")))
+
+
+def _leaves(value: object, path: str = "") -> Iterator[tuple[str, object]]:
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            yield from _leaves(item, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            yield from _leaves(item, f"{path}[{index}]")
+    else:
+        yield path, value
+
+
+def _same_picture(old: bytes, new: bytes) -> bool:
+    import io
+
+    from PIL import Image
+
+    try:
+        a, b = (Image.open(io.BytesIO(data)).convert("RGBA") for data in (old, new))
+    except OSError:
+        return False
+    return a.size == b.size and a.tobytes() == b.tobytes()

@@ -22,7 +22,7 @@ from assetbuild.robot.inertia import total_mass
 SHOWN_OF_A_RULE = 2
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("equality", "The same robot in every format",
-     ("oracle", "urdf_reload", "mjcf_equal", "mjcf_source", "mjcf_compiles",
+     ("oracle", "urdf_", "dr_equal", "mjcf_equal", "mjcf_source", "mjcf_compiles",
       "usd_equal", "usd_valid", "counts")),
     ("alignment", "Simulators agree", ("alignment", "physx", "free_fall")),
     ("gains", "Drives and their effect", ("gains", "stand", "trials")),

@@ -41,6 +41,10 @@ LIMIT_UNSTATED = Rule(
 )
 
 
+BOUNDLESS = 1e9
+"""m: the limits of a prismatic joint without any, as a limit that is left out means 0 in URDF."""
+
+
 class Urdf(Target):
     """`urdf/<robot>.urdf` and `urdf/meshes/`.
 
@@ -52,7 +56,7 @@ class Urdf(Target):
     away from the origin hangs on a link `world`, by a fixed joint.
     """
 
-    version = "3"
+    version = "4"
     outputs = ("urdf/",)
     reads = ("links.json", "shapes.json", "ratings.json", "meshes/")
 
@@ -236,6 +240,9 @@ def _limits(joint: Joint, actuator: Actuator | None) -> dict[str, float | None]:
     word for it, and parsers refuse a <limit> without the attribute.
     """
     stated = {"lower": joint.limits.lower, "upper": joint.limits.upper}
+    if joint.kind == "prismatic":
+        for side, far in (("lower", -BOUNDLESS), ("upper", BOUNDLESS)):
+            stated[side] = far if stated[side] is None else stated[side]
     for name in ("effort", "velocity"):
         driven: float | None = getattr(actuator, name) if actuator else None
         stated[name] = getattr(joint.limits, name) if driven is None else driven

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,8 +13,10 @@ from tiny import run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.checks.counts import Counts
 from assetbuild.findings import Finding
-from assetbuild.robot.codec import encode
+from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.model import Body, Inertial, Joint, Limits, Mimic, Tree
 from assetbuild.robot.shapes import Box, Capsule, Material, Shape, Shapes, Sphere
+from assetbuild.source.urdf.read_urdf import ReadUrdf
 from assetbuild.targets.urdf import Urdf
 
 SOURCE = """<robot name="r">
@@ -50,6 +54,8 @@ def check(
     (inputs / "mjcf/r.xml").write_text(mjcf)
     (inputs / "source.urdf").write_text(source)
     (inputs / "shapes.json").write_bytes(encode(shapes))
+    links = Tree("r", "fixed", (Body("trunk"), Body("foot"), Body("frame")), ())
+    (inputs / "links.json").write_bytes(encode(links))
     findings = run_step(Counts(robot="r", rules=rules, **fields), inputs, outputs)
     return findings, json.loads((outputs / "figures.json").read_text())
 
@@ -62,6 +68,7 @@ def test_a_whole_robot_passes_with_its_counts(tmp_path: Path):
     findings, figures = check(tmp_path, WHOLE)
     assert findings == []
     assert figures == {
+        "facts": 6,
         "visual_source": 3,
         "visual_built": 3,
         "collision_source": 1,
@@ -156,3 +163,80 @@ def test_a_visual_without_width_is_not_missed(tmp_path: Path):
     source = SOURCE.replace('name="foot">', f'name="foot">{plate}')
     findings, _ = check(tmp_path / "plate", WHOLE, source=source)
     assert [f.rule for f in findings] == ["count.visual"]
+
+
+# --- links and joints of the source -------------------------------------------------------------
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+HELD = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
+<joint name="still" type="fixed"><parent link="a"/><child link="b"/></joint>
+<joint name="half" type="continuous"><parent link="a"/><child link="c"/>
+<mimic joint="still" multiplier="2" offset="0.5"/></joint>
+<joint name="twice" type="prismatic"><parent link="a"/><child link="d"/>
+<limit lower="-3" upper="3"/><mimic joint="half" multiplier="4" offset="-1"/></joint></robot>"""
+
+
+def held_against_its_source(
+    urdf: str, folder: Path, change: Callable[[Tree], Tree] = lambda tree: tree, **fields: object
+) -> list[Finding]:
+    """What the check says of links that the build read, changed on the way."""
+    inputs = folder / "in"
+    (inputs / "mjcf/assets").mkdir(parents=True)
+    (inputs / "robot.urdf").write_text(urdf)
+    run_step(ReadUrdf(file="urdf/r.urdf", packages={"robot_pkg": "."}), inputs, folder / "read")
+    shutil.copyfile(folder / "read/source.urdf", inputs / "source.urdf")
+    links = decode(Tree, (folder / "read/links.json").read_bytes())
+    (inputs / "links.json").write_bytes(encode(change(links)))
+    (inputs / "shapes.json").write_bytes(encode(Shapes()))
+    (inputs / "mjcf/r.xml").write_text("<mujoco/>")
+    rules = ((".*", "none", "auto"),)
+    found = run_step(Counts(robot="r", rules=rules, **fields), inputs, folder / "out")
+    return [f for f in found if f.rule != "count.visual"]
+
+
+def with_joint(name: str, change: Callable[[Joint], Joint]) -> Callable[[Tree], Tree]:
+    return lambda tree: replace(
+        tree, joints=tuple(change(j) if j.name == name else j for j in tree.joints)
+    )
+
+
+@pytest.mark.parametrize(
+    "file",
+    ["every_kind.urdf", "four_legs.urdf", "inertia_rotated_origin.urdf", "placeholder_root.urdf"],
+)
+def test_every_number_of_the_source_is_in_the_robot(file: str, tmp_path: Path):
+    assert held_against_its_source((ROBOTS / file).read_text(), tmp_path) == []
+    assert json.loads((tmp_path / "out/figures.json").read_text())["facts"] >= 4
+
+
+def test_a_joint_that_mimics_a_fixed_one_is_where_that_puts_it(tmp_path: Path):
+    assert held_against_its_source(HELD, tmp_path) == []
+    moved = with_joint("twice", lambda j: replace(j, limits=Limits(0.0, 0.0)))
+    rules = {f.rule for f in held_against_its_source(HELD, tmp_path / "moved", moved)}
+    assert rules == {"equal.source_urdf.lower", "equal.source_urdf.upper"}
+
+
+@pytest.mark.parametrize(
+    ("quantity", "subject", "change"),
+    [
+        ("mass", "body arm", lambda tree: replace(tree, bodies=tuple(
+            replace(b, inertial=Inertial(2.0, (0, 0, 0), (1, 1, 1, 0, 0, 0)))
+            if b.name == "arm" else b for b in tree.bodies))),
+        ("mimic_multiplier", "joint spin",
+         with_joint("spin", lambda j: replace(j, mimic=Mimic("slide", 2.0, 0.5)))),
+        ("effort", "joint shoulder",
+         with_joint("shoulder", lambda j: replace(j, limits=replace(j.limits, effort=1.0)))),
+        ("damping", "joint shoulder", with_joint("shoulder", lambda j: replace(j, damping=None))),
+        ("axis", "joint spin", with_joint("spin", lambda j: replace(j, axis=(0.0, -1.0, 0.0)))),
+        ("extra", "joint spin", lambda tree: replace(tree, bodies=tree.bodies[:-1],
+            joints=tuple(j for j in tree.joints if j.name != "spin"))),
+    ],
+)  # fmt: skip
+def test_a_number_lost_after_the_source_is_an_error(
+    quantity: str, subject: str, change: Callable[[Tree], Tree], tmp_path: Path
+):
+    text = (ROBOTS / "every_kind.urdf").read_text()
+    found = held_against_its_source(text, tmp_path, change)
+    assert (f"equal.source_urdf.{quantity}", subject) in {(f.rule, f.subject) for f in found}
+    edited = held_against_its_source(text, tmp_path / "edited", change, written=True)
+    assert edited == [], "an edit may have meant it"

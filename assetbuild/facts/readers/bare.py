@@ -30,6 +30,7 @@ class BareFacts(MjcfReader):
     form = "bare"
     called = "the bare MJCF"
     folder = ""
+    behind = ("mjcf/{robot}_bare.xml", "mjcf/assets/*")
     asks = ("feet", "imu")
     lacks: ClassVar[Mapping[str, str]] = {
         **LACKS,

@@ -21,6 +21,7 @@ class MjcfFacts(MjcfReader):
     form = "mjcf"
     called = "the MJCF"
     folder = "mjcf"
+    behind = ("mjcf/{robot}.xml", "mjcf/assets/*")
     suffixes = (".xml", ".mjcf")
     asks = ("mjcf",)
     lacks = LACKS

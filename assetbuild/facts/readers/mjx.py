@@ -24,6 +24,7 @@ class MjxFacts(MjcfReader):
     form = "mjx"
     called = "the mjx model"
     folder = "mjcf"
+    behind = ("mjcf/{robot}_mjx.xml", "mjcf/assets/*")
     asks = ("mjx",)
     lacks = LACKS
 

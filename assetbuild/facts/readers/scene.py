@@ -11,3 +11,4 @@ class SceneFacts(SceneReader):
     """The scene of the full MJCF."""
 
     needs: ClassVar[tuple[str, ...]] = ("mjcf",)
+    behind: ClassVar[tuple[str, ...]] = ("mjcf/scene.xml", "mjcf/{robot}.xml")

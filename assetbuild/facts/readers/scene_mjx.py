@@ -11,6 +11,7 @@ class SceneMjxFacts(SceneReader):
     """The scene of the mjx model."""
 
     needs: ClassVar[tuple[str, ...]] = ("mjx",)
+    behind: ClassVar[tuple[str, ...]] = ("mjcf/scene_mjx.xml", "mjcf/{robot}_mjx.xml")
     form: ClassVar[str] = "scene_mjx"
     called: ClassVar[str] = "the scene of the mjx model"
     stem: ClassVar[str] = "scene_mjx"

@@ -13,7 +13,12 @@ from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd.bodies import apply_rigid_bodies, write_base
-from assetbuild.targets.usd.colliders import apply_filtered_pairs, apply_masks, define_colliders
+from assetbuild.targets.usd.colliders import (
+    apply_filtered_pairs,
+    apply_masks,
+    define_colliders,
+    touching_neighbours,
+)
 from assetbuild.targets.usd.geometry import write_instances, write_library, write_materials
 from assetbuild.targets.usd.joints import apply_articulation, define_joints
 from assetbuild.targets.usd.layers import PAYLOADS, new_layer, save, write_interface
@@ -42,7 +47,8 @@ def write_asset(
     stage = new_layer(payloads / "physics.usda", names)
     yield from apply_rigid_bodies(stage, names, options.rigid_body)
     yield from define_colliders(stage, names, shapes, control)
-    define_joints(stage, names, control, options)
+    touching = touching_neighbours(names, shapes, control)
+    define_joints(stage, names, control, options, touching)
     apply_articulation(stage, names, options.articulation)
     apply_filtered_pairs(stage, names, shapes, control)
     apply_masks(stage, names, shapes, control)

@@ -7,6 +7,8 @@ Armature, velocity limit and friction are written three times from one number: `
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.errors import StepError
@@ -47,15 +49,25 @@ def joint_axis(axis: Vec3) -> tuple[str, Quat]:
 
 
 def define_joints(
-    stage: Usd.Stage, names: PrimPaths, control: Control, options: UsdOptions
+    stage: Usd.Stage,
+    names: PrimPaths,
+    control: Control,
+    options: UsdOptions,
+    touching: Collection[frozenset[str]],
 ) -> None:
-    """Every joint of the tree, with limits, drive and passive properties."""
+    """Every joint of the tree, with limits, drive and passive properties.
+
+    touching: pairs of jointed bodies that may touch.
+    """
     tree = names.tree
     if tree.joints or tree.base == "fixed":
         UsdGeom.Scope.Define(stage, f"/{names.root}/{JOINTS}")
     starts = starting_positions(tree, control)
     for joint in tree.joints:
         prim = _define_joint(stage, names, joint)
+        # As in MuJoCo, bodies that a joint connects do not collide, but for those on the world.
+        touch = frozenset((joint.parent, joint.child)) in touching
+        UsdPhysics.Joint(prim).CreateCollisionEnabledAttr(touch)
         label(prim, joint.name)
         if joint.kind in MOVING:
             actuator = control.by_joint.get(joint.name) or _undriven(joint)
@@ -123,8 +135,6 @@ def _define_joint(stage: Usd.Stage, names: PrimPaths, joint: Joint) -> Usd.Prim:
     made.CreateBody0Rel().SetTargets([names.body(joint.parent)])
     made.CreateBody1Rel().SetTargets([names.body(joint.child)])
     _set_frames(made, joint.X_parent_joint @ Pose(quat=turn), Pose(quat=turn))
-    # As MuJoCo does: a body never collides with the one it is jointed to.
-    made.CreateCollisionEnabledAttr(False)
     return made.GetPrim()
 
 

@@ -8,11 +8,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from pxr import Gf, Usd, UsdGeom, UsdLux, UsdPhysics
+from pxr import Gf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade
 
 from assetbuild.robot.model import Control
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
+from assetbuild.simulators.usd_names import PHYSICS_MATERIALS
+from assetbuild.targets.usd.colliders import define_surface
 from assetbuild.targets.usd.joints import starting_positions
 from assetbuild.targets.usd.layers import apply_foreign, new_stage, save, set_place
 from assetbuild.targets.usd.names import PrimPaths
@@ -39,6 +41,7 @@ def write_scene(folder: Path, main: str, names: PrimPaths, control: Control) -> 
     floor.CreateLengthAttr(FLOOR_M)
     floor.CreateExtentAttr([(-FLOOR_M / 2, -FLOOR_M / 2, 0.0), (FLOOR_M / 2, FLOOR_M / 2, 0.0)])
     UsdPhysics.CollisionAPI.Apply(floor.GetPrim())
+    _bind_surface(stage, floor.GetPrim(), control)
     UsdLux.DomeLight.Define(stage, "/World/light").CreateIntensityAttr(1000.0)
     robot = UsdGeom.Xform.Define(stage, f"/World/{names.root}").GetPrim()
     robot.GetReferences().AddReference(f"./{main}")
@@ -50,6 +53,20 @@ def write_scene(folder: Path, main: str, names: PrimPaths, control: Control) -> 
         prim = stage.OverridePrim(f"/World{names.body(body)}")
         set_place(prim, X_world_base @ X_root_body)
     save(stage)
+
+
+def _bind_surface(stage: Usd.Stage, floor: Usd.Prim, control: Control) -> None:
+    """The robot's least friction, as in `scene.xml`: PhysX takes the mean of two surfaces."""
+    surfaces = [control.contact, *(own for _, own in control.contacts if not own.priority)]
+    sliding, torsional, rolling = (
+        min(values) for values in zip(*(s.friction for s in surfaces), strict=True)
+    )
+    UsdGeom.Scope.Define(stage, f"/World/{PHYSICS_MATERIALS}")
+    path = f"/World/{PHYSICS_MATERIALS}/floor"
+    surface = define_surface(stage, path, (sliding, torsional, rolling))
+    UsdShade.MaterialBindingAPI.Apply(floor).Bind(
+        surface, UsdShade.Tokens.weakerThanDescendants, "physics"
+    )
 
 
 def _define_physics(stage: Usd.Stage, control: Control) -> None:

@@ -1,0 +1,281 @@
+"""What mjlab's module must say of a robot, from the robot, the recipe and mjlab's own rules."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from assetbuild.facts.readers.mjlab import said
+from assetbuild.facts.reference import Reference, pose_value
+from assetbuild.facts.syntax import Module
+from assetbuild.facts.table import Table, Value, Writer
+from assetbuild.facts.trainers import (
+    Event,
+    delay_s,
+    massive_bodies,
+    randomize_of,
+    ranges_of,
+    stall_of,
+    start_of,
+)
+from assetbuild.robot.model import Actuator
+from assetbuild.robot.pose import Pose, rotation_of
+from assetbuild.robot.ranges import Randomize, RandomMatter, RandomPayload, claimed, per_axis
+
+FORM = said.FORM
+CLASSES = {model: name for name, model in said.MODELS.items()}
+LOOPS = ("pd", "ideal_pd", "dc_motor")
+"""Drives that hold a position, which mjlab's terms for gains and effort know."""
+ERROR_SHARE, LARGEST = 0.25, {"prismatic": 0.05}
+"""A unit of action asks for this share of the effort, at most for 0.05 m or 0.5 rad."""
+LARGEST_RAD = 0.5
+TASK = {
+    "soft_joint_pos_limit_factor": 0.9, "cone": "elliptic", "impratio": 10, "njmax": 300,
+    "nconmax": None,
+}  # fmt: skip
+"""What mjlab's own robots take, where the recipe's `mjlab` says nothing else."""
+
+
+def expected_table(reference: Reference, robot: str) -> Table:
+    """All facts and words of the module."""
+    book = Writer()
+    asked = TASK | (reference.options.get("mjlab") or {})
+    drives = [a for a in reference.control.actuators if a.model in CLASSES]
+    soles = _soles(reference)
+    sites = tuple(dict.fromkeys(link for link, _ in soles))
+    _robot(reference, robot, asked, soles, book)
+    _drives(reference, drives, book)
+    events = _events(reference, drives)
+    for event in events:
+        event.put(FORM, book)
+    walks = reference.tree.base == "floating" and bool(sites) and bool(drives)
+    if walks:
+        _walk(drives, book)
+    text = _text(reference, asked, drives, soles, events, walks=walks)
+    Module.parsed(text, "expected").words(FORM, book, said.READ)
+    return said.with_task_facts(book).table()
+
+
+def _soles(reference: Reference) -> list[tuple[str, str]]:
+    """(link, collision shape) of what the recipe's feet stand on."""
+    feet = (reference.options.get("feet") or {}).get("links")
+    return [
+        (shape.link, shape.name)
+        for shape in reference.shapes.of("collision")
+        if feet and re.fullmatch(feet, shape.link)
+    ]
+
+
+def _robot(
+    reference: Reference,
+    robot: str,
+    asked: dict[str, Any],  # Any: JSON
+    soles: list[tuple[str, str]],
+    book: Writer,
+) -> None:
+    tree, simulation = reference.tree, reference.control.simulation
+    start = start_of(reference)
+    imu = (reference.options.get("imu") or {}).get("link") or tree.root
+    words: dict[str, Value] = {
+        "XML": f"mjcf/{robot}_bare.xml",
+        "ROOT_BODY": tree.root,
+        "IMU_SITE": imu,
+        "FOOT_SITES": tuple(dict.fromkeys(link for link, _ in soles)),
+        "FOOT_GEOMS": tuple(shape for _, shape in soles),
+        "robot_cfg": "EntityCfg",
+        "spec_fn": "spec",
+        "init_state": "EntityCfg.InitialStateCfg",
+        "articulation": "EntityArticulationInfoCfg",
+    }
+    book.put("robot", "", {f"{FORM}:{name}": value for name, value in words.items()})
+    base = start.base or tree.X_world_root
+    soft = asked["soft_joint_pos_limit_factor"]
+    book.put("robot", "", {"start pose": pose_value(base), "soft limits": soft})
+    steps: dict[str, Value] = {
+        "timestep": simulation.timestep,
+        "decimation": simulation.decimation,
+        "gravity": tuple(simulation.gravity),
+    }
+    book.put("simulation", "", steps)
+    for joint, position in start.joints:
+        book.put("joint", joint, {"start": position, f"{FORM}:start velocity": 0.0})
+
+
+def _drives(reference: Reference, drives: list[Actuator], book: Writer) -> None:
+    """Numbers of joints that mjlab can drive; passive ones are whole in the bare MJCF."""
+    randomize, timestep = randomize_of(reference), reference.control.simulation.timestep
+    kinds = {joint.name: joint.kind for joint in reference.tree.moving_joints}
+    for drive in drives:
+        delay = delay_s(ranges_of(randomize, drive.joint).delay, timestep)
+        facts: dict[str, Value] = {
+            "model": drive.model, "effort": drive.effort, "armature": drive.armature,
+            "friction": drive.friction, "damping": drive.damping, "delay": delay,
+        }  # fmt: skip
+        if drive.model in LOOPS:
+            facts["kp"] = drive.kp
+        if drive.model in (*LOOPS, "velocity"):
+            facts["kd"] = drive.kd
+        if drive.model == "dc_motor":
+            facts |= {"velocity": drive.velocity, "stall": stall_of(drive)}
+        if drive.kp and drive.effort:
+            most = LARGEST.get(kinds[drive.joint], LARGEST_RAD)
+            scale = min(ERROR_SHARE * drive.effort / drive.kp, most)
+            facts[f"{FORM}:action scale"] = scale
+        book.put("joint", drive.joint, facts)
+
+
+def _walk(drives: list[Actuator], book: Writer) -> None:
+    """Which joints the velocity task keeps near their start, and how near."""
+    for drive in drives:
+        book.put("joint", drive.joint, {f"{FORM}:in JOINTS": True})
+        if re.search("calf|knee", drive.joint, re.IGNORECASE):
+            book.put("joint", drive.joint, {f"{FORM}:in KNEES": True})
+    book.put("robot", "", {f"{FORM}:{name}": value for name, value in said.SPREAD.items()})
+
+
+# --- events -----------------------------------------------------------------------------------
+
+
+def _events(reference: Reference, drives: list[Actuator]) -> list[Event]:
+    randomize = randomize_of(reference)
+    if randomize is None:
+        return []
+    found = [
+        *_matter(reference, randomize),
+        *_payloads(reference, randomize),
+        *_joints(reference, randomize, drives),
+    ]
+    if randomize.friction is not None:
+        drawn: dict[str, Value] = {
+            "shape": (r".*_collision\d*",), "ranges": randomize.friction, "operation": "abs",
+            "axes": (0,), "shared_random": True,
+        }  # fmt: skip
+        found.append(Event("friction", "dr.geom_friction", params=drawn))
+    return found
+
+
+def _matter(reference: Reference, randomize: Randomize) -> Iterator[Event]:
+    """J' = U J Uᵀ with U = exp(alpha) [[A, t], [0, 1]]: the mass grows by exp(2 alpha)."""
+    for index, (_, matter, bodies) in enumerate(
+        claimed(randomize.links, massive_bodies(reference))
+    ):
+        params = {f"{name}_range": value for name, value in _cholesky(matter)}
+        yield Event(f"matter_{index}", "dr.pseudo_inertia", "body", bodies, params)
+
+
+def _cholesky(matter: RandomMatter) -> Iterator[tuple[str, tuple[float, float]]]:
+    low, high = matter.density
+    yield "alpha", (math.log(low) / 2, math.log(high) / 2)
+    for axis, most in enumerate(per_axis(matter.com), start=1):
+        yield f"t{axis}", (-most, most)
+    if matter.stretch:
+        yield "d", (-matter.stretch, matter.stretch)
+    for pair in ("12", "13", "23") if matter.shear else ():
+        yield f"s{pair}", (-matter.shear, matter.shear)
+
+
+def _payloads(reference: Reference, randomize: Randomize) -> Iterator[Event]:
+    massive = massive_bodies(reference)
+    for index, payload in enumerate(randomize.payloads):
+        body, X_body_link = reference.tree.placement(payload.link)
+        if body in massive:
+            params: dict[str, Value] = {
+                "mass_range": payload.mass, "box": _box(payload, X_body_link)
+            }  # fmt: skip
+            yield Event(f"payload_{index}", "carry_payload", "body", (body,), params)
+
+
+def _box(payload: RandomPayload, X_body_link: Pose) -> tuple[float, ...]:
+    """(16,) [[S, h], [h, 1]] of one kilogram: second moments e²/12 along its edges, m²."""
+    turn = rotation_of(X_body_link.quat)
+    centre = turn @ np.array(payload.at) + np.array(X_body_link.xyz)
+    second = turn @ np.diag(np.square(payload.size) / 12.0) @ turn.T
+    matter = np.eye(4)
+    matter[:3, :3] = second + np.outer(centre, centre)
+    matter[:3, 3] = matter[3, :3] = centre
+    return tuple(map(float, matter.ravel()))
+
+
+def _joints(
+    reference: Reference, randomize: Randomize, drives: list[Actuator]
+) -> Iterator[Event]:
+    moving = [joint.name for joint in reference.tree.moving_joints]
+    for index, (_, ranges, joints) in enumerate(claimed(randomize.joints, moving)):
+        loops = [a for a in drives if a.model in LOOPS and a.joint in joints]
+        held = [a.joint for a in loops]
+        if held and (ranges.kp, ranges.kd) != ((1.0, 1.0), (1.0, 1.0)):
+            gains: dict[str, Value] = {"kp_range": ranges.kp, "kd_range": ranges.kd}
+            yield Event(f"gains_{index}", "dr.pd_gains", "joint", held, gains)
+        limited = [a.joint for a in loops if a.effort is not None]
+        if limited and ranges.effort != (1.0, 1.0):
+            share: dict[str, Value] = {"effort_limit_range": ranges.effort}
+            yield Event(f"effort_{index}", "dr.effort_limits", "joint", limited, share)
+        for quantity in ("damping", "friction", "armature"):
+            factor = getattr(ranges, quantity)
+            if factor != (1.0, 1.0):
+                scale: dict[str, Value] = {"ranges": factor, "operation": "scale"}
+                name, func = f"{quantity}_{index}", f"dr.joint_{quantity}"
+                yield Event(name, func, "joint", joints, scale)
+        if ranges.encoder_bias:
+            bias: dict[str, Value] = {"bias_range": (-ranges.encoder_bias, ranges.encoder_bias)}
+            yield Event(f"encoder_bias_{index}", "dr.encoder_bias", "joint", joints, bias)
+
+
+# --- statements -------------------------------------------------------------------------------
+
+
+def _text(
+    reference: Reference,
+    asked: dict[str, Any],  # Any: JSON
+    drives: list[Actuator],
+    soles: list[tuple[str, str]],
+    events: list[Event],
+    *,
+    walks: bool,
+) -> str:
+    """Imports and statements in mjlab's words; a 0 where values are facts."""
+    carries = any(event.func == "carry_payload" for event in events)
+    parts = [said.IMPORTS]
+    classes = sorted({CLASSES[drive.model] for drive in drives})
+    parts += [f"from mjlab.actuator import {name}" for name in classes]
+    parts += [said.WALKING_IMPORTS] if walks else []
+    parts += [said.EVENT_IMPORTS] if events else []
+    if any(event.func.startswith("dr.") for event in events):
+        parts.append("from mjlab.envs.mdp import dr")
+    parts += [said.CARRY_IMPORTS] if carries else []
+    parts.append(said.ROBOT)
+    parts += [said.CARRY] if carries else []
+    parts += [said.EVENTS] if events else []
+    if walks:
+        lines = "\n".join(f"    {line}" for line in _event_lines(reference, events))
+        words = {name: asked[name] for name in ("cone", "impratio", "njmax", "nconmax")}
+        parts.append(said.VELOCITY.format(**words, soles=_match(reference, soles), events=lines))
+    return "\n".join(parts)
+
+
+def _event_lines(reference: Reference, events: list[Event]) -> Iterator[str]:
+    """Terms of mjlab's task that say the same as the recipe's would act twice."""
+    randomize = randomize_of(reference)
+    if randomize is not None:
+        rows = claimed(randomize.links, massive_bodies(reference))
+        twice = {
+            "base_com": any(reference.tree.root in bodies for _, _, bodies in rows),
+            "encoder_bias": any(ranges.encoder_bias for ranges in randomize.joints.values()),
+            "foot_friction": randomize.friction is not None,
+        }
+        yield from (f'cfg.events.pop("{name}", None)' for name, found in twice.items() if found)
+    if events:
+        yield "cfg.events |= randomize_events()"
+
+
+def _match(reference: Reference, soles: list[tuple[str, str]]) -> str:
+    """Contacts count by foot: a foot of several shapes is its body."""
+    links = tuple(dict.fromkeys(link for link, _ in soles))
+    if len(links) == len(soles):
+        return 'mode="geom", pattern=FOOT_GEOMS'
+    bodies = tuple(reference.tree.placement(link)[0] for link in links)
+    return f'mode="body", pattern={bodies!r}'

@@ -1,0 +1,175 @@
+"""The reader of facts of a URDF: of the one in a bundle, and of any other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+from assetbuild.errors import UsageError, Where
+from assetbuild.facts.reader import Reader
+from assetbuild.facts.readers.urdf.assets import Assets, looks_of
+from assetbuild.facts.readers.urdf.joints import read_joints
+from assetbuild.facts.readers.urdf.links import Links
+from assetbuild.facts.reference import Reference, geometry_facts, robot_table
+from assetbuild.facts.table import Table, Value, Writer
+from assetbuild.facts.xml import Walk
+from assetbuild.robot.model import MOVING, Control, Joint
+from assetbuild.robot.pose import Pose
+from assetbuild.robot.shapes import Capsule, Cylinder, Mesh, Shape, Sphere
+from assetbuild.robot.tree import held_by_world
+
+BOUNDLESS = 1e9
+"""m: URDF has no word for a prismatic joint without a limit, and one left out means 0."""
+_CONTACT = "URDF has no contact parameters"
+_DRIVE = "URDF has no drives: a joint has limits, damping and friction alone"
+LACKS: Mapping[str, str] = {
+    "robot base": "URDF does not say whether the root is free",
+    "robot base pose": "a fixed joint to a link `world` holds a root away from the origin",
+    "robot articulation root": "the root is the link without a joint above it",
+    "robot self-collision": _CONTACT,
+    "robot up axis": "z, always",
+    "robot metres per unit": "1, always",
+    "robot kilograms per unit": "1, always",
+    "frame": "a merged link is a link of its own, as in the source",
+    "joint anchor": "the child's frame is the joint's: the axis runs through its origin",
+    "joint armature": _DRIVE,
+    "joint stiffness": _DRIVE,
+    "joint spring reference": _DRIVE,
+    **{
+        f"joint {name}": _DRIVE
+        for name in (
+            "model", "kp", "kd", "gear", "stall", "command range", "drive parameters",
+            "drive name", "delay", "start", "drive target",
+        )
+    },
+    **{
+        f"shape {name}": _CONTACT
+        for name in (
+            "friction", "condim", "priority", "solref", "solimp", "margin", "gap", "mask",
+            "partners", "collides", "restitution",
+        )
+    },
+    "pair": "URDF has no list of pairs; SRDF has",
+    "sensor": "URDF has no sensors",
+    "camera": "URDF has no cameras",
+    "keyframe": "URDF has no poses of the whole robot; SRDF has",
+    "simulation": "URDF describes a robot, not a simulation",
+    "floor": "URDF describes a robot, not a scene",
+    "element": "URDF has no place for MJCF",
+}  # fmt: skip
+
+
+class UrdfFacts(Reader):
+    """`urdf/<robot>.urdf` with its meshes and pictures says what the robot is.
+
+    Its bodies are the source's links, before fixed joints are merged.
+    """
+
+    tools: ClassVar = ("lxml", "numpy", "pillow")
+    preload: ClassVar = ("lxml.etree", "numpy")
+    needs: ClassVar = ("urdf",)
+    reads: ClassVar = ("links.json", "tree.json", "shapes.json", "ratings.json", "assets.json")
+    form: ClassVar[str] = "urdf"
+    called: ClassVar[str] = "the URDF"
+    folder: ClassVar[str] = "urdf"
+    suffixes: ClassVar[tuple[str, ...]] = (".urdf",)
+    lacks: ClassVar[Mapping[str, str]] = LACKS
+
+    def file(self, root: Path, robot: str) -> Path | None:
+        """`<robot>.urdf`."""
+        return root / f"{robot}.urdf"
+
+    def read(self, path: Path) -> Table:
+        """Every element and attribute; UsageError where it is no URDF."""
+        walk, book = Walk(path), Writer()
+        if walk.root.tag != "robot":
+            message = f"the root element is <{walk.root.tag}>, not <robot>"
+            raise UsageError(message, where=Where(path.name, walk.line(walk.root)))
+        words = {f"urdf:{name}": walk.text(walk.root, name) for name in ("name", "version")}
+        book.put("robot", "", {key: value for key, value in words.items() if value is not None})
+        links = Links(walk, book, Assets(path.parent, book))
+        links.read()
+        read_joints(walk, book, links.unique)
+        found = book.table()
+        return replace(found, unread=(*walk.unread(), *found.unread))
+
+    def expected(self, reference: Reference) -> Table:
+        """The links with their ratings; a capsule, which URDF lacks, in three pieces."""
+        links = held_by_world(reference.links)
+        reference = replace(reference, links=links)
+        stated = robot_table(reference, merged=False).only(self.holds)
+        book = Writer()
+        book.put("robot", "", {"urdf:name": links.name})
+        for body in links.bodies:
+            book.put("body", body.name, {"urdf:link": True})
+        for joint in links.joints:
+            book.put("joint", joint.name, dict(_ratings(joint, reference.control)))
+        capsules = set()
+        for shape in reference.shapes.shapes:
+            if isinstance(shape.geometry, Capsule):
+                capsules.add(shape.name)
+                common = stated.of("shape", shape.name)
+                for name, facts in _pieces(shape, shape.geometry):
+                    book.put("shape", name, common | facts)
+        _materials(reference, book)
+        whole = stated.only(lambda key: key.kind != "shape" or key.name not in capsules)
+        return whole | book.table()
+
+
+def _ratings(joint: Joint, control: Control) -> Iterator[tuple[str, Value]]:
+    """Effort and velocity are the drive's where it limits them, else the source's.
+
+    What the source says of a joint that does not move by one coordinate is a word.
+    """
+    yield "urdf:type", joint.kind
+    row, limits = control.by_joint.get(joint.name), joint.limits
+    for name in ("effort", "velocity"):
+        driven = getattr(row, name) if row else None
+        value = getattr(limits, name) if driven is None else driven
+        if joint.kind in MOVING:
+            yield name, value
+        elif value is not None:
+            yield f"urdf:{name}", value
+    if joint.kind == "prismatic":
+        yield "lower", -BOUNDLESS if limits.lower is None else limits.lower
+        yield "upper", BOUNDLESS if limits.upper is None else limits.upper
+    own: dict[str, float | None] = {}
+    if joint.kind not in ("revolute", "prismatic"):
+        own |= {"lower": limits.lower, "upper": limits.upper}
+    if joint.kind not in MOVING:
+        own |= {"damping": joint.damping, "friction": joint.friction}
+    yield from ((f"urdf:{name}", value) for name, value in own.items() if value is not None)
+
+
+def _pieces(shape: Shape, capsule: Capsule) -> Iterator[tuple[str, dict[str, Value]]]:
+    """A cylinder and the two balls at its ends; one ball where it has no length."""
+    radius, half = capsule.radius, capsule.length / 2
+    pose = shape.X_link_shape
+    if half == 0.0:
+        yield shape.name, geometry_facts(replace(shape, geometry=Sphere(radius)), pose, {})
+        return
+    middle = replace(shape, geometry=Cylinder(radius, capsule.length))
+    yield shape.name, geometry_facts(middle, pose, {})
+    for end, z in (("top", half), ("bottom", -half)):
+        ball = replace(shape, geometry=Sphere(radius))
+        yield f"{shape.name}_{end}", geometry_facts(ball, pose @ Pose((0.0, 0.0, z)), {})
+
+
+def _materials(reference: Reference, book: Writer) -> None:
+    """A mesh file carries its texture a second time; a material that nothing wears is there too."""
+    pixels = dict(reference.assets.pixels)
+    materials = {material.name: material for material in reference.shapes.materials}
+    visuals = reference.shapes.of("visual")
+    for shape in visuals:
+        material = materials.get(shape.material or "")
+        if isinstance(shape.geometry, Mesh) and material is not None and material.texture:
+            look = looks_of(material.rgba, pixels.get(material.texture))
+            book.put("shape", shape.name, look)
+    worn = {shape.material for shape in visuals}
+    for name, material in materials.items():
+        if name not in worn:
+            book.put("material", name, {"urdf:rgba": tuple(material.rgba)})
+            if material.texture:
+                book.put("material", name, {"urdf:texture": pixels.get(material.texture)})

@@ -1,0 +1,89 @@
+"""`usd/<robot>.usda` as it composes with its default variants."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import ClassVar
+
+from assetbuild.facts.compare import FLOAT32, Precision
+from assetbuild.facts.reader import Reader
+from assetbuild.facts.reference import Reference, robot_table
+from assetbuild.facts.table import Table
+
+_OUTSIDE = "the controller that computes it runs outside of the simulator: see the trainers' modules"
+_CONTACT = "PhysX has no such value; Newton reads it from the MJCF"
+_BITS = "USD has no masks: `collides` and filtered pairs say what they mean"
+_SPRING = "UsdPhysics has no spring beside the drive"
+
+
+class UsdReader(Reader):
+    """Every prim, attribute, relationship and schema of the composed stage against the robot."""
+
+    version: ClassVar[str] = "1"
+    needs: ClassVar[tuple[str, ...]] = ("usd",)
+    tools: ClassVar[tuple[str, ...]] = ("usd-core", "pillow")
+    preload: ClassVar[tuple[str, ...]] = (
+        "pxr.Usd",
+        "pxr.UsdGeom",
+        "pxr.UsdPhysics",
+        "pxr.UsdShade",
+    )
+    form: ClassVar[str] = "usd"
+    called: ClassVar[str] = "the USD"
+    folder: ClassVar[str] = "usd"
+    suffixes: ClassVar[tuple[str, ...]] = (".usd", ".usda", ".usdc", ".usdz")
+    asks: ClassVar[tuple[str, ...]] = ("usd",)
+    # Transforms and sizes are double precision.
+    precision: ClassVar[Precision] = Precision(
+        FLOAT32,
+        {
+            ("body", "pose"): 1e-9,
+            ("frame", "pose"): 1e-9,
+            ("shape", "pose"): 1e-9,
+            ("shape", "size"): 1e-9,
+            ("robot", "base pose"): 1e-9,
+        },
+    )
+    lacks: ClassVar[Mapping[str, str]] = {
+        "joint model": _OUTSIDE,
+        "joint gear": _OUTSIDE,
+        "joint stall": _OUTSIDE,
+        "joint command range": _OUTSIDE,
+        "joint drive parameters": _OUTSIDE,
+        "joint delay": _OUTSIDE,
+        "joint drive name": "a drive is part of its joint and has no name",
+        "joint stiffness": _SPRING,
+        "joint spring reference": _SPRING,
+        "shape condim": _CONTACT,
+        "shape priority": _CONTACT,
+        "shape solref": _CONTACT,
+        "shape solimp": _CONTACT,
+        "shape margin": _CONTACT,
+        "shape gap": _CONTACT,
+        "shape mask": _BITS,
+        "shape partners": _BITS,
+        "sensor": "UsdPhysics has none; simulators add their own",
+        "camera": "frameworks add their own",
+        "keyframe": "USD has none: the start of each joint is the initial one",
+        "element": "MuJoCo's own elements",
+        "simulation": "`scene.usda` says it",
+        "floor": "`scene.usda` has it",
+    }
+
+    def file(self, root: Path, robot: str) -> Path | None:
+        """`<robot>.usda`."""
+        path = root / f"{robot}.usda"
+        return path if path.exists() else None
+
+    def read(self, path: Path) -> Table:
+        """Of any USD; UsageError where it does not open, or names no default prim."""
+        from assetbuild.facts.usd_robot import read_robot
+
+        return read_robot(path)
+
+    def expected(self, reference: Reference) -> Table:
+        """The robot as USD can hold it, with the words of the format."""
+        from assetbuild.facts.usd_expected import usd_table
+
+        return usd_table(self.robot, robot_table(reference).only(self.holds), reference)

@@ -1,0 +1,205 @@
+"""Shapes: their geometry in the body's frame, what they look like, and what they may touch."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from assetbuild.facts.reference import pose_value
+from assetbuild.facts.table import Value, Writer
+from assetbuild.facts.usd_looks import Looks
+from assetbuild.facts.usd_meshes import Meshes, extent_text
+from assetbuild.facts.usd_prims import Places, Prim, rigid
+from assetbuild.robot.pose import Array, Pose, quat_between
+
+AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
+MESH_COLLISION, HULL = "PhysicsMeshCollisionAPI", "PhysxConvexHullCollisionAPI"
+
+
+@dataclass(frozen=True)
+class ShapePrim:
+    """A piece of geometry. body: path of its body; group: `visuals`, `collisions` or none.
+
+    holder: the prim around it that has the shape's name; collider: the prim with its CollisionAPI.
+    """
+
+    geometry: Prim
+    body: str
+    group: str
+    holder: Prim | None
+    collider: Prim | None
+
+    @property
+    def prims(self) -> tuple[Prim, ...]:
+        """All that speak of it."""
+        return tuple(p for p in (self.geometry, self.holder, self.collider) if p is not None)
+
+
+@dataclass(frozen=True)
+class Collider:
+    """A collision shape. path: of its geometry; body: path of its body; touches: at all."""
+
+    name: str
+    path: str
+    body: str
+    touches: bool
+
+
+def read_shapes(
+    shapes: Sequence[ShapePrim],
+    names: Mapping[str, str],
+    places: Places,
+    looks: Looks,
+    book: Writer,
+) -> list[Collider]:
+    """Facts of all shapes; the colliders among them."""
+    meshes, colliders = Meshes(places.units), []
+    alone = [s.holder.path for s in shapes if s.holder]
+    for shape in shapes:
+        prim, holder = shape.geometry, shape.holder
+        name = (holder or prim).named("shape")
+        if holder and alone.count(holder.path) > 1:
+            name = f"{name}/{prim.name}"
+        role = "collision" if shape.collider else "visual"
+        facts: dict[str, Value] = {"role": role, "body": names.get(shape.body, "")}
+        facts |= _geometry(shape, places, meshes)
+        facts |= _shown(shape)
+        if shape.collider:
+            solid = shape.collider.flag("physics:collisionEnabled") is not False
+            facts |= {"collides": solid} | looks.surface(prim.prim) | _hull(prim)
+            colliders.append(Collider(name, prim.path, shape.body, solid))
+        else:
+            facts |= looks.of(prim.prim)
+        if shape.group:
+            facts["usd:group"] = shape.group
+        book.put("shape", name, facts)
+    return colliders
+
+
+def _shown(shape: ShapePrim) -> dict[str, Value]:
+    """Whether it is drawn, and shared."""
+    imageable = UsdGeom.Imageable(shape.geometry.prim)
+    facts: dict[str, Value] = {"usd:purpose": str(imageable.ComputePurpose())}
+    if imageable.ComputeVisibility() != UsdGeom.Tokens.inherited:
+        facts["usd:visibility"] = str(imageable.ComputeVisibility())
+    for prim in shape.prims:
+        prim.placed()
+        if prim.metadata.pop("instanceable", False):
+            facts["usd:instanceable"] = True
+    return facts
+
+
+def _hull(prim: Prim) -> dict[str, Value]:
+    """How PhysX takes a mesh."""
+    if prim.type != "Mesh":
+        return {}
+    return {
+        "usd:approximation": prim.text("physics:approximation", MESH_COLLISION) or "none",
+        "usd:hullVertexLimit": prim.number("physxConvexHullCollision:hullVertexLimit", HULL),
+    }
+
+
+# --- geometry --------------------------------------------------------------------------------
+
+
+def _geometry(shape: ShapePrim, places: Places, meshes: Meshes) -> dict[str, Value]:
+    prim = shape.geometry
+    stage = prim.prim.GetStage()
+    X_world_body = np.eye(4)
+    if shape.body:
+        pose, _ = places.rigid(stage.GetPrimAtPath(shape.body))
+        X_world_body = pose.matrix()
+    within = np.linalg.inv(X_world_body) @ places.world(prim.prim)
+    if prim.type == "Mesh":
+        return {"geometry": "mesh"} | meshes.facts(prim, within)
+    pose, scale = rigid(within)
+    token = prim.text("axis") or "Z"
+    if token in AXES:
+        pose = pose @ Pose(quat=quat_between((0.0, 0.0, 1.0), AXES[token]))
+    kind = {"Cube": "box"}.get(prim.type, prim.type.lower())
+    facts: dict[str, Value] = {"geometry": kind, "pose": pose_value(pose)}
+    size = _size(prim, np.abs(scale) * places.units.metre, "XYZ".find(token))
+    facts["size"] = tuple(float(v) for v in size)
+    if np.any(scale < 0.0):
+        facts["usd:mirrored"] = True
+    facts["usd:extent"] = _extent(prim.prim)
+    prim.take("extent")
+    prim.flag("doubleSided")  # a closed solid has one side
+    return facts
+
+
+def _size(prim: Prim, scale: Array, axis: int) -> list[float]:
+    """m; a round shape that is scaled unevenly has a radius for each direction."""
+    schema = prim.prim.GetPrimDefinition()
+
+    def length(name: str) -> float:
+        value = prim.number(name)
+        return float(schema.GetAttributeFallbackValue(name)) if value is None else value
+
+    if prim.type == "Cube":
+        return list(length("size") * scale)
+    if prim.type not in ("Sphere", "Cylinder", "Capsule", "Cone"):
+        return []
+    across = [s for i, s in enumerate(scale) if i != axis] if prim.type != "Sphere" else scale
+    even = np.ptp(across) <= 1e-9 * np.max(across)
+    radius = length("radius")
+    radii = [radius * float(across[0])] if even else [radius * float(s) for s in across]
+    return radii if prim.type == "Sphere" else [*radii, length("height") * float(scale[axis])]
+
+
+def _extent(prim: Usd.Prim) -> str:
+    """Whether the stated extent is what USD itself computes of the shape."""
+    shape = UsdGeom.Boundable(prim)
+    attribute = shape.GetExtentAttr()
+    computed = UsdGeom.Boundable.ComputeExtentFromPlugins(shape, Usd.TimeCode.Default())
+    stated = attribute.Get() if attribute.HasAuthoredValue() else None
+    return extent_text(stated, np.array(computed or (), dtype=np.float64).reshape(-1, 3))
+
+
+# --- pairs -----------------------------------------------------------------------------------
+
+
+def pair_facts(
+    colliders: Sequence[Collider],
+    names: Mapping[str, str],
+    filters: Iterable[tuple[str, str]],
+    apart: Iterable[frozenset[str]],
+    articulated: Collection[str],
+    book: Writer,
+) -> None:
+    """Pairs of bodies, and of single shapes, that never touch.
+
+    filters: pairs of paths, of bodies or shapes; one of a body that carries the articulation speaks
+    for the whole robot. apart: bodies that a joint keeps apart.
+    """
+    of_body: dict[str, list[int]] = {}
+    for index, one in enumerate(colliders):
+        of_body.setdefault(one.body, []).append(index)
+    by_path = {one.path: [index] for index, one in enumerate(colliders)} | of_body
+    by_path |= {path: list(range(len(colliders))) for path in articulated}
+    never = set()
+    for first, second in filters:
+        never |= {frozenset(p) for p in itertools.product(
+            by_path.get(first, ()), by_path.get(second, ()))}  # fmt: skip
+    for bodies in apart:
+        first, second = bodies if len(bodies) == 2 else (*bodies, *bodies)
+        never |= {frozenset(p) for p in itertools.product(
+            of_body.get(first, ()), of_body.get(second, ()))}  # fmt: skip
+    for one, two in itertools.combinations(sorted(of_body, key=lambda p: names.get(p, p)), 2):
+        pairs = [
+            (a, b)
+            for a, b in itertools.product(of_body[one], of_body[two])
+            if colliders[a].touches and colliders[b].touches
+        ]
+        kept = [frozenset(pair) in never for pair in pairs]
+        if all(kept):
+            book.put("pair", f"{names.get(one, one)} {names.get(two, two)}", {"filtered": True})
+            continue
+        for (a, b), is_apart in zip(pairs, kept, strict=True):
+            if is_apart:
+                both = sorted((colliders[a].name, colliders[b].name))
+                book.put("shape pair", " ".join(both), {"usd:filtered": True})

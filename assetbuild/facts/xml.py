@@ -1,0 +1,133 @@
+"""An XML file of which every element and attribute is accounted for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+from assetbuild.errors import UsageError, Where
+from assetbuild.facts.table import Unread
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
+
+MAX_BYTES = 256 * 1024 * 1024
+
+
+class Walk:
+    """Hands out elements and attributes and remembers which; the rest is `unread`.
+
+    Comments and processing instructions say nothing. No entity is resolved, nothing is loaded;
+    UsageError where the file is not XML or has a DOCTYPE.
+    """
+
+    def __init__(self, path: Path) -> None:
+        from lxml import etree
+
+        self.name = path.name
+        try:
+            data = path.read_bytes()
+        except OSError as error:
+            raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
+        if len(data) > MAX_BYTES:
+            raise UsageError(f"`{path}` has {len(data) / 1e6:.0f} MB; at most 256 MiB are read")
+        parser = etree.XMLParser(
+            resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False,
+            remove_comments=True, remove_pis=True,
+        )  # fmt: skip
+        try:
+            self.root: _Element = etree.fromstring(data, parser)
+        except etree.XMLSyntaxError as error:
+            where = Where(self.name, error.lineno or 0)
+            raise UsageError(f"not readable as XML: {error.msg}", where=where) from None
+        if etree.ElementTree(self.root).docinfo.doctype:  # type: ignore[attr-defined] # stubs lack it
+            raise UsageError("a DOCTYPE is not allowed", where=Where(self.name))
+        self._elements = {self.root}
+        self._attributes: set[tuple[_Element, str]] = set()
+
+    def all(self, parent: _Element, tag: str) -> list[_Element]:
+        """The children with that tag, in order; `*`: of any tag."""
+        found = list(parent.iterchildren(tag))
+        self._elements.update(found)
+        return found
+
+    def first(self, parent: _Element | None, tag: str) -> _Element | None:
+        """The first child with that tag; a second one is unread."""
+        found = None if parent is None else next(parent.iterchildren(tag), None)
+        if found is not None:
+            self._elements.add(found)
+        return found
+
+    def text(self, element: _Element | None, attribute: str) -> str | None:
+        """The text of an attribute, or None."""
+        if element is None or attribute not in element.attrib:
+            return None
+        self._attributes.add((element, attribute))
+        return str(element.get(attribute))
+
+    def numbers(
+        self, element: _Element | None, attribute: str, count: int = 0
+    ) -> tuple[float, ...] | None:
+        """The numbers of an attribute, or None. count: how many there must be, 0 = any."""
+        text = self.text(element, attribute)
+        if element is None or text is None:
+            return None
+        try:
+            if "_" in text:  # which Python takes
+                raise ValueError
+            found = tuple(float(word) for word in text.split())
+        except ValueError:
+            found = ()
+        if not found or (count and len(found) != count):
+            wanted = f"{count} numbers" if count > 1 else "a number"
+            message = f"{element.tag} {attribute} is `{text[:60]}`, not {wanted}"
+            raise UsageError(message, where=Where(self.name, self.line(element)))
+        return found
+
+    def number(self, element: _Element | None, attribute: str) -> float | None:
+        """The number of an attribute, or None."""
+        found = self.numbers(element, attribute, 1)
+        return None if found is None else found[0]
+
+    def line(self, element: _Element) -> int:
+        """From 1."""
+        return cast("int | None", element.sourceline) or 0  # the stubs lack its type
+
+    def where(self, element: _Element) -> str:
+        """`go1.urdf:33`."""
+        return f"{self.name}:{self.line(element)}"
+
+    def unread(self) -> Iterator[Unread]:
+        """Every attribute, element and text that nobody asked for, in the file's order."""
+        todo = [self.root]
+        while todo:
+            element = todo.pop()
+            if element not in self._elements:
+                yield Unread(self.where(element), f"<{_tag(element)}>", _shown(element))
+                continue
+            where, tag = f"{self.where(element)} <{_tag(element)}>", _tag(element)
+            for name in map(str, element.attrib):
+                if (element, name) not in self._attributes:
+                    yield Unread(where, f"`{name}` of <{tag}>", str(element.get(name))[:200])
+            yield from _texts(element, where)
+            todo += list(element.iterchildren())[::-1]
+
+
+def _texts(element: _Element, where: str) -> Iterator[Unread]:
+    """Words between elements."""
+    texts: Sequence[str | None] = (element.text, *(child.tail for child in element))
+    for text in texts:
+        if text and text.strip():
+            yield Unread(where, f"text in <{_tag(element)}>", text.strip()[:200])
+
+
+def _tag(element: _Element) -> str:
+    """An entity, which is not resolved, has a function in place of a tag."""
+    return element.tag if isinstance(element.tag, str) else str(element)
+
+
+def _shown(element: _Element) -> str:
+    from lxml import etree
+
+    return " ".join(etree.tostring(element, encoding="unicode", with_tail=False).split())[:200]

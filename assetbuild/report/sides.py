@@ -1,0 +1,237 @@
+"""What `diff` compares: a bundle, file by file, or one model in any format, as tables of facts."""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from assetbuild.engine.digest import digest_file
+from assetbuild.engine.scratch import scratch
+from assetbuild.errors import AssetBuildError, UsageError
+from assetbuild.facts.compare import EXACT, FLOAT32, Precision
+from assetbuild.facts.reader import Reader
+from assetbuild.facts.reference import Assets, Reference, robot_table
+from assetbuild.facts.table import Key, Table, Value
+from assetbuild.plugins import load_plugin, plugin_names
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Control
+from assetbuild.robot.shapes import Shapes
+from assetbuild.robot.tree import merge_fixed_joints
+from assetbuild.simulators.readings import FORMAT
+from assetbuild.source.urdf.read_urdf import ReadUrdf, named_packages
+
+ROBOT = "robot"
+"""The form of a bundle's own robot: `report/robot.json`."""
+DERIVED = ("manifest.json", "provenance.json")
+"""They follow from the other files."""
+
+
+@dataclass(frozen=True)
+class Side:
+    """A robot to compare, as one or several files say it.
+
+    forms: how to read each form's table, by the form's name; covers: form -> the files behind it.
+    holds: whether a form can say a key. findings: (rule, subject) -> severity; figures: of checks,
+    by dotted path; digests: of all files of a bundle, by path.
+    """
+
+    name: str
+    forms: Mapping[str, functools.partial[Table]]
+    precision: Mapping[str, Precision]
+    holds: Mapping[str, Any] = field(default_factory=dict)  # Any: Reader.holds
+    covers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    folder: Path | None = None
+    digests: Mapping[str, str] = field(default_factory=dict)
+    ready: bool | None = None
+    findings: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    figures: Mapping[str, float] = field(default_factory=dict)
+
+
+def bundle_side(bundle: Path, name: str = "") -> Side:
+    """A folder that `build` wrote, as its files lie there; UsageError when it is none."""
+    reference = Reference.of_bundle(bundle)
+    report = _json(bundle / "report/report.json", bundle)
+    robot = str(_json(bundle / "manifest.json", bundle).get("robot", bundle.name))
+    digests = {
+        path.relative_to(bundle).as_posix(): digest_file(path)
+        for path in sorted(bundle.rglob("*"))
+        if path.is_file()
+    }
+    forms = {ROBOT: functools.partial(_whole_robot, reference)}
+    precision: dict[str, Precision] = {ROBOT: Precision()}
+    covers: dict[str, tuple[str, ...]] = {ROBOT: ("report/robot.json",)}
+    holds: dict[str, Any] = {}  # Any: as above
+    for form, reader, file in bundle_readers(bundle, robot, reference):
+        forms[form] = functools.partial(_read, reader, file, bundle)
+        precision[form] = Precision(EXACT)
+        covers[form] = tuple(path for path in digests if reader.covers(path, robot))
+        holds[form] = reader.holds
+    try:
+        found = {(f["rule"], f["subject"]): f["severity"] for f in report["findings"]}
+        ready = bool(report["verdict"]["ready"])
+        figures = dict(_leaves({n: c.get("figures") for n, c in report["checks"].items()}))
+    except (KeyError, TypeError, AttributeError) as error:
+        raise UsageError(f"`{bundle}` has no readable report: {error}") from None
+    return Side(
+        name or str(bundle), forms, precision, holds, covers, bundle, digests, ready, found, figures
+    )
+
+
+def bundle_readers(
+    bundle: Path, robot: str, reference: Reference
+) -> Iterator[tuple[str, Reader, Path]]:
+    """(form, reader, main file) of every format that lies in a bundle."""
+    for name in plugin_names(Reader):
+        kind = load_plugin(Reader, name)
+        reader = kind(robot=robot, options={k: reference.options[k] for k in kind.asks
+                                            if k in reference.options})  # fmt: skip
+        file = reader.file(bundle / kind.folder, robot)
+        if file is not None and file.is_file():
+            yield kind.form, reader, file
+
+
+def _whole_robot(reference: Reference) -> Table:
+    """With what the links were before merging, and the sections that say how files are written."""
+    merged, links = robot_table(reference), robot_table(reference, merged=False)
+    facts: dict[Key, Value] = {
+        Key("link" if key.kind == "body" else f"link's {key.kind}", key.name, key.quantity): value
+        for key, value in links.facts.items()
+        if key.kind in ("body", "joint") and key not in merged.facts
+    }
+    for path, value in _words(dict(reference.options)):
+        facts[Key("recipe", "", f"recipe:{path}")] = value
+    return Table({**merged.facts, **facts})
+
+
+def _words(value: object, path: str = "") -> Iterator[tuple[str, Value]]:
+    """(path, value) of all leaves of plain JSON."""
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            yield from _words(item, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list | tuple):
+        for index, item in enumerate(value):
+            yield from _words(item, f"{path}[{index}]")
+    elif isinstance(value, bool | str) or value is None:
+        yield path, value
+    else:
+        yield path, float(str(value))
+
+
+def _leaves(value: object, path: str = "") -> Iterator[tuple[str, float]]:
+    for leaf, found in _words(value, path):
+        if isinstance(found, float) and not isinstance(found, bool) and math.isfinite(found):
+            yield leaf, found
+
+
+def _read(reader: Reader, file: Path, bundle: Path) -> Table:
+    try:
+        return reader.read(file)
+    except AssetBuildError as error:
+        inside = file.relative_to(bundle)
+        raise UsageError(f"{inside}: {error.message}", hint=error.hint) from None
+
+
+def _json(file: Path, bundle: Path) -> dict[str, Any]:  # Any: plain JSON
+    try:
+        raw = json.loads(file.read_bytes())
+    except FileNotFoundError:
+        missing = file.relative_to(bundle)
+        raise UsageError(
+            f"`{bundle}` is no bundle of this version: it has no {missing}",
+            hint="build it again, or give the MJCF, URDF or USD in it",
+        ) from None
+    except (ValueError, RecursionError) as error:
+        raise UsageError(f"`{file}` is not JSON: {error}") from None
+    if not isinstance(raw, dict):
+        raise UsageError(f"`{file}` is no JSON object")
+    return raw
+
+
+# --- models that nobody here wrote ----------------------------------------------------------
+
+
+def foreign_side(path: Path) -> Side:
+    """One model by the ending of its file; AssetBuildError for what cannot be read."""
+    suffix = path.suffix.lower()
+    if suffix == ".json":
+        return _side(path, "readings", readings(path), Precision(FLOAT32))
+    try:
+        text = path.read_bytes() if suffix in (".xml", ".urdf", ".mjcf") else b""
+    except OSError as error:
+        raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
+    if b"<robot" in text:
+        return _side(path, "merged urdf", _merged_urdf(path), Precision(), NOT_IN_URDF)
+    for name in plugin_names(Reader):
+        kind = load_plugin(Reader, name)
+        if suffix in kind.suffixes and suffix != ".urdf" and (not text or b"<mujoco" in text):
+            table = kind(robot=path.stem).read(path)
+            made = _side(path, kind.form, table, kind.precision)
+            return Side(**{**vars(made), "holds": {kind.form: kind.holds}})
+    raise UsageError(
+        f"`{path}` is no model that can be compared",
+        hint="give a bundle, a recipe, an MJCF, URDF or USD file, or an Isaac Lab configuration",
+    )
+
+
+def _side(
+    path: Path, form: str, table: Table, precision: Precision, lacks: tuple[str, ...] = ()
+) -> Side:
+    def holds(key: Key) -> bool:
+        return key.kind not in lacks and key.quantity not in lacks
+
+    return Side(
+        str(path), {form: functools.partial(_same, table)}, {form: precision}, {form: holds}
+    )
+
+
+def _same(table: Table) -> Table:
+    return table
+
+
+NOT_IN_URDF = (
+    "base", "base pose", "model", "kp", "kd", "armature", "command range", "drive name", "keyframe",
+    "simulation", "sensor", "camera", "pair", "friction", "condim", "priority", "solref", "solimp",
+    "margin", "gap", "mask", "partners", "shape",
+)  # fmt: skip
+"""What a URDF does not say, and what a URDF alone does not show: its meshes as files."""
+
+
+def _merged_urdf(path: Path) -> Table:
+    """As a build would read it: fixed joints merged, no recipe, so no drives."""
+    with scratch() as ports:
+        ports.put("robot.urdf", path.read_bytes())
+        packages = named_packages(path.read_bytes())
+        ports.run(ReadUrdf(file=path.name, base="floating", packages=packages))
+        links = RobotFiles(ports.folder).links
+    tree = merge_fixed_joints(links, True, ())[0]
+    reference = Reference(links, tree, Shapes(), Control(), Assets(), {})
+    return robot_table(reference)
+
+
+def readings(path: Path) -> Table:
+    """What Isaac Lab measured, by `python/<robot>_isaaclab_measure.py` of a bundle."""
+    try:
+        raw = json.loads(path.read_bytes())
+        if raw["format"] != FORMAT:
+            raise ValueError(f"its format is `{raw['format']}`, not `{FORMAT}`")
+        return Table(
+            {
+                Key(str(kind), "" if kind == "robot" else str(name), str(quantity)): _value(value)
+                for kind, name, quantity, value in raw["facts"]
+            }
+        )
+    except OSError as error:
+        raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise UsageError(f"`{path}` holds no readings: {error}") from None
+
+
+def _value(value: object) -> Value:
+    if isinstance(value, list):
+        return tuple(float(part) for part in value)
+    return value if value is None or isinstance(value, str) else float(str(value))

@@ -1,0 +1,583 @@
+"""One thing changed on the stage, and a finding names it with both values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from PIL import Image
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+from tiny import (
+    TinyRobot,
+    box_inertial,
+    box_obj,
+    check_inputs,
+    examples,
+    pendulum,
+    robots,
+    run_step,
+    tiny_quadruped,
+    with_mimic,
+)
+
+from assetbuild.errors import UsageError
+from assetbuild.facts.readers.usd import UsdReader
+from assetbuild.findings import Finding
+from assetbuild.robot.model import (
+    Actuator,
+    Body,
+    Contact,
+    Control,
+    Joint,
+    Keyframe,
+    Limits,
+    Mimic,
+    Tree,
+)
+from assetbuild.robot.pose import Pose, normalised_quat
+from assetbuild.robot.shapes import Cylinder, Material, Mesh, MeshAsset, Shape, Shapes, Sphere
+from assetbuild.simulators.usd_options import UsdOptions
+from assetbuild.targets.usd import Usd as UsdTarget
+
+JOINTS = "/robot/Joints"
+Spoil = Callable[[Usd.Stage], object]
+
+
+def check(
+    robot: TinyRobot,
+    folder: Path,
+    spoil: Spoil | None = None,
+    options: UsdOptions | None = None,
+    layer: str = "robot.usda",
+) -> list[Finding]:
+    options = options or UsdOptions()
+    inputs = check_inputs(folder, robot, UsdTarget(robot="robot", options=options), "usd")
+    if spoil is not None:
+        stage = Usd.Stage.Open(str(inputs / "usd" / layer))
+        spoil(stage)
+        stage.Save()
+        del stage
+    reader = UsdReader(robot="robot", options={"usd": options.model_dump(mode="json")})
+    return run_step(reader, inputs, folder / "out")
+
+
+def rules(findings: list[Finding]) -> set[tuple[str, str]]:
+    assert {f.severity for f in findings} <= {"error"}
+    return {(f.rule, f.subject) for f in findings}
+
+
+# --- tiny robots ---------------------------------------------------------------------------------
+
+
+def gripper() -> TinyRobot:
+    """A fixed base, a kept tool body on a slide, and two fingers: one drives, one mimics it.
+
+    Meshes are collider and picture, one of them with a texture and normals at its corners.
+    """
+    bodies = [Body(n, box_inertial(1.0, (0.1, 0.2, 0.3))) for n in ("base", "slide", "tool", "a", "b")]
+    turned = normalised_quat((0.9, 0.1, -0.3, 0.2))
+    limits = Limits(-0.02, 0.04, 70.0, 0.2)
+    joints = (
+        Joint("lift", "prismatic", "base", "slide", Pose((0.0, 0.0, 0.5)), (0.0, 0.0, -1.0), limits),
+        Joint("hold", "fixed", "slide", "tool", Pose((0.1, 0.0, 0.2), turned)),
+        Joint("a_joint", "revolute", "tool", "a", Pose((0.0, 0.1, 0.0), turned), (0.0, 0.6, 0.8),
+              Limits(-1.0, 2.0, 5.0, 10.0)),
+        Joint("b_joint", "revolute", "tool", "b", Pose((0.0, -0.1, 0.0)), (-1.0, 0.0, 0.0),
+              Limits(-2.0, 2.0, 5.0, 10.0), mimic=Mimic("a_joint", -1.5, 0.25)),
+    )  # fmt: skip
+    tree = Tree("gripper", "fixed", tuple(bodies), joints, (), Pose((0.0, 0.3, 0.2), turned))
+    place = Pose((0.01, 0.02, 0.03), turned)
+    shapes = [Shape("skin", "tool", "visual", Mesh("tile"), place, material="wood"),
+              Shape("b_skin", "b", "visual", Sphere(0.05), place, material="red")]  # fmt: skip
+    for name in ("base", "slide", "tool", "a", "b"):
+        shapes.append(Shape(f"{name}_hull", name, "collision", Mesh("block"), place))
+    shapes.append(Shape("a_pad", "a", "collision", Cylinder(0.02, 0.05), place))
+    materials = (Material("wood", (0.9, 0.8, 0.7, 1.0), "wood.png"), Material("red", (1, 0, 0, 0.5)))
+    assets = (MeshAsset("tile", "tile.obj", 4, 2), MeshAsset("block", "block.obj", 8, 12, convex=True))
+    rows = (
+        Actuator("lift", "pd", kp=3500.0, kd=175.0, armature=0.3, effort=70.0, velocity=0.2),
+        Actuator("a_joint", "velocity", kd=2.0, damping=0.3, friction=0.1, effort=5.0),
+        Actuator("b_joint", "passive", damping=0.4),
+    )
+    home = Keyframe("home", (("lift", 0.03), ("a_joint", 0.5), ("b_joint", -0.5)))
+    pads = Contact(friction=(1.5, 0.02, 0.01), mask=2, partners=2)
+    control = Control(rows, (home,), (("a", "b"), ("base", "slide")), contacts=(("a_pad", pads),))
+    return TinyRobot(tree, tree, Shapes(tuple(shapes), materials, assets), control, {
+        "tile.obj": TILE, "block.obj": box_obj((0.02, 0.04, 0.06)), "wood.png": picture(),
+    })  # fmt: skip
+
+
+TILE = b"""v 0 0 0
+v 0.1 0 0
+v 0.1 0.1 0
+v 0 0.1 0.01
+vt 0 0
+vt 2 0
+vt 2 1
+vt 0 1
+vn 0 0 1
+vn 0 0.6 0.8
+f 1/1/1 2/2/1 3/3/2
+f 1/1/1 3/3/2 4/4/2
+"""
+
+
+def picture(value: int = 200) -> bytes:
+    from io import BytesIO
+
+    held = BytesIO()
+    Image.fromarray(np.full((2, 3, 3), value, dtype=np.uint8)).save(held, "PNG")
+    return held.getvalue()
+
+
+# --- nothing changed -----------------------------------------------------------------------------
+
+
+def test_untouched_robots_are_equal(tmp_path: Path) -> None:
+    mimic = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", -1.0, 0.1)
+    for i, robot in enumerate((tiny_quadruped(), pendulum(), mimic, gripper())):
+        assert check(robot, tmp_path / str(i)) == []
+
+
+@settings(max_examples=examples(40), deadline=None)
+@given(robots())
+def test_every_random_tree_is_equal(robot: TinyRobot) -> None:
+    with TemporaryDirectory() as folder:
+        assert check(robot, Path(folder)) == []
+
+
+def test_identifiers_options_and_masks_are_equal(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    none = Contact(friction=(0.8, 0.02, 0.01), mask=0, partners=0)
+    foot = Contact(friction=(1.2, 0.02, 0.01), mask=2, partners=4)
+    contacts = (("trunk_collision", none), ("FR_foot_collision", foot))
+    joints = tuple(replace(j, name=f"{j.name}.1") for j in robot.tree.joints)
+    rows = tuple(replace(a, joint=f"{a.joint}.1", effort=None, velocity=None)
+                 for a in robot.control.actuators)  # fmt: skip
+    robot = replace(
+        robot,
+        tree=replace(robot.tree, joints=joints),
+        control=replace(robot.control, actuators=rows, keyframes=(), contacts=contacts),
+    )
+    options = UsdOptions.model_validate({
+        "instanceable": False, "drive_type": "acceleration", "mimics": False,
+        "rigid_body": {"linear_damping": 0.1, "max_angular_velocity": 50.0},
+        "articulation": {"self_collisions": False, "solver_position_iterations": 4},
+    })  # fmt: skip
+    assert check(robot, tmp_path, options=options) == []
+
+
+# --- one attribute ------------------------------------------------------------------------------
+
+HIP = f"{JOINTS}/FR_hip_joint"
+FOOT = "/robot/FR_calf/collisions/FR_foot_collision"
+
+
+def times(factor: float) -> Callable[[object], object]:
+    return lambda value: value * factor  # type: ignore[operator] # a number or a vector
+
+
+@pytest.mark.parametrize(
+    ("rule", "subject", "attribute", "change"),
+    [
+        ("mass", "body FR_hip", "/robot/FR_hip.physics:mass", times(1.000001)),
+        ("centre_of_mass", "body FR_thigh", "/robot/FR_thigh.physics:centerOfMass", times(1.01)),
+        ("inertia", "body trunk", "/robot/trunk.physics:diagonalInertia", times(1.01)),
+        ("inertia", "body trunk", "/robot/trunk.physics:principalAxes",
+         lambda _: Gf.Quatf(0.9, 0.1, 0.2, 0.3)),
+        ("kp", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:stiffness", times(57.3)),
+        ("kd", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:damping", times(1.00001)),
+        ("effort", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:maxForce", times(0.5)),
+        ("drive_target", "joint FR_thigh_joint",
+         f"{JOINTS}/FR_thigh_joint.drive:angular:physics:targetPosition", times(-1.0)),
+        ("drive_type", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:type",
+         lambda _: "acceleration"),
+        ("targetvelocity", "joint FR_hip_joint", f"{HIP}.drive:angular:physics:targetVelocity",
+         lambda _: 1.0),
+        ("start", "joint FR_thigh_joint",
+         f"{JOINTS}/FR_thigh_joint.state:angular:physics:position", times(-1.0)),
+        ("lower", "joint FR_hip_joint", f"{HIP}.physics:lowerLimit", times(0.99)),
+        ("upper", "joint FR_hip_joint", f"{HIP}.physics:upperLimit", times(1.000001)),
+        ("armature", "joint FR_hip_joint", f"{HIP}.physxJointAxis:angular:armature", times(100.0)),
+        ("armature", "joint FR_hip_joint", f"{HIP}.physxJoint:armature", times(100.0)),
+        ("armature", "joint FR_hip_joint", f"{HIP}.newton:armature", times(100.0)),
+        ("friction", "joint FR_hip_joint", f"{HIP}.physxJointAxis:angular:staticFrictionEffort",
+         times(2.0)),
+        ("dynamicfrictioneffort", "joint FR_hip_joint",
+         f"{HIP}.physxJointAxis:angular:dynamicFrictionEffort", times(2.0)),
+        ("jointfriction", "joint FR_hip_joint", f"{HIP}.physxJoint:jointFriction", times(2.0)),
+        ("damping", "joint FR_hip_joint", f"{HIP}.newton:damping", times(57.3)),
+        ("velocitylimit", "joint FR_hip_joint", f"{HIP}.newton:velocityLimit", times(0.5)),
+        ("maxjointvelocity", "joint FR_hip_joint", f"{HIP}.physxJoint:maxJointVelocity", times(2.0)),
+        ("collisionenabled", "joint FR_hip_joint", f"{HIP}.physics:collisionEnabled",
+         lambda _: True),
+        ("anchor", "joint FR_hip_joint", f"{HIP}.physics:localPos1", lambda _: Gf.Vec3f(0, 0, 0.01)),
+        ("child_pose", "joint FR_hip_joint", f"{HIP}.physics:localPos0", times(1.01)),
+        ("axis", "joint FR_hip_joint", f"{HIP}.physics:axis", lambda _: "Y"),
+        ("pose", "body FR_calf", "/robot/FR_calf.xformOp:translate", times(1.01)),
+        ("pose", "frame FR_foot", "/robot/FR_calf/FR_foot.xformOp:translate", times(1.01)),
+        ("pose", "shape FR_calf_collision",
+         "/robot/FR_calf/collisions/FR_calf_collision.xformOp:translate", times(1.01)),
+        ("size", "shape FR_foot_collision", f"{FOOT}.radius", times(10.0)),
+        ("extent", "shape FR_foot_collision", f"{FOOT}.extent", lambda _: [(-1, -1, -1), (1, 1, 1)]),
+        ("purpose", "shape FR_foot_collision", f"{FOOT}.purpose", lambda _: "default"),
+        ("self_collision", "robot", "/robot/trunk.physxArticulation:enabledSelfCollisions",
+         lambda _: False),
+        ("selfcollisionenabled", "robot", "/robot/trunk.newton:selfCollisionEnabled",
+         lambda _: False),
+        ("solverpositioniterationcount", "robot",
+         "/robot/trunk.physxArticulation:solverPositionIterationCount", lambda _: 4),
+        ("angulardamping", "body FR_hip", "/robot/FR_hip.physxRigidBody:angularDamping",
+         lambda _: 0.05),
+        ("friction", "shape FR_foot_collision", "/robot/PhysicsMaterials/contact.physics:staticFriction",
+         times(0.1)),
+        ("dynamicfriction", "shape FR_foot_collision",
+         "/robot/PhysicsMaterials/contact.physics:dynamicFriction", times(0.1)),
+        ("restitution", "shape FR_foot_collision",
+         "/robot/PhysicsMaterials/contact.physics:restitution", lambda _: 0.5),
+        ("rgba", "shape imu_visual", "/robot/Looks/red/surface.inputs:diffuseColor",
+         lambda _: Gf.Vec3f(0.9, 0, 0)),
+        ("roughness", "material red", "/robot/Looks/red/surface.inputs:roughness", times(1.1)),
+    ],
+)  # fmt: skip
+def test_a_changed_attribute_is_named_with_both_values(
+    rule: str,
+    subject: str,
+    attribute: str,
+    change: Callable[[object], object],
+    tmp_path: Path,
+) -> None:
+    def spoil(stage: Usd.Stage) -> None:
+        found = stage.GetAttributeAtPath(attribute)
+        assert found, attribute
+        assert found.Set(change(found.Get()))
+
+    findings = check(tiny_quadruped(), tmp_path, spoil)
+    ours = [f for f in findings if f.rule == f"equal.usd.{rule}"]
+    assert any(subject in {f.subject, *f.data.get("subjects", ())} for f in ours)
+    assert all({"expected", "found"} <= set(f.data) for f in ours)
+    assert not [f for f in findings if f.rule == "equal.unread"]
+
+
+# --- what the issue's table names ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rule", "attribute", "change"),
+    [
+        ("mimic_multiplier", "physxMimicJoint:rotX:gearing", times(-1.0)),
+        ("mimic_offset", "physxMimicJoint:rotX:offset", times(1.01)),
+        ("reference_axis", "physxMimicJoint:rotX:referenceJointAxis", lambda _: "rotY"),
+        ("mimiccoef1", "newton:mimicCoef1", times(-1.0)),
+        ("mimiccoef0", "newton:mimicCoef0", times(1.01)),
+    ],
+)
+def test_a_mimic_joint_that_follows_otherwise_is_found(
+    rule: str, attribute: str, change: Callable[[object], object], tmp_path: Path
+) -> None:
+    def spoil(stage: Usd.Stage) -> None:
+        found = stage.GetAttributeAtPath(f"{JOINTS}/b_joint.{attribute}")
+        found.Set(change(found.Get()))
+
+    assert rules(check(gripper(), tmp_path, spoil)) == {(f"equal.usd.{rule}", "joint b_joint")}
+
+
+def test_meshes_a_thousand_times_larger_are_found(tmp_path: Path) -> None:
+    def grow(stage: Usd.Stage) -> None:
+        for prim in stage.Traverse():
+            points = prim.GetAttribute("points")
+            if points:
+                points.Set([point * 1000 for point in points.Get()])
+
+    found = rules(check(gripper(), tmp_path / "a", grow, layer="payloads/geometries.usdc"))
+    assert {("equal.usd.area", "shape skin"), ("equal.usd.volume", "shape base_hull"),
+            ("equal.usd.extent", "shape skin")} <= found  # fmt: skip
+    stretch = Gf.Vec3d(1000, 1000, 1000)
+    found = rules(check(gripper(), tmp_path / "b", lambda stage: UsdGeom.Xformable(
+        stage.GetPrimAtPath("/robot/tool/visuals/skin")).AddScaleOp().Set(stretch)))  # fmt: skip
+    assert ("equal.usd.area", "shape skin") in found
+
+
+@pytest.mark.parametrize(
+    ("rule", "attribute", "change"),
+    [
+        ("texture_corners", "primvars:st", lambda v: [(1.5 * uv[0], uv[1]) for uv in v]),
+        ("corner_normals", "normals", lambda v: [Gf.Vec3f(0, 1, 0), *list(v)[1:]]),
+        ("subdivisionscheme", "subdivisionScheme", lambda _: "catmullClark"),
+        ("doublesided", "doubleSided", lambda _: False),
+        ("triangles", "faceVertexIndices", lambda v: [0, 0, 9, *list(v)[3:]]),
+    ],
+)
+def test_a_changed_mesh_is_found(
+    rule: str, attribute: str, change: Callable[[object], object], tmp_path: Path
+) -> None:
+    def spoil(stage: Usd.Stage) -> None:
+        found = stage.GetAttributeAtPath(f"/Geometries/tile/mesh.{attribute}")
+        assert found.Set(change(found.Get()))
+
+    findings = check(gripper(), tmp_path, spoil, layer="payloads/geometries.usdc")
+    assert (f"equal.usd.{rule}", "shape skin") in rules(findings)
+
+
+def test_one_material_for_all_is_found(tmp_path: Path) -> None:
+    def bind(stage: Usd.Stage) -> None:
+        for path, name, material in (
+            ("/robot/a/collisions/a_pad", "material:binding:physics", "PhysicsMaterials/contact"),
+            ("/robot/b/visuals/b_skin", "material:binding", "Looks/wood"),
+        ):
+            stage.GetPrimAtPath(path).GetRelationship(name).SetTargets([f"/robot/{material}"])
+
+    found = rules(check(gripper(), tmp_path, bind))
+    assert {("equal.usd.friction", "shape a_pad"), ("equal.usd.material", "shape b_skin"),
+            ("equal.usd.rgba", "shape b_skin")} <= found  # fmt: skip
+
+
+def test_another_picture_is_found(tmp_path: Path) -> None:
+    def paint(stage: Usd.Stage) -> None:
+        folder = Path(stage.GetRootLayer().realPath).parent
+        (folder / "payloads/textures/wood.png").write_bytes(picture(199))
+
+    assert rules(check(gripper(), tmp_path, paint)) == {("equal.usd.texture", "shape skin")}
+
+
+def test_lost_filters_are_found(tmp_path: Path) -> None:
+    def lose(stage: Usd.Stage) -> None:
+        for prim in stage.Traverse():
+            if prim.HasAPI(UsdPhysics.FilteredPairsAPI):
+                prim.GetRelationship("physics:filteredPairs").SetTargets([])
+
+    (first, second) = check(gripper(), tmp_path, lose)
+    assert first.data["subjects"] == ("pair a b", "pair a slide", "pair b slide")
+    assert (first.rule, second.subject) == ("equal.usd.filtered", "shape pair a_pad base_hull")
+
+
+def test_joints_that_let_their_bodies_touch_are_found(tmp_path: Path) -> None:
+    def touch(stage: Usd.Stage) -> None:
+        for prim in stage.Traverse():
+            if prim.IsA(UsdPhysics.Joint):
+                UsdPhysics.Joint(prim).CreateCollisionEnabledAttr(True)
+
+    found = rules(check(tiny_quadruped(), tmp_path, touch))
+    assert ("equal.usd.collisionenabled", "joint FR_hip_joint") in found
+    assert ("equal.usd.filtered", "pair FL_calf FL_thigh") in found
+
+
+# --- what is more, and what is lost ---------------------------------------------------------------
+
+
+def plant(path: str, name: str, kind: Sdf.ValueTypeName, value: object) -> Spoil:
+    def spoil(stage: Usd.Stage) -> None:
+        stage.GetPrimAtPath(path).CreateAttribute(name, kind).Set(value)
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("where", "spoil"),
+    [
+        ("/robot/FR_hip", plant("/robot/FR_hip", "mjc:gravcomp", Sdf.ValueTypeNames.Float, 1.0)),
+        ("/robot/FR_hip", plant("/robot/FR_hip", "physics:density", Sdf.ValueTypeNames.Float, 9.0)),
+        (HIP, plant(HIP, "physics:jointEnabled", Sdf.ValueTypeNames.Bool, False)),
+        (HIP, plant(HIP, "physxJoint:unheard", Sdf.ValueTypeNames.Int, 3)),
+        (HIP, lambda s: s.GetPrimAtPath(HIP).AddAppliedSchema("UnheardAPI")),
+        (HIP, lambda s: s.GetPrimAtPath(HIP).CreateRelationship("to").SetTargets(["/robot"])),
+        (HIP, lambda s: UsdPhysics.DriveAPI.Apply(s.GetPrimAtPath(HIP), "linear")),
+        (FOOT, lambda s: s.GetPrimAtPath(FOOT).SetMetadata("customData", {"a": 1})),
+        (FOOT, lambda s: s.GetAttributeAtPath(f"{FOOT}.radius").Set(9.0, 3.0)),
+        ("/robot/FR_calf/FR_foot", plant("/robot/FR_calf/FR_foot", "x", Sdf.ValueTypeNames.Int, 1)),
+        ("/robot/Joints", plant("/robot/Joints", "x", Sdf.ValueTypeNames.Int, 1)),
+        ("/robot", plant("/robot", "x", Sdf.ValueTypeNames.Int, 1)),
+        ("/robot/Looks/red", plant("/robot/Looks/red", "x", Sdf.ValueTypeNames.Int, 1)),
+        ("/robot/eye", lambda s: s.DefinePrim("/robot/eye", "Camera")),
+        ("/robot/Joints/more", lambda s: s.DefinePrim("/robot/Joints/more", "Xform")),
+        ("/robot/over", lambda s: s.OverridePrim("/robot/over")),
+        ("/robot/class", lambda s: s.CreateClassPrim("/class") and s.OverridePrim("/robot/class")),
+        ("/other", lambda s: s.DefinePrim("/other", "Camera")),
+        ("/robot/FR_hip", lambda s: s.GetPrimAtPath("/robot/FR_hip").SetActive(False)),
+        ("/robot/PhysicsMaterials/new", lambda s: UsdPhysics.MaterialAPI.Apply(
+            s.DefinePrim("/robot/PhysicsMaterials/new", "Material"))),
+        ("robot.usda", lambda s: s.SetFramesPerSecond(25.0)),
+        (HIP, lambda s: s.GetPrimAtPath(HIP).RemoveAppliedSchema("PhysxJointAPI")),
+    ],
+)  # fmt: skip
+def test_what_nothing_compares_is_reported(where: str, spoil: Spoil, tmp_path: Path) -> None:
+    findings = check(tiny_quadruped(), tmp_path, spoil)
+    assert where in {f.subject for f in findings if f.rule == "equal.unread"}
+
+
+@pytest.mark.parametrize(
+    ("path", "subject"),
+    [
+        ("/robot/FR_calf", "body FR_calf"),
+        ("/robot/FR_calf/FR_foot", "frame FR_foot"),
+        (f"{JOINTS}/FR_calf_joint", "joint FR_calf_joint"),
+        ("/robot/trunk/visuals/trunk_visual", "shape trunk_visual"),
+        (FOOT, "shape FR_foot_collision"),
+    ],
+)
+def test_a_lost_prim_is_named(path: str, subject: str, tmp_path: Path) -> None:
+    findings = check(
+        tiny_quadruped(), tmp_path, lambda stage: stage.GetPrimAtPath(path).SetActive(False)
+    )
+    assert ("equal.usd.missing", subject) in rules(findings)
+
+
+def test_a_shape_that_the_robot_does_not_have_is_named(tmp_path: Path) -> None:
+    findings = check(
+        tiny_quadruped(),
+        tmp_path,
+        lambda stage: UsdGeom.Sphere.Define(stage, "/robot/trunk/visuals/wart"),
+    )
+    assert ("equal.usd.extra", "shape wart") in rules(findings)
+
+
+def test_a_lost_drive_and_a_lost_spelling_are_named(tmp_path: Path) -> None:
+    def spoil(stage: Usd.Stage) -> None:
+        stage.GetPrimAtPath(HIP).RemoveAPI(UsdPhysics.DriveAPI, "angular")
+        stage.GetAttributeAtPath(f"{JOINTS}/FL_hip_joint.newton:armature").Block()
+        stage.GetAttributeAtPath(f"{JOINTS}/FL_hip_joint.physxJointAxis:angular:armature").Block()
+
+    found = rules(check(tiny_quadruped(), tmp_path, spoil))
+    assert {("equal.usd.kp", "joint FR_hip_joint"), ("equal.usd.drive_type", "joint FR_hip_joint"),
+            ("equal.usd.armature", "joint FL_hip_joint")} <= found  # fmt: skip
+
+
+def test_a_limit_that_the_robot_does_not_have_is_named(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    free = tuple(replace(a, effort=None, velocity=None) for a in robot.control.actuators)
+    robot = replace(robot, control=replace(robot.control, actuators=free))
+    findings = check(robot, tmp_path, lambda stage: UsdPhysics.DriveAPI(
+        stage.GetPrimAtPath(HIP), "angular").CreateMaxForceAttr(5.0))  # fmt: skip
+    assert rules(findings) == {("equal.usd.effort", "joint FR_hip_joint")}
+
+
+# --- several things together ----------------------------------------------------------------------
+
+
+def test_an_axis_that_points_the_other_way_is_found(tmp_path: Path) -> None:
+    """Both frames turned by half a turn: consistent, and every command has the wrong sign."""
+
+    def spoil(stage: Usd.Stage) -> None:
+        joint = UsdPhysics.RevoluteJoint(stage.GetPrimAtPath(HIP))
+        joint.GetLocalRot0Attr().Set(Gf.Quatf(0, 0, 1, 0))
+        joint.GetLocalRot1Attr().Set(Gf.Quatf(0, 0, 1, 0))
+
+    findings = check(tiny_quadruped(), tmp_path, spoil)
+    assert rules(findings) == {("equal.usd.axis", "joint FR_hip_joint")}
+
+
+def test_swapped_parent_and_child_are_found(tmp_path: Path) -> None:
+    def spoil(stage: Usd.Stage) -> None:
+        joint = UsdPhysics.Joint(stage.GetPrimAtPath(HIP))
+        joint.GetBody0Rel().SetTargets(["/robot/FR_hip"])
+        joint.GetBody1Rel().SetTargets(["/robot/trunk"])
+
+    found = rules(check(tiny_quadruped(), tmp_path, spoil))
+    assert {("equal.usd.body", "joint FR_hip_joint"),
+            ("equal.usd.parent", "joint FR_hip_joint")} <= found  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("rule", "subject", "spoil"),
+    [
+        ("selected_physics", "stage", lambda s: s.GetDefaultPrim().GetVariantSet(
+            "Physics").SetVariantSelection("none")),
+        ("kind", "stage", lambda s: Usd.ModelAPI(s.GetDefaultPrim()).SetKind("group")),
+        ("metres_per_unit", "robot", lambda s: UsdGeom.SetStageMetersPerUnit(s, 0.01)),
+        ("up_axis", "robot", lambda s: UsdGeom.SetStageUpAxis(s, "Y")),
+        ("articulation_root", "robot", lambda s: UsdPhysics.ArticulationRootAPI.Apply(
+            s.GetPrimAtPath("/robot/FR_hip"))),
+        ("instanceable", "shape trunk_visual", lambda s: s.GetPrimAtPath(
+            "/robot/trunk/visuals/trunk_visual").SetInstanceable(False)),
+        ("visibility", "shape trunk_visual", lambda s: UsdGeom.Imageable(s.GetPrimAtPath(
+            "/robot/trunk/visuals")).MakeInvisible()),
+        ("binding_strength", "shape trunk_visual", lambda s: s.GetRelationshipAtPath(
+            "/robot/trunk/visuals/trunk_visual.material:binding").SetMetadata(
+                "bindMaterialAs", "strongerThanDescendants")),
+        ("collides", "shape FR_foot_collision", lambda s: UsdPhysics.CollisionAPI(
+            s.GetPrimAtPath(FOOT)).CreateCollisionEnabledAttr(False)),
+        ("role", "shape FR_foot_collision", lambda s: s.GetPrimAtPath(FOOT).RemoveAPI(
+            UsdPhysics.CollisionAPI)),
+    ],
+)  # fmt: skip
+def test_what_is_said_of_whole_prims_is_compared(
+    rule: str, subject: str, spoil: Spoil, tmp_path: Path
+) -> None:
+    assert (f"equal.usd.{rule}", subject) in rules(check(tiny_quadruped(), tmp_path, spoil))
+
+
+def test_a_layer_in_other_units_is_found(tmp_path: Path) -> None:
+    findings = check(
+        tiny_quadruped(),
+        tmp_path,
+        lambda stage: UsdGeom.SetStageMetersPerUnit(stage, 0.01),
+        layer="payloads/base.usda",
+    )
+    (only,) = findings
+    assert only.rule == "equal.usd.metersperunit_of_layers"
+    assert only.data["found"] == ("0.01", "1.0")
+
+
+def test_a_file_that_is_no_usd_is_unreadable(tmp_path: Path) -> None:
+    inputs = check_inputs(tmp_path, pendulum(), UsdTarget(robot="robot"), "usd")
+    (inputs / "usd/robot.usda").write_text("not usd")
+    findings = run_step(UsdReader(robot="robot"), inputs, tmp_path / "out")
+    assert [f.rule for f in findings] == ["equal.unreadable"]
+
+
+# --- anybody's USD ---------------------------------------------------------------------------------
+
+
+def test_any_stage_is_read_in_metres_and_kilograms(tmp_path: Path) -> None:
+    """Centimetres and grams, a scaled Xform around it, no default names: one arm of 2 kg on a wall."""
+    path = tmp_path / "arm.usda"
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
+    UsdPhysics.SetStageKilogramsPerUnit(stage, 0.001)
+    top = UsdGeom.Xform.Define(stage, "/arm").GetPrim()
+    stage.SetDefaultPrim(top)
+    for name, height in (("base", 0.0), ("link", 50.0)):
+        body = UsdGeom.Xform.Define(stage, f"/arm/{name}")
+        body.AddTranslateOp().Set((0.0, 0.0, height))
+        UsdPhysics.RigidBodyAPI.Apply(body.GetPrim())
+        mass = UsdPhysics.MassAPI.Apply(body.GetPrim())
+        mass.CreateMassAttr(2000.0)
+        mass.CreateCenterOfMassAttr((0.0, 0.0, 10.0))
+    cube = UsdGeom.Cube.Define(stage, "/arm/link/shape")
+    cube.CreateSizeAttr(10.0)
+    UsdPhysics.CollisionAPI.Apply(cube.GetPrim())
+    world = UsdPhysics.FixedJoint.Define(stage, "/arm/hold")
+    world.CreateBody1Rel().SetTargets(["/arm/base"])
+    hinge = UsdPhysics.RevoluteJoint.Define(stage, "/arm/hinge")
+    hinge.CreateBody0Rel().SetTargets(["/arm/base"])
+    hinge.CreateBody1Rel().SetTargets(["/arm/link"])
+    hinge.CreateLocalPos0Attr((0.0, 0.0, 50.0))
+    drive = UsdPhysics.DriveAPI.Apply(hinge.GetPrim(), "angular")
+    drive.CreateStiffnessAttr(1e7)  # g cm2 / s2 per degree
+    drive.CreateMaxForceAttr(1e7)
+    stage.Save()
+    table = UsdReader(robot="arm").read(path)
+    assert table.of("robot", "")["base"] == "fixed"
+    assert table.of("body", "link")["mass"] == pytest.approx(2.0)
+    assert table.of("body", "link")["centre of mass"] == pytest.approx((0.0, 0.0, 0.1))
+    assert table.of("body", "link")["pose"] == pytest.approx((0, 0, 0.5, 1, 0, 0, 0))
+    joint = table.of("joint", "hinge")
+    assert joint["kp"] == pytest.approx(1.0 * 180 / math.pi)
+    assert joint["effort"] == pytest.approx(1.0)
+    assert joint["lower"] is None
+    assert joint["usd:child pose"] == pytest.approx((0, 0, 0.5, 1, 0, 0, 0))
+    assert table.of("shape", "shape")["size"] == pytest.approx((0.1, 0.1, 0.1))
+    assert table.unread == ()
+
+
+def test_a_stage_without_a_default_prim_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "none.usda"
+    Usd.Stage.CreateNew(str(path)).Save()
+    with pytest.raises(UsageError, match="no default prim"):
+        UsdReader(robot="none").read(path)
