@@ -46,9 +46,9 @@ def main(words: Sequence[str] | None = None) -> int:
         forms = [form for form in chosen.format or FORMATS if form in there]
         drawn = sample(bundle, forms, chosen.seed, chosen.count, by_name=chosen.by_name)
         results[bundle.name] = list(try_all(bundle, drawn, chosen.processes))
-        print(f"\n{bundle.name}\n\n{table(results[bundle.name])}", flush=True)
-        print(f"{(time.monotonic() - began):.0f} s so far", flush=True)
-    print(missed([one for some in results.values() for one in some]))
+        print(f"\n# {bundle.name}\n\n{table(results[bundle.name])}")
+        print(f"\n{(time.monotonic() - began):.0f} s so far")
+        print(missed(results[bundle.name]), flush=True)
     if chosen.out:
         plain = {name: [asdict(one) for one in some] for name, some in results.items()}
         chosen.out.write_text(json.dumps(plain, indent=1, default=str), encoding="utf-8")
