@@ -10,7 +10,7 @@ from assetbuild.errors import UsageError
 from assetbuild.facts.compare import EXACT, Precision
 from assetbuild.facts.mjcf_expected import Opaque, opaque_of, opaque_option
 from assetbuild.facts.mjcf_model import read_model
-from assetbuild.facts.mjcf_words import is_covered, words
+from assetbuild.facts.mjcf_words import NEVER_ALONE, is_covered, words
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Key, Table, Value, Writer
@@ -50,9 +50,9 @@ class MjcfReader(Reader):
 
     def read(self, path: Path) -> Table:
         """Of any MJCF; UsageError where MuJoCo refuses it."""
-        return self._read(path, frozenset())
+        return self._read(path, Opaque(frozenset(), {}, frozenset()))
 
-    def _read(self, path: Path, opaque: frozenset[tuple[str, str]]) -> Table:
+    def _read(self, path: Path, opaque: Opaque) -> Table:
         import mujoco
 
         book = Writer()
@@ -64,16 +64,19 @@ class MjcfReader(Reader):
             except ValueError as error:
                 text = " ".join(str(error).replace(f"{path.parent}/", "").split())
                 raise UsageError(f"MuJoCo refuses it: {text}") from None
-        read_model(model, book, opaque)
-        return Table({**book.facts, **said})
+        told = read_model(model, book, opaque.subjects)
+        return self._known(Table({**book.facts, **said}), opaque, told)
 
     def found(self, path: Path, reference: Reference) -> Table:
         """What only MJCF can say is compared word by word."""
         opaque = opaque_of(reference.control.mjcf_only, reference)
-        return self._known(self._read(path, opaque.subjects), opaque).only(self.holds)
+        return self._read(path, opaque).only(self.holds)
 
-    def _known(self, table: Table, opaque: Opaque) -> Table:
-        """Without the words that the vocabulary says too, and what opaque words say instead."""
+    def _known(self, table: Table, opaque: Opaque, told: frozenset[tuple[str, str]]) -> Table:
+        """Without the words that the vocabulary says too, and what opaque words say instead.
+
+        told: subjects that the vocabulary tells whole.
+        """
         roles = {
             k.name: v for k, v in table.facts.items() if (k.kind, k.quantity) == ("shape", "role")
         }
@@ -84,6 +87,8 @@ class MjcfReader(Reader):
             if not key.is_foreign:
                 return subject not in opaque.subjects and key not in opaque.touched
             if subject in opaque.subjects or tuple(key) in owned:
+                return True
+            if key.kind not in NEVER_ALONE and subject not in told:
                 return True
             return not is_covered(key, str(roles.get(key.name, "")))
 

@@ -31,10 +31,11 @@ OBJECTS = {
 
 def read_model(
     model: Model, book: Writer, opaque: Collection[tuple[str, str]] = frozenset()
-) -> None:
+) -> frozenset[tuple[str, str]]:
     """Puts every fact of a compiled model into the book; the world's own geoms are left out.
 
-    opaque: (kind, name) of what no other format can say: it has words of MJCF alone.
+    opaque: (kind, name) of what no other format can say: it has words of MJCF alone. Returns the
+    subjects that the book now tells whole.
     """
     moving = [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in (2, 3)]
     _root(model, book)
@@ -47,11 +48,13 @@ def read_model(
         for drive in read_drives(model)
         if ("actuator", _name(model, "actuator", drive.index)) not in opaque
     ]
+    told = {("actuator", _name(model, "actuator", drive.index)) for drive in drives}
     for drive in drives:
         _drive(model, drive, book)
     for equality in range(model.neq):
-        if ("equality", str(model.eq(equality).name)) not in opaque:
-            _equality(model, equality, book)
+        subject = ("equality", str(model.eq(equality).name))
+        if subject not in opaque and _equality(model, equality, book):
+            told.add(subject)
     for site in range(model.nsite):
         _site(model, site, book)
     surfaces = _Surfaces(model)
@@ -64,6 +67,7 @@ def read_model(
     for key in range(model.nkey):
         _keyframe(model, key, moving, drives, book)
     book.put("simulation", "", simulation_facts(model.opt))
+    return frozenset(told) | {(key.kind, key.name) for key in book.facts}
 
 
 def _name(model: Model, kind: str, index: int) -> str:
@@ -189,10 +193,10 @@ def general_text(model: Model, index: int) -> str:
     )
 
 
-def _equality(model: Model, index: int, book: Writer) -> None:
-    """A mimic joint, or one that is locked; every other kind is a word of MJCF."""
+def _equality(model: Model, index: int, book: Writer) -> bool:
+    """A mimic joint, or one that is locked; False of every other kind, a word of MJCF."""
     if int(model.eq_type[index]) != 2:  # mjEQ_JOINT
-        return
+        return False
     follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
     name, data = _name(model, "joint", follower), _numbers(model.eq_data[index])
     facts: dict[str, Value] = {"lower": data[0], "upper": data[0]}
@@ -207,6 +211,7 @@ def _equality(model: Model, index: int, book: Writer) -> None:
     if not model.eq_active0[index]:
         facts["mjcf:active"] = False
     book.put("joint", name, facts)
+    return True
 
 
 def _site(model: Model, site: int, book: Writer) -> None:

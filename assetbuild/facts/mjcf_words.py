@@ -74,6 +74,8 @@ COVERED: Mapping[str, frozenset[str]] = {
                              "ls_iterations", "impratio"}),
 }  # fmt: skip
 """Attributes whose meaning `mjcf_model` reads from the compiled model, by kind."""
+NEVER_ALONE = frozenset({"material", "texture", "mesh", "exclude", "simulation"})
+"""Kinds that act through the shapes, bodies or pairs that name them."""
 SURFACE = frozenset({"condim", "priority", "friction", "solref", "solimp", "margin", "gap"})
 """Those of a shape that may touch something."""
 

@@ -162,13 +162,13 @@ class Module:
         plain = all(isinstance(name, str | float | int) for name in names)
         if not plain or len(set(names)) < len(names):
             return None
-        return {
-            name: self.value(value, deep) for name, value in zip(names, values, strict=True)
-        }
+        return {name: self.value(value, deep) for name, value in zip(names, values, strict=True)}
 
     def _call(self, node: ast.Call, deep: int) -> Call:
         arguments = [self.value(item, deep) for item in node.args]
-        fields = {f"**{i}" if k.arg is None else k.arg: k.value for i, k in enumerate(node.keywords)}
+        fields = {
+            f"**{i}" if k.arg is None else k.arg: k.value for i, k in enumerate(node.keywords)
+        }
         return Call(
             ast.unparse(node.func),
             arguments,

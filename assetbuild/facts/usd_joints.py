@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from assetbuild.facts.table import Value, Writer
 from assetbuild.facts.reference import pose_value
+from assetbuild.facts.table import Value, Writer
 from assetbuild.facts.usd_prims import Places, Prim, Units, pose_of
 from assetbuild.robot.pose import Array, Pose, rotation_of
 
@@ -51,7 +51,9 @@ class JointPrim:
 
     def _frame(self, side: str, places: Places) -> Pose:
         body = self.prim.prim.GetStage().GetPrimAtPath(self.bodies[int(side)] or "/")
-        scale: Array = np.ones(3) if not body or not self.bodies[int(side)] else places.rigid(body)[1]
+        scale: Array = (
+            np.ones(3) if not body or not self.bodies[int(side)] else places.rigid(body)[1]
+        )
         position = self.prim.take(f"physics:localPos{side}")
         turn = self.prim.take(f"physics:localRot{side}")
         return pose_of(position, turn, scale * places.units.metre)
@@ -200,4 +202,3 @@ def _agrees(found: str, token: str) -> str:
 
 def _leader(paths: tuple[str, ...], by_path: dict[str, JointPrim]) -> str:
     return ", ".join(by_path[p].prim.name if p in by_path else p for p in paths)
-

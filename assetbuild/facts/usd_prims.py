@@ -68,9 +68,7 @@ class Prim:
         self.schemas = list(prim.GetPrimTypeInfo().GetAppliedAPISchemas())
         self.applied = frozenset(self.schemas)
         self.connected: set[str] = set()
-        self.metadata = {
-            k: v for k, v in prim.GetAllAuthoredMetadata().items() if k not in PLAIN
-        }
+        self.metadata = {k: v for k, v in prim.GetAllAuthoredMetadata().items() if k not in PLAIN}
         self.notes = {
             (name, key): value
             for name, prop in self.left.items()
@@ -220,9 +218,7 @@ def open_stage(path: Path) -> Usd.Stage:
 
 def units_of(stage: Usd.Stage) -> Units:
     """Units of a stage; UsageError where one is not positive."""
-    units = Units(
-        UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage)
-    )
+    units = Units(UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage))
     if not (units.metre > 0.0 and units.kilogram > 0.0):
         raise UsageError(
             f"its units are {units.metre:g} m and {units.kilogram:g} kg",

@@ -95,11 +95,15 @@ def read_robot(path: Path) -> Table:
     _bodies(found.bodies, joints, names, places, book)
     for prim, body in found.frames:
         name = prim.named("frame")
-        book.put("frame", name, {"body": names[body], "pose": _within(places, prim, found.bodies[body])})
+        book.put(
+            "frame", name, {"body": names[body], "pose": _within(places, prim, found.bodies[body])}
+        )
         prim.placed()
     _root(top, found, joints, names, places, book)
     for prim in _all(found):
-        filters += [(prim.path, t) for t in prim.targets("physics:filteredPairs", "PhysicsFilteredPairsAPI")]
+        filters += [
+            (prim.path, t) for t in prim.targets("physics:filteredPairs", "PhysicsFilteredPairsAPI")
+        ]
     apart = [frozenset(j.ends) for j in joints if len(j.ends) == 2 and not j.touching]
     pair_facts(colliders, names, filters, apart, _articulated(found), book)
     looks.unbound()
@@ -283,6 +287,7 @@ def _articulation(prim: Prim, book: Writer) -> None:
     if touching is not None:
         book.put("robot", "", {"self-collision": touching})
     book.put("robot", "", {"usd:newton:selfCollisionEnabled": newton})
-    rows = {f"physxArticulation:{word}": (f"physxArticulation:{word}", 1.0) for word in ARTICULATION}
+    rows = {
+        f"physxArticulation:{word}": (f"physxArticulation:{word}", 1.0) for word in ARTICULATION
+    }
     prim.words("robot", "", rows, schema)
-

@@ -11,8 +11,11 @@ from pathlib import Path
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import AssetBuildError, SourceError, UsageError
+from assetbuild.facts.reference import Reference
 from assetbuild.findings import Finding, Rule, worst_first
+from assetbuild.pipeline.bundling import manifest_of
 from assetbuild.pipeline.trying import UNTRIED
+from assetbuild.report.sides import bundle_readers
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.mirror import Tolerances, mirror_findings
 from assetbuild.robot.model import Control
@@ -28,6 +31,7 @@ KINDS = {
 }
 LARGEST_MB = 64
 
+LOST = Rule("equal.lost", "error", "a file of the bundle is missing", "build the bundle again")
 UNREADABLE = Rule("urdf.unreadable", "error", "`validate` cannot read the file", "read the message")
 
 
@@ -61,10 +65,49 @@ def validate(path: Path, wish: Wish) -> list[Validated]:
     if path.is_dir():
         read_only = replace(wish, simulate=False)
         files = _of_bundle(path)
-        return [_validated(file, file.relative_to(path).as_posix(), read_only) for file in files]
+        proved = _proved(path) if (path / "report/robot.json").exists() else {}
+        looked = {
+            file.relative_to(path).as_posix(): _validated(
+                file, file.relative_to(path).as_posix(), read_only
+            )
+            for file in files
+        }
+        for name, one in looked.items():
+            own = proved.pop(name, None)
+            if own is not None:
+                both = worst_first([*own.findings, *one.findings])
+                looked[name] = replace(one, findings=tuple(both))
+        return [*looked.values(), *proved.values()]
     if not path.is_file():
         raise UsageError(f"no such file or folder: `{path}`")
     return [_validated(path, str(path), wish)]
+
+
+def _proved(bundle: Path) -> dict[str, Validated]:
+    """Every file of a bundle that says what the robot is, compared with the bundle's robot."""
+    reference = Reference.of_bundle(bundle)
+    robot = str(reference.options.get("robot") or _named(bundle))
+    found: dict[str, Validated] = {}
+    for form, reader, file in bundle_readers(bundle, robot, reference):
+        name = file.relative_to(bundle).as_posix()
+        findings = [
+            finding if finding.where else finding.at(name)
+            for finding in reader.prove(reference, file).findings
+        ]
+        found[name] = Validated(name, form, tuple(worst_first(findings)))
+    for name in manifest_of(bundle):
+        if not (bundle / name).is_file():
+            lost = LOST("robot", "the manifest lists it, and it is not there", where=name)
+            found[name] = Validated(name, "file", (lost,))
+    return found
+
+
+def _named(bundle: Path) -> str:
+    """The robot's name, as the bundle's manifest has it."""
+    try:
+        return str(json.loads((bundle / "manifest.json").read_bytes())["robot"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return bundle.name
 
 
 def _of_bundle(folder: Path) -> list[Path]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import json
 import math
-import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,8 +14,11 @@ from assetbuild.facts.table import Key
 from assetbuild.facts.vocabulary import RANKS, Rank
 from assetbuild.report.sides import DERIVED, ROBOT, Side
 from assetbuild.report.tables import markdown_table, table
+from assetbuild.simulators.readings import FALL, HEIGHT
 
 DEGREES = 180.0 / math.pi
+MOTION = {FALL: 0.02, HEIGHT: 0.01}
+"""m; what two simulators may differ by: 5 % of the fall, a centimetre of height."""
 SHOWN_NAMES = 3
 SHOWN_LINES = 3
 PAGES = ("report/report.json", "report/index.html", "report/report.md", "model_card.md")
@@ -165,8 +167,14 @@ def _compared(before: Side, one: str, after: Side, other: str) -> list[Differenc
     return [
         item
         for item in differences(old, new, _loose(precision))
-        if item.what == "value" or item.key.kind in ("body", "joint")
+        if (item.what == "value" or item.key.kind in ("body", "joint")) and not _is_near(item)
     ]
+
+
+def _is_near(item: Difference) -> bool:
+    """Whether two simulators may move so differently."""
+    apart, old, new = MOTION.get(item.key.quantity, 0.0), item.before, item.after
+    return isinstance(old, float) and isinstance(new, float) and abs(old - new) <= apart
 
 
 def _loose(precision: Precision) -> Precision:
@@ -321,8 +329,8 @@ def _differing_lines(old: str, new: str) -> Iterator[tuple[str, str, str]]:
 
 def _around(one: str, other: str) -> tuple[str, str]:
     """Both lines from shortly before the first difference."""
-    same = len(os.path.commonprefix([one, other]))
-    start = max(0, same - 20)
+    same = (i for i, (a, b) in enumerate(zip(one, other, strict=False)) if a != b)
+    start = max(0, next(same, min(len(one), len(other))) - 20)
     return _cut(one[start:]), _cut(other[start:])
 
 

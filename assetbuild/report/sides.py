@@ -22,7 +22,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control
 from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.tree import merge_fixed_joints
-from assetbuild.simulators.readings import FORMAT
+from assetbuild.simulators.readings import FALL, FORMAT, HEIGHT, fall_m
 from assetbuild.source.urdf.read_urdf import ReadUrdf, named_packages
 
 ROBOT = "robot"
@@ -62,7 +62,7 @@ def bundle_side(bundle: Path, name: str = "") -> Side:
         for path in sorted(bundle.rglob("*"))
         if path.is_file()
     }
-    forms = {ROBOT: functools.partial(_whole_robot, reference)}
+    forms = {ROBOT: functools.partial(_whole_robot, reference, report)}
     precision: dict[str, Precision] = {ROBOT: Precision()}
     covers: dict[str, tuple[str, ...]] = {ROBOT: ("report/robot.json",)}
     holds: dict[str, Any] = {}  # Any: as above
@@ -95,7 +95,7 @@ def bundle_readers(
             yield kind.form, reader, file
 
 
-def _whole_robot(reference: Reference) -> Table:
+def _whole_robot(reference: Reference, report: Mapping[str, Any]) -> Table:  # Any: JSON
     """With what the links were before merging, and the sections that say how files are written."""
     merged, links = robot_table(reference), robot_table(reference, merged=False)
     facts: dict[Key, Value] = {
@@ -105,7 +105,7 @@ def _whole_robot(reference: Reference) -> Table:
     }
     for path, value in _words(dict(reference.options)):
         facts[Key("recipe", "", f"recipe:{path}")] = value
-    return Table({**merged.facts, **facts})
+    return Table({**merged.facts, **facts, **_motion(report, reference)})
 
 
 def _words(value: object, path: str = "") -> Iterator[tuple[str, Value]]:
@@ -221,7 +221,7 @@ def readings(path: Path) -> Table:
             raise ValueError(f"its format is `{raw['format']}`, not `{FORMAT}`")
         return Table(
             {
-                Key(str(kind), "" if kind == "robot" else str(name), str(quantity)): _value(value)
+                _read_key(str(kind), str(name), str(quantity)): _value(value)
                 for kind, name, quantity, value in raw["facts"]
             }
         )
@@ -229,6 +229,42 @@ def readings(path: Path) -> Table:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         raise UsageError(f"`{path}` holds no readings: {error}") from None
+
+
+READ_AS = {
+    "mass, kg": ("", "mass"),
+    "timestep, s": ("simulation", "timestep"),
+    "gravity, m/s2": ("simulation", "gravity"),
+}
+"""Quantity of a reading -> (kind where it is another, name in the vocabulary)."""
+
+
+def _read_key(kind: str, name: str, quantity: str) -> Key:
+    other, named = READ_AS.get(quantity, ("", quantity))
+    return Key(other or kind, "" if kind == "robot" else name, named)
+
+
+def config_side(path: Path, name: str, known: Side | None) -> Side:
+    """An Isaac Lab configuration in a Python file; its patterns mean the joints of `known`."""
+    from assetbuild.facts.readers.isaaclab import read_config
+
+    tables = (read() for read in (known.forms.values() if known else ()))
+    joints = next((table.names("joint") for table in tables), ())
+    table = read_config(path, name, joints)
+    return _side(path, "configuration", table, Precision(FLOAT32))
+
+
+def _motion(report: Mapping[str, Any], reference: Reference) -> dict[Key, Value]:  # Any: JSON
+    """What is asked of a simulator too: a fall by formula, the height of the check `stand`."""
+    if reference.tree.base != "floating":
+        return {}
+    simulation = reference.control.simulation
+    pull = math.dist(simulation.gravity, (0.0, 0.0, 0.0))
+    facts: dict[Key, Value] = {Key("robot", "", FALL): fall_m(pull, simulation.timestep)}
+    height = report.get("checks", {}).get("stand", {}).get("figures", {}).get("height_m")
+    if isinstance(height, float):
+        facts[Key("robot", "", HEIGHT)] = height
+    return facts
 
 
 def _value(value: object) -> Value:

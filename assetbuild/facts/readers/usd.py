@@ -11,7 +11,9 @@ from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Table
 
-_OUTSIDE = "the controller that computes it runs outside of the simulator: see the trainers' modules"
+_OUTSIDE = (
+    "the controller that computes it runs outside of the simulator: see the trainers' modules"
+)
 _CONTACT = "PhysX has no such value; Newton reads it from the MJCF"
 _BITS = "USD has no masks: `collides` and filtered pairs say what they mean"
 _SPRING = "UsdPhysics has no spring beside the drive"

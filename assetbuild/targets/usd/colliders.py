@@ -147,7 +147,9 @@ def touching_neighbours(names: PrimPaths, shapes: Shapes, control: Control) -> s
     """Jointed pairs that may touch: most often, the parent is fixed to the world."""
     tree = names.tree
     solid = {tree.placement(shape.link)[0] for shape in shapes.of("collision")}
-    apart = {frozenset(pair) for pair in (*control.excludes, *rigid_neighbours(tree, shapes, control))}
+    apart = {
+        frozenset(pair) for pair in (*control.excludes, *rigid_neighbours(tree, shapes, control))
+    }
     pairs = (frozenset((joint.parent, joint.child)) for joint in tree.joints)
     return {pair for pair in pairs if pair <= solid and pair not in apart}
 

@@ -189,17 +189,13 @@ def _numbers(drive: Actuator) -> tuple[object, ...]:
 
 def _events(reference: Reference, randomize: Randomize) -> Iterator[Event]:
     bodies = body_identifiers(reference.tree)
-    for index, (_, matter, names) in enumerate(
-        claimed(randomize.links, massive_bodies(reference))
-    ):
+    for index, (_, matter, names) in enumerate(claimed(randomize.links, massive_bodies(reference))):
         if matter.density != (1.0, 1.0):
             density: dict[str, Value] = {
                 "mass_distribution_params": matter.density, "operation": "scale",
                 "recompute_inertia": True,
             }  # fmt: skip
-            yield Event(
-                f"density_{index}", "mdp.randomize_rigid_body_mass", "body", names, density
-            )
+            yield Event(f"density_{index}", "mdp.randomize_rigid_body_mass", "body", names, density)
         most = per_axis(matter.com)
         shift: dict[str, Value] = {
             f"com_range.{axis}": (-m, m) for axis, m in zip("xyz", most, strict=True)

@@ -4,7 +4,7 @@ It drops one robot from a metre for 0.3 s, lets another one stand for 2 s, and r
 Lab made of the robot's numbers. `MODULE`, `ROBOT` and the names stand for the robot's own.
 """
 
-SCRIPT = r'''
+SCRIPT = r"""
 import argparse
 import importlib.util
 import json
@@ -116,4 +116,4 @@ def main():
 
 main()
 app.close()
-'''
+"""

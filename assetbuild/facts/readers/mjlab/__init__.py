@@ -220,4 +220,3 @@ def _by_joint(module: Module, names: Names, book: Writer) -> None:
 
 def _items(table: object) -> Iterator[tuple[str, Any]]:  # Any: a value of `syntax`
     yield from table.items() if isinstance(table, dict) else ()
-

@@ -200,9 +200,7 @@ def _box(payload: RandomPayload, X_body_link: Pose) -> tuple[float, ...]:
     return tuple(map(float, matter.ravel()))
 
 
-def _joints(
-    reference: Reference, randomize: Randomize, drives: list[Actuator]
-) -> Iterator[Event]:
+def _joints(reference: Reference, randomize: Randomize, drives: list[Actuator]) -> Iterator[Event]:
     moving = [joint.name for joint in reference.tree.moving_joints]
     for index, (_, ranges, joints) in enumerate(claimed(randomize.joints, moving)):
         loops = [a for a in drives if a.model in LOOPS and a.joint in joints]
