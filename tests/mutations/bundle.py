@@ -105,7 +105,7 @@ def refit(bundle: Path, file: str) -> None:
 
 def copied(bundle: Path, folder: Path) -> Path:
     """A copy to work in: what the generator and the readers look at."""
-    wanted = [*files_of(bundle), "manifest.json", "provenance.json"]
+    wanted = [*files_of(bundle), "manifest.json", "provenance.json", "report/report.json"]
     for file in wanted:
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(bundle / file, folder / file)

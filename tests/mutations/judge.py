@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import traceback
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from assetbuild.errors import AssetBuildError
-from assetbuild.facts.compare import Difference, differences
 from assetbuild.facts.reader import Reader
-from assetbuild.facts.reference import Reference, robot_table
+from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Table
 from assetbuild.findings import Finding
 from assetbuild.plugins import load_plugin, plugin_names
+from assetbuild.report.diff import Change, changes
+from assetbuild.report.sides import Side, bundle_readers, bundle_side
 from tests.mutations.bundle import form_of
 
 Word = Literal["found", "vague", "missed"]
@@ -28,11 +30,12 @@ Identity = tuple[str, str, str]
 
 @dataclass(frozen=True)
 class Verdict:
-    """How both judges did, and what `validate` said."""
+    """How both judges did, what `validate` said, and the rows of `diff`."""
 
     validate: Word
     diff: Word
     said: tuple[str, ...] = ()
+    told: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -52,19 +55,18 @@ class Read:
 class Judge:
     """Compares a bundle with what it was when the judge first saw it."""
 
-    def __init__(self, bundle: Path) -> None:
-        """Reads all files of the untouched bundle."""
+    def __init__(self, bundle: Path, untouched: Path) -> None:
+        """Reads all files of the untouched bundle. bundle: the copy that will be changed."""
         self.bundle = bundle
-        robot = json.loads((bundle / "manifest.json").read_bytes())["robot"]
-        self.reference = Reference.of_bundle(bundle)
+        self.robot = str(json.loads((bundle / "manifest.json").read_bytes())["robot"])
+        self.before = _side(untouched, bundle)
+        reference = Reference.of_bundle(bundle)
         self.reads: list[Read] = []
-        for name in plugin_names(Reader):
-            reader = load_plugin(Reader, name)(robot=robot)
-            path = reader.file(bundle / reader.folder, robot)
-            if path is not None:
-                proof = reader.prove(self.reference, path)
-                known = frozenset(one for f in proof.findings for one in _identities(f))
-                self.reads.append(Read(reader, path, proof.found, known))
+        for _, reader, file in bundle_readers(bundle, self.robot, reference):
+            table = reader.read(file)
+            proof = _with_table(reader, table, reference).prove(reference, file)
+            known = frozenset(one for f in proof.findings for one in _identities(f))
+            self.reads.append(Read(reader, file, table, known))
 
     @property
     def alarms(self) -> list[Identity]:
@@ -73,62 +75,83 @@ class Judge:
 
     def ask(self, file: str) -> Verdict:
         """The verdict on the bundle as it lies now; `file` was changed."""
-        if form_of(file) == "robot":
-            return self._ask_robot()
-        said: list[Finding] = []
-        told: list[Difference] = []
-        for read in self._concerned(file):
-            if _word(said) == _diff_word(told) == "found":
-                break  # the others read the same file, or files around it, once more
-            try:
-                proof = read.reader.prove(self.reference, read.file)
-            except Exception:  # a reader that breaks is a finding of this run
-                said.append(_crash(read))
-                continue
-            said += read.news(proof.findings)
-            told += differences(read.table, proof.found, read.reader.precision)
-        return Verdict(_word(said), _diff_word(told), tuple(map(_line, said)))
+        said = self._validate(file)
+        rows = self._diff()
+        told = [f"diff: {', '.join(row.subjects)}: {row.quantity}" for row in rows]
+        return Verdict(_word(said), _diff_word(rows), tuple(map(_line, said)), tuple(told))
 
-    def _concerned(self, file: str) -> list[Read]:
-        """The readers of a file's format, first the one whose main file it is."""
-        own = [r for r in self.reads if form_of(str(r.file.relative_to(self.bundle))) == form_of(file)]
-        return sorted(own, key=lambda read: read.file != self.bundle / file)
-
-    def _ask_robot(self) -> Verdict:
-        """Of `report/robot.json`: every file is now compared with another robot."""
-        said: list[Finding] = []
-        told: list[Difference] = []
+    def _validate(self, file: str) -> list[Finding]:
+        """What the comparison of every file with the bundle's robot says now, and did not."""
         try:
             reference = Reference.of_bundle(self.bundle)
-            for merged in (False, True):
-                before = robot_table(self.reference, merged=merged)
-                after = robot_table(reference, merged=merged)
-                told += differences(before, after, self.reads[0].reader.precision)
-        except AssetBuildError:
-            return Verdict("vague", "vague", ("the robot is not readable",))
-        except Exception:
-            last = traceback.format_exc().strip().splitlines()[-1]
-            return Verdict("missed", "missed", (f"crash: {last}",))
-        for read in self.reads:
+        except AssetBuildError as error:
+            return [Finding("equal.unreadable", "error", "robot", error.message)]
+        said: list[Finding] = []
+        for read in self._concerned(file):
+            if _word(said) == "found":
+                break  # the others read the same file, or files around it, once more
             try:
-                proof = _remembering(read).prove(reference, read.file)
-                said += read.news(proof.findings)
-            except Exception:
-                said.append(_crash(read))
-        return Verdict(_word(said), _diff_word(told), tuple(map(_line, said)))
+                reader = read.reader
+                if form_of(file) == "robot":
+                    reader = _with_table(reader, read.table, reference)
+                said += read.news(reader.prove(reference, read.file).findings)
+            except Exception:  # a reader that breaks is a finding of this run
+                said.append(_crash(read.reader.form))
+        return said
+
+    def _concerned(self, file: str) -> list[Read]:
+        """The readers of a file, first the one whose main file it is; of the robot's own, all."""
+        if form_of(file) == "robot":
+            return self.reads
+        own = [read for read in self.reads if file in self.before.covers[read.reader.form]]
+        return sorted(own, key=lambda read: read.file != self.bundle / file)
+
+    def _diff(self) -> list[Change]:
+        try:
+            after = replace(bundle_side(self.bundle), covers=self.before.covers)
+            return list(changes(self.before, after).rows)
+        except AssetBuildError as error:
+            return [Change("CRITICAL", ("file",), error.message, "", "")]
+        except Exception:
+            return [Change("CRITICAL", ("file",), _crash("diff").message, "", "")]
 
 
-def _remembering(read: Read) -> Reader:
-    """The reader with the table of the file, which did not change."""
-    own = type(read.reader)
-    kind = type(own.__name__, (own,), {"read": lambda self, path: read.table, "__module__": __name__})
-    made: Reader = kind(robot=read.reader.robot)
-    return made
+def _side(untouched: Path, bundle: Path) -> Side:
+    """The untouched bundle for `diff`, as far as it was copied; each table is read once.
+
+    A reader that does not say which files it covers is asked about all of its folder.
+    """
+    side = bundle_side(untouched)
+    homes = {kind.form: kind.folder for kind in _kinds()}
+    digests = {path: d for path, d in side.digests.items() if (bundle / path).is_file()}
+    forms = {form: functools.partial(functools.cache(read)) for form, read in side.forms.items()}
+    covers = {
+        form: tuple(p for p in of or digests if p in digests and (of or _is_in(p, homes[form])))
+        for form, of in side.covers.items()
+    }
+    return replace(side, digests=digests, forms=forms, covers=covers)
 
 
-def _crash(read: Read) -> Finding:
+def _kinds() -> list[type[Reader]]:
+    return [load_plugin(Reader, name) for name in plugin_names(Reader)]
+
+
+def _is_in(path: str, folder: str) -> bool:
+    return path.startswith(f"{folder}/") if folder else form_of(path) == "dr"
+
+
+def _with_table(reader: Reader, table: Table, reference: Reference) -> Reader:
+    """The reader of a robot whose file, which did not change, says `table`."""
+    own = type(reader)
+    remembered = {"read": lambda self, path: table, "__module__": __name__}
+    kind: type[Reader] = type(own.__name__, (own,), remembered)
+    options = {name: reference.options[name] for name in own.asks if name in reference.options}
+    return kind(robot=reader.robot, options=options)
+
+
+def _crash(form: str) -> Finding:
     last = traceback.format_exc().strip().splitlines()[-1]
-    return Finding("crash", "error", read.reader.form, last)
+    return Finding("crash", "error", form, last)
 
 
 def _identities(finding: Finding) -> frozenset[Identity]:
@@ -158,8 +181,11 @@ def _word(said: Iterable[Finding]) -> Word:
     return "vague" if any(f.rule != "crash" for f in findings) else "missed"
 
 
-def _diff_word(told: Iterable[Difference]) -> Word:
-    return "found" if list(told) else "missed"
+def _diff_word(rows: Sequence[Change]) -> Word:
+    """A row about a file names a line of text, and no quantity of a subject."""
+    if any(not row.subjects[0].startswith("file") for row in rows):
+        return "found"
+    return "vague" if rows else "missed"
 
 
 def _line(finding: Finding) -> str:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import ast
+import json
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from lxml import etree
 
+from assetbuild.errors import AssetBuildError
+from assetbuild.facts.reference import Reference
 from tests.mutations import leaves
 from tests.mutations.bundle import form_of
 from tests.mutations.change import numbers_in
@@ -24,6 +28,8 @@ DEFAULTS = {
     ("mimic", "multiplier"): (1.0,), ("mimic", "offset"): (0.0,),
 }  # fmt: skip
 """What a URDF means by not stating it."""
+EMPTY = ("origin", "axis", "dynamics")
+"""Elements that say nothing where all they say is that."""
 
 
 def meaning(bundle: Path, file: str) -> Meaning:
@@ -42,8 +48,8 @@ def meaning(bundle: Path, file: str) -> Meaning:
             return _pixels(bundle / file)
         if form == "python":
             return ast.dump(ast.parse((bundle / file).read_text(encoding="utf-8")))
-        return leaves.load(bundle / file)
-    except (ValueError, SyntaxError, etree.XMLSyntaxError, OSError, RuntimeError):
+        return leaves.load(bundle / file) if form != "robot" else _robot(bundle)
+    except (AssetBuildError, ValueError, SyntaxError, OSError, RuntimeError):
         return None
 
 
@@ -145,8 +151,25 @@ def _element(element: etree._Element) -> Meaning:
     tag = str(element.tag)
     attributes = {k: v for k, v in stated.items() if DEFAULTS.get((tag, k)) != v}
     children = [_element(child) for child in element if isinstance(child.tag, str)]
-    kept = [child for child in children if child != ["origin", {}, "", []]]
+    kept = [child for child in children if child[1:] != [{}, "", []] or child[0] not in EMPTY]
     return [tag, attributes, (element.text or "").strip(), kept]
+
+
+def _robot(bundle: Path) -> Meaning:
+    """The robot as it is read, its quaternions as the rotations that they are."""
+    return _turned(json.loads(Reference.of_bundle(bundle).to_json()))
+
+
+def _turned(value: Meaning) -> Meaning:
+    if isinstance(value, dict):
+        return {k: _unit(v) if k == "quat" else _turned(v) for k, v in value.items()}
+    return [_turned(item) for item in value] if isinstance(value, list) else value
+
+
+def _unit(quat: list[float]) -> list[float]:
+    size = math.hypot(*quat) or 1.0
+    first = next((part for part in quat if part), 1.0)
+    return [math.copysign(1.0, first) * part / size for part in quat]
 
 
 def _mesh(path: Path) -> Meaning:

@@ -36,7 +36,7 @@ class Bench:
     def __init__(self, bundle: Path, folder: Path) -> None:
         """bundle: untouched; folder: where the copy goes."""
         self.bundle = copied(bundle, folder / "bundle")
-        self.judge = Judge(self.bundle)
+        self.judge = Judge(self.bundle, bundle)
         self.meanings: dict[str, Meaning] = {}
 
     def before(self, file: str) -> Meaning:
