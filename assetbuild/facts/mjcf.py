@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import EXACT, Precision
-from assetbuild.facts.mjcf_expected import Opaque, opaque_of, opaque_option
+from assetbuild.facts.mjcf_expected import Opaque, free_joint, opaque_of, opaque_option
 from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.mjcf_words import NEVER_ALONE, is_covered, words
 from assetbuild.facts.reader import Reader
@@ -107,5 +107,5 @@ class MjcfReader(Reader):
         for sensor in reference.control.sensors:
             if sensor.kind == "contact":
                 facts[Key("sensor", sensor.name, "mjcf:intprm")] = STRONGEST
-        facts |= opaque_option(reference)[1]
+        facts |= opaque_option(reference)[1] | free_joint(reference)
         return Table({**facts, **opaque.words}).only(self.holds)

@@ -432,3 +432,20 @@ def opaque_option(reference: Reference) -> tuple[dict[str, Value], dict[Key, Val
             found |= {q: facts[q] for name, q in ATTRIBUTE_OF.items() if name in stated}
             other |= {k: v for k, v in words(spec).items() if k.kind == "simulation"}
     return found, other
+
+
+def free_joint(reference: Reference) -> dict[Key, Value]:
+    """Words of the joint of a floating base, and what the source's MJCF says of it."""
+    tree = reference.tree
+    if tree.base != "floating":
+        return {}
+    stated: dict[str, str] = {}
+    for item in reference.control.mjcf_only:
+        if item.place == "freejoint":
+            stated |= _attributes(item.element)
+    name = stated.pop("name", "floating_base_joint")
+    root = mjcf_names(tree)[tree.root]
+    said = " ".join(f'{word}="{value}"' for word, value in stated.items() if value)
+    text = f'<worldbody><body name="{root}"><joint name="{name}" type="free" {said}/></body>'
+    parsed = _parsed(f"{text}</worldbody>")
+    return {key: value for key, value in parsed.items() if key.kind == "joint"}

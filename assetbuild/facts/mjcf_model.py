@@ -67,6 +67,7 @@ def read_model(
     for key in range(model.nkey):
         _keyframe(model, key, moving, drives, book)
     book.put("simulation", "", simulation_facts(model.opt))
+    told |= {("keyframe", _name(model, "key", key)) for key in range(model.nkey)}
     return frozenset(told) | {(key.kind, key.name) for key in book.facts}
 
 

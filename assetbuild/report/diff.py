@@ -9,9 +9,12 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from assetbuild.errors import UsageError
 from assetbuild.facts.compare import Difference, Precision, differences, shown
-from assetbuild.facts.table import Key
-from assetbuild.facts.vocabulary import RANKS, Rank
+from assetbuild.facts.table import Key, Table
+from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Rank, Required
 from assetbuild.report.sides import DERIVED, ROBOT, Side
 from assetbuild.report.tables import markdown_table, table
 from assetbuild.simulators.readings import FALL, HEIGHT
@@ -26,7 +29,7 @@ PAGES = ("report/report.json", "report/index.html", "report/report.md", "model_c
 NOISE = 0.01
 """Relative: what a figure of a check may change by."""
 TEXT = (".xml", ".urdf", ".yaml", ".py", ".md", ".html", ".usda", ".txt", "")
-READ_WHOLE = (".xml", ".urdf", ".usda", ".usdc", ".yaml")
+READ_WHOLE = (".xml", ".urdf", ".usda", ".usdc", ".yaml", ".py")
 """Endings of files that a reader of facts reads to the last attribute."""
 
 
@@ -123,7 +126,15 @@ def _facts(before: Side, after: Side) -> tuple[list[Change], frozenset[str]]:
     for one, other in [(form, form) for form in both] or [_nearest(before, after)]:
         if _unchanged(before, after, one) and one == other:
             continue
-        differ = _compared(before, one, after, other)
+        try:
+            differ = _compared(before, one, after, other)
+        except UsageError as error:
+            if before.folder is None or after.folder is None:
+                raise
+            telling.add(one)
+            text = error.message
+            found.append(Change("CRITICAL", (f"format {one}",), "can be read", "?", "no", text))
+            continue
         telling |= {one} if differ else set()
         named = one if one == other else f"{one}, {other}"
         found += [_change(item, named) for item in differ]
@@ -167,8 +178,17 @@ def _compared(before: Side, one: str, after: Side, other: str) -> list[Differenc
     return [
         item
         for item in differences(old, new, _loose(precision))
-        if (item.what == "value" or item.key.kind in ("body", "joint")) and not _is_near(item)
+        if (item.what == "value" or item.key.kind in ("body", "joint"))
+        and not _is_near(item)
+        and (item.what != "value" or (_tells(item.key, old) and _tells(item.key, new)))
     ]
+
+
+def _tells(key: Key, table: Table) -> bool:
+    """Whether a table states a fact, or means something by not stating it."""
+    quantity = VOCABULARY.get((key.kind, key.quantity))
+    default = quantity.unstated if quantity else None
+    return key in table.facts or not (default is None or isinstance(default, Required))
 
 
 def _is_near(item: Difference) -> bool:
@@ -199,7 +219,7 @@ def judge(item: Difference) -> tuple[Rank, str]:
     """How bad a change is, and what to think of."""
     old, new = item.before, item.after
     if item.key.quantity == "axis" and isinstance(old, tuple) and isinstance(new, tuple):
-        turned = sum(float(a) * float(b) for a, b in zip(old, new, strict=True))
+        turned = float(np.dot(np.asarray(old, float), np.asarray(new, float)))
         return item.rank, "turns the other way" if turned < -0.999 else ""
     if isinstance(old, float) and isinstance(new, float) and old and new:
         ratio = new / old

@@ -6,7 +6,7 @@ import functools
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -159,7 +159,9 @@ def foreign_side(path: Path) -> Side:
     """One model by the ending of its file; AssetBuildError for what cannot be read."""
     suffix = path.suffix.lower()
     if suffix == ".json":
-        return _side(path, "readings", readings(path), Precision(FLOAT32))
+        measured, simulator = readings(path)
+        read = _side(path, "readings", measured, Precision(FLOAT32))
+        return replace(read, name=f"{path} ({simulator})")
     try:
         text = path.read_bytes() if suffix in (".xml", ".urdf", ".mjcf") else b""
     except OSError as error:
@@ -171,7 +173,7 @@ def foreign_side(path: Path) -> Side:
         if suffix in kind.suffixes and suffix != ".urdf" and (not text or b"<mujoco" in text):
             table = kind(robot=path.stem).read(path)
             made = _side(path, kind.form, table, kind.precision)
-            return Side(**{**vars(made), "holds": {kind.form: kind.holds}})
+            return replace(made, holds={kind.form: kind.holds})
     raise UsageError(
         f"`{path}` is no model that can be compared",
         hint="give a bundle, a recipe, an MJCF, URDF or USD file, or an Isaac Lab configuration",
@@ -213,18 +215,17 @@ def _merged_urdf(path: Path) -> Table:
     return robot_table(reference)
 
 
-def readings(path: Path) -> Table:
-    """What Isaac Lab measured, by `python/<robot>_isaaclab_measure.py` of a bundle."""
+def readings(path: Path) -> tuple[Table, str]:
+    """(facts, simulator) that Isaac Lab measured by a bundle's `<robot>_isaaclab_measure.py`."""
     try:
         raw = json.loads(path.read_bytes())
         if raw["format"] != FORMAT:
             raise ValueError(f"its format is `{raw['format']}`, not `{FORMAT}`")
-        return Table(
-            {
-                _read_key(str(kind), str(name), str(quantity)): _value(value)
-                for kind, name, quantity, value in raw["facts"]
-            }
-        )
+        facts = {
+            _read_key(str(kind), str(name), str(quantity)): _value(value)
+            for kind, name, quantity, value in raw["facts"]
+        }
+        return Table(facts), str(raw.get("simulator", "unnamed"))
     except OSError as error:
         raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
     except (ValueError, TypeError, KeyError, RecursionError) as error:

@@ -80,7 +80,9 @@ def gripper() -> TinyRobot:
 
     Meshes are collider and picture, one of them with a texture and normals at its corners.
     """
-    bodies = [Body(n, box_inertial(1.0, (0.1, 0.2, 0.3))) for n in ("base", "slide", "tool", "a", "b")]
+    bodies = [
+        Body(n, box_inertial(1.0, (0.1, 0.2, 0.3))) for n in ("base", "slide", "tool", "a", "b")
+    ]
     turned = normalised_quat((0.9, 0.1, -0.3, 0.2))
     limits = Limits(-0.02, 0.04, 70.0, 0.2)
     joints = (
@@ -98,8 +100,14 @@ def gripper() -> TinyRobot:
     for name in ("base", "slide", "tool", "a", "b"):
         shapes.append(Shape(f"{name}_hull", name, "collision", Mesh("block"), place))
     shapes.append(Shape("a_pad", "a", "collision", Cylinder(0.02, 0.05), place))
-    materials = (Material("wood", (0.9, 0.8, 0.7, 1.0), "wood.png"), Material("red", (1, 0, 0, 0.5)))
-    assets = (MeshAsset("tile", "tile.obj", 4, 2), MeshAsset("block", "block.obj", 8, 12, convex=True))
+    materials = (
+        Material("wood", (0.9, 0.8, 0.7, 1.0), "wood.png"),
+        Material("red", (1, 0, 0, 0.5)),
+    )
+    assets = (
+        MeshAsset("tile", "tile.obj", 4, 2),
+        MeshAsset("block", "block.obj", 8, 12, convex=True),
+    )
     rows = (
         Actuator("lift", "pd", kp=3500.0, kd=175.0, armature=0.3, effort=70.0, velocity=0.2),
         Actuator("a_joint", "velocity", kd=2.0, damping=0.3, friction=0.1, effort=5.0),

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import math
+import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from tiny import TinyRobot, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.errors import UsageError
-from assetbuild.report.diff import changes, counts, diff_markdown, diff_text
-from assetbuild.report.foreign import foreign_snapshot
-from assetbuild.report.snapshot import Snapshot, bundle_snapshot, robot_facts, robot_json
+from assetbuild.facts.compare import Precision
+from assetbuild.facts.reference import Reference, robot_table
+from assetbuild.report.diff import Changes, changes, counts, diff_markdown, diff_text
+from assetbuild.report.sides import Side, bundle_side, foreign_side
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.urdf import Urdf
 from assetbuild.targets.usd import Usd
@@ -21,8 +26,20 @@ from assetbuild.targets.usd import Usd
 ROBOT = tiny_quadruped()
 
 
-def snapshot(robot: TinyRobot = ROBOT, **more: object) -> Snapshot:
-    return Snapshot("r", robot_facts(robot.tree, robot.shapes, robot.control), **more)
+def reference_of(robot: TinyRobot, folder: Path) -> Reference:
+    return Reference.of_ports(write_robot_ports(folder, robot), {})
+
+
+@pytest.fixture
+def side(tmp_path: Path) -> Callable[..., Side]:
+    """A robot as one side of a comparison."""
+
+    def make(robot: TinyRobot = ROBOT, **more: Any) -> Side:
+        table = robot_table(reference_of(robot, tmp_path / "ports"))
+        return Side("r", {"robot": functools.partial(lambda t: t, table)}, {"robot": Precision()},
+                    **more)  # fmt: skip
+
+    return make
 
 
 def with_drives(**values: object) -> TinyRobot:
@@ -36,164 +53,169 @@ def with_joint(name: str, **values: object) -> TinyRobot:
     return replace(ROBOT, tree=replace(ROBOT.tree, joints=joints))
 
 
-def test_a_robot_does_not_differ_from_itself():
-    assert changes(snapshot(), snapshot()) == []
-    assert "no difference" in diff_text(snapshot(), snapshot(), [])
+def test_a_robot_does_not_differ_from_itself(side: Callable[..., Side]):
+    assert changes(side(), side()) == Changes(())
+    assert "no difference" in diff_text(side(), side(), Changes(()))
 
 
-def test_the_same_new_gain_of_all_joints_is_one_line():
+def test_the_same_new_gain_of_all_joints_is_one_line(side: Callable[..., Side]):
     kp = ROBOT.control.actuators[0].kp
-    (change,) = changes(snapshot(), snapshot(with_drives(kp=1.1 * kp)))
-    assert (change.rank, change.quantity) == ("MEDIUM", "kp")
+    (change,) = changes(side(), side(with_drives(kp=1.1 * kp))).rows
+    assert (change.rank, change.quantity) == ("HIGH", "kp")
     assert len(change.subjects) == len(ROBOT.control.actuators)
 
 
-def test_a_gain_in_degrees_is_critical_and_named():
+def test_a_gain_in_degrees_is_critical_and_named(side: Callable[..., Side]):
     kp = ROBOT.control.actuators[0].kp
-    (change,) = changes(snapshot(), snapshot(with_drives(kp=kp * math.pi / 180)))
+    (change,) = changes(side(), side(with_drives(kp=kp * math.pi / 180))).rows
     assert change.rank == "CRITICAL"
     assert "degrees" in change.note
 
 
-def test_a_reversed_axis_is_critical_and_named():
+def test_a_reversed_axis_is_critical_and_named(side: Callable[..., Side]):
     joint = ROBOT.tree.moving_joints[2]
     turned = with_joint(joint.name, axis=tuple(-v for v in joint.axis))
-    (change,) = changes(snapshot(), snapshot(turned))
+    (change,) = changes(side(), side(turned)).rows
     assert change.rank == "CRITICAL"
     assert change.subjects == (f"joint {joint.name}",)
     assert "other way" in change.note
 
 
-def test_a_heavier_body_is_critical_in_its_own_row_and_in_the_total():
-    bodies = list(ROBOT.tree.bodies)
-    heavy = replace(bodies[0].inertial, mass_kg=10 * bodies[0].inertial.mass_kg)
-    bodies[0] = replace(bodies[0], inertial=heavy)
-    robot = replace(ROBOT, tree=replace(ROBOT.tree, bodies=tuple(bodies)))
-    found = changes(snapshot(), snapshot(robot))
-    assert {(c.rank, c.quantity) for c in found} == {
-        ("CRITICAL", "total mass, kg"), ("CRITICAL", "mass, kg")}  # fmt: skip
-
-
-def test_swapped_limits_are_high():
+def test_swapped_limits_are_high(side: Callable[..., Side]):
     joint = ROBOT.tree.moving_joints[0]
     limits = replace(joint.limits, lower=joint.limits.lower - 0.2)
-    found = changes(snapshot(), snapshot(with_joint(joint.name, limits=limits)))
+    found = changes(side(), side(with_joint(joint.name, limits=limits))).rows
     assert [(c.rank, c.quantity) for c in found] == [("HIGH", "lower")]
 
 
-def test_a_lost_joint_is_critical_and_nothing_more_is_said_of_it():
-    joint = ROBOT.tree.moving_joints[-1]
-    fewer = tuple(j for j in ROBOT.tree.joints if j.name != joint.name)
-    facts = {k: v for k, v in snapshot().facts.items() if k[1] != joint.name}
-    assert len(fewer) == len(ROBOT.tree.joints) - 1
-    found = changes(snapshot(), Snapshot("s", facts))
-    assert [(c.rank, c.subjects) for c in found] == [("CRITICAL", (f"joint {joint.name}",))]
+def test_a_lost_joint_is_critical_and_nothing_more_is_said_of_it(side: Callable[..., Side]):
+    name = ROBOT.tree.moving_joints[-1].name
+    whole = side()
+    fewer = whole.forms["robot"]().only(lambda key: key.name != name)
+    lost = replace(whole, forms={"robot": functools.partial(lambda t: t, fewer)})
+    found = changes(whole, lost).rows
+    assert [(c.rank, c.subjects) for c in found] == [("CRITICAL", (f"joint {name}",))]
 
 
-def test_a_new_error_is_critical_a_new_warning_is_not_and_a_gone_one_is_low():
-    before = snapshot(ready=True, findings={("a.a", "link x"): "warning"})
-    after = snapshot(
-        ready=False, findings={("b.b", "link x"): "error", ("c.c", "link x"): "warning"}
-    )
+def test_a_new_error_is_critical_a_new_warning_is_not_and_a_gone_one_is_low(
+    side: Callable[..., Side],
+):
+    before = side(ready=True, findings={("a.a", "link x"): "warning"})
+    after = side(ready=False, findings={("b.b", "link x"): "error", ("c.c", "link x"): "warning"})
     found = changes(before, after)
-    assert [(c.rank, c.quantity) for c in found] == [
+    assert [(c.rank, c.quantity) for c in found.rows] == [
         ("CRITICAL", "ready for training"), ("CRITICAL", "finding b.b"),
         ("MEDIUM", "finding c.c"), ("LOW", "finding a.a")]  # fmt: skip
     assert counts(found) == "2 CRITICAL, 1 MEDIUM, 1 LOW"
 
 
-def test_other_pictures_and_sizes_are_low():
-    before = snapshot(files={"report/images/a.png": ("1", 5), "mjcf/r.xml": ("2", 100)})
-    after = snapshot(files={"report/images/a.png": ("3", 5), "mjcf/r.xml": ("2", 300)})
-    assert [(c.rank, c.quantity) for c in changes(before, after)] == [
-        ("LOW", "picture"), ("LOW", "size")]  # fmt: skip
+def test_a_figure_of_a_check_that_grew_is_told_and_noise_is_not(side: Callable[..., Side]):
+    before = side(figures={"stand.drift_m": 0.106, "stand.height_m": 0.3})
+    after = side(figures={"stand.drift_m": 0.143, "stand.height_m": 0.3001})
+    (change,) = changes(before, after).rows
+    assert (change.subjects, change.quantity) == (("check stand",), "drift_m")
+    assert (change.before, change.after) == ("0.106", "0.143")
 
 
-def test_the_markdown_is_one_table_row_for_each_change():
-    found = changes(snapshot(), snapshot(with_drives(kp=1.0, kd=1.0)))
-    text = diff_markdown(snapshot(), snapshot(), found)
-    assert text.count("\n| ") == len(found) + 2
+def test_the_markdown_is_one_table_row_for_each_change(side: Callable[..., Side]):
+    found = changes(side(), side(with_drives(kp=1.0, kd=1.0)))
+    text = diff_markdown(side(), side(), found)
+    assert text.count("\n| ") == len(found.rows) + 2
 
 
-BALL = """
-    def Xform "{0}" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
-    {{
-        double3 xformOp:translate = ({1}, 0, 2)
-        uniform token[] xformOpOrder = ["xformOp:translate"]
-        float physics:mass = {2}
-        point3f physics:centerOfMass = (0, 0, 0)
-        float3 physics:diagonalInertia = (0.01, 0.01, 0.01)
-        quatf physics:principalAxes = (1, 0, 0, 0)
-    }}
-"""
-TWO_BALLS = f"""#usda 1.0
-(
-    defaultPrim = "r"
-    metersPerUnit = 1
-)
-def Xform "r"
-{{{BALL.format("a", 1.0, 1)}{BALL.format("b", 1.4, 3)}
-    def PhysicsFixedJoint "weld"
-    {{
-        rel physics:body0 = </r/a>
-        rel physics:body1 = </r/b>
-    }}
-    def PhysicsFixedJoint "bolt"
-    {{
-        rel physics:body1 = </r/a>
-    }}
-    def PhysicsRevoluteJoint "swing"
-    {{
-        rel physics:body0 = </r/a>
-        rel physics:body1 = </r/b>
-        uniform token physics:axis = "X"
-    }}
-}}
-"""
+# --- bundles, file by file ------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("target", [Mjcf, Usd])
-def test_our_own_files_say_the_same_as_the_robot(target: type, tmp_path: Path):
-    """Masses, axes, limits and gains by another road: MuJoCo, pxr."""
-    robot = replace(ROBOT, control=replace(ROBOT.control))
-    inputs = write_robot_ports(tmp_path / "in", robot)
-    run_step(target(robot="tiny"), inputs, tmp_path / "out")
-    (main,) = [*tmp_path.glob("out/mjcf/tiny.xml"), *tmp_path.glob("out/usd/tiny.usda")]
-    found = changes(snapshot(), foreign_snapshot(main))
-    loud = [c for c in found if c.quantity not in ("collision", "timestep, s")]
-    assert [c for c in loud if c.rank in ("CRITICAL", "HIGH")] == []
+@pytest.fixture
+def bundle(tmp_path: Path) -> Path:
+    """A bundle of two formats, and a copy of it that a test may change."""
+    ports = write_robot_ports(tmp_path / "in", ROBOT)
+    made = tmp_path / "bundle"
+    for target, folder in ((Mjcf(robot="tiny"), "mjcf"), (Usd(robot="tiny"), "usd")):
+        run_step(target, ports, tmp_path / "out" / folder)
+        shutil.copytree(tmp_path / "out" / folder / folder, made / folder)
+    (made / "report").mkdir()
+    (made / "report/robot.json").write_text(Reference.of_ports(ports, {}).to_json())
+    report = {"verdict": {"ready": True}, "findings": [], "checks": {}}
+    (made / "report/report.json").write_text(json.dumps(report))
+    (made / "report/index.html").write_text("<html>\n<p>A robot</p>\n</html>\n")
+    (made / "manifest.json").write_text('{"robot": "tiny", "files": []}')
+    shutil.copytree(made, tmp_path / "copy")
+    return made
 
 
-def test_bodies_that_fixed_joints_hold_are_one(tmp_path: Path):
-    """Two balls of 1 and 3 kg, 0.4 m apart: m1 m2 / (m1 + m2) d2 about their common centre."""
-    file = tmp_path / "two.usda"
-    file.write_text(TWO_BALLS)
-    facts = foreign_snapshot(file).facts
-    assert facts["robot", "robot", "total mass, kg"] == 4.0
-    assert facts["robot", "robot", "base"] == "fixed"
-    assert ("body", "b", "mass, kg") not in facts
-    assert facts["body", "a", "mass, kg"] == 4.0
-    assert facts["body", "a", "centre of mass, m"] == pytest.approx((0.3, 0, 0))
-    moments = (0.02, 0.02 + 0.75 * 0.16, 0.02 + 0.75 * 0.16)
-    assert facts["body", "a", "principal moments, kg m2"] == pytest.approx(moments)
-    assert facts["joint", "swing", "kp"] == 0.0
+def edited(bundle: Path, file: str, old: str, new: str) -> Changes:
+    """What differs after one change of a copy's file."""
+    copy = bundle.with_name("copy")
+    path = copy / file
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    return changes(bundle_side(bundle), bundle_side(copy))
 
 
-def test_our_urdf_says_the_same_as_the_robot(tmp_path: Path):
+def test_equal_bundles_have_no_difference(bundle: Path):
+    found = changes(bundle_side(bundle), bundle_side(bundle.with_name("copy")))
+    assert counts(found) == "no difference"
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "quantity", "form"),
+    [
+        ("mjcf/tiny.xml", '<joint name="FL_hip_joint"', '<joint name="FL_hip_joint" armature="9"',
+         "armature", "mjcf"),
+        ("mjcf/tiny.xml", 'friction="', 'friction="7', "friction", "mjcf"),
+        ("mjcf/tiny.xml", "<option ", '<option wind="1 0 0" ', "mjcf:wind", "mjcf"),
+        ("mjcf/scene.xml", 'pos="0 0 2.5"', 'pos="0 0 1"', "mjcf:pos", "scene"),
+        ("usd/payloads/physics.usda", "physics:mass = ", "physics:mass = 1", "mass", "usd"),
+    ],
+)  # fmt: skip
+def test_an_edited_file_is_told_by_what_it_says(
+    file: str, old: str, new: str, quantity: str, form: str, bundle: Path
+):
+    found = edited(bundle, file, old, new)
+    assert quantity in {change.quantity for change in found.rows}
+    assert any(form in change.forms for change in found.rows)
+
+
+def test_a_comment_is_a_file_written_differently(bundle: Path):
+    found = edited(bundle, "mjcf/tiny.xml", "<!-- ", "<!-- indeed: ")
+    assert (found.rows, found.rewritten) == ((), ("mjcf/tiny.xml",))
+    assert counts(found) == "no fact differs; 1 file is written differently"
+
+
+def test_a_page_that_no_fact_explains_is_told_by_its_lines(bundle: Path):
+    (change,) = edited(bundle, "report/index.html", "A robot", "A toaster").rows
+    assert (change.subjects, change.quantity) == (("file report/index.html",), "line 2")
+    assert "toaster" in change.after
+
+
+def test_a_file_that_its_simulator_refuses_is_critical(bundle: Path):
+    found = edited(bundle, "mjcf/tiny.xml", "<option ", "<option wings='2' ").rows
+    assert {(c.rank, c.quantity) for c in found} == {("CRITICAL", "can be read")}
+    assert all("wings" in change.note for change in found)
+
+
+def test_a_file_that_is_gone_is_told(bundle: Path):
+    (bundle.with_name("copy") / "report/index.html").unlink()
+    (change,) = changes(bundle_side(bundle), bundle_side(bundle.with_name("copy"))).rows
+    assert (change.subjects, change.before, change.after) == (
+        ("file report/index.html",), "yes", "no")  # fmt: skip
+
+
+# --- models in other formats ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("target", [Mjcf, Usd, Urdf])
+def test_our_own_files_say_the_same_as_the_robot(
+    target: type, side: Callable[..., Side], tmp_path: Path
+):
+    """Masses, axes, limits and gains by another road: MuJoCo, pxr, the reader of sources."""
     inputs = write_robot_ports(tmp_path / "in", ROBOT)
-    run_step(Urdf(robot="tiny"), inputs, tmp_path / "out")
-    found = changes(snapshot(), foreign_snapshot(tmp_path / "out/urdf/tiny.urdf"))
-    assert [c for c in found if c.rank == "CRITICAL"] == []
-
-
-def test_a_bundle_is_read_back_as_it_was(tmp_path: Path):
-    (tmp_path / "report").mkdir()
-    text = robot_json(ROBOT.tree, ROBOT.shapes, ROBOT.control)
-    (tmp_path / "report/robot.json").write_text(text)
-    report = {"verdict": {"ready": True}, "findings": []}
-    (tmp_path / "report/report.json").write_text(json.dumps(report))
-    (tmp_path / "manifest.json").write_text('{"files": []}')
-    assert changes(snapshot(), bundle_snapshot(tmp_path)) == []
+    run_step(target(robot="tiny"), inputs, tmp_path / "out")
+    name = {Mjcf: "mjcf/tiny.xml", Usd: "usd/tiny.usda", Urdf: "urdf/tiny.urdf"}[target]
+    found = changes(side(), foreign_side(tmp_path / "out" / name)).rows
+    assert [c for c in found if c.rank in ("CRITICAL", "HIGH")] == []
 
 
 @pytest.mark.parametrize("content", ["", "[1, 2]", "<html/>"])
@@ -201,6 +223,6 @@ def test_what_is_no_model_is_refused_with_a_hint(content: str, tmp_path: Path):
     file = tmp_path / "x.xml"
     file.write_text(content)
     with pytest.raises(UsageError):
-        foreign_snapshot(file)
+        foreign_side(file)
     with pytest.raises(UsageError):
-        bundle_snapshot(tmp_path)
+        bundle_side(tmp_path)

@@ -6,6 +6,7 @@ import json
 import runpy
 import sys
 import types
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,11 @@ import pytest
 from tiny import run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.errors import UsageError
+from assetbuild.facts.compare import Precision
+from assetbuild.facts.reference import Reference, robot_table
+from assetbuild.facts.table import Key, Table
 from assetbuild.report.diff import changes
-from assetbuild.report.foreign import foreign_snapshot
-from assetbuild.report.snapshot import Snapshot, robot_facts
-from assetbuild.robot.shapes import Shapes
+from assetbuild.report.sides import Side, foreign_side
 from assetbuild.simulators.readings import FALL, FALL_S, HEIGHT, fall_m
 from assetbuild.targets.isaaclab import IsaacLab
 
@@ -128,31 +130,34 @@ def measured(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return python / "robot_isaaclab.json"
 
 
-def ours(height: float) -> Snapshot:
-    facts = robot_facts(ROBOT.tree, Shapes((), ()), ROBOT.control)
-    facts["robot", "robot", FALL] = fall_m(9.81, DT)
-    facts["robot", "robot", HEIGHT] = height
-    return Snapshot("ours", facts)
+def ours(height: float, folder: Path) -> Side:
+    facts = dict(robot_table(Reference.of_ports(folder / "inputs", {})).facts)
+    facts[Key("robot", "", FALL)] = fall_m(9.81, DT)
+    facts[Key("robot", "", HEIGHT)] = height
+    return Side("ours", {"robot": partial(lambda table: table, Table(facts))},
+                {"robot": Precision()})  # fmt: skip
 
 
 def test_readings_of_the_same_robot_differ_in_nothing(isaaclab, tmp_path, monkeypatch):
-    readings = foreign_snapshot(measured(tmp_path, monkeypatch))
+    readings = foreign_side(measured(tmp_path, monkeypatch))
     assert "Isaac Lab 2" in readings.name
-    height = readings.facts["robot", "robot", HEIGHT]
+    facts = readings.forms["readings"]().facts
+    height = facts[Key("robot", "", HEIGHT)]
     assert isinstance(height, float)
-    assert changes(ours(height + 0.009), readings) == []
-    told = {quantity for _, _, quantity in readings.facts}
-    assert {"mass, kg", "lower", "kp", "kd", "armature", "effort", FALL} <= told
+    assert changes(ours(height + 0.009, tmp_path), readings).rows == ()
+    told = {quantity for _, _, quantity in facts}
+    assert {"mass", "lower", "kp", "kd", "armature", "effort", FALL} <= told
 
 
 def test_a_gain_in_degrees_and_a_robot_that_sinks_are_told(isaaclab, tmp_path, monkeypatch):
     monkeypatch.setattr(isaaclab, "wrong", 57.29577951308232)
-    readings = foreign_snapshot(measured(tmp_path, monkeypatch))
-    height = readings.facts["robot", "robot", HEIGHT]
+    readings = foreign_side(measured(tmp_path, monkeypatch))
+    height = readings.forms["readings"]().facts[Key("robot", "", HEIGHT)]
     assert isinstance(height, float)
-    found = {(c.rank, c.quantity): c.note for c in changes(ours(height + 0.02), readings)}
+    rows = changes(ours(height + 0.02, tmp_path), readings).rows
+    found = {(c.rank, c.quantity): c.note for c in rows}
     assert "degrees" in found["CRITICAL", "kp"]
-    assert ("HIGH", HEIGHT) in found
+    assert ("MEDIUM", HEIGHT) in found
 
 
 def test_the_fall_is_that_of_steps_not_of_the_parabola():
@@ -167,4 +172,4 @@ def test_the_fall_is_that_of_steps_not_of_the_parabola():
 def test_other_files_are_no_readings(tmp_path, text):
     (tmp_path / "a.json").write_text(text)
     with pytest.raises(UsageError, match="holds no readings"):
-        foreign_snapshot(tmp_path / "a.json")
+        foreign_side(tmp_path / "a.json")

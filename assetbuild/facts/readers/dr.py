@@ -52,6 +52,7 @@ class Dr(Reader):
     needs: ClassVar = ("ranges",)
     form: ClassVar[str] = "dr"
     called: ClassVar[str] = "dr.yaml"
+    behind: ClassVar[tuple[str, ...]] = ("dr.yaml",)
     lacks: ClassVar[Mapping[str, str]] = {kind: RANGES for kind, _ in VOCABULARY}
     asks: ClassVar[tuple[str, ...]] = ("randomize",)
 

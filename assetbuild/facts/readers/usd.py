@@ -34,6 +34,7 @@ class UsdReader(Reader):
     form: ClassVar[str] = "usd"
     called: ClassVar[str] = "the USD"
     folder: ClassVar[str] = "usd"
+    behind: ClassVar[tuple[str, ...]] = ("usd/{robot}.usda", "usd/payloads/*")
     suffixes: ClassVar[tuple[str, ...]] = (".usd", ".usda", ".usdc", ".usdz")
     asks: ClassVar[tuple[str, ...]] = ("usd",)
     # Transforms and sizes are double precision.

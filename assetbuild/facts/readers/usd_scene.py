@@ -30,6 +30,7 @@ class UsdSceneReader(Reader):
     form: ClassVar[str] = "usd_scene"
     called: ClassVar[str] = "the USD scene"
     folder: ClassVar[str] = "usd"
+    behind: ClassVar[tuple[str, ...]] = ("usd/scene.usda",)
     precision: ClassVar[Precision] = Precision(FLOAT32)
     lacks: ClassVar[Mapping[str, str]] = {
         "robot base": _ROBOT,

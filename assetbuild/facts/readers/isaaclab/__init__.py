@@ -32,6 +32,7 @@ class IsaacLabReader(Reader):
     called: ClassVar[str] = "Isaac Lab's modules"
     needs: ClassVar[tuple[str, ...]] = ("isaaclab",)
     folder: ClassVar[str] = "python"
+    behind: ClassVar[tuple[str, ...]] = ("python/*_isaaclab_*.py",)
     asks: ClassVar[tuple[str, ...]] = ("isaaclab", "usd", "randomize")
     lacks: ClassVar[Mapping[str, str]] = {
         **dict.fromkeys(("body", "frame", "shape", "pair", "sensor", "camera", "element"), IN_USD),

@@ -40,6 +40,7 @@ class MjlabReader(Reader):
 
     form: ClassVar[str] = FORM
     called: ClassVar[str] = "mjlab's module"
+    behind: ClassVar[tuple[str, ...]] = ("python/*_mjlab.py",)
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
     asks: ClassVar[tuple[str, ...]] = ("randomize", "feet", "imu", "mjlab")
     lacks: ClassVar[Mapping[str, str]] = {

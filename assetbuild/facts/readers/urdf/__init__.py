@@ -74,6 +74,7 @@ class UrdfFacts(Reader):
     form: ClassVar[str] = "urdf"
     called: ClassVar[str] = "the URDF"
     folder: ClassVar[str] = "urdf"
+    behind: ClassVar[tuple[str, ...]] = ("urdf/*",)
     suffixes: ClassVar[tuple[str, ...]] = (".urdf",)
     lacks: ClassVar[Mapping[str, str]] = LACKS
 
