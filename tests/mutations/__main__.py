@@ -20,7 +20,10 @@ from pathlib import Path
 from tests.mutations.bundle import FORMATS, files_of, form_of
 from tests.mutations.run import Result, sample, try_all
 
-COLUMNS = ("mutations", "refused", "no change of meaning", "tried", "validate", "vague", "diff")
+COLUMNS = (
+    "mutations", "refused", "no change of meaning", "tried",
+    "validate", "vague", "diff", "vague",
+)  # fmt: skip
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -71,6 +74,7 @@ def table(results: Sequence[Result]) -> str:
             share(sum(v.validate == "found" for v in tried), len(tried)),
             share(sum(v.validate == "vague" for v in tried), len(tried)),
             share(sum(v.diff == "found" for v in tried), len(tried)),
+            share(sum(v.diff == "vague" for v in tried), len(tried)),
         )
         rows.append(f"| {form} | {' | '.join(figures)} |")
     return "\n".join(rows)

@@ -19,6 +19,7 @@ WORDS = (
     ("radian", "degree"),
     ("true", "false"),
     ("box", "sphere", "capsule", "cylinder"),
+    ("position", "velocity", "motor"),
     ("hinge", "slide"),
     ("revolute", "continuous", "prismatic", "fixed"),
     ("X", "Y", "Z"),
@@ -33,6 +34,13 @@ WORDS = (
     ("abs", "scale", "add"),
     ("startup", "reset", "interval"),
     ("mjcf", "urdf"),
+    ("float", "double"),
+    ("point3f", "vector3f"),
+    ("quatf", "quatd"),
+    ("double3", "float3"),
+    ("Xform", "Scope"),
+    ("PhysicsRevoluteJoint", "PhysicsPrismaticJoint"),
+    ("Cube", "Sphere", "Cylinder", "Capsule"),
 )
 """Words that stand for one another, where a file has only one of them."""
 

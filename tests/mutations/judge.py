@@ -15,7 +15,6 @@ from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Table
 from assetbuild.findings import Finding
-from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.report.diff import Change, changes
 from assetbuild.report.sides import Side, bundle_readers, bundle_side
 from tests.mutations.bundle import form_of
@@ -108,8 +107,7 @@ class Judge:
 
     def _diff(self) -> list[Change]:
         try:
-            after = replace(bundle_side(self.bundle), covers=self.before.covers)
-            return list(changes(self.before, after).rows)
+            return list(changes(self.before, bundle_side(self.bundle)).rows)
         except AssetBuildError as error:
             return [Change("CRITICAL", ("file",), error.message, "", "")]
         except Exception:
@@ -117,27 +115,12 @@ class Judge:
 
 
 def _side(untouched: Path, bundle: Path) -> Side:
-    """The untouched bundle for `diff`, as far as it was copied; each table is read once.
-
-    A reader that does not say which files it covers is asked about all of its folder.
-    """
+    """The untouched bundle for `diff`, as far as it was copied; each table is read once."""
     side = bundle_side(untouched)
-    homes = {kind.form: kind.folder for kind in _kinds()}
     digests = {path: d for path, d in side.digests.items() if (bundle / path).is_file()}
     forms = {form: functools.partial(functools.cache(read)) for form, read in side.forms.items()}
-    covers = {
-        form: tuple(p for p in of or digests if p in digests and (of or _is_in(p, homes[form])))
-        for form, of in side.covers.items()
-    }
+    covers = {form: tuple(p for p in of if p in digests) for form, of in side.covers.items()}
     return replace(side, digests=digests, forms=forms, covers=covers)
-
-
-def _kinds() -> list[type[Reader]]:
-    return [load_plugin(Reader, name) for name in plugin_names(Reader)]
-
-
-def _is_in(path: str, folder: str) -> bool:
-    return path.startswith(f"{folder}/") if folder else form_of(path) == "dr"
 
 
 def _with_table(reader: Reader, table: Table, reference: Reference) -> Reader:

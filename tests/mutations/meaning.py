@@ -111,10 +111,27 @@ def composed(bundle: Path) -> list[Meaning]:
         stage = Usd.Stage.Open(str(root))
         instances = _opened(stage)
         flat = stage.Flatten(addSourceFileComment=False)
-        paths: list[Sdf.Path] = []
-        flat.Traverse(Sdf.Path.absoluteRootPath, paths.append)
-        specs = {str(p): flat.GetObjectAtPath(p) for p in paths if not p.IsTargetPath()}
-        found += [instances, {at: _spec(spec, bundle) for at, spec in specs.items()}]
+        found += [instances, _specs(flat, Usd.Stage.Open(flat), bundle)]
+    return found
+
+
+def _specs(flat: Any, stage: Any, bundle: Path) -> dict[str, Meaning]:  # a layer and its stage
+    """Every spec by its path, without attributes that say what their schema says anyway."""
+    from pxr import Sdf
+
+    paths: list[Sdf.Path] = []
+    flat.Traverse(Sdf.Path.absoluteRootPath, paths.append)
+    found: dict[str, Meaning] = {}
+    for path in paths:
+        spec = None if path.IsTargetPath() else flat.GetObjectAtPath(path)
+        if isinstance(spec, Sdf.AttributeSpec) and not spec.connectionPathList.explicitItems:
+            definition = stage.GetPrimAtPath(path.GetPrimPath()).GetPrimDefinition()
+            fallback = definition.GetAttributeFallbackValue(path.name)
+            if fallback is not None and spec.default in (None, fallback):
+                continue
+        if spec is not None:
+            fields = {key: spec.GetInfo(key) for key in spec.ListInfoKeys()}
+            found[str(path)] = {key: _plain(value, bundle) for key, value in fields.items()}
     return found
 
 
@@ -129,16 +146,14 @@ def _opened(stage: Any) -> list[str]:  # a stage
     return sorted(found)
 
 
-def _spec(spec: Any, bundle: Path) -> dict[str, Meaning]:  # a spec of a layer
-    return {key: _plain(spec.GetInfo(key), bundle) for key in spec.ListInfoKeys()}
-
-
 def _plain(value: Any, bundle: Path) -> Meaning:  # whatever a field holds
     name = type(value).__name__
     if name.endswith("Array"):
         return np.array(value)
     if name == "AssetPath":
         return str(value).replace(str(bundle), "")
+    if name.startswith("Quat") and not name.endswith("Array"):
+        return _unit([value.real, *value.imaginary])
     return value
 
 
