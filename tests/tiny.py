@@ -53,6 +53,7 @@ from assetbuild.robot.shapes import (
     SourceShapes,
     Sphere,
 )
+from assetbuild.robot.tree import depth_first, merge_fixed_joints
 
 SEGMENT_M = 0.2
 FOOT_RADIUS_M = 0.02
@@ -220,6 +221,16 @@ def tiny_quadruped() -> TinyRobot:
     )
 
 
+def kept_feet() -> TinyRobot:
+    """The quadruped with feet that stay bodies of their own, each welded to its shin."""
+    robot = tiny_quadruped()
+    feet = [f"{leg}_foot" for leg, _, _ in LEGS]
+    merged, _ = merge_fixed_joints(robot.links, True, feet)
+    names, joints = depth_first(merged.root, merged.joints)
+    bodies = tuple(merged.by_body[name] for name in names)
+    return replace(robot, tree=replace(merged, bodies=bodies, joints=joints))
+
+
 def _leg_joints(leg: str, front: float, left: float) -> list[Joint]:
     thigh_limits, calf_limits = Limits(-0.7, 4.5, 24.0, 30.0), Limits(-2.8, -0.9, 36.0, 20.0)
     return [
@@ -307,6 +318,16 @@ def _stance(name: str, joints: tuple[Joint, ...], thigh: float) -> Keyframe:
     angle = {"hip": 0.0, "thigh": thigh, "calf": -2 * thigh}
     values = tuple((joint.name, angle[joint.name.split("_")[1]]) for joint in joints)
     return Keyframe(name, values, Pose((0.0, 0.0, standing_height(thigh))))
+
+
+def turned(robot: TinyRobot) -> TinyRobot:
+    """The same robot; its keyframes turn a floating base about no axis of the world."""
+    turn = normalised_quat((0.9, 0.1, 0.2, 0.3))
+    keyframes = tuple(
+        replace(key, base=key.base and Pose((0.1, 0.2, key.base.xyz[2]), turn))
+        for key in robot.control.keyframes
+    )
+    return replace(robot, control=replace(robot.control, keyframes=keyframes))
 
 
 def pendulum() -> TinyRobot:

@@ -6,7 +6,7 @@ from: a kept shape that moved by 3 cm is nobody's result.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,8 @@ from assetbuild.mesh.holes import holes
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.quality import surface_samples
+from assetbuild.mesh.register import Move, Target
 from assetbuild.mesh.solid import Distance, distance_to
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.quantities import Positive
@@ -30,6 +32,11 @@ from assetbuild.robot.shapes import Mesh, Primitive, Shape, Shapes
 
 MOST_POINTS = 4000
 """Of a body's visual vertices, evenly spread over their list: enough for a percentile."""
+SURFACE_POINTS, SHAPE_POINTS = 15_000, 300
+"""Samples of a body's visual surface, and of one collision shape."""
+BETTER = 0.7
+"""A shape is beside its place when its distance from the visual surface would be less than this
+share of what it is. Simplified shapes are as far from it wherever they go."""
 LEFT = 0.1
 """A hole of which less than this is left is filled."""
 
@@ -38,6 +45,13 @@ SHIFT = Rule(
     "warning",
     "collision geometry is beside the visual geometry of its body",
     "compare their origins",
+)
+SHAPE_SHIFT = Rule(
+    "coverage.shape_shift",
+    "warning",
+    "a collision shape would fit the visual geometry much better beside its place",
+    "compare its origin with that of the visual geometry; a shape that stands there on purpose "
+    "needs a line in `rules`",
 )
 HOLE = Rule(
     "coverage.hole",
@@ -64,7 +78,7 @@ class Fit:
 class Coverage(Check):
     """Findings `coverage.*`; figures: a row for each body with both kinds of geometry."""
 
-    version = "4"
+    version = "5"
     tools = ("numpy", "scipy", "embreex")
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")
@@ -77,6 +91,12 @@ class Coverage(Check):
     )
     max_shift_share: Positive = Field(
         0.08, description="the same as a share of the body's size; the larger of the two counts"
+    )
+
+    max_shape_shift: Positive = Field(
+        0.02,
+        description="m: a single collision shape beside the visual geometry that it stands for, "
+        "warning",
     )
 
     def run(self, files: Files) -> Iterator[Finding]:
@@ -102,11 +122,20 @@ class Coverage(Check):
              "shift_mm": [1e3 * v for v in f.shift_m]}
             for name, f in fits.items()
         ]  # fmt: skip
-        write_figures(files, {"bodies": rows})
+        moves = _moves(tree, shapes, meshes, fits)
+        moved = [
+            {"shape": name, "shift_mm": [round(1e3 * v, 1) for v in m.shift_m],
+             "distance_mm": round(1e3 * m.before_m, 1),
+             "distance_after_mm": round(1e3 * m.after_m, 1)}
+            for name, (_, m) in moves.items()
+        ]  # fmt: skip
+        write_figures(files, {"bodies": rows, "shapes": moved})
+        beside = set()
         for name, fit in fits.items():
             largest = max(map(abs, fit.shift_m))
             limit = max(self.max_shift, self.max_shift_share * fit.size_m)
             if largest > limit and fit.over_m > 0.5 * largest:
+                beside.add(name)
                 axis = "xyz"[int(np.argmax(np.abs(fit.shift_m)))]
                 yield SHIFT(
                     f"link {name}",
@@ -115,8 +144,47 @@ class Coverage(Check):
                     hint="compare their `<origin>` in the source; look at the report's 3D view",
                     data={"shift_m": fit.shift_m, "limit_m": limit},
                 )
+        for name, (body, move) in moves.items():
+            if body not in beside:
+                yield from self._judge_shape(name, body, move)
         for name in fits:
             yield from _filled(tree, shapes, meshes, name)
+
+    def _judge_shape(self, name: str, body: str, move: Move) -> Iterator[Finding]:
+        if move.length_m > self.max_shape_shift and move.after_m < BETTER * move.before_m:
+            towards = ", ".join(f"{1e3 * v:.3g}" for v in move.shift_m)
+            yield SHAPE_SHIFT(
+                f"shape {name}",
+                f"moved by ({towards}) mm in `{body}`, which is {_length(move.length_m)} and above "
+                f"the limit of {_length(self.max_shape_shift)}, it would fit the visual geometry: "
+                f"{_length(move.after_m)} away on average instead of {_length(move.before_m)}",
+                hint="compare its `<origin>` with the visual one; if it stands there on purpose, "
+                "say so in `rules`",
+                data={"shift_m": move.shift_m, "limit_m": self.max_shape_shift},
+            )
+
+
+def _moves(
+    tree: Tree, shapes: Shapes, meshes: Mapping[str, TriangleMesh], bodies: Collection[str]
+) -> dict[str, tuple[str, Move]]:
+    """Body of each collision shape, and the move that would lay it on the visual geometry.
+
+    That of its body and of the next ones: see `_beyond_robot`.
+    """
+    seen = {
+        body.name: surface_samples(merged(found), SURFACE_POINTS, 0)[0]
+        for body in tree.bodies
+        if (found := _surfaces(tree, shapes, meshes, body.name, "visual"))
+    }
+    moves = {}
+    for body in bodies:
+        around = _neighbours(tree, body).items()
+        target = Target(np.concatenate([X.apply(seen[n]) for n, X in around if n in seen]))
+        for shape, X_body_shape in _shapes_of(tree, shapes, body, "collision"):
+            surface = _surface(shape, meshes).placed(X_body_shape)
+            points = surface_samples(surface, SHAPE_POINTS, 0)[0]
+            moves[shape.name] = (body, target.fit(points))
+    return moves
 
 
 def _length(metres: float) -> str:
@@ -177,17 +245,21 @@ def _beyond_robot(tree: Tree, hulls: Mapping[str, Distance], body: str, collisio
 
     A source may give a motor to one link to be seen and to its neighbour to be hit.
     """
+    apart = [
+        hulls[name](X_body_other.inverse().apply(collision))
+        for name, X_body_other in _neighbours(tree, body).items()
+        if name in hulls
+    ]
+    return max(float(np.min(apart, axis=0).max()), 0.0)
+
+
+def _neighbours(tree: Tree, body: str) -> dict[str, Pose]:
+    """X_body_other of the body itself and of those that a joint connects to it, joints at 0."""
     above = tree.joint_above.get(body)
     poses = {body: IDENTITY}
     if above is not None:
         poses[above.parent] = above.X_parent_joint.inverse()
-    poses |= {j.child: j.X_parent_joint for j in tree.joints if j.parent == body}
-    apart = [
-        hulls[name](X_body_other.inverse().apply(collision))
-        for name, X_body_other in poses.items()
-        if name in hulls
-    ]
-    return max(float(np.min(apart, axis=0).max()), 0.0)
+    return poses | {j.child: j.X_parent_joint for j in tree.joints if j.parent == body}
 
 
 def _solids(
@@ -218,13 +290,16 @@ def _surfaces(
 ) -> list[TriangleMesh]:
     """A body's shapes of one role as triangles, in its frame, m."""
     return [
-        (
-            meshes[shape.geometry.mesh]
-            if isinstance(shape.geometry, Mesh)
-            else tessellate(shape.geometry)
-        ).placed(X_body_shape)
+        _surface(shape, meshes).placed(X_body_shape)
         for shape, X_body_shape in _shapes_of(tree, shapes, body, role)
     ]
+
+
+def _surface(shape: Shape, meshes: Mapping[str, TriangleMesh]) -> TriangleMesh:
+    """In the shape's own frame, m."""
+    if isinstance(shape.geometry, Mesh):
+        return meshes[shape.geometry.mesh]
+    return tessellate(shape.geometry)
 
 
 def _shapes_of(tree: Tree, shapes: Shapes, body: str, role: str) -> Iterator[tuple[Shape, Pose]]:

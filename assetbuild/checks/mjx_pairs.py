@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from itertools import combinations
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
@@ -98,18 +97,10 @@ def figures(model: mujoco.Model) -> dict[str, object]:
 
 
 def pairs(model: mujoco.Model) -> Iterator[Pair]:
-    """Geoms that may touch: what masks, excludes and the parent-child filter let through."""
-    excluded = {int(signature) for signature in model.exclude_signature}
-    solid = [i for i in range(model.ngeom) if model.geom_contype[i] or model.geom_conaffinity[i]]
-    for a, b in combinations(solid, 2):
-        first, second = sorted((int(model.geom_bodyid[a]), int(model.geom_bodyid[b])))
-        if (first << 16) + second in excluded or mujoco.passes(model, first, second):
-            continue
-        mask = model.geom_contype[a] & model.geom_conaffinity[b]
-        if mask | (model.geom_contype[b] & model.geom_conaffinity[a]):
-            yield (a, b) if model.geom_type[a] <= model.geom_type[b] else (b, a)
-    for i in range(model.npair):
-        yield int(model.pair_geom1[i]), int(model.pair_geom2[i])
+    """Geoms that may touch, whatever lets them."""
+    for a, b in mujoco.touching_geoms(model):
+        yield (a, b) if model.geom_type[a] <= model.geom_type[b] else (b, a)
+    yield from mujoco.explicit_pairs(model)
 
 
 def _kinds(model: mujoco.Model, pair: Pair) -> tuple[str, str]:

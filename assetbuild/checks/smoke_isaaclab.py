@@ -32,6 +32,7 @@ class Installed(Environment):
 class SmokeIsaacLab(ConsumerCheck):
     """Spawns `python/<robot>_isaaclab_<2|3>.py`, steps it, looks at heights and numbers."""
 
+    version = "2"
     needs: ClassVar[tuple[str, ...]] = ("isaaclab", "usd")
     reads: ClassVar[tuple[str, ...]] = ()
     sections: ClassVar[Mapping[str, str]] = {"validate.smoke_bounds": "bounds"}
@@ -63,7 +64,9 @@ class SmokeIsaacLab(ConsumerCheck):
             yield _finding(FAILED, f"does not take the bundle: {failure}")
             return
         shown = {name: answer[name] for name in ("generation", "finite")}
-        write_figures(files, shown | {"height_m": round(float(str(answer["height_m"])), 3)})
+        start, end = (round(float(str(answer[name])), 3) for name in ("start_m", "height_m"))
+        summary = f"the root went from {start} m to {end} m in {self.steps} steps"
+        write_figures(files, shown | {"height_m": end, "summary": summary})
         yield from judged(answer, self.base, self.bounds)
 
 

@@ -32,6 +32,7 @@ INERTIA = Rule(
 class SmokeMjlab(ConsumerCheck):
     """Loads `python/<robot>_mjlab.py`, stands for a second, trains two iterations (GPU: 200)."""
 
+    version = "2"
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
     reads: ClassVar[tuple[str, ...]] = ()
     sections: ClassVar[Mapping[str, str]] = {"validate.smoke_bounds": "bounds"}
@@ -85,6 +86,11 @@ def _shown(answer: Mapping[str, Any]) -> dict[str, object]:  # Any: the child's 
     figures["start_m"] = round(answer["start_m"], 3)
     figures["effort_share"] = round(answer["effort_share"], 2)
     figures["weights_changed"] = answer["weights_moved"] > 0.0
+    figures["summary"] = (
+        f"{answer['fell']} of {answer['envs']} robots fell under zero actions, the root went from "
+        f"{answer['start_m']:.3f} m to {answer['height_m']:.3f} m; then trained for "
+        f"{answer['iterations']} iterations on a {'GPU' if answer['gpu'] else 'CPU'}"
+    )
     if "drawn" in answer:
         figures["randomized_bodies"] = answer["drawn"]
         figures["randomized_inconsistent"] = answer["inconsistent"]

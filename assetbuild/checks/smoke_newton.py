@@ -36,6 +36,7 @@ READING = Rule(
 class SmokeNewton(ConsumerCheck):
     """Loads `usd/<robot>.usda` and `mjcf/<robot>.xml`, reads them back, steps them."""
 
+    version = "2"
     needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     consumer: ClassVar[str] = "newton"
@@ -56,6 +57,7 @@ class SmokeNewton(ConsumerCheck):
         if answer is None:
             answer = {kind: {"failure": failure} for kind in paths}
         figures: dict[str, object] = {}
+        told = []
         for kind in paths:
             reading = answer[kind]
             assert isinstance(reading, dict)  # noqa: S101 # as the child writes it
@@ -67,7 +69,9 @@ class SmokeNewton(ConsumerCheck):
                 "joints": len(reading["joints"]),
                 "differences": len(findings),
             }
-        write_figures(files, figures)
+            what = "refused" if "failure" in reading else f"{len(findings)} differences"
+            told.append(f"{kind.upper()}: {what}")
+        write_figures(files, figures | {"summary": f"read back and stepped: {', '.join(told)}"})
 
 
 def judged(kind: str, reading: Reading, tree: Tree, control: Control) -> Iterator[Finding]:

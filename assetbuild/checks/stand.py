@@ -16,7 +16,7 @@ from assetbuild.quantities import Pattern, Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.mujoco_stand import Gains, stand
+from assetbuild.simulators.mujoco_stand import Gains, outcome, outcome_figures, stand
 from assetbuild.simulators.mujoco_stand import Stand as Stood
 
 FAR = 10.0
@@ -28,7 +28,12 @@ LOAD = Rule("stand.load", "error", "there is no scene, keyframe or floor", "corr
 NOT_FINITE = Rule(
     "stand.finite", "error", "the simulation became unstable", "lower kd or the timestep"
 )
-FALL = Rule("stand.fall", "error", "the robot fell over", "raise kp, check the effort limits")
+FALL = Rule(
+    "stand.fall",
+    "error",
+    "the robot fell over, or a drive of a fixed robot did not hold its joint",
+    "raise kp, check the effort limits",
+)
 SAG = Rule("stand.sag", "warning", "the base sinks more than allowed", "raise kp")
 TILT = Rule(
     "stand.tilt",
@@ -75,7 +80,7 @@ TORQUE = Rule(
 class Stand(Check):
     """Simulates `mjcf/scene.xml` in MuJoCo; a fixed base only has its joints judged."""
 
-    version = "5"
+    version = "6"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -99,7 +104,9 @@ class Stand(Check):
         "other, warning; a gap ten times as large is an error",
     )
     fall: Positive = Field(
-        0.5, description="share of the base's height lost, or rad of tilt, that is a fall, error"
+        0.5,
+        description="share of the height lost, rad of tilt, or rad (m) that a driven joint of a "
+        "fixed robot leaves its pose, that is a fall, error",
     )
     saturated: Positive = Field(
         0.98, description="share of an effort limit that standing may need, warning"
@@ -126,7 +133,7 @@ class Stand(Check):
             write_figures(files, {"skipped": error.message})
             yield LOAD("robot", f"cannot stand: {error.message}")
             return
-        write_figures(files, _figures(stood))
+        write_figures(files, _figures(stood) | {"stood": outcome_figures(stood, self.fall)})
         if not stood.finite:
             yield NOT_FINITE(
                 "robot",
@@ -140,6 +147,8 @@ class Stand(Check):
             yield from self._judge_start(stood, link_of)
             yield from self._judge_base(stood)
             yield from self._judge_contacts(stood, link_of)
+        elif outcome(stood, self.fall) == "falls":
+            yield self._let_go(stood)
         yield from self._judge_overlaps(stood, link_of)
         yield from self._judge_loads(stood)
 
@@ -174,12 +183,12 @@ class Stand(Check):
                 )
 
     def _judge_base(self, stood: Stood) -> Iterator[Finding]:
-        if stood.sag_m > self.fall * stood.height_m or stood.tilt_rad > self.fall:
+        if outcome(stood, self.fall) == "falls":
+            after = stood.height_m - stood.sag_m
             yield FALL(
                 "robot",
-                f"fell: after {self.seconds:g} s the base is {abs(stood.sag_m):.3g} m "
-                f"{'lower' if stood.sag_m >= 0.0 else 'higher'} and tilted "
-                f"by {stood.tilt_rad:.3g} rad",
+                f"fell within {self.seconds:g} s: its base went from {stood.height_m:.3g} m to "
+                f"{after:.3g} m above the floor and tilted by {stood.tilt_rad:.3g} rad",
                 hint="raise kp, check the effort limits, look for a pose off balance",
                 data={"sag_m": stood.sag_m, "tilt_rad": stood.tilt_rad},
             )
@@ -202,6 +211,17 @@ class Stand(Check):
                     hint=hint,
                     data={f"value_{unit}": value, f"limit_{unit}": limit},
                 )
+
+    def _let_go(self, stood: Stood) -> Finding:
+        joint, off = stood.worst_held
+        unit = "m" if joint in stood.slides else "rad"
+        return FALL(
+            f"actuator {joint}",
+            f"does not hold the pose: after {self.seconds:g} s its joint is {off:.3g} {unit} off "
+            f"`{self.keyframe}`, above the limit of {self.fall:g}",
+            hint="raise kp, check the effort limit",
+            data={"off": off, "limit": self.fall},
+        )
 
     def _judge_contacts(self, stood: Stood, link_of: Mapping[str, str]) -> Iterator[Finding]:
         at_end = {link_of.get(geom, geom) for geom in stood.touching}

@@ -5,18 +5,21 @@ what an untrained policy asks of it?"""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Any, ClassVar, NamedTuple
 
 from pydantic import Field
 
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
-from assetbuild.kinds import Check, write_figures
+from assetbuild.kinds import Check, RecipeView, write_figures
 from assetbuild.quantities import Positive, Real
+from assetbuild.robot.action import Action
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco, mujoco_motion, mujoco_policy, mujoco_trials
+from assetbuild.simulators.mujoco import floors, turning
+from assetbuild.simulators.mujoco_stand import Gains, outcome_figures, stand
 from assetbuild.simulators.mujoco_trials import Settled, Support
 
 EXTERNAL = frozenset({"ideal_pd", "dc_motor"})
@@ -26,6 +29,8 @@ DEEP_M = 0.001
 """Of two bodies at the start: what is less is the roundness of a hull."""
 LARGEST_DOFS = 300
 """A file of anybody may hold a cloth; steps of it take minutes."""
+ALONE_S, ALONE_FALL = 2.0, 0.5
+"""How long nobody touches the robot, and what counts as a fall then: as in the check `stand`."""
 FINER = 4
 """Steps in place of one: they tell drives that outrun the timestep from a pose that falls."""
 
@@ -96,6 +101,13 @@ DRIFT = Rule(
     "the settled base drifts",
     "a pose that stands by itself, more kd or kp; a smaller timestep, where the finding says so",
 )
+FALL = Rule(
+    "trials.fall",
+    "warning",
+    "left alone under its drives for two seconds the robot falls, or a drive of a fixed robot does "
+    "not hold its joint",
+    "raise kp, move the feet under the centre of mass; `validate: {stand: {}}` makes it an error",
+)
 
 
 class _Row(NamedTuple):
@@ -109,7 +121,7 @@ class _Row(NamedTuple):
 class Trials(Check):
     """Findings `trials.<what>`; one compilation of `mjcf/scene.xml` serves all experiments."""
 
-    version = "8"
+    version = "9"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -122,6 +134,10 @@ class Trials(Check):
         "small experiments in MuJoCo: drives, energy, timestep, self-collision, "
         "balance, settling; null = do not run them"
     )
+    told: ClassVar[Mapping[str, str]] = {"action": "mjlab.action"}
+
+    action: Action = Action()
+    """What an untrained policy asks for, as mjlab's module has it."""
 
     drift: Positive = Field(
         0.01, description="m: how far a settled base may wander in 1000 steps, warning"
@@ -149,6 +165,14 @@ class Trials(Check):
     always: Positive = Field(
         0.9, description="share of random poses in which a pair touches that should be excluded"
     )
+    alone: bool = True
+    """Whether to leave the robot alone under its drives: not where `validate.stand` does."""
+
+    @classmethod
+    def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
+        """The check `stand` sees the robot fall where the recipe asks for it."""
+        found = super().values(recipe)
+        return None if found is None else found | {"alone": recipe.value("validate.stand") is None}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/scene.xml`."""
@@ -161,12 +185,23 @@ class Trials(Check):
             return
         outside = {a.joint: a for a in control.actuators if a.model in EXTERNAL}
         mujoco_motion.drive_as(model, outside)
+        torques = {
+            a.joint: Gains(a.kp, a.kd, a.effort) for a in control.actuators if a.model == "motor"
+        }
         figures: dict[str, object] = {}
-        yield from self.examine(model, figures)
+        yield from self.examine(model, figures, torques)
         write_figures(files, figures)
 
-    def examine(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
-        """All experiments on a compiled model, our own or foreign; those on the floor need one."""
+    def examine(
+        self,
+        model: mujoco.Model,
+        figures: dict[str, object],
+        torques: Mapping[str, Gains] | None = None,
+    ) -> Iterator[Finding]:
+        """All experiments on a compiled model, our own or foreign; those on the floor need one.
+
+        torques: PD laws by joint, for plain motors that a controller outside commands.
+        """
         if int(model.nv) > LARGEST_DOFS:
             message = f"{model.nv} degrees of freedom, more than {LARGEST_DOFS}: nothing is tried"
             yield LARGE("robot", message)
@@ -176,6 +211,8 @@ class Trials(Check):
         yield from self._collisions(model, figures)
         if model.nkey and mujoco_trials.stands_free(model):
             yield from self._floor(model, figures)
+        if self.alone and model.nkey and floors(model):
+            yield from self._left_alone(model, figures, torques or {})
         yield from self._shaken(model, figures)
 
     def _drives(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
@@ -287,8 +324,28 @@ class Trials(Check):
                     data={"value": row.value, "limit": row.limit, "timestep": hasty},
                 )
 
+    def _left_alone(
+        self, model: mujoco.Model, figures: dict[str, object], torques: Mapping[str, Gains]
+    ) -> Iterator[Finding]:
+        """Nobody touches the robot at its first keyframe; its drives hold what they can."""
+        try:
+            stood = stand(model, 0, ALONE_S, torques)
+        except StepError:  # a shape whose lowest point is not known
+            return
+        did = outcome_figures(stood, ALONE_FALL)
+        figures["untouched"] = did
+        if did["outcome"] == "falls" and turning(model):
+            joint, _ = stood.worst_held
+            yield FALL(
+                "robot" if stood.floats else f"actuator {joint}",
+                f"left alone it {did['sentence']}",
+                hint="raise kp, check the effort limits and the pose; "
+                "`validate: {stand: {}}` makes it an error",
+                data={"tilt_rad": stood.tilt_rad, "sag_m": stood.sag_m},
+            )
+
     def _shaken(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
-        shaken = mujoco_policy.shake(model)
+        shaken = mujoco_policy.shake(model, self.action)
         if shaken is None:
             return
         figures["shake"] = {
@@ -298,7 +355,7 @@ class Trials(Check):
         }
         if shaken.seconds is None:
             return
-        calmer = mujoco_policy.shake(model, finer=FINER)
+        calmer = mujoco_policy.shake(model, self.action, finer=FINER)
         hasty = calmer is not None and calmer.seconds is None
         yield SHAKEN(
             f"joint {shaken.joint}",

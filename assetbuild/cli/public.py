@@ -9,7 +9,8 @@ import os
 
 from assetbuild.findings import Finding
 from assetbuild.report.document import Report
-from assetbuild.report.summary import WITHHELD, public_message
+from assetbuild.report.summary import WITHHELD, public_message, public_rows
+from assetbuild.report.verdict import Verdict, verdict_rows
 
 
 def in_public() -> bool:
@@ -29,6 +30,11 @@ def shown_next_step(report: Report) -> str:
         if finding.message and text.endswith(finding.message):
             return text.removesuffix(finding.message) + public_message(finding)
     return text
+
+
+def shown_rows(verdict: Verdict) -> tuple[tuple[str, str], ...]:
+    """The verdict's parts; in CI without figures of PhysX."""
+    return public_rows(verdict) if in_public() else verdict_rows(verdict)
 
 
 def shown_seconds(label: str, seconds: float) -> str:

@@ -22,6 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print verdict, checks and findings; 0 when ready for training, else 1."""
+    from assetbuild.cli.public import shown_figures
     from assetbuild.cli.summary import every_finding_line
 
     path: Path = arguments.bundle / "report" / "report.json"
@@ -33,6 +34,13 @@ def run(arguments: argparse.Namespace) -> int:
         raise UsageError(f"{path}: not a report: {error}") from None
     verdict = report["verdict"]
     print(f"{report['robot']}: ready for training: {'yes' if verdict['ready'] else 'no'}")
+    for part in ("formats", "physics"):  # bundles of older versions have neither
+        if part in verdict:
+            print(f"  {part}: {verdict[part]['status']}: {verdict[part]['sentence']}")
+    for name, trainer in verdict.get("trainers", {}).items():
+        figures = trainer["status"] != "not tried"
+        said = shown_figures(name, trainer["sentence"]) if figures else trainer["sentence"]
+        print(f"  trainers: {name}: {trainer['status']}: {said}")
     for name, check in report["checks"].items():
         print(f"  {check['status']:4}  {name}  {check.get('note', '')}".rstrip())
     for line in every_finding_line([finding_from_json(raw) for raw in report["findings"]]):

@@ -10,7 +10,7 @@ from itertools import groupby
 from pathlib import PurePosixPath
 
 from assetbuild.cli import print_error
-from assetbuild.cli.public import shown_message, shown_next_step, shown_seconds
+from assetbuild.cli.public import shown_message, shown_next_step, shown_rows, shown_seconds
 from assetbuild.findings import SEVERITIES, Finding, is_consequence
 from assetbuild.pipeline.building import Outcome
 from assetbuild.report.document import Report
@@ -55,7 +55,9 @@ def summary_lines(outcome: Outcome, report: Report) -> list[str]:
     head = [f"{report.robot}: ready for training: {_coloured(ready, ready)}"]
     if report.verdict.blocked_by:
         head.append(f"  blocked by {', '.join(report.verdict.blocked_by)}")
-    head += [f"  next: {shown_next_step(report)}", f"  steps: {_steps(outcome)}"]
+    head.append(f"  next: {shown_next_step(report)}")
+    head += [f"  {part}: {said}" for part, said in shown_rows(report.verdict)]
+    head.append(f"  steps: {_steps(outcome)}")
     head += [f"  checks: {_checks(report)}", f"  findings: {_counts(report.findings)}"]
     tail = [f"  you had changed {path}: kept in {outcome.out}.edited/" for path in outcome.edited]
     tail.append(f"  bundle: {outcome.out}")
@@ -105,8 +107,7 @@ def _steps(outcome: Outcome) -> str:
 def _checks(report: Report) -> str:
     states = [check.status for check in report.checks.values()]
     text = f"{states.count('pass')} passed, {states.count('fail')} failed"
-    skipped = [f"{n} ({c.note})" for n, c in report.checks.items() if c.status == "skip"]
-    return f"{text}, skipped: {'; '.join(skipped)}" if skipped else text
+    return f"{text}, {states.count('skip')} not run" if "skip" in states else text
 
 
 def _counts(findings: tuple[Finding, ...]) -> str:

@@ -11,9 +11,15 @@ from assetbuild.robot.model import Actuator, Joint, Tree
 
 NO_ACTUATOR = Rule(
     "actuator.none",
-    "warning",
-    "there is no actuator table, or all of its rows are `passive`: nothing drives the robot",
-    "add `actuators`, with `effort` and gains",
+    ("error", "warning"),
+    "all moving joints are passive: nothing drives the robot (a warning where drives of the source "
+    "exist in the MJCF alone)",
+    "add `actuators` with `effort` and gains; where nothing is meant to drive it, state "
+    "`actuators: []` and give the reason as `because` of this rule in `rules`",
+)
+ON_PURPOSE = (
+    "; where nothing is meant to drive it: `actuators: []` and "
+    '`rules: {actuator.none: {severity: info, because: "..."}}`'
 )
 ZERO_LIMIT = Rule(
     "actuator.zero_limit",
@@ -103,24 +109,9 @@ def actuator_findings(
 
     only_mjcf: drives of the source that stand in the MJCF alone.
     """
-    passive = bool(actuators) and all(a.model == "passive" for a in actuators)
-    if passive and has_table and not only_mjcf:
-        yield NO_ACTUATOR(
-            "robot",
-            f"all {len(actuators)} moving joints are passive: nothing drives the robot",
-            hint="give the rows of `actuators:` an `effort` and gains",
-            data={"joints": len(actuators)},
-        )
-    elif passive and not has_table:
-        yield NO_ACTUATOR(
-            "robot",
-            f"no actuator table: the source's drives ({only_mjcf}) stand in the MJCF "
-            f"alone, elsewhere all {len(actuators)} moving joints are passive"
-            if only_mjcf
-            else f"no actuator table: all {len(actuators)} moving joints are passive",
-            hint="add `actuators:` to the recipe",
-            data={"joints": len(actuators)},
-        )
+    moving = [a for a in actuators if not _is_locked(tree.by_joint[a.joint])]
+    if moving and all(a.model == "passive" for a in actuators):
+        yield from _nothing_drives(len(moving), has_table=has_table, only_mjcf=only_mjcf)
     for actuator in actuators:
         stated = tree.by_joint[actuator.joint].limits
         for name in ("effort", "velocity"):
@@ -131,3 +122,32 @@ def actuator_findings(
                     hint=f"give `{name}` in the actuator row or its motor",
                     data={name: 0.0},
                 )
+
+
+def _is_locked(joint: Joint) -> bool:
+    """Whether equal limits hold it, so that a drive could move nothing."""
+    return joint.limits.lower is not None and joint.limits.lower == joint.limits.upper
+
+
+def _nothing_drives(joints: int, *, has_table: bool, only_mjcf: int) -> Iterator[Finding]:
+    data = {"joints": joints}
+    if only_mjcf and has_table:
+        return
+    if only_mjcf:
+        yield NO_ACTUATOR(
+            "recipe actuators",
+            f"no actuator table: the source's drives ({only_mjcf}) exist in the MJCF alone, in all "
+            f"other formats the {joints} moving joints are passive",
+            hint="add `actuators:` to the recipe",
+            severity="warning",
+            data=data,
+        )
+    elif has_table:
+        message = f"all {joints} moving joints are passive: nothing drives the robot"
+        hint = "give the rows of `actuators:` an `effort` and gains" + ON_PURPOSE
+        yield NO_ACTUATOR("recipe actuators", message, hint, data=data)
+    else:
+        message = f"no actuator table: all {joints} moving joints are passive"
+        yield NO_ACTUATOR(
+            "recipe actuators", message, "add `actuators:` to the recipe" + ON_PURPOSE, data=data
+        )

@@ -22,6 +22,8 @@ LACKS: Mapping[str, str] = {
     "robot up axis": "MJCF has gravity alone",
     "robot metres per unit": "MJCF has no units",
     "robot kilograms per unit": "as above",
+    "robot start pose": "keyframes say it",
+    "robot soft limits": "they belong to the trainer",
     "joint velocity": "MJCF has no limit of velocity",
     "joint stall": "the motor's law acts outside of the simulator",
     "joint delay": "as above",

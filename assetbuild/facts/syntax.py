@@ -2,9 +2,7 @@
 
 `Module.value` resolves an expression as far as it stands in the file: literals, tuples, maps, names
 that the module assigns at its top, arithmetic, `math.pi`, f-strings and paths below the module. A
-call is a `Call`; what is not resolved is a `Text`. `Module.words` names every statement, so that a
-module can be compared with what it must say: comments and docstrings are left out, because nothing
-that they say has an effect.
+call is a `Call`; what is not resolved is a `Text`.
 """
 
 from __future__ import annotations
@@ -12,13 +10,13 @@ from __future__ import annotations
 import ast
 import math
 import operator
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from assetbuild.errors import UsageError
-from assetbuild.facts.table import Value, Writer
+from assetbuild.facts.table import Value
 
 OPERATORS: Mapping[type[ast.operator], Callable[[float, float], float]] = {
     ast.Add: operator.add,
@@ -30,7 +28,7 @@ OPERATORS: Mapping[type[ast.operator], Callable[[float, float], float]] = {
 LARGEST_EXPONENT, LARGEST = 64, 1e300
 DEEPEST = 50
 """Names that lead to names: more of them are a circle."""
-MOST = 500_000
+MOST = 150_000
 """Expressions of one file; a real one has a few thousand."""
 
 
@@ -99,20 +97,15 @@ class Module:
     def returned(self, name: str) -> Any:  # Any: as in `Call`
         """What a function returns that does nothing else; None for any other."""
         found = [n for n in self.tree.body if isinstance(n, ast.FunctionDef) and n.name == name]
-        body = _meant(found[-1].body) if found else []
-        match body:
-            case [ast.Return(value=ast.expr() as value)]:
-                return self.value(value)
-        return None
+        stated = _only_return(found[-1]) if found else None
+        return None if stated is None else self.value(stated)
 
     def attributes(self, name: str) -> dict[str, Any] | None:  # Any: as in `Call`
         """What a class assigns to its names, if it does nothing else; None for any other."""
         found = [n for n in self.tree.body if isinstance(n, ast.ClassDef) and n.name == name]
-        body = _meant(found[-1].body) if found else []
-        stated = dict(_assigned(body))
-        if not found or len(stated) != len(body):
+        if not found or not _only_assigns(found[-1]):
             return None
-        return {key: self.value(value) for key, value in stated.items()}
+        return {key: self.value(value) for key, value in _assigned(found[-1].body)}
 
     def value(self, node: ast.expr, deep: int = 0) -> Any:  # Any: as in `Call`
         """A value, a `Call`, or the `Text` of the expression."""
@@ -223,79 +216,6 @@ class Module:
         value = self.value(node, deep + 1)
         return value if isinstance(value, PurePosixPath) else None
 
-    # --- words --------------------------------------------------------------------------------
-
-    def words(self, form: str, book: Writer, read: Collection[str] = (), part: str = "") -> None:
-        """Every import and statement as a word `<form>:...` of a subject `code ...`.
-
-        read: names of constants, functions and classes whose values are facts already.
-        part: which of several modules it is.
-        """
-        scope = f"{part} " if part else ""
-        labels = []
-        for node in _meant(self.tree.body):
-            if isinstance(node, ast.Import | ast.ImportFrom):
-                module = "." * node.level + (node.module or "") if _is_from(node) else ""
-                for alias in node.names:
-                    subject = f"{scope}import {alias.asname or alias.name}"
-                    said = f"{module} {alias.name}".strip()
-                    book.put("code", subject, {f"{form}:from": said})
-                    book.place("code", subject, f"{self.name}:{node.lineno}")
-                continue
-            label = _label(node)
-            labels.append(label)
-            if isinstance(node, ast.FunctionDef | ast.ClassDef):
-                subject = f"{scope}{node.name}"
-                book.put("code", subject, {f"{form}:signature": _signature(node)})
-                book.place("code", subject, f"{self.name}:{node.lineno}")
-                if not (node.name in read and self._is_plain(node)):
-                    self._statements(node.body, subject, form, book)
-            elif label not in read:
-                self._statement(node, f"{scope}{label}", form, book)
-        book.put("code", f"{scope}module", {f"{form}:order": tuple(labels)})
-
-    def _is_plain(self, node: ast.FunctionDef | ast.ClassDef) -> bool:
-        if isinstance(node, ast.ClassDef):
-            return self.attributes(node.name) is not None
-        return self.returned(node.name) is not None
-
-    def _statements(self, body: list[ast.stmt], scope: str, form: str, book: Writer) -> None:
-        seen: dict[str, int] = {}
-        labels = []
-        for node in _meant(body):
-            label = _label(node)
-            seen[label] = seen.get(label, 0) + 1
-            label += f" ({seen[label]})" if seen[label] > 1 else ""
-            labels.append(label)
-            self._statement(node, f"{scope}: {label}", form, book)
-        book.put("code", scope, {f"{form}:order": tuple(labels)})
-
-    def _statement(self, node: ast.stmt, subject: str, form: str, book: Writer) -> None:
-        book.place("code", subject, f"{self.name}:{node.lineno}")
-        match node:
-            case ast.Assign(value=value) | ast.AugAssign(value=value):
-                said = self.value(value) if _is_literal(value) else ast.unparse(value)
-            case ast.Expr(value=ast.Call() as call):
-                arguments = [*call.args, *(k for k in call.keywords)]
-                said = ", ".join(map(ast.unparse, arguments))
-            case ast.Return(value=ast.expr() as value):
-                said = ast.unparse(value)
-            case ast.For(iter=over, body=body, orelse=[]):
-                said = ast.unparse(over)
-                self._statements(body, subject, form, book)
-            case ast.If(test=test, body=body, orelse=orelse):
-                said = ast.unparse(test)
-                self._statements(body, subject, form, book)
-                if orelse:
-                    self._statements(orelse, f"{subject} else", form, book)
-            case _:
-                said = ast.unparse(node)
-        book.put("code", subject, {f"{form}:statement": said})
-
-
-def _is_from(node: ast.Import | ast.ImportFrom) -> bool:
-    return isinstance(node, ast.ImportFrom)
-
 
 # --- parts ------------------------------------------------------------------------------------
 
@@ -320,7 +240,27 @@ def _pairs(target: ast.expr, value: ast.expr) -> Iterator[tuple[str, ast.expr]]:
                 yield from _pairs(inner, part)
 
 
-def _meant(body: list[ast.stmt]) -> list[ast.stmt]:
+def is_plain(node: ast.FunctionDef | ast.ClassDef) -> bool:
+    """Whether it is a value with a name: `returned` or `attributes` gives all of it."""
+    if isinstance(node, ast.ClassDef):
+        return _only_assigns(node)
+    return _only_return(node) is not None
+
+
+def _only_return(node: ast.FunctionDef) -> ast.expr | None:
+    match meant(node.body):
+        case [ast.Return(value=ast.expr() as value)]:
+            return value
+    return None
+
+
+def _only_assigns(node: ast.ClassDef) -> bool:
+    body = meant(node.body)
+    names = [name for name, _ in _assigned(body)]
+    return len(body) == len(names) == len(set(names))
+
+
+def meant(body: list[ast.stmt]) -> list[ast.stmt]:
     """The statements that have an effect: a text that stands alone is documentation."""
     return [node for node in body if not _is_documentation(node)]
 
@@ -332,43 +272,8 @@ def _is_documentation(node: ast.stmt) -> bool:
     return False
 
 
-def _label(node: ast.stmt) -> str:
-    """What a statement is about: the name that it assigns, calls or defines."""
-    match node:
-        case ast.Assign(targets=targets):
-            return " = ".join(map(ast.unparse, targets)).strip("()")
-        case ast.AugAssign(target=target, op=op):
-            return f"{ast.unparse(target)} {type(op).__name__}"
-        case ast.Expr(value=ast.Call(func=func)):
-            return ast.unparse(func)
-        case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
-            return name
-        case ast.For(target=target):
-            return f"for {ast.unparse(target)}"
-    return type(node).__name__.lower()
-
-
-def _signature(node: ast.FunctionDef | ast.ClassDef) -> str:
-    """Decorators, parameters with their defaults, and what comes out; the bases of a class."""
-    above = " ".join(f"@{ast.unparse(decorator)}" for decorator in node.decorator_list)
-    if isinstance(node, ast.ClassDef):
-        bases = ", ".join(ast.unparse(part) for part in (*node.bases, *node.keywords))
-        return f"{above} class({bases})".strip()
-    result = f" -> {ast.unparse(node.returns)}" if node.returns else ""
-    return f"{above} ({ast.unparse(node.args)}){result}".strip()
-
-
 def _is_none(node: ast.expr) -> bool:
     return isinstance(node, ast.Constant) and node.value is None
-
-
-def _is_literal(node: ast.expr) -> bool:
-    match node:
-        case ast.Constant():
-            return True
-        case ast.UnaryOp(op=ast.USub(), operand=ast.Constant()):
-            return True
-    return False
 
 
 def _plain(constant: object) -> object:

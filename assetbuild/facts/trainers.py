@@ -27,6 +27,8 @@ class Names:
     def of(self, pattern: str, kind: str) -> tuple[str, ...]:
         """The robot's names that a pattern matches whole; itself where it matches none."""
         names = self.bodies if kind == "body" else self.joints
+        if pattern == ".*":
+            return tuple(names.values())
         try:
             found = tuple(own for there, own in names.items() if re.fullmatch(pattern, there))
         except re.error:
@@ -57,7 +59,7 @@ def texts(value: object) -> tuple[str, ...]:
 def spread(
     table: object, kind: str, names: Names, book: Writer, where: str
 ) -> Iterator[tuple[str, Any]]:  # Any: a value of `syntax`
-    """(name, value) of a map by patterns; a name that two patterns match is unread at the second."""
+    """(name, value) of a map by patterns; what a second pattern says of a name is unread."""
     seen: set[str] = set()
     for pattern, value in table.items() if isinstance(table, dict) else ():
         for name in names.of(str(pattern), kind):

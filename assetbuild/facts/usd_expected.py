@@ -9,8 +9,8 @@ import itertools
 
 from assetbuild.facts.reference import Reference, filtered_pairs, pose_value
 from assetbuild.facts.table import Key, Table, Value, Writer
-from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import MOVING, Actuator, Control, Joint, Tree
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.model import MOVING, Actuator, Joint, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Material, Mesh, Shape
 from assetbuild.simulators.usd_names import (
@@ -38,7 +38,7 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
             for quantity in ("centre of mass", "inertia"):
                 book.facts.pop(Key("body", body.name, quantity), None)
         book.put("body", body.name, rigid_body_words(options.rigid_body))
-    starts = starting_positions(tree, control)
+    starts = dict(initial_pose(tree, control).joints)
     touching = _jointed_that_touch(reference)
     for joint in tree.joints:
         book.put("joint", joint.name, {
@@ -114,21 +114,6 @@ def rigid_body_words(options: UsdRigidBody) -> dict[str, Value]:
 # --- joints ----------------------------------------------------------------------------------
 
 
-def starting_positions(tree: Tree, control: Control) -> dict[str, float]:
-    """rad or m: the keyframe `home`; without it the position within the limits nearest to 0."""
-    if control.home is not None:
-        home = dict(control.home.joints)
-        return {joint.name: home.get(joint.name, 0.0) for joint in tree.moving_joints}
-    inside = {}
-    for joint in tree.moving_joints:
-        limited = joint.kind != "continuous"
-        lower = joint.limits.lower if limited else None
-        upper = joint.limits.upper if limited else None
-        value = 0.0 if lower is None else max(0.0, lower)
-        inside[joint.name] = value if upper is None else min(value, upper)
-    return with_mimics(tree, inside)
-
-
 def _driven(
     joint: Joint, row: Actuator | None, start: float, options: UsdOptions, book: Writer
 ) -> None:
@@ -189,7 +174,7 @@ def _mimic(tree: Tree, joint: Joint, options: UsdOptions, book: Writer) -> None:
 
 def _shape(shape: Shape, reference: Reference, options: UsdOptions, book: Writer) -> None:
     """Colliders are hulls and guides, which no picture shows; visual meshes are shared."""
-    collides, is_mesh = shape.role == "collision", isinstance(shape.geometry, Mesh)
+    collides = shape.role == "collision"
     facts: dict[str, Value] = {
         "usd:purpose": "guide" if collides else "default",
         "usd:group": "collisions" if collides else "visuals",
@@ -197,10 +182,10 @@ def _shape(shape: Shape, reference: Reference, options: UsdOptions, book: Writer
     }
     if collides or shape.material is not None:
         facts["usd:binding strength"] = "weakerThanDescendants"
-    if is_mesh:
+    if isinstance(shape.geometry, Mesh):
         # Any other scheme would smooth it; shells that are open show from both sides in MuJoCo.
         facts |= {"usd:subdivisionScheme": "none", "usd:doubleSided": True}
-        facts |= _normals(shape, reference)
+        facts |= _normals(shape, shape.geometry.mesh, reference)
         if collides:
             facts |= {"usd:approximation": "convexHull", "usd:hullVertexLimit": HULL_VERTICES}
         elif options.instanceable:
@@ -212,10 +197,9 @@ def _shape(shape: Shape, reference: Reference, options: UsdOptions, book: Writer
     book.put("shape", shape.name, facts)
 
 
-def _normals(shape: Shape, reference: Reference) -> dict[str, Value]:
+def _normals(shape: Shape, mesh: str, reference: Reference) -> dict[str, Value]:
     """Those that the mesh states, in its body's axes; of its faces where it states none."""
-    assert isinstance(shape.geometry, Mesh)
-    surface = dict(reference.assets.surfaces)[shape.geometry.mesh]
+    surface = dict(reference.assets.surfaces)[mesh]
     if not surface.normals:
         return {"usd:normals": "of its faces"}
     _, pose = reference.tree.shape_placement(shape)

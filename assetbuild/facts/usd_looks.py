@@ -110,18 +110,17 @@ def surface_material(prim: Prim) -> dict[str, Value]:
     static = prim.number("physics:staticFriction", schema) or 0.0
     beyond = [prim.number(f"newton:{name}Friction", "NewtonMaterialAPI")
               for name in ("torsional", "rolling")]  # fmt: skip
-    return {
+    found: dict[str, Value] = {
         "friction": (static, *(value for value in beyond if value is not None)),
         "restitution": prim.number("physics:restitution", schema) or 0.0,
         "usd:dynamicFriction": prim.number("physics:dynamicFriction", schema) or 0.0,
     }
+    mode = prim.text("physxMaterial:frictionCombineMode", "PhysxMaterialAPI")
+    return found | {"usd:frictionCombineMode": mode} if mode else found
 
 
 def _pixels(file: Sdf.AssetPath) -> str:
-    try:
-        return pixel_digest(Path(str(file.resolvedPath)))
-    except OSError:
-        return f"unreadable {file.path}"
+    return pixel_digest(Path(str(file.resolvedPath))) or f"unreadable {file.path}"
 
 
 def _numbers(value: object) -> tuple[float, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from assetbuild.facts.surface import Surface, measure
@@ -12,6 +13,7 @@ from assetbuild.facts.table import Value
 from assetbuild.facts.usd_prims import Prim, Units, rigid
 from assetbuild.robot.pose import Array
 
+Whole = NDArray[np.int64]
 TOPOLOGY = ("points", "faceVertexCounts", "faceVertexIndices", "orientation")
 NORMALS = ("normals", "primvars:st", "primvars:st:indices", "extent")
 NEAR = 1e-3
@@ -97,7 +99,7 @@ def _measure(prim: Usd.Prim, units: Units) -> Measured:
     return Measured(corners, uv, measure(corners, uv, normals), words)
 
 
-def _triangles(counts: np.ndarray[tuple[int], np.dtype[np.int64]], *, flip: bool) -> Array:
+def _triangles(counts: Whole, *, flip: bool) -> Whole:
     """(n, 3) places in the list of face corners: each polygon cut into a fan."""
     starts = np.concatenate(([0], np.cumsum(counts)[:-1])) if len(counts) else counts
     if np.all(counts == 3):
@@ -107,10 +109,11 @@ def _triangles(counts: np.ndarray[tuple[int], np.dtype[np.int64]], *, flip: bool
             [(s, s + i, s + i + 1) for s, n in zip(starts, counts, strict=True)
              for i in range(1, n - 1)], dtype=np.int64,
         ).reshape(-1, 3)  # fmt: skip
-    return fans[:, ::-1] if flip else fans  # type: ignore[return-value] # whole numbers
+    found: Whole = fans[:, ::-1] if flip else fans
+    return found
 
 
-def _texture_corners(prim: Usd.Prim, indices: Array, where: Array) -> Array | None:
+def _texture_corners(prim: Usd.Prim, indices: Whole, where: Whole) -> Array | None:
     """(n, 3, 2) of the primvar `st`, None where it has none or does not fit the mesh."""
     primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar("st")
     if not primvar or not primvar.HasAuthoredValue():
@@ -145,7 +148,7 @@ def extent_text(stated: object, bounds: Array) -> str:
 
 
 def _normals(
-    mesh: UsdGeom.Mesh, points: Array, indices: Array, where: Array, counts: Array
+    mesh: UsdGeom.Mesh, points: Array, indices: Whole, where: Whole, counts: Whole
 ) -> tuple[str, Array | None]:
     """Whose the normals are, and (n, 3, 3) of the corners where they are not their faces' alone."""
     attribute = mesh.GetNormalsAttr()

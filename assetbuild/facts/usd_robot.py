@@ -87,7 +87,6 @@ def read_robot(path: Path) -> Table:
         _sort(child, Above(), found, book)
     places = Places(units)
     names = {path: prim.named("body") for path, prim in found.bodies.items()}
-    filters: list[tuple[str, str]] = []
     looks = Looks(found.materials, found.shaders, book)
     colliders = read_shapes(found.shapes, names, places, looks, book)
     joints = [JointPrim(prim, names, places) for prim in found.joints]
@@ -100,10 +99,11 @@ def read_robot(path: Path) -> Table:
         )
         prim.placed()
     _root(top, found, joints, names, places, book)
-    for prim in _all(found):
-        filters += [
-            (prim.path, t) for t in prim.targets("physics:filteredPairs", "PhysicsFilteredPairsAPI")
-        ]
+    filters = [
+        (prim.path, target)
+        for prim in _all(found)
+        for target in prim.targets("physics:filteredPairs", "PhysicsFilteredPairsAPI")
+    ]
     apart = [frozenset(j.ends) for j in joints if len(j.ends) == 2 and not j.touching]
     pair_facts(colliders, names, filters, apart, _articulated(found), book)
     looks.unbound()
@@ -244,14 +244,16 @@ def _root(
     book: Writer,
 ) -> None:
     """Whether the base is held, where, and what carries the articulation."""
-    roots = []
-    for prim in _all(found):
-        if not prim.has("PhysicsArticulationRootAPI"):
-            continue
-        held = next((j for j in joints if j.prim is prim), None)
-        roots.append("the joint with the world" if held and not held.parent
-                     else f"body {names[prim.path]}" if prim.path in names else prim.path)  # fmt: skip
+    carriers = [prim for prim in _all(found) if prim.has("PhysicsArticulationRootAPI")]
+    for prim in carriers:
         _articulation(prim, book)
+    world = {joint.prim.path for joint in joints if not joint.parent}
+    roots = [
+        "the joint with the world" if prim.path in world
+        else f"body {names[prim.path]}" if prim.path in names
+        else prim.path
+        for prim in carriers
+    ]  # fmt: skip
     held_bodies = [j for j in joints if j.holds_base]
     facts: dict[str, Value] = {
         "base": "fixed" if held_bodies else "floating",

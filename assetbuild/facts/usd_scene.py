@@ -9,7 +9,6 @@ from pxr import Sdf, Usd, UsdPhysics, UsdShade
 
 from assetbuild.facts.reference import Reference, pose_value
 from assetbuild.facts.table import Table, Value, Writer
-from assetbuild.facts.usd_expected import starting_positions
 from assetbuild.facts.usd_looks import Looks, take_bindings
 from assetbuild.facts.usd_meshes import extent_text
 from assetbuild.facts.usd_prims import (
@@ -20,6 +19,8 @@ from assetbuild.facts.usd_prims import (
     stage_facts,
     units_of,
 )
+from assetbuild.robot.floor import floor_of
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.simulators.usd_names import usd_identifier
@@ -27,7 +28,7 @@ from assetbuild.simulators.usd_names import usd_identifier
 FLOOR_M = 20.0
 """Edge of the floor as it is drawn; it collides without end."""
 CLEARANCE_M = 1e-3
-"""The soles start a millimetre above the floor: PhysX throws out a sole that starts inside of it."""
+"""The soles start a millimetre above the floor: PhysX throws out what starts inside of it."""
 MOVED = frozenset({"xformOp:translate", "xformOp:orient"})
 CONTAINERS = frozenset({"Xform", "Scope"})
 
@@ -165,7 +166,8 @@ def _light(prim: Prim, book: Writer) -> None:
 def scene_table(robot: str, reference: Reference) -> Table:
     """The robot in its initial pose, on a floor that rubs as its least rough surface.
 
-    PhysX takes the mean of two frictions, so that what the recipe says is what acts on most of it.
+    The larger friction of two surfaces acts, as in MuJoCo. Below a bolted robot that reaches under
+    its base the floor is lower: see `robot.floor`.
     """
     book = Writer()
     tree, control = reference.tree, reference.control
@@ -183,27 +185,26 @@ def scene_table(robot: str, reference: Reference) -> Table:
         "gravity": tuple(simulation.gravity),
         "timestep": 1.0 / round(1.0 / simulation.timestep),  # USD has whole steps per second
     })  # fmt: skip
-    surfaces = [control.contact, *(own for _, own in control.contacts if not own.priority)]
-    friction = tuple(min(v) for v in zip(*(s.friction for s in surfaces), strict=True))
+    ground = floor_of(tree, control)
     book.put("floor", "", {
-        "height": 0.0,
-        "friction": friction,
-        "usd:floor pose": pose_value(IDENTITY),
+        "height": ground.height_m,
+        "friction": ground.friction,
+        "usd:floor pose": pose_value(Pose((0.0, 0.0, ground.height_m))),
+        "usd:frictionCombineMode": "max",
         "usd:axis": "Z",
         "usd:width": FLOOR_M,
         "usd:length": FLOOR_M,
         "usd:extent": "its bounds",
         "usd:collides": True,
-        "usd:dynamicFriction": friction[0],
+        "usd:dynamicFriction": ground.friction[0],
         "usd:restitution": 0.0,
         "usd:binding strength": "weakerThanDescendants",
     })  # fmt: skip
     book.put("light", "light", {"usd:type": "DomeLight", "usd:intensity": 1000.0})
-    start = tree.X_world_root
+    start, initial = tree.X_world_root, initial_pose(tree, control)
     if tree.base == "floating":
-        base = control.home.base if control.home else None
+        base = initial.base
         start = IDENTITY if base is None else Pose((0.0, 0.0, CLEARANCE_M)) @ base
-    positions = starting_positions(tree, control)
-    for body, pose in forward_kinematics(tree, positions).items():
+    for body, pose in forward_kinematics(tree, dict(initial.joints)).items():
         book.put("start", body, {"usd:initial pose": pose_value(start @ pose)})
     return book.table()

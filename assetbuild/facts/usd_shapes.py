@@ -189,15 +189,18 @@ def pair_facts(
         first, second = bodies if len(bodies) == 2 else (*bodies, *bodies)
         never |= {frozenset(p) for p in itertools.product(
             of_body.get(first, ()), of_body.get(second, ()))}  # fmt: skip
-    for one, two in itertools.combinations(sorted(of_body, key=lambda p: names.get(p, p)), 2):
+    bodies_in_order = sorted(of_body, key=lambda path: names.get(path, path))
+    for left, right in itertools.combinations(bodies_in_order, 2):
         pairs = [
             (a, b)
-            for a, b in itertools.product(of_body[one], of_body[two])
+            for a, b in itertools.product(of_body[left], of_body[right])
             if colliders[a].touches and colliders[b].touches
         ]
         kept = [frozenset(pair) in never for pair in pairs]
         if all(kept):
-            book.put("pair", f"{names.get(one, one)} {names.get(two, two)}", {"filtered": True})
+            book.put(
+                "pair", f"{names.get(left, left)} {names.get(right, right)}", {"filtered": True}
+            )
             continue
         for (a, b), is_apart in zip(pairs, kept, strict=True):
             if is_apart:

@@ -200,11 +200,6 @@ _ROWS: tuple[Quantity, ...] = (
         ("friction", "vector", "1, m, m", "HIGH",
          "of that floor: sliding, torsional, rolling", None),
     ),
-    *_of(
-        "element",
-        ("text", "text", "", "MEDIUM",
-         "an element of the source's MJCF that no other format can say"),
-    ),
 )  # fmt: skip
 
 VOCABULARY: Mapping[tuple[str, str], Quantity] = {(row.kind, row.name): row for row in _ROWS}

@@ -69,20 +69,20 @@ class Walk:
     def numbers(
         self, element: _Element | None, attribute: str, count: int = 0
     ) -> tuple[float, ...] | None:
-        """The numbers of an attribute, or None. count: how many there must be, 0 = any."""
-        text = self.text(element, attribute)
-        if element is None or text is None:
+        """The numbers of an attribute, or None; one that holds others is unread.
+
+        count: how many there must be, 0 = any.
+        """
+        text = None if element is None else element.get(attribute)
+        if element is None or text is None or "_" in text:  # 1_000 is a number to Python
             return None
         try:
-            if "_" in text:  # which Python takes
-                raise ValueError
-            found = tuple(float(word) for word in text.split())
+            found = tuple(float(word) for word in str(text).split())
         except ValueError:
-            found = ()
+            return None
         if not found or (count and len(found) != count):
-            wanted = f"{count} numbers" if count > 1 else "a number"
-            message = f"{element.tag} {attribute} is `{text[:60]}`, not {wanted}"
-            raise UsageError(message, where=Where(self.name, self.line(element)))
+            return None
+        self._attributes.add((element, attribute))
         return found
 
     def number(self, element: _Element | None, attribute: str) -> float | None:

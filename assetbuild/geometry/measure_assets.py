@@ -17,7 +17,7 @@ from assetbuild.robot.files import RobotFiles
 class MeasureAssets(Step):
     """`shapes.json`, `meshes/` -> `assets.json`: surface of every mesh, pixels of every picture."""
 
-    version = "2"
+    version = "3"
     outputs = ("assets.json",)
     tools = ("numpy", "pillow")
 

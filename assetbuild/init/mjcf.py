@@ -16,7 +16,8 @@ from assetbuild.init.look import InspectedRobot, judge
 from assetbuild.init.packages import above, is_file
 from assetbuild.init.repairs import repairs
 from assetbuild.init.targets import targets
-from assetbuild.init.text import head, home, standing
+from assetbuild.init.text import head, home, validation
+from assetbuild.init.trial import tables, try_to_stand
 from assetbuild.init.words import some, source_section, written
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control
@@ -97,7 +98,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> str:
         _collision(robot),
         _drives(control),
         () if control.keyframes else home(robot, anatomy, home_pose(robot.tree, anatomy.legs)),
-        [targets(robot), *_validate(robot, anatomy, control)],
+        [targets(robot), *_validate(found, anatomy)],
     )
 
 
@@ -110,9 +111,9 @@ def _taken(found: MjcfSource) -> Iterator[str]:
     yield f"# simulation: {{timestep: {step:g}}}   # s"
     yield f"# collision pairs that are excluded: {len(control.excludes)}"
     if control.keyframes:
-        yield f"# keyframes: {some([key.name for key in control.keyframes])}"
+        yield f"# its keyframes: {some([key.name for key in control.keyframes])}"
     if control.sensors:
-        yield f"# sensors: {some([sensor.name for sensor in control.sensors])}"
+        yield f"# its sensors: {some([sensor.name for sensor in control.sensors])}"
 
 
 def _collision(robot: InspectedRobot) -> Iterator[str]:
@@ -134,14 +135,18 @@ def _drives(control: Control) -> Iterator[str]:
         yield DRIVES
 
 
-def _validate(robot: InspectedRobot, anatomy: Anatomy, control: Control) -> Iterator[str]:
-    """Four legs or more with drives must stand."""
+def _validate(found: MjcfSource, anatomy: Anatomy) -> Iterator[str]:
+    """Legs with drives are tried; keyframes of the source are its own affair."""
+    robot, control, legs = found.robot, found.control, anatomy.legs
     named = {key.name for key in control.keyframes}
     driven = {a.joint for a in control.actuators if a.model in ("pd", "general")}
-    legs = anatomy.legs
-    if len(legs) < 4 or not all(j.name in driven for leg in legs for j in leg.joints):
+    if not legs or not all(j.name in driven for leg in legs for j in leg.joints):
         return
     if named and "home" not in named:
         return
-    yield "validate:"
-    yield f"  {standing(robot, legs)}   # must not fall"
+    soles = [sole for leg in legs for sole in leg.soles]
+    step = {"timestep": control.simulation.timestep}
+    home = control.initial_keyframe
+    pose = dict(home.joints) if home else home_pose(robot.tree, legs)
+    trial = try_to_stand(robot, found.root, soles, tables((), pose, step), control)
+    yield from validation(robot, legs, trial)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from assetbuild.init.anatomy import Anatomy, Leg
@@ -27,6 +27,7 @@ from assetbuild.init.patterns import pattern_of, patterns_of
 from assetbuild.init.repairs import repairs
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.targets import targets
+from assetbuild.init.trial import Trial, tables, try_to_stand
 from assetbuild.init.up_axis import turned
 from assetbuild.init.words import flow, inline, plain, quoted, some, source_section, written
 from assetbuild.recipe.loader import shown_path
@@ -38,6 +39,9 @@ from assetbuild.robot.tree import forward_kinematics
 COMPOUND = 0.15
 """Joints closer than this share of the robot's size make one compound joint (a hip, a wrist)."""
 LIGHT_KG = 5.0
+SHORT_STEP_S = 0.002
+MANY_LEGS = 4
+"""Robots on as many legs usually stand."""
 DROPPED = {"damping": "it would creep for minutes", "friction": "it takes most of the effort"}
 
 
@@ -62,7 +66,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         _collision(robot, anatomy),
         _actuators(robot.tree, drives),
         home(robot, anatomy, pose),
-        _simulation(robot, anatomy, drives),
+        _simulation(robot, anatomy, drives, lambda: _tried(robot, anatomy, source, pose, drives)),
         _variants(robot, anatomy),
     )
 
@@ -253,8 +257,23 @@ def _soles(robot: InspectedRobot, legs: Sequence[Leg]) -> str:
     return pattern_of([sole for leg in legs for sole in leg.soles], list(robot.links.by_body))
 
 
+def _tried(
+    robot: InspectedRobot,
+    anatomy: Anatomy,
+    source: UrdfSource,
+    pose: dict[str, float],
+    drives: Sequence[DriveRow],
+) -> Trial:
+    step = {"timestep": timestep(robot.tree, drives)}
+    soles = [sole for leg in anatomy.legs for sole in leg.soles]
+    return try_to_stand(robot, source.root, soles, tables(drives, pose, step))
+
+
 def _simulation(
-    robot: InspectedRobot, anatomy: Anatomy, drives: Sequence[DriveRow]
+    robot: InspectedRobot,
+    anatomy: Anatomy,
+    drives: Sequence[DriveRow],
+    trial: Callable[[], Trial],
 ) -> Iterator[str]:
     legs = anatomy.legs
     yield "contact: {friction: [0.8, 0.02, 0.01], condim: 3}   # rubber on a floor"
@@ -262,28 +281,45 @@ def _simulation(
     yield targets(robot)
     if not legs or not all(joint.limits.effort for leg in legs for joint in leg.joints):
         return
-    yield "validate:"
-    if len(legs) >= 4:
-        yield f"  {standing(robot, legs)}   # must not fall or sink"
-    else:
-        yield f"  # {standing(robot, legs)}"
-        yield "  # Two legs stand only with balanced gains: switch this on once they are."
-        yield "  free_fall: {}"
+    yield from validation(robot, legs, trial())
     if targets(robot).startswith("targets: [urdf, mjcf"):
         yield "# To train in mjlab: add `mjlab` to the targets, and"
         yield f"# feet: {{links: {quoted(_soles(robot, legs))}}}"
         yield f"# imu: {{link: {quoted(robot.tree.root)}}}   # or the link of its IMU"
 
 
+def validation(robot: InspectedRobot, legs: Sequence[Leg], trial: Trial) -> Iterator[str]:
+    """The section `validate`: a robot that stands by its drives must go on to do so."""
+    line, said = standing(robot, legs), plain(trial.sentence, 200)
+    yield "validate:"
+    if trial.stands:
+        yield f"  # In MuJoCo, on its soles, it {said}."
+        yield f"  {line}   # a fall is an error"
+    elif trial.stands is None and len(legs) >= MANY_LEGS:
+        yield f"  # Judged by its legs to stand, but not tried: {said}."
+        yield f"  {line}"
+    else:
+        seen = "In MuJoCo, on its soles, it" if trial.stands is not None else "Not tried:"
+        yield f"  # {seen} {said}."
+        yield "  # Once its gains and pose are balanced, ask it to stand:"
+        yield f"  # {line}"
+        yield "  free_fall: {}"
+
+
+def timestep(tree: Tree, drives: Sequence[DriveRow]) -> float:
+    """Contacts of a light robot need short steps, as stiff legs without rotors do; s."""
+    hops = any(row.outruns(STEP_S) for row in drives)
+    return SHORT_STEP_S if hops or total_mass(tree) < LIGHT_KG else STEP_S
+
+
 def _steps(tree: Tree, drives: Sequence[DriveRow]) -> Iterator[str]:
-    """Contacts of a light robot need short steps, as stiff legs without rotors do."""
     hops = any(row.outruns(STEP_S) for row in drives)
     if hops:
         yield f"# At {1e3 * STEP_S:g} ms these legs would hop, for they lack their rotors' inertia."
         yield "# State it (`armature`, or `rotor_inertia` and `gear`), then try the longer step."
-    if hops or total_mass(tree) < LIGHT_KG:
+    if timestep(tree, drives) < STEP_S:
         said = f"# 500 Hz physics{'' if hops else ', as it is light'}; 50 Hz control"
-        yield f"simulation: {{timestep: 0.002, decimation: 10}}   {said}"
+        yield f"simulation: {{timestep: {SHORT_STEP_S}, decimation: 10}}   {said}"
     else:
         yield f"simulation: {{timestep: {STEP_S}, decimation: 4}}   # 200 Hz physics, 50 Hz control"
 

@@ -8,16 +8,22 @@ from dataclasses import replace
 from pathlib import Path
 
 from assetbuild.compose.compose_parts import prefixed_subject
+from assetbuild.control.actuator_findings import NO_ACTUATOR
 from assetbuild.engine.make import NodeResult
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, Where
 from assetbuild.findings import Finding
+from assetbuild.kinds import Check
 from assetbuild.lock import lock_path, place_of_pin
 from assetbuild.looks.plan import PICTURE_MODEL
 from assetbuild.pipeline.licences import licence_findings
 from assetbuild.plan import Outline
+from assetbuild.plan.asked import asked
+from assetbuild.plugins import plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
-from assetbuild.report.document import CheckResult, Report, make_report
+from assetbuild.recipe.models import Recipe, Waiver
+from assetbuild.report.document import Report, make_report
+from assetbuild.report.verdict import NOT_RUN, TRAINER_CHECKS, CheckResult
 
 
 def judged(
@@ -33,8 +39,46 @@ def judged(
         bad = any(finding.severity == "error" for finding in result.findings)
         figures = json.loads(session.read(result["figures.json"]))
         checks[name] = CheckResult("fail" if bad else "pass", figures)
+    findings += _not_run(loaded, checks)
     locate = locator(loaded, outline, results, session)
-    return make_report(loaded.recipe.robot, findings, checks, loaded.recipe.rules, locate)
+    waivers, commands = _waivers(loaded.recipe), _commands(loaded)
+    return make_report(loaded.recipe.robot, findings, checks, waivers, locate, commands)
+
+
+def _waivers(recipe: Recipe) -> Mapping[str, Waiver]:
+    """A robot that nothing drives is only accepted where `actuators: []` says so itself."""
+    on_purpose = recipe.states("actuators") and recipe.agrees("actuators", ())
+    return {
+        rule: waiver
+        for rule, waiver in recipe.rules.items()
+        if on_purpose or rule != NO_ACTUATOR.id
+    }
+
+
+def _not_run(loaded: LoadedRecipe, checks: Mapping[str, CheckResult]) -> Iterator[Finding]:
+    """One for each request of the recipe that no check answered."""
+    for request in asked(loaded.recipe):
+        results = {name: checks[name] for name in request.checks if name in checks}
+        if all(result.status == "skip" for result in results.values()):
+            notes = [f"`{name}`: {result.note}" for name, result in results.items()]
+            why = request.lack or "; ".join(notes) or "nothing that it reads was built"
+            yield NOT_RUN(
+                f"recipe {request.key}",
+                f"`{request.key}` asks for a check that did not run: {why}",
+                hint="provide that, or remove the request from the recipe",
+                data={"checks": request.checks},
+            )
+
+
+def _commands(loaded: LoadedRecipe) -> dict[str, str]:
+    """Trainer -> the command that lets it try the bundle; not as seen from the working folder."""
+    variant = f" --variant {loaded.variant}" if loaded.variant else ""
+    names = [name for name in plugin_names(Check) if name.startswith(TRAINER_CHECKS)]
+    return {
+        name.removeprefix(TRAINER_CHECKS): f"assetbuild smoke {loaded.path.name}{variant} "
+        f"--consumer {name.removeprefix(TRAINER_CHECKS)}"
+        for name in names
+    }
 
 
 def findings_of(

@@ -1,4 +1,4 @@
-"""Write the reference pages that the code itself states: recipe keys, and rules by family.
+"""Write the reference pages that the code itself states: recipe keys, rules by family, facts.
 
 `python -m assetbuild.pipeline.reference docs/reference` renews the committed pages.
 """
@@ -15,6 +15,7 @@ from types import ModuleType
 
 import assetbuild
 from assetbuild.findings import Rule
+from assetbuild.pipeline.fact_reference import fact_page
 from assetbuild.pipeline.key_reference import key_page
 
 HEADER = "<!-- Generated: python -m assetbuild.pipeline.reference docs/reference -->\n"
@@ -132,7 +133,8 @@ def write_reference(folder: Path, modules: Iterable[ModuleType]) -> None:
     (folder / "rules").mkdir(parents=True, exist_ok=True)
     for old in (folder / "rules").glob("*.md"):
         old.unlink()
-    for path, text in {**pages, "recipe.md": HEADER + key_page()}.items():
+    own = {"recipe.md": HEADER + key_page(), "facts.md": HEADER + fact_page()}
+    for path, text in {**pages, **own}.items():
         (folder / path).write_text(text, encoding="utf-8")
 
 

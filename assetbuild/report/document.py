@@ -3,35 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from assetbuild import __version__
-from assetbuild.findings import SEVERITIES, Finding, Rule, is_consequence, worst_first
+from assetbuild.findings import SEVERITIES, Finding, Rule, worst_first
 from assetbuild.recipe.models import Waiver
+from assetbuild.report.verdict import CheckResult, Verdict, judge
 
-Status = Literal["pass", "fail", "skip"]
 FailOn = Literal["error", "warning", "never"]
 
 UNUSED = Rule("rules.unused", "info", "the recipe changes a rule that found nothing", "remove it")
-
-
-@dataclass(frozen=True)
-class CheckResult:
-    """One check: its numbers, or why it was skipped."""
-
-    status: Status
-    figures: Mapping[str, object] = field(default_factory=dict)
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Ready for training or not, what blocks, and the next move."""
-
-    ready: bool
-    blocked_by: tuple[str, ...]
-    next_step: str
 
 
 @dataclass(frozen=True)
@@ -45,11 +27,10 @@ class Report:
 
     def to_json(self) -> dict[str, object]:
         """The content of `report.json`."""
-        verdict = asdict(self.verdict) | {"blocked_by": list(self.verdict.blocked_by)}
         return {
             "robot": self.robot,
             "assetbuild": __version__,
-            "verdict": verdict,
+            "verdict": self.verdict.to_json(),
             "findings": [finding.to_json() for finding in self.findings],
             "checks": {
                 name: {"status": check.status, "figures": dict(check.figures)}
@@ -65,14 +46,16 @@ def make_report(
     checks: Mapping[str, CheckResult],
     waivers: Mapping[str, Waiver],
     locate: Callable[[str], str],
+    commands: Mapping[str, str] | None = None,
 ) -> Report:
     """Waive, locate and order the findings, then judge.
 
     locate: from a finding's subject to `file:line`, or "" when the source has no such line.
+    commands: trainer -> the command with which it tries the bundle.
     """
     placed = [f if f.where else f.at(locate(f.subject)) for f in _once(findings)]
     final = worst_first([_waived(f, waivers) for f in placed] + _unused(placed, waivers))
-    return Report(robot, _judge(final, checks), tuple(final), checks)
+    return Report(robot, judge(final, checks, commands), tuple(final), checks)
 
 
 def _once(findings: Sequence[Finding]) -> list[Finding]:
@@ -109,21 +92,3 @@ def _unused(findings: Sequence[Finding], waivers: Mapping[str, Waiver]) -> list[
         for rule in waivers
         if rule not in found
     ]
-
-
-def _judge(findings: Sequence[Finding], checks: Mapping[str, CheckResult]) -> Verdict:
-    errors = [finding for finding in findings if finding.severity == "error"]
-    if errors:
-        causes = [finding for finding in errors if not is_consequence(finding)] or errors
-        first = causes[0]
-        place = f"{first.where}: " if first.where else ""
-        next_step = f"{place}{first.subject}: {first.hint or first.message}"
-        return Verdict(False, tuple(dict.fromkeys(f.rule for f in causes)), next_step)
-    warnings = [finding for finding in findings if finding.severity == "warning"]
-    if warnings:
-        them = "the warning" if len(warnings) == 1 else f"the {len(warnings)} warnings"
-        return Verdict(True, (), f"read {them}, then train")
-    skipped = [name for name, check in checks.items() if check.status == "skip"]
-    if skipped:
-        return Verdict(True, (), f"train; not checked here: {', '.join(sorted(skipped))}")
-    return Verdict(True, (), "train")

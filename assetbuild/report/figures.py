@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from typing import TypeGuard
 
-from assetbuild.report.document import CheckResult
 from assetbuild.report.markup import code, folded
 from assetbuild.report.tables import Record, Table, html_table, table, text_of
+from assetbuild.report.verdict import CheckResult
 
 FIRST = (
     *("", "rank", "row", "of", "name", "robot", "link", "body", "joint", "pair", "a", "b"),

@@ -11,19 +11,20 @@ from itertools import groupby
 from assetbuild import __version__
 from assetbuild.findings import SEVERITIES, Finding, is_consequence
 from assetbuild.report.card import card_tables
-from assetbuild.report.document import CheckResult, Report
+from assetbuild.report.document import Report
 from assetbuild.report.facts import Subject
 from assetbuild.report.figures import check_section, folded_table
 from assetbuild.report.markup import asset, code, filled, folded, prose
 from assetbuild.report.tables import html_table, text_of
+from assetbuild.report.verdict import CheckResult, verdict_rows
 from assetbuild.report.view import view_data
 from assetbuild.robot.inertia import total_mass
 
 SHOWN_OF_A_RULE = 2
 GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("equality", "The same robot in every format",
-     ("oracle", "urdf_", "dr_equal", "mjcf_equal", "mjcf_source", "mjcf_compiles",
-      "usd_equal", "usd_valid", "counts")),
+     ("oracle", "urdf_", "bare_", "dr_", "isaaclab_", "mjcf_", "mjlab_", "mjx_", "scene_", "usd_",
+      "counts")),
     ("alignment", "Simulators agree", ("alignment", "physx", "free_fall")),
     ("gains", "Drives and their effect", ("gains", "stand", "trials")),
     ("collision", "Collision quality", ("coverage", "collision")),
@@ -85,7 +86,21 @@ def _verdict(report: Report) -> str:
     if verdict.blocked_by:
         parts.append(f"<p>Blocked by {', '.join(map(code, verdict.blocked_by))}</p>")
     parts.append(f"<p>Next: {prose(verdict.next_step)}</p>")
+    rows = list(verdict_rows(verdict))
+    if verdict.not_tried:
+        notes = (
+            f"`{name}` ({note})" if note else f"`{name}`"
+            for name, note in verdict.not_tried.items()
+        )
+        rows.append(("checks", f"not run: {'; '.join(notes)}"))
+    parts.append(_parts(rows))
     return f'<div class="verdict {kind}" role="status">{"".join(parts)}</div>'
+
+
+def _parts(rows: Sequence[tuple[str, str]]) -> str:
+    """Formats, physics and trainers, each with what was found."""
+    items = "".join(f"<div><dt>{escape(k)}</dt><dd>{prose(v)}</dd></div>" for k, v in rows)
+    return f'<dl class="parts">{items}</dl>'
 
 
 def _tiles(report: Report, subject: Subject) -> str:

@@ -18,6 +18,7 @@ from pydantic import Field
 
 from assetbuild.findings import Finding, Rule, Scalar, Severity
 from assetbuild.quantities import Model, Positive
+from assetbuild.robot.axis_senses import image, odd_axes
 from assetbuild.robot.pose import Array
 from assetbuild.robot.twins import PLACE_M, Motion, Part, Twins
 
@@ -33,14 +34,15 @@ LIMITS = Rule(
 )
 AXES = Rule(
     "mirror.axes",
-    "info",
-    "an axis is not the mirror image of its twin's",
-    "correct the source, if it is a mistake",
+    ("info", "warning"),
+    "an axis is not the mirror image of its twin's (a warning when it alone of its limb points the "
+    "other way, against left and right or front and rear)",
+    "`flip_axis`, or correct the source, if it is a mistake",
 )
 HOME = Rule(
     "mirror.home",
     ("info", "warning"),
-    "the first keyframe is not its own mirror image (a warning when it has the sign of the other "
+    "the initial keyframe is not its own mirror image (a warning when it has the sign of the other "
     "side)",
     "correct it, unless it leans on purpose",
 )
@@ -85,7 +87,7 @@ class Tolerances(Model):
     inertia: Positive = Field(0.1, description="relative difference of inertia")
     axis: Positive = Field(0.02, description="rad, between an axis and its mirror image")
     limits: Positive = Field(0.005, description="rad or m, of either end of a range")
-    home: Positive = Field(0.001, description="rad or m, at the first keyframe")
+    home: Positive = Field(0.001, description="rad or m, at the initial keyframe")
     gains: Positive = Field(
         0.01, description="relative, of kp, kd, damping, friction, armature, effort, velocity"
     )
@@ -93,6 +95,19 @@ class Tolerances(Model):
 
 def mirror_findings(found: Twins, allowed: Tolerances) -> Iterator[Finding]:
     """All that two twins differ in by more than allowed, right against left."""
+    told: set[str] = set()
+    for finding in _of_twins(found, allowed):
+        told.add(finding.subject.removeprefix("joint "))
+        yield finding
+    sideways = odd_axes(found.pairs, found.flip, allowed.axis, strictly=True)
+    along = odd_axes(found.behind, found.flip_along, allowed.axis, strictly=False)
+    for (one, other), others in (*sideways, *along):
+        if not told & {one.name, other.name}:
+            told |= {one.name, other.name}
+            yield _odd(one, other, others)
+
+
+def _of_twins(found: Twins, allowed: Tolerances) -> Iterator[Finding]:
     for left, right in found.pairs:
         if left.mass > 0.0 and right.mass > 0.0:
             yield from _masses(left, right, found.flip, allowed)
@@ -135,8 +150,7 @@ def _largest(part: Part) -> float:
 
 
 def _motions(left: Motion, right: Motion, flip: Array, allowed: Tolerances) -> Iterator[Finding]:
-    image = (-1.0 if left.turns else 1.0) * (flip @ left.axis)
-    cosine = float(np.clip(image @ right.axis, -1.0, 1.0))
+    cosine = float(np.clip(image(left, flip) @ right.axis, -1.0, 1.0))
     angle = float(np.arccos(abs(cosine)))
     if angle > allowed.axis:
         off = f"{np.degrees(angle):.3g} degrees"
@@ -151,6 +165,18 @@ def _motions(left: Motion, right: Motion, flip: Array, allowed: Tolerances) -> I
     if found is None or found.severity != "warning":
         yield from _home(left, right, sign, allowed.home)
     # A joint that counts the wrong way has the wrong pose too, and one finding is enough.
+
+
+def _odd(one: Motion, other: Motion, others: int) -> Finding:
+    """A joint that counts the other way, though its range and pose fit."""
+    x, y, z = (f"{v:.3g}" for v in other.axis + 0.0)
+    message = (
+        f"its axis ({x}, {y}, {z}) in the root's frame has the sense opposite to that of "
+        f"`{one.name}`, while those of the other {others} joints of the limb agree"
+    )
+    hint = f"one of the two counts the wrong way: `flip_axis: {{joint: {other.name}}}` turns its "
+    hint += "axis, range and poses round"
+    return _finding(AXES, "joint", one, other, message, hint, {"others": others}, slip=True)
 
 
 def _limits(left: Motion, right: Motion, sign: float, tolerance: float) -> Finding | None:
@@ -185,7 +211,7 @@ def _home(left: Motion, right: Motion, sign: float, tolerance: float) -> Iterato
     if abs(wanted - right.home) <= tolerance:
         return
     slip = abs(wanted + right.home) <= tolerance
-    message = f"the first keyframe has it at {right.home:g} {right.unit}; as the mirror image of "
+    message = f"the initial keyframe has it at {right.home:g} {right.unit}; as the mirror image of "
     message += f"`{left.name}` it would be at {wanted:g}"
     hint = "correct the keyframe, unless the pose leans on purpose"
     data = {"position": right.home, "mirrored": wanted}

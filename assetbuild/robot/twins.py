@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,6 +22,15 @@ SIDES = (
 )
 """How names say left and right: `left`, `l_hip`, `FL`, `LF`, `LHip`. The group is the side: `RL` is
 rear left."""
+FRONT = (
+    (re.compile(r"front"), ("rear", "back", "hind")),
+    (re.compile(r"Front"), ("Rear", "Back", "Hind")),
+    (re.compile(r"(?<![A-Za-z])F(?=[LR](?![a-z]))"), ("R", "B", "H")),
+    (re.compile(r"(?<![A-Za-z])f(?=[lr](?![a-z]))"), ("r", "b", "h")),
+    (re.compile(r"(?<![A-Za-z])([LR])F(?![a-z])"), (r"\1R", r"\1B", r"\1H")),
+    (re.compile(r"(?<![A-Za-z])([lr])f(?![a-z])"), (r"\1r", r"\1b", r"\1h")),
+)
+"""How names of legs say front, and what they say of the rear."""
 OTHER = {"left": "right", "right": "left", "l": "r", "r": "l"}
 DRIVE = ("kp", "kd", "damping", "friction", "armature", "effort", "velocity")
 """What of an `Actuator` is compared; a joint that nothing drives yet has the last two."""
@@ -33,7 +42,7 @@ PLACE_M = 0.005
 
 @dataclass(frozen=True)
 class Motion:
-    """One joint of a part. axis: (3,) in the frame of the root; home: at the first keyframe.
+    """One joint of a part. axis: (3,) in the frame of the root; home: at the initial keyframe.
 
     limits: None = unlimited. drive: kp, kd, effort, ... by name; None = unlimited or unstated.
     """
@@ -64,12 +73,14 @@ class Part:
     com: Array = field(default_factory=lambda: np.zeros(3))
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
     joints: tuple[Motion, ...] = ()
+    parent: str = ""
 
 
 def parts_of(tree: Tree, control: Control) -> tuple[Part, ...]:
-    """Every body of a robot with what the table and the first keyframe say of its joint."""
+    """Every body of a robot with what the table and the initial keyframe say of its joint."""
     poses = forward_kinematics(tree, {})
-    home = dict(control.keyframes[0].joints) if control.keyframes else {}
+    initial = control.initial_keyframe
+    home = dict(initial.joints) if initial else {}
     parts = []
     for body in tree.bodies:
         joint = tree.joint_above.get(body.name)
@@ -79,7 +90,8 @@ def parts_of(tree: Tree, control: Control) -> tuple[Part, ...]:
             if joint is not None and moving
             else ()
         )
-        parts.append(_part(body, poses[body.name], motions))
+        part = _part(body, poses[body.name], motions)
+        parts.append(replace(part, parent=joint.parent if joint is not None else ""))
     return tuple(parts)
 
 
@@ -116,16 +128,27 @@ def _motion(
 
 @dataclass(frozen=True)
 class Twins:
-    """Pairs of parts (left, right), and the axis of the root that points to the side."""
+    """Pairs of parts (left, right), and the axis of the root that points to the side.
+
+    behind: pairs (front, rear) of the legs of one side.
+    """
 
     pairs: tuple[tuple[Part, Part], ...]
     axis: int
+    behind: tuple[tuple[Part, Part], ...] = ()
 
     @property
     def flip(self) -> Array:
         """(3, 3) mirror image."""
         flip = np.eye(3)
         flip[self.axis, self.axis] = -1.0
+        return flip
+
+    @property
+    def flip_along(self) -> Array:
+        """(3, 3) mirror image of front and rear."""
+        flip, along = np.eye(3), 1 if self.axis == 0 else 0
+        flip[along, along] = -1.0
         return flip
 
 
@@ -142,7 +165,8 @@ def twins(parts: Sequence[Part], tolerance_m: float = PLACE_M) -> Twins:
         )
         for axis in PLANES
     ]
-    return max(found, key=lambda one: len(one.pairs))  # the first of equals
+    best = max(found, key=lambda one: len(one.pairs))  # the first of equals
+    return replace(best, behind=tuple(_behind(parts)))
 
 
 def _opposite(p: Array, q: Array, axis: int, tolerance_m: float) -> bool:
@@ -163,6 +187,15 @@ def _named(parts: Sequence[Part]) -> list[tuple[Part, Part]]:
         if right is not None and right is not left:
             found.append((left, right))
     return found
+
+
+def _behind(parts: Sequence[Part]) -> Iterator[tuple[Part, Part]]:
+    bodies = {part.name: part for part in parts}
+    for front in parts:
+        names = {pattern.sub(to, front.name, count=1) for pattern, others in FRONT for to in others}
+        rear = [bodies[name] for name in sorted(names - {front.name}) if name in bodies]
+        if len(rear) == 1:
+            yield front, rear[0]
 
 
 def other_side(name: str, known: Collection[str]) -> str:

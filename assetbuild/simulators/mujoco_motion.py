@@ -153,6 +153,7 @@ def drive_as(model: Model, gains: Mapping[str, Actuator]) -> None:
     """Turn actuators of some joints into position servos inside of the simulator.
 
     For models whose law runs outside (`ideal_pd`, `motor`, ...): both engines then integrate it.
+    Keyframes, which command such a motor no torque, command the servo their own pose.
     """
     import mujoco
 
@@ -166,6 +167,8 @@ def drive_as(model: Model, gains: Mapping[str, Actuator]) -> None:
         model.actuator_gainprm[index, :3] = (actuator.kp, 0.0, 0.0)
         model.actuator_biasprm[index, :3] = (0.0, -actuator.kp, -actuator.kd)
         model.actuator_ctrllimited[index] = 0
+        joint = int(model.actuator_trnid[index, 0])
+        model.key_ctrl[:, index] = model.key_qpos[:, int(model.jnt_qposadr[joint])]
         if actuator.effort is not None:
             model.actuator_forcelimited[index] = 1
             model.actuator_forcerange[index] = (-actuator.effort, actuator.effort)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -43,6 +44,9 @@ class Stand:
     touching, touched: geoms on the floor at the end, and at any time.
     overlapping: pairs of the robot's own geoms in contact at the start, with depth in m.
     joint_sag: target minus position at the end, rad or m; load: |torque| / effort at the end.
+    floats: whether its base is free; driven: whether it has actuators; held: joints whose drives
+    aim at a position; slides: joints in m.
+    com_height_m: of its centre of mass over the floor, at the start; com_sag_m: lower at the end.
     """
 
     seconds: float
@@ -58,32 +62,105 @@ class Stand:
     overlapping: Mapping[tuple[str, str], float]
     joint_sag: Mapping[str, float]
     load: Mapping[str, float]
+    floats: bool
+    driven: bool
+    held: tuple[str, ...]
+    slides: tuple[str, ...]
+    com_height_m: float
+    com_sag_m: float
+
+    @property
+    def worst_held(self) -> tuple[str, float]:
+        """The held joint furthest from its target at the end, and how far, rad or m."""
+        off = {name: abs(self.joint_sag[name]) for name in self.held}
+        return max(off.items(), key=lambda item: (item[1], item[0]), default=("", 0.0))
+
+
+_SLIDE = 2
+"""`mjJNT_SLIDE`."""
+Outcome = Literal["stands", "holds", "falls", "rests", "unstable"]
+"""A floating robot stands under its drives, or rests where it has none; a fixed one holds."""
+
+
+def outcome(stood: Stand, fall: float) -> Outcome:
+    """What a robot did that nobody touched.
+
+    fall: share of the height of its base or centre of mass that it may lose, rad that its base may
+    tilt, and rad (m) that a driven joint of a fixed robot may move.
+    """
+    if not stood.finite:
+        return "unstable"
+    if not stood.floats and not stood.held:
+        return "rests"
+    if not stood.floats:
+        return "falls" if stood.worst_held[1] > fall else "holds"
+    # A base frame on the ground cannot sink, so the centre of mass counts besides.
+    height = max(stood.height_m, stood.com_height_m)
+    lower = stood.sag_m > fall * height or stood.com_sag_m > fall * stood.com_height_m
+    if lower or stood.tilt_rad > fall:
+        return "falls"
+    return "stands" if stood.driven else "rests"
+
+
+def outcome_figures(stood: Stand, fall: float) -> dict[str, object]:
+    """The outcome with its heights (m), and a sentence for the verdict."""
+    did, seconds = outcome(stood, fall), f"{stood.seconds:.3g} s"
+    if did == "unstable":
+        return {"outcome": did, "sentence": f"the simulation became unstable within {seconds}"}
+    if not stood.floats:
+        joint, off = stood.worst_held
+        unit = "m" if joint in stood.slides else "rad"
+        far = f"`{joint}` moves furthest, by {off:.3g} {unit}"
+        verb = "does not hold" if did == "falls" else "holds"
+        said = f"{verb} its pose for {seconds}: {far}"
+        if did == "rests":
+            said = "rests on its fixed base: no drive holds a position"
+        return {"outcome": did, "sentence": said}
+    after = stood.height_m - stood.sag_m
+    verb = {
+        "stands": f"stands for {seconds}",
+        "rests": f"rests for {seconds} without drives",
+        "falls": f"falls within {seconds}",
+    }[did]
+    heights = f"base height {stood.height_m:.3g} m at the start, {after:.3g} m at the end"
+    return {
+        "outcome": did,
+        "sentence": f"{verb}: {heights}, tilted by {stood.tilt_rad:.2g} rad",
+        "height_before_m": stood.height_m,
+        "height_after_m": after,
+    }
 
 
 def stand(
-    model: Model, keyframe: str, seconds: float, external: Mapping[str, Gains] | None = None
+    model: Model, keyframe: str | int, seconds: float, external: Mapping[str, Gains] | None = None
 ) -> Stand:
     """Holds a keyframe of a scene with a floor (a plane of the world at z = 0) for a while.
 
+    keyframe: its name, or its number where it may have none.
     external: PD laws by joint name, for joints whose actuator is a plain torque motor.
     Raises StepError when there is no such keyframe or no floor.
     """
     import mujoco
 
-    key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, keyframe)
-    if key < 0:
+    key = keyframe
+    if isinstance(key, str):
+        key = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, key)
+    if not 0 <= key < model.nkey:
         raise StepError(f"the model has no keyframe `{keyframe}`")
     if not floors(model):
         raise StepError("the scene has no floor: no plane in its world")
     floor = floors(model)[0]
     laws = [(d, (external or {})[d.joint_name]) for d in read_drives(model)
             if d.gain and d.joint_name in (external or {})]  # fmt: skip
+    holding = [drive.joint_name for drive in read_drives(model) if drive.holds_position]
     with caught_warnings() as said:
         data = at_key(model, key)
         target = np.array(data.qpos)
         gaps = {name_of(model, "geom", i): lowest_z(model, data, i) for i in collision_geoms(model)}
         overlapping = overlaps(model, data, "geom")
-        X_start = np.array(data.xpos[1]), np.array(data.xmat[1]).reshape(3, 3)
+        base = _base(model)
+        X_start = np.array(data.xpos[base]), np.array(data.xmat[base]).reshape(3, 3)
+        com_start = float(np.array(data.subtree_com[base])[2])
         touched: set[str] = set()
         for _ in range(max(1, round(seconds / model.opt.timestep))):
             _drive_outside(model, data, target, laws)
@@ -91,8 +168,9 @@ def stand(
             touched |= _on_floor(model, data, floor)
         mujoco.mj_forward(model, data)
         finite = is_finite(data)
-    turned = X_start[1].T @ np.array(data.xmat[1]).reshape(3, 3)
-    moved = np.array(data.xpos[1]) - X_start[0]
+    turned = X_start[1].T @ np.array(data.xmat[base]).reshape(3, 3)
+    moved = np.array(data.xpos[base]) - X_start[0]
+    com = float(np.array(data.subtree_com[base])[2])
     places = {name_of(model, "joint", j): int(model.jnt_qposadr[j]) for j in turning(model)}
     return Stand(
         seconds=float(data.time),
@@ -108,7 +186,25 @@ def stand(
         overlapping=overlapping,
         joint_sag={name: float(target[q] - data.qpos[q]) for name, q in places.items()},
         load=_load(model, data),
+        floats=floats(model),
+        driven=model.nu > 0,
+        held=tuple(dict.fromkeys((*holding, *(drive.joint_name for drive, _ in laws)))),
+        slides=tuple(n for n in places if int(model.joint(n).type[0]) == _SLIDE),
+        com_height_m=com_start,
+        com_sag_m=com_start - com,
     )
+
+
+def floats(model: Model) -> bool:
+    """Whether its first joint is free."""
+    import mujoco
+
+    return bool(model.njnt) and int(model.jnt_type[0]) == int(mujoco.mjtJoint.mjJNT_FREE)
+
+
+def _base(model: Model) -> int:
+    """The body that floats; of a fixed robot the first."""
+    return int(model.jnt_bodyid[0]) if floats(model) else 1
 
 
 def lowest_z(model: Model, data: Data, geom: int) -> float:

@@ -12,17 +12,28 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pxr import Usd, UsdPhysics
-from tiny import TinyRobot, run_step, tiny_quadruped, write_robot_ports
+from tiny import (
+    TinyRobot,
+    check_inputs,
+    kept_feet,
+    pendulum,
+    run_step,
+    tiny_quadruped,
+    write_robot_ports,
+)
 
 from assetbuild.checks.alignment import Alignment
+from assetbuild.checks.alignment.floor import floor_rows
 from assetbuild.checks.alignment.modules import World, mjlab_world, module_rows
-from assetbuild.checks.alignment.pair import all_apart, stand_row, weight_of
+from assetbuild.checks.alignment.pair import stand_row, weight_of
 from assetbuild.checks.alignment.row import Row, findings_of
+from assetbuild.checks.alignment.touching import touching_row
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.report.summary import WITHHELD, public_message
 from assetbuild.robot.model import Body, Inertial, Joint, Tree
 from assetbuild.robot.pose import Pose
+from assetbuild.simulators import mujoco
 from assetbuild.simulators.experiments import Motion, Swing
 from assetbuild.simulators.physx import Held, HeldLink
 from assetbuild.targets.isaaclab import IsaacLab
@@ -219,14 +230,88 @@ def test_a_root_without_mass_weighs_nothing_though_physx_gives_it_some() -> None
     assert weight_of(tree, _held(1.0, 2.5)) == 2.5
 
 
-@pytest.mark.parametrize(("apart", "expected"), [(True, True), (False, False)])
-def test_shapes_that_are_all_kept_apart_are_known(apart: bool, expected: bool) -> None:
-    """As those of an MJCF whose bits meet the floor's alone."""
-    stage = Usd.Stage.CreateInMemory()
-    for name in ("a", "b"):
-        UsdPhysics.RigidBodyAPI.Apply(stage.DefinePrim(f"/r/{name}", "Xform"))
-        UsdPhysics.CollisionAPI.Apply(stage.DefinePrim(f"/r/{name}/box", "Cube"))
-    if apart:
-        api = UsdPhysics.FilteredPairsAPI.Apply(stage.GetPrimAtPath("/r/a/box"))
-        api.CreateFilteredPairsRel().SetTargets(["/r/b/box"])
-    assert all_apart(stage) is expected
+def feet_kept(tmp_path: Path) -> tuple[TinyRobot, Path]:
+    """Both models of a quadruped whose feet are bodies of their own on the shins."""
+    robot = kept_feet()
+    inputs = write_robot_ports(tmp_path / "inputs", robot)
+    for target, name in ((Mjcf(robot="robot"), "mjcf"), (UsdTarget(robot="robot"), "usd")):
+        run_step(target, inputs, tmp_path / "built")
+        (tmp_path / "built" / name).rename(inputs / name)
+    return robot, inputs
+
+
+@pytest.mark.parametrize("does", ["nothing", "forgets a pair", "filters one too many", "none"])
+def test_a_touch_that_one_engine_alone_has_is_an_error(tmp_path: Path, does: str) -> None:
+    robot, inputs = feet_kept(tmp_path)
+    stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
+    filters = stage.GetRelationshipAtPath("/robot/FL_foot.physics:filteredPairs")
+    assert filters.GetTargets() == ["/robot/FL_thigh"]
+    if does == "forgets a pair":
+        filters.SetTargets([])
+    elif does == "filters one too many":
+        filters.AddTarget("/robot/FR_foot")
+    elif does == "none":
+        root = stage.GetPrimAtPath("/robot/trunk")
+        root.GetAttribute("physxArticulation:enabledSelfCollisions").Set(False)
+    model = mujoco.load(inputs / "mjcf/robot.xml").model
+    row = touching_row(model, stage, robot.tree)
+    assert row.verdict == ("ok" if does == "nothing" else "error")
+    if does == "forgets a pair":
+        assert "`FL_foot` and `FL_thigh`" in str(row.physx)
+    if does == "filters one too many":
+        assert "`FL_foot` and `FR_foot`" in str(row.mujoco)
+
+
+def test_that_physx_has_no_contacts_of_a_joint_is_a_warning(tmp_path: Path) -> None:
+    """MuJoCo has: a body collides with a parent that is bolted to the world."""
+    robot = tiny_quadruped()
+    tree, keys = replace(robot.tree, base="fixed"), robot.control.keyframes
+    control = replace(robot.control, excludes=(), keyframes=tuple(
+        replace(key, base=None) for key in keys))  # fmt: skip
+    bolted = replace(robot, tree=tree, links=replace(robot.links, base="fixed"), control=control)
+    inputs = check_inputs(tmp_path, bolted, UsdTarget(robot="robot"), "usd")
+    run_step(Mjcf(robot="robot"), write_robot_ports(tmp_path / "in", bolted), tmp_path / "out")
+    model = mujoco.load(tmp_path / "out/mjcf/robot.xml").model
+    stage = Usd.Stage.Open(str(inputs / "usd/robot.usda"))
+    row = touching_row(model, stage, tree)
+    assert (row.verdict, row.off) == ("warning", 4.0)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "off"),
+    [
+        (lambda stage: None, []),
+        (lambda stage: stage.GetAttributeAtPath(
+            "/World/PhysicsMaterials/floor.physics:dynamicFriction").Set(1.0), ["floor_friction"]),
+        (lambda stage: stage.GetPrimAtPath("/World/floor").GetRelationship(
+            "material:binding:physics").SetTargets([]), ["floor_friction"]),
+        (lambda stage: stage.GetAttributeAtPath(
+            "/World/floor.xformOp:translate").Set((0.0, 0.0, -1.0)), ["floor_height"]),
+    ],
+)  # fmt: skip
+def test_both_scenes_stand_on_the_same_floor(tmp_path: Path, spoil: Spoil, off: list[str]) -> None:
+    """Below the hand of a bolted arm, as slippery as the most slippery part of the robot."""
+    robot = pendulum()
+    slippery = replace(robot.tree, joints=tuple(
+        replace(joint, X_parent_joint=Pose((0.0, 0.0, -0.4))) for joint in robot.tree.joints
+    ))  # fmt: skip
+    shape = robot.shapes.of("collision")[0].name
+    contact = robot.control.contact.model_copy(update={"friction": (0.7, 0.02, 0.01)})
+    contacts = ((shape, contact.model_copy(update={"friction": (0.6, 0.02, 0.01)})),)
+    control = replace(robot.control, contact=contact, contacts=contacts)
+    arm = replace(robot, tree=slippery, control=control)
+    inputs = write_robot_ports(tmp_path / "inputs", arm)
+    for target, name in ((Mjcf(robot="robot"), "mjcf"), (UsdTarget(robot="robot"), "usd")):
+        run_step(target, inputs, tmp_path / "built")
+        (tmp_path / "built" / name).rename(inputs / name)
+    model = mujoco.load(inputs / "mjcf/scene.xml").model
+    floor = mujoco.floors(model)[0]
+    assert (model.geom_friction[floor, 0], model.geom_pos[floor, 2]) == (
+        0.6,
+        pytest.approx(-0.7),
+    )
+    stage = Usd.Stage.Open(str(inputs / "usd/scene.usda"))
+    spoil(stage)
+    rows = list(floor_rows(model, stage))
+    assert [row.name for row in rows] == ["floor_friction", "floor_height"]
+    assert [row.name for row in rows if row.verdict == "error"] == off

@@ -199,7 +199,8 @@ def test_drives_that_only_mjcf_holds_are_no_missing_table(tmp_path: Path):
     )
     written = write(read(geared, tmp_path / "read", tet_obj=TET), tmp_path / "out")
     (told,) = [f for f in written.findings if f.rule == "actuator.none"]
-    assert "the source's drives (1) stand in the MJCF alone" in told.message
+    assert "the source's drives (1) exist in the MJCF alone" in told.message
+    assert told.severity == "warning"
 
 
 def test_a_fixed_tendon_is_not_drawn_whatever_its_class_says(tmp_path: Path):

@@ -15,8 +15,8 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
 from assetbuild.checks.alignment.pair import root_row
 from assetbuild.checks.urdf_kinematics import UrdfKinematics
-from assetbuild.checks.usd_equal import UsdEqual
 from assetbuild.facts.readers.mjcf import MjcfFacts
+from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.findings import Finding
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat
@@ -41,7 +41,7 @@ def checked(robot: TinyRobot, folder: Path, spoil: Callable[[Usd.Stage], object]
     spoil(stage)
     stage.Save()
     del stage
-    return {f.rule for f in run_step(UsdEqual(robot="robot"), inputs, folder / "out")}
+    return {f.rule for f in run_step(UsdReader(robot="robot"), inputs, folder / "out")}
 
 
 # --- what is written ----------------------------------------------------------------------------
@@ -105,25 +105,25 @@ def test_it_is_equal_in_usd(tmp_path: Path) -> None:
     ("rules", "path", "attribute", "value"),
     [
         (
-            {"equal.usd.pose"},
+            {"equal.usd.base_pose", "equal.usd.robot_prim_pose"},
             "/robot",
             "xformOp:orient",
             Gf.Quatd(1.0, 0.0, 0.0, 0.0),
         ),
         (
-            {"equal.usd.pose", "equal.usd.root"},
+            {"equal.usd.base_pose", "equal.usd.pose"},
             "/robot/base",
             "xformOp:translate",
             Gf.Vec3d(0.0, 0.0, 0.1),
         ),
         (
-            {"equal.usd.root"},
+            {"equal.usd.world_joint_pose"},
             "/robot/Joints/root_joint",
             "physics:localPos0",
             Gf.Vec3f(0.0, 0.0, 0.0),
         ),
         (
-            {"equal.usd.root"},
+            {"equal.usd.world_joint_pose"},
             "/robot/Joints/root_joint",
             "physics:localRot0",
             Gf.Quatf(1.0, 0.0, 0.0, 0.0),

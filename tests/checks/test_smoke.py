@@ -11,7 +11,7 @@ from tiny import run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab
 from assetbuild.checks.smoke_isaaclab import judged as judge_isaac
-from assetbuild.checks.smoke_mjlab import SmokeMjlab, judged
+from assetbuild.checks.smoke_mjlab import SmokeMjlab, _shown, judged
 from assetbuild.checks.smoke_newton import judged as judge_newton
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.recipe.models import Recipe
@@ -50,6 +50,13 @@ BAD = {
 def test_a_good_answer_says_nothing() -> None:
     assert list(judged(GOOD, BOUNDS)) == []
     assert list(judged({**GOOD, "effort_share": 1.09}, BOUNDS, effort_factor=1.1)) == []
+
+
+def test_the_verdict_quotes_what_mjlab_saw() -> None:
+    assert _shown(GOOD)["summary"] == (
+        "0 of 8 robots fell under zero actions, the root went from 0.300 m to 0.280 m; "
+        "then trained for 2 iterations on a CPU"
+    )
 
 
 @pytest.mark.parametrize("rule", BAD)

@@ -11,9 +11,11 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 from assetbuild.checks.stand import Stand
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
-from assetbuild.robot.model import Actuator, Control
+from assetbuild.robot.model import Actuator, Control, Keyframe
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Box, Shape
+from assetbuild.simulators.mujoco_stand import Stand as Stood
+from assetbuild.simulators.mujoco_stand import outcome
 from assetbuild.targets.mjcf import Mjcf
 
 FEET = ".*_foot"
@@ -53,6 +55,7 @@ def test_quadruped_stands_on_its_four_feet(tmp_path: Path) -> None:
     numbers = figures(tmp_path)
     assert numbers["touching"] == [f"{leg}_foot_collision" for leg in ("FL", "FR", "RL", "RR")]
     assert abs(float(numbers["height_change_m"])) < 0.02
+    assert numbers["stood"]["outcome"] == "stands"
     assert 0.0 < float(numbers["max_load"]) < 0.5
 
 
@@ -150,6 +153,53 @@ def test_fixed_base_is_judged_by_its_joints_only(tmp_path: Path) -> None:
     control = Control((drive,), robot.control.keyframes)
     assert check(replace(robot, control=control), tmp_path, feet=None) == []
     assert abs(float(figures(tmp_path)["max_joint_sag"])) < 1e-6
+
+
+def test_a_fixed_robot_whose_drive_lets_go_falls(tmp_path: Path) -> None:
+    """Held out sideways by a drive of 0.1 N m/rad, a pendulum swings down."""
+    robot = pendulum()
+    drive = Actuator("swing_joint", "pd", 0.1, 1.0, effort=5.0)
+    control = Control((drive,), (Keyframe("home", (("swing_joint", 1.5),)),))
+    (fall,) = check(replace(robot, control=control), tmp_path, feet=None)
+    assert (fall.rule, fall.severity, fall.subject) == (
+        "stand.fall",
+        "error",
+        "actuator swing_joint",
+    )
+    assert figures(tmp_path)["stood"]["outcome"] == "falls"
+
+
+def test_a_fall_is_told_with_the_heights_before_and_after(tmp_path: Path) -> None:
+    limp = with_drives(tiny_quadruped(), model="passive")
+    found = [f for f in check(limp, tmp_path) if f.rule == "stand.fall"]
+    assert found[0].message.startswith("fell within 2 s: its base went from ")
+
+
+def stood(**values: object) -> Stood:
+    """A robot of 0.5 m whose centre of mass is at 0.4 m, as it stood for 2 s."""
+    base: dict[str, object] = {
+        **dict.fromkeys(("sag_m", "tilt_rad", "drift_m", "com_sag_m"), 0.0),
+        **{name: {} for name in ("gap_m", "overlapping", "load")},
+        "joint_sag": {"hip": 0.1},
+        **dict.fromkeys(("warnings", "touching", "touched", "slides"), ()),
+        **{"seconds": 2.0, "finite": True, "floats": True, "driven": True, "held": ("hip",)},
+        **{"height_m": 0.5, "com_height_m": 0.4},
+    }
+    return Stood(**(base | values))  # type: ignore[arg-type] # each has its own type
+
+
+def test_what_a_robot_does_is_one_of_five_words() -> None:
+    assert outcome(stood(), 0.5) == "stands"
+    assert outcome(stood(driven=False), 0.5) == "rests"
+    assert outcome(stood(floats=False, held=()), 0.5) == "rests"
+    assert outcome(stood(floats=False), 0.5) == "holds"
+    assert outcome(stood(tilt_rad=0.6), 0.5) == "falls"
+    assert outcome(stood(finite=False), 0.5) == "unstable"
+
+
+def test_a_base_frame_on_the_ground_neither_makes_a_fall_nor_hides_one() -> None:
+    assert outcome(stood(height_m=0.0, sag_m=0.001), 0.5) == "stands"
+    assert outcome(stood(height_m=0.0, com_sag_m=0.3), 0.5) == "falls"
 
 
 def test_missing_keyframe_is_an_error(tmp_path: Path) -> None:

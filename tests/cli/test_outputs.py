@@ -12,8 +12,9 @@ from assetbuild.cli.outputs import markdown, write_junit
 from assetbuild.engine.make import NodeResult
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding
-from assetbuild.report.document import CheckResult, make_report
+from assetbuild.report.document import make_report
 from assetbuild.report.summary import public_message
+from assetbuild.report.verdict import CheckResult
 
 from .conftest import Workplace
 

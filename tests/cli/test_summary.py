@@ -11,7 +11,7 @@ import pytest
 from assetbuild.cli import report
 from assetbuild.cli.explain import told_of_all
 from assetbuild.cli.progress import Progress, _Running, running_words
-from assetbuild.cli.public import shown_figures, shown_next_step
+from assetbuild.cli.public import shown_figures, shown_next_step, shown_rows
 from assetbuild.cli.summary import every_finding_line, finding_lines
 from assetbuild.engine.execute import Event
 from assetbuild.engine.explain import Change, Explanation
@@ -19,6 +19,7 @@ from assetbuild.engine.make import NodeResult
 from assetbuild.findings import Finding, worst_first
 from assetbuild.report.document import make_report
 from assetbuild.report.summary import WITHHELD
+from assetbuild.report.verdict import CheckResult
 
 HEAVY = [
     Finding("mass.density", "warning", f"link finger_{i}", "9000 kg per cubic metre" * 3, "look")
@@ -77,14 +78,22 @@ def test_the_progress_line_begins_with_what_most_steps_wait_for():
 
 def told(folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
     """All that the console shows of `FELL`, by whatever verb."""
-    made = make_report("tiny", [FELL], {}, {}, lambda _: "")
+    saw = CheckResult("pass", {"summary": "the root went to 0.125 m"})
+    trainer = {"isaaclab": "assetbuild smoke tiny.yaml --consumer isaaclab"}
+    made = make_report("tiny", [FELL], {"smoke_isaaclab": saw}, {}, lambda _: "", trainer)
     ran = NodeResult(label="check physx_free_fall", status="ran", seconds=98.5)
     Progress("tiny").on_event(Event("finished", 1, 2, ran.label, ran))
     (folder / "report").mkdir(exist_ok=True)
     (folder / "report/report.json").write_text(json.dumps(made.to_json()))
     report.run(argparse.Namespace(bundle=folder, open=False))
     printed = capsys.readouterr()
-    lines = [*finding_lines([FELL]), shown_next_step(made), shown_figures("isaaclab", "0.125 m")]
+    rows = [said for _, said in shown_rows(made.verdict)]
+    lines = [
+        *rows,
+        *finding_lines([FELL]),
+        shown_next_step(made),
+        shown_figures("isaaclab", "0.125 m"),
+    ]
     return "\n".join([*lines, printed.out, printed.err])
 
 
@@ -95,10 +104,10 @@ def test_in_a_public_log_physx_passes_or_fails_without_figures(
     for other in ("CI", "GITHUB_ACTIONS"):
         monkeypatch.delenv(other, raising=False)
     at_home = told(tmp_path, capsys)
-    assert at_home.count("0.125") == 4
+    assert at_home.count("0.125") == 6
     assert "98.5" in at_home
     monkeypatch.setenv(name, "true")
     in_public = told(tmp_path, capsys)
     assert not any(figure in in_public for figure in ("0.125", "98.5"))
-    assert in_public.count(WITHHELD) == 4
+    assert in_public.count(WITHHELD) == 6
     assert "error physx.free_fall" in in_public

@@ -353,6 +353,8 @@ def test_without_a_table_all_is_passive_and_it_is_said(run):
     control, findings = run(quadruped(), feet(), recipe(actuators=()))
     assert {a.model for a in control.actuators} == {"passive"}
     assert findings["actuator.none"].data == {"joints": 8}
+    assert findings["actuator.none"].severity == "error"
+    assert "`actuators: []`" in findings["actuator.none"].hint
 
 
 def test_a_table_of_passive_rows_drives_nothing_and_it_is_said(run):
@@ -361,9 +363,37 @@ def test_a_table_of_passive_rows_drives_nothing_and_it_is_said(run):
         quadruped(), feet(), recipe(actuators=({"joints": ".*", "model": "passive"},))
     )
     assert (findings["actuator.none"].severity, findings["actuator.none"].data) == (
-        "warning",
+        "error",
         {"joints": 8},
     )
+
+
+@pytest.mark.parametrize(
+    ("contact", "said"),
+    [
+        ({"friction": [0.08, 0.02, 0.01]}, "0.08 is below"),
+        ({"friction": [8.0, 0.02, 0.01]}, "8 is above"),
+        ({"links": {"FL_foot": {"friction": [0.01, 0.0, 0.0]}}}, "0.01 is below"),
+        ({"friction": [0.2, 0.02, 0.01]}, ""),
+        ({"friction": [3.0, 0.02, 0.01]}, ""),
+        ({"friction": [0.0, 0.0, 0.0], "condim": 1}, ""),  # no friction, and meant so
+    ],
+)
+def test_a_surface_like_ice_or_glue_is_told_with_the_plausible_range(run, contact, said):
+    _, findings = run(quadruped(), feet(), recipe(contact=contact))
+    assert ("contact.friction" in findings) == bool(said)
+    if said:
+        found = findings["contact.friction"]
+        assert (found.severity, found.subject) == ("warning", "link FL_foot")
+        assert said in found.message
+        assert (found.data["lower"], found.data["upper"]) == (0.2, 3.0)
+
+
+def test_joints_that_equal_limits_lock_need_no_drive(run):
+    tree = quadruped()
+    locked = [replace(joint, limits=Limits(0.0, 0.0)) for joint in tree.joints]
+    _, findings = run(replace(tree, joints=tuple(locked)), feet(), recipe(actuators=()))
+    assert "actuator.none" not in findings
 
 
 def test_a_source_s_limit_of_zero_is_reported(run):

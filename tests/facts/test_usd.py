@@ -80,13 +80,12 @@ def gripper() -> TinyRobot:
 
     Meshes are collider and picture, one of them with a texture and normals at its corners.
     """
-    bodies = [
-        Body(n, box_inertial(1.0, (0.1, 0.2, 0.3))) for n in ("base", "slide", "tool", "a", "b")
-    ]
+    names = ("base", "slide", "tool", "a", "b")
+    bodies = [Body(name, box_inertial(1.0, (0.1, 0.2, 0.3))) for name in names]
     turned = normalised_quat((0.9, 0.1, -0.3, 0.2))
-    limits = Limits(-0.02, 0.04, 70.0, 0.2)
     joints = (
-        Joint("lift", "prismatic", "base", "slide", Pose((0.0, 0.0, 0.5)), (0.0, 0.0, -1.0), limits),
+        Joint("lift", "prismatic", "base", "slide", Pose((0.0, 0.0, 0.5)), (0.0, 0.0, -1.0),
+              Limits(-0.02, 0.04, 70.0, 0.2)),
         Joint("hold", "fixed", "slide", "tool", Pose((0.1, 0.0, 0.2), turned)),
         Joint("a_joint", "revolute", "tool", "a", Pose((0.0, 0.1, 0.0), turned), (0.0, 0.6, 0.8),
               Limits(-1.0, 2.0, 5.0, 10.0)),
@@ -97,8 +96,7 @@ def gripper() -> TinyRobot:
     place = Pose((0.01, 0.02, 0.03), turned)
     shapes = [Shape("skin", "tool", "visual", Mesh("tile"), place, material="wood"),
               Shape("b_skin", "b", "visual", Sphere(0.05), place, material="red")]  # fmt: skip
-    for name in ("base", "slide", "tool", "a", "b"):
-        shapes.append(Shape(f"{name}_hull", name, "collision", Mesh("block"), place))
+    shapes += [Shape(f"{n}_hull", n, "collision", Mesh("block"), place) for n in names]
     shapes.append(Shape("a_pad", "a", "collision", Cylinder(0.02, 0.05), place))
     materials = (
         Material("wood", (0.9, 0.8, 0.7, 1.0), "wood.png"),
@@ -222,10 +220,12 @@ def times(factor: float) -> Callable[[object], object]:
         ("jointfriction", "joint FR_hip_joint", f"{HIP}.physxJoint:jointFriction", times(2.0)),
         ("damping", "joint FR_hip_joint", f"{HIP}.newton:damping", times(57.3)),
         ("velocitylimit", "joint FR_hip_joint", f"{HIP}.newton:velocityLimit", times(0.5)),
-        ("maxjointvelocity", "joint FR_hip_joint", f"{HIP}.physxJoint:maxJointVelocity", times(2.0)),
+        ("maxjointvelocity", "joint FR_hip_joint", f"{HIP}.physxJoint:maxJointVelocity",
+         times(2.0)),
         ("collisionenabled", "joint FR_hip_joint", f"{HIP}.physics:collisionEnabled",
          lambda _: True),
-        ("anchor", "joint FR_hip_joint", f"{HIP}.physics:localPos1", lambda _: Gf.Vec3f(0, 0, 0.01)),
+        ("anchor", "joint FR_hip_joint", f"{HIP}.physics:localPos1",
+         lambda _: Gf.Vec3f(0, 0, 0.01)),
         ("child_pose", "joint FR_hip_joint", f"{HIP}.physics:localPos0", times(1.01)),
         ("axis", "joint FR_hip_joint", f"{HIP}.physics:axis", lambda _: "Y"),
         ("pose", "body FR_calf", "/robot/FR_calf.xformOp:translate", times(1.01)),
@@ -233,7 +233,8 @@ def times(factor: float) -> Callable[[object], object]:
         ("pose", "shape FR_calf_collision",
          "/robot/FR_calf/collisions/FR_calf_collision.xformOp:translate", times(1.01)),
         ("size", "shape FR_foot_collision", f"{FOOT}.radius", times(10.0)),
-        ("extent", "shape FR_foot_collision", f"{FOOT}.extent", lambda _: [(-1, -1, -1), (1, 1, 1)]),
+        ("extent", "shape FR_foot_collision", f"{FOOT}.extent",
+         lambda _: [(-1, -1, -1), (1, 1, 1)]),
         ("purpose", "shape FR_foot_collision", f"{FOOT}.purpose", lambda _: "default"),
         ("self_collision", "robot", "/robot/trunk.physxArticulation:enabledSelfCollisions",
          lambda _: False),
@@ -243,8 +244,8 @@ def times(factor: float) -> Callable[[object], object]:
          "/robot/trunk.physxArticulation:solverPositionIterationCount", lambda _: 4),
         ("angulardamping", "body FR_hip", "/robot/FR_hip.physxRigidBody:angularDamping",
          lambda _: 0.05),
-        ("friction", "shape FR_foot_collision", "/robot/PhysicsMaterials/contact.physics:staticFriction",
-         times(0.1)),
+        ("friction", "shape FR_foot_collision",
+         "/robot/PhysicsMaterials/contact.physics:staticFriction", times(0.1)),
         ("dynamicfriction", "shape FR_foot_collision",
          "/robot/PhysicsMaterials/contact.physics:dynamicFriction", times(0.1)),
         ("restitution", "shape FR_foot_collision",
@@ -273,7 +274,7 @@ def test_a_changed_attribute_is_named_with_both_values(
     assert not [f for f in findings if f.rule == "equal.unread"]
 
 
-# --- what the issue's table names ------------------------------------------------------------------
+# --- one thing, many attributes ------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -539,11 +540,11 @@ def test_a_file_that_is_no_usd_is_unreadable(tmp_path: Path) -> None:
     assert [f.rule for f in findings] == ["equal.unreadable"]
 
 
-# --- anybody's USD ---------------------------------------------------------------------------------
+# --- anybody's USD --------------------------------------------------------------------------------
 
 
 def test_any_stage_is_read_in_metres_and_kilograms(tmp_path: Path) -> None:
-    """Centimetres and grams, a scaled Xform around it, no default names: one arm of 2 kg on a wall."""
+    """Centimetres and grams: an arm of 2 kg on a wall, half a metre above its base."""
     path = tmp_path / "arm.usda"
     stage = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageMetersPerUnit(stage, 0.01)

@@ -11,9 +11,10 @@ from tiny import ball_inertial, box_inertial, tiny_quadruped
 
 from assetbuild.findings import Finding
 from assetbuild.report.card import card_tables, model_card
-from assetbuild.report.document import CheckResult, make_report
+from assetbuild.report.document import make_report
 from assetbuild.report.facts import center_of_mass, ellipsoid, principal
 from assetbuild.report.grade import grade
+from assetbuild.report.verdict import CheckResult
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Body, Joint, Keyframe, Tree
 from assetbuild.robot.pose import Pose, rotation_of
@@ -34,6 +35,14 @@ def test_the_card_has_every_body_joint_drive_and_shape_once():
     assert len(by_title["Joints"].rows) == len(robot.tree.moving_joints)
     assert len(by_title["Actuators"].rows) == len(robot.control.actuators)
     assert len(by_title["Collision geometry"].rows) == len(robot.shapes.of("collision"))
+
+
+def test_the_card_begins_with_the_parts_of_the_verdict():
+    text = model_card(subject(), report(Finding("equal.usd.mass", "error", "link a", "1, not 2")))
+    head = text.partition("## Identity")[0]
+    assert "Blocked by `equal.usd.mass`." in head
+    assert "- formats: differ: 1 finding of the equality checks (usd)" in head
+    assert "- physics: not tried: " in head
 
 
 def test_a_bar_in_a_name_does_not_break_the_table():

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Waiver
-from assetbuild.report.document import CheckResult, fails, make_report
+from assetbuild.report.document import fails, make_report
+from assetbuild.report.verdict import CheckResult
 
 TRIANGLE = Finding("inertia.triangle", "error", "link calf", "moments do not fit", "check the CoM")
 RADIUS = Finding("inertia.radius", "warning", "link calf", "0.6 m")

@@ -9,9 +9,10 @@ from tiny import tiny_quadruped
 
 from assetbuild.findings import Finding
 from assetbuild.recipe.models import Waiver
-from assetbuild.report.document import CheckResult, make_report
+from assetbuild.report.document import make_report
 from assetbuild.report.figures import check_section, tables_of
 from assetbuild.report.html import Picture, View, html_page
+from assetbuild.report.verdict import CheckResult
 
 from .robots_for_tests import subject
 
@@ -38,6 +39,15 @@ def test_nothing_is_fetched_from_anywhere():
     assert links
     assert all(link.startswith(("#", "data:")) for link in links)
     assert "@import" not in page() and "url(" not in page()
+
+
+def test_the_head_says_how_each_part_of_the_verdict_was_judged():
+    stood = {"outcome": "stands", "sentence": "stands for 2 s"}
+    checks = {"stand": CheckResult("pass", {"stood": stood}), "oracle": CheckResult("skip")}
+    head = page(checks=checks).partition('id="findings"')[0]
+    assert "<dt>formats</dt><dd>agree: no equality check found a difference</dd>" in head
+    assert "<dt>physics</dt><dd>stands for 2 s</dd>" in head
+    assert "<dt>checks</dt><dd>not run: <code>oracle</code></dd>" in head
 
 
 def test_the_verdict_comes_before_the_findings_and_they_before_the_card():

@@ -18,9 +18,10 @@ from tiny import FOOT_RADIUS_M, SEGMENT_M, TinyRobot, run_step, tiny_quadruped, 
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check
 from assetbuild.plugins import load_plugin, plugin_names
-from assetbuild.report.document import CheckResult, make_report
+from assetbuild.report.document import make_report
 from assetbuild.report.facts import Subject
 from assetbuild.report.html import html_page
+from assetbuild.report.verdict import CheckResult
 from assetbuild.robot.inertia import rotate_tensor
 from assetbuild.robot.model import Body, Joint
 from assetbuild.robot.pose import Pose, normalised_quat

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tiny import TinyRobot, box_inertial, check_inputs, pendulum, tiny_quadruped
+from pxr import Usd as UsdCore
+from tiny import TinyRobot, box_inertial, check_inputs, kept_feet, pendulum, tiny_quadruped
 
 from assetbuild.robot.model import Actuator, Body, Control, Joint, Keyframe, Limits, Mimic, Tree
 from assetbuild.robot.pose import Pose, Vec3
-from assetbuild.robot.shapes import Shapes
+from assetbuild.robot.shapes import Shapes, Sphere
 from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Motion, Sine, compare_response, sine_of
 from assetbuild.targets.usd import Usd
@@ -57,6 +58,37 @@ def test_a_mimic_follows_whatever_its_axis(tmp_path: Path, axis: Vec3) -> None:
     lead, follow = motion.joints["lead"], motion.joints["follow"]
     assert np.ptp(lead) > 0.2
     assert follow == pytest.approx(0.2 - 0.5 * lead, abs=1e-4)
+
+
+@needs_physx
+@pytest.mark.parametrize("filtered", [True, False])
+def test_a_foot_that_is_welded_to_the_shin_does_not_push_the_thigh(
+    tmp_path: Path, filtered: bool
+) -> None:
+    """A foot so large that it reaches into the thigh: MuJoCo drops the pair, and so does PhysX."""
+    robot = kept_feet()
+    shapes = tuple(
+        replace(shape, geometry=Sphere(0.12)) if shape.name == "FL_foot_collision" else shape
+        for shape in robot.shapes.shapes
+    )
+    drives = tuple(replace(a, model="passive", kp=0.0, kd=0.0) for a in robot.control.actuators)
+    others = [b.name for b in robot.tree.bodies if b.name not in ("FL_foot", "FL_thigh")]
+    apart = tuple(tuple(sorted(("FL_foot", name))) for name in others)
+    control = replace(robot.control, actuators=drives, excludes=apart)
+    large = replace(robot, shapes=replace(robot.shapes, shapes=shapes), control=control)
+    path = built(large, tmp_path)
+    if not filtered:
+        stage = UsdCore.Stage.Open(str(path))
+        pairs = stage.GetRelationshipAtPath("/robot/FL_foot.physics:filteredPairs")
+        pairs.RemoveTarget("/robot/FL_thigh")
+        stage.Save()
+        del stage
+    start = {joint: -2.6 if "calf" in joint else 0.0 for joint, _ in control.keyframes[0].joints}
+    run = physx.Experiment("m", physx.Setting(0.005, (0.0, 0.0, 0.0)), steps=40, start=start)
+    motion = physx.perform(path, [run])["m"].motion
+    assert motion is not None
+    moved = np.ptp(motion.joints["FL_calf_joint"])
+    assert moved < 1e-4 if filtered else moved > 0.01
 
 
 @needs_physx

@@ -23,6 +23,7 @@ from pxr import UsdGeom, UsdPhysics, UsdShade
 from tiny import (
     TinyRobot,
     box_inertial,
+    check_inputs,
     examples,
     inertials,
     pendulum,
@@ -34,8 +35,8 @@ from tiny import (
     write_robot_ports,
 )
 
-from assetbuild.checks.usd_equal import UsdEqual
 from assetbuild.errors import StepError
+from assetbuild.facts.readers.usd import UsdReader
 from assetbuild.findings import Finding
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Body, Frame, Inertial, Joint, Keyframe, Limits, Tree
@@ -240,11 +241,10 @@ def test_a_base_that_states_zeros_states_no_mass(moment: float, tmp_path: Path) 
     zeros = Inertial(0.0, (0.0, 0.0, 0.0), (moment,) * 3 + (0.0,) * 3)
     bodies = (replace(robot.tree.bodies[0], inertial=zeros), *robot.tree.bodies[1:])
     robot = replace(robot, tree=replace(robot.tree, bodies=bodies))
-    folder, findings = build(robot, tmp_path)
+    _, findings = build(robot, tmp_path)
     assert [f.severity for f in findings if f.rule == "usd.mass_missing"] == ["info"]
-    inputs = write_robot_ports(tmp_path / "equal", robot)
-    shutil.copytree(folder, inputs / "usd", dirs_exist_ok=True)
-    assert run_step(UsdEqual(robot="robot"), inputs, tmp_path / "equal_out") == []
+    inputs = check_inputs(tmp_path / "equal", robot, Usd(robot="robot"), "usd")
+    assert run_step(UsdReader(robot="robot"), inputs, tmp_path / "equal_out") == []
 
 
 def test_drive_gains_are_per_degree_and_the_effort_is_not(quadruped: UsdCore.Stage) -> None:

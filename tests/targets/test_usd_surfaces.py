@@ -11,7 +11,6 @@ from pxr import Usd as UsdCore
 from pxr import UsdGeom, UsdPhysics
 from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, with_mimic
 
-from assetbuild.checks.usd_equal import UsdEqual
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Contact, Limits
@@ -47,17 +46,6 @@ def test_a_shape_of_its_own_surface_has_a_material_of_its_own(tmp_path: Path) ->
     assert found == pytest.approx([1.2, 1.2, 0.8])
     materials = [p for p in stage.Traverse() if p.HasAPI(UsdPhysics.MaterialAPI)]
     assert len(materials) == 2
-
-
-def test_a_surface_that_was_lost_is_caught(tmp_path: Path) -> None:
-    robot = with_surfaces(tiny_quadruped(), FR_foot_collision=Contact(friction=(1.2, 0.02, 0.01)))
-    inputs = check_inputs(tmp_path, tiny_quadruped(), Usd(robot="robot"), "usd")
-    from assetbuild.robot.codec import encode
-
-    (inputs / "control.json").write_bytes(encode(robot.control))
-    found = run_step(UsdEqual(robot="robot"), inputs, tmp_path / "out")
-    assert {f.rule for f in found} == {"equal.usd.surface"}
-    assert {f.subject for f in found} == {"shape FR_foot_collision"}
 
 
 def test_shapes_whose_bits_never_meet_are_filtered(tmp_path: Path) -> None:

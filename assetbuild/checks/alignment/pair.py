@@ -10,12 +10,15 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
+from assetbuild.checks.alignment.floor import floor_rows
 from assetbuild.checks.alignment.gap import Ranges, ranges_of
 from assetbuild.checks.alignment.modules import World, module_rows
 from assetbuild.checks.alignment.response import Responses
 from assetbuild.checks.alignment.row import NUMBER, Rank, Row
+from assetbuild.checks.alignment.touching import touching_row
 from assetbuild.engine.step import Files
 from assetbuild.quantities import Model, Positive
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.robot.pose import Array, Pose, normalised_quat, vec3
 from assetbuild.simulators import mujoco, mujoco_motion, physx
@@ -55,21 +58,21 @@ class Pair:
     floor: FloorLimits
 
     @property
-    def home(self) -> Keyframe | None:
+    def start(self) -> Keyframe:
         """The pose that stands."""
-        return next((key for key in self.control.keyframes if key.name == "home"), None)
+        return initial_pose(self.tree, self.control)
 
     @property
     def stands(self) -> bool:
-        """Standing, landing and sliding need a floating base and a home above a floor."""
-        return self.tree.base == "floating" and self.home is not None
+        """Standing, landing and sliding need a floating base and a keyframe above a floor."""
+        return self.tree.base == "floating" and bool(self.start.name)
 
     def sine(self) -> Sine | None:
         """The sine of both engines; None when no joint can follow one."""
         if self.wish is None:
             return None
-        home = dict(self.home.joints) if self.home else {}
-        made = sine_of(self.tree, self.control, home, self.wish.frequency, self.wish.seconds)
+        start = dict(self.start.joints)
+        made = sine_of(self.tree, self.control, start, self.wish.frequency, self.wish.seconds)
         return made if any(made.swing.values()) else None
 
     @property
@@ -121,11 +124,10 @@ class Pair:
         ]
 
     def _on_floor(self) -> list[physx.Experiment]:
-        assert self.home is not None  # noqa: S101 - `stands` was asked
         gravity, dt = self.control.simulation.gravity, self.control.simulation.timestep
-        base, friction = physx.clear_of_floor(self.home.base), self.control.contact.friction[0]
+        base, friction = physx.clear_of_floor(self.start.base), self.control.contact.friction[0]
         raised = Pose((base.xyz[0], base.xyz[1], base.xyz[2] + DROP_M), base.quat)
-        start = dict(self.home.joints)
+        start = dict(self.start.joints)
         return [
             physx.Experiment(
                 name,
@@ -187,7 +189,9 @@ class Pair:
 
         option = self._model("scene.xml").opt
         stage = Usd.Stage.Open(str(self.files.inputs / "usd/scene.usda"))
-        yield from self._self_collision(stage)
+        yield touching_row(self._model(f"{self.robot}.xml"), stage, self.tree)
+        if not mujoco.floors(self._model(f"{self.robot}.xml")):  # else the source has its own
+            yield from floor_rows(self._model("scene.xml"), stage)
         scene = UsdPhysics.Scene(stage.GetPrimAtPath("/World/physics"))
         rate = scene.GetPrim().GetAttribute("physxScene:timeStepsPerSecond").Get()
         dt = 1.0 / float(rate)
@@ -222,22 +226,6 @@ class Pair:
             mujoco=World(float(option.timestep), vec3(option.gravity)),
             physx=World(dt, vec3(pull)),
         )
-
-    def _self_collision(self, stage: Any) -> Iterator[Row]:  # Any: Usd.Stage
-        """MuJoCo's geoms touch when their bits meet; PhysX has one switch, and pairs."""
-        model = self._model(f"{self.robot}.xml")
-        geoms = mujoco.collision_geoms(model)
-        bits = [(int(model.geom_contype[g]), int(model.geom_conaffinity[g])) for g in geoms]
-        ours = "on" if any(a & b for a, _ in bits for _, b in bits) else "off"
-        found = [
-            prim.GetAttribute("physxArticulation:enabledSelfCollisions").Get()
-            for prim in stage.Traverse()
-            if prim.HasAttribute("physxArticulation:enabledSelfCollisions")
-        ]
-        # Unwritten, PhysX switches them on.
-        theirs = "off" if found == [False] or all_apart(stage) else "on"
-        off = float(ours != theirs) if geoms else 0.0
-        yield Row("self_collision", "HIGH", "robot", ours, theirs, off, 0.0, 0.5, "yes/no")
 
     def _bodies(self, model: Any, held: physx.Held) -> Iterator[Row]:  # Any: as above
         import mujoco as engine
@@ -369,7 +357,7 @@ class Pair:
             if name == "slope":
                 model.opt.gravity[:] = self._tilted()
             ours[name] = mujoco_motion.keyframe_motion(
-                model, "home", round(seconds / dt), raised_m=raised, servos=self.servos
+                model, self.start.name, round(seconds / dt), raised_m=raised, servos=self.servos
             )
         theirs = {name: outcomes[name].motion for name in ours if outcomes[name].finite}
         if (other := theirs.get("stand")) is not None:
@@ -453,40 +441,6 @@ def _bounce(motion: Motion, landed: float) -> float:
         return math.nan
     lowest = int(after.argmin())
     return float(after[lowest:].max() - after[lowest])
-
-
-def all_apart(stage: Any) -> bool:  # Any: Usd.Stage
-    """Whether shapes of different bodies were written as pairs that never touch, each of them."""
-    from pxr import UsdPhysics
-
-    bodies: dict[str, str] = {}
-    for prim in stage.Traverse():
-        if prim.HasAPI(UsdPhysics.CollisionAPI):
-            if UsdPhysics.CollisionAPI(prim).GetCollisionEnabledAttr().Get() is False:
-                continue
-            body = prim
-            while body and not body.HasAPI(UsdPhysics.RigidBodyAPI):
-                body = body.GetParent()
-            bodies[str(prim.GetPath())] = str(body.GetPath()) if body else ""
-    pairs = {
-        frozenset((one, other))
-        for one, owner in bodies.items()
-        for other, second in bodies.items()
-        if owner and second and owner != second
-    }
-    apart = {
-        frozenset((path, str(target)))
-        for path in bodies
-        for target in _filtered(stage.GetPrimAtPath(path))
-    }
-    return bool(pairs) and pairs <= apart
-
-
-def _filtered(prim: Any) -> Sequence[Any]:  # Any: Usd.Prim, Sdf.Path
-    from pxr import UsdPhysics
-
-    targets: Sequence[Any] = UsdPhysics.FilteredPairsAPI(prim).GetFilteredPairsRel().GetTargets()
-    return targets
 
 
 def weight_of(tree: Tree, held: physx.Held) -> float:

@@ -26,7 +26,7 @@ WARNING = Rule(
 class MjcfCompiles(Check):
     """Loads each file at the top of `mjcf/`; figures: the sizes of the compiled models."""
 
-    version = "4"
+    version = "5"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)

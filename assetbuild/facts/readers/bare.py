@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from assetbuild.facts.mjcf import LACKS, MjcfReader
 from assetbuild.facts.mjcf_expected import mjcf_table, put_site
+from assetbuild.facts.mjlab_names import found_by_mjlab
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Table
 from assetbuild.robot.model import Actuator, Control, Place, Sensor
@@ -63,7 +64,7 @@ def _bare(reference: Reference) -> Reference:
         for row in control.actuators
     )
     only = tuple(item for item in control.mjcf_only if item.place not in BROUGHT)
-    return replace(
+    bare = replace(
         reference,
         control=replace(
             control,
@@ -73,6 +74,7 @@ def _bare(reference: Reference) -> Reference:
             mjcf_only=only,
         ),
     )
+    return found_by_mjlab(bare)
 
 
 def _sensors(reference: Reference, control: Control) -> Iterator[Sensor]:

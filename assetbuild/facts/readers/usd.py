@@ -22,7 +22,7 @@ _SPRING = "UsdPhysics has no spring beside the drive"
 class UsdReader(Reader):
     """Every prim, attribute, relationship and schema of the composed stage against the robot."""
 
-    version: ClassVar[str] = "1"
+    version: ClassVar[str] = "2"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     tools: ClassVar[tuple[str, ...]] = ("usd-core", "pillow")
     preload: ClassVar[tuple[str, ...]] = (
@@ -69,7 +69,7 @@ class UsdReader(Reader):
         "sensor": "UsdPhysics has none; simulators add their own",
         "camera": "frameworks add their own",
         "keyframe": "USD has none: the start of each joint is the initial one",
-        "element": "MuJoCo's own elements",
+        "robot start pose": "`scene.usda` has it",
         "simulation": "`scene.usda` says it",
         "floor": "`scene.usda` has it",
     }

@@ -18,7 +18,7 @@ _MUJOCO = "MuJoCo's own"
 class UsdSceneReader(Reader):
     """Every prim of the scene but the robot's, and all that it says of the robot's."""
 
-    version: ClassVar[str] = "1"
+    version: ClassVar[str] = "2"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     tools: ClassVar[tuple[str, ...]] = ("usd-core",)
     preload: ClassVar[tuple[str, ...]] = (
@@ -44,7 +44,7 @@ class UsdSceneReader(Reader):
         "sensor": _ROBOT,
         "camera": _ROBOT,
         "body": _ROBOT,
-        "element": _MUJOCO,
+        "robot start pose": _ROBOT,
         "keyframe": "USD has none: each body stands where it starts",
         "simulation decimation": "the trainers' modules say it",
         "simulation integrator": _MUJOCO,

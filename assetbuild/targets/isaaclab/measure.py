@@ -1,7 +1,7 @@
 """The script with which a user of Isaac Lab fills in Isaac Lab's half of the comparison.
 
 It runs in Isaac Lab only, writes readings beside itself, and `assetbuild diff BUNDLE READINGS`
-ranks them against the robot's. `report/sides.py` reads these names.
+ranks them against the robot's. `report/sides.py` reads them.
 """
 
 from __future__ import annotations

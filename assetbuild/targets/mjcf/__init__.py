@@ -43,7 +43,7 @@ PLANAR_JOINT = Rule(
 class Mjcf(Target):
     """Writes `mjcf/<robot>.xml`, `mjcf/scene.xml` and `mjcf/assets/`."""
 
-    version = "10"
+    version = "11"
     outputs = ("mjcf/",)
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
 

@@ -5,40 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from xml.etree.ElementTree import Element
 
+from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.model import Control, Joint, Tree
+from assetbuild.robot.shapes import Shapes
 from assetbuild.targets.mjcf.chains import Seats
 from assetbuild.targets.mjcf.drives import locked_at
 from assetbuild.targets.mjcf.xml import element, numbers
 
 
 def contact_section(
-    tree: Tree, control: Control, seats: Seats, body_names: Mapping[str, str]
+    tree: Tree, shapes: Shapes, control: Control, seats: Seats, body_names: Mapping[str, str]
 ) -> Element:
-    """The pairs of the recipe that MuJoCo does not filter itself.
-
-    It lets parent and child pass through each other, unless the parent is part of the world or the
-    filter is switched off (which only an MJCF source says).
-    """
-    filters = not any("filterparent" in item.element for item in control.mjcf_only)
-
-    def is_filtered(parent: str, child: str) -> bool:
-        return filters and seats.parent(child) == parent and not _stands(tree, parent)
-
+    """The pairs of the recipe that MuJoCo does not filter itself."""
+    rule = ContactFilter.of(tree, shapes, control)
     pairs = [
         element("exclude", {"body1": body_names[a], "body2": body_names[b]})
         for a, b in control.excludes
         if not {a, b} & seats.hidden  # without shapes, they touch nothing
-        and not (is_filtered(a, b) or is_filtered(b, a))
+        and not rule.passes(a, b)
     ]
     return element("contact", None, pairs)
-
-
-def _stands(tree: Tree, body: str) -> bool:
-    """Whether fixed joints alone hold the body to a fixed base."""
-    above = tree.joint_above.get(body)
-    while above is not None and above.kind == "fixed":
-        above = tree.joint_above.get(above.parent)
-    return above is None and tree.base == "fixed"
 
 
 def equality_section(joints: Iterable[Joint]) -> Element:

@@ -6,17 +6,13 @@ import math
 import re
 from xml.etree.ElementTree import Element, fromstring
 
-import numpy as np
-
+from assetbuild.robot.floor import Floor, floor_of, starting_origins
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Array
-from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.mjcf.robot_xml import RobotXml
 from assetbuild.targets.mjcf.xml import element, numbers
 
 SMALLEST_EXTENT_M = 0.5
-BELOW_M = 0.01
-"""A bolted robot that reaches further below its base (a hand) hangs over the floor, not in it."""
 _SCENE = """
 <mujoco>
   <visual>
@@ -44,8 +40,7 @@ _PLANE = re.compile(r"""<geom\b[^>]*\btype="plane\"""")
 def scene(model: RobotXml, file: str) -> Element:
     """The root element of `scene.xml`. file: stem of the robot's own file."""
     tree, control = model.tree, model.control
-    origins = _origins(tree, control)
-    center, extent = view(origins)
+    center, extent = view(starting_origins(tree, control))
     ground = model.free_name("ground")
     root = fromstring(_SCENE.format(ground=ground))  # noqa: S314 # our own text
     root.set("model", f"{model.robot} scene")
@@ -54,8 +49,7 @@ def scene(model: RobotXml, file: str) -> Element:
         element("statistic", {"center": numbers(center), "extent": numbers([extent])}),
     ]
     if not _has_floor(tree, control):
-        height = floor_height(tree, origins)
-        root[-1].append(_floor(ground, model.free_name("floor"), control, height))
+        root[-1].append(_floor(ground, model.free_name("floor"), floor_of(tree, control)))
     return root
 
 
@@ -67,24 +61,6 @@ def view(origins: Array) -> tuple[tuple[float, ...], float]:
     return center, round(size, 2)
 
 
-def floor_height(tree: Tree, origins: Array) -> float:
-    """0, or lower under a bolted robot that reaches below its base, m."""
-    lowest = float(origins[:, 2].min())
-    if tree.base == "floating" or lowest > -BELOW_M:
-        return 0.0
-    reach = lowest - math.dist(origins.min(axis=0), origins.max(axis=0)) / 2
-    return math.floor(reach * 10) / 10
-
-
-def _origins(tree: Tree, control: Control) -> Array:
-    """(n, 3) world positions of all bodies and frames in the first keyframe, m."""
-    keyframe = next(iter(control.keyframes), None)
-    X_root = forward_kinematics(tree, dict(keyframe.joints) if keyframe else {})
-    points = [X_root[f.body].apply(f.X_body_frame.xyz) for f in tree.frames]
-    points += [np.asarray(X.xyz) for X in X_root.values()]
-    return tree.root_pose(keyframe).apply(np.array(points))
-
-
 def _has_floor(tree: Tree, control: Control) -> bool:
     """Whether the robot, joined to the world of its source, brings a plane from there."""
     root = tree.bodies[0].name
@@ -94,17 +70,13 @@ def _has_floor(tree: Tree, control: Control) -> bool:
     )
 
 
-def _floor(material: str, name: str, control: Control, height: float) -> Element:
-    # MuJoCo takes the larger of two frictions: the floor has the robot's smallest, so that what the
-    # recipe says is what acts, also below the default of 1. A priority decides without the floor.
-    surfaces = [control.contact, *(own for _, own in control.contacts if not own.priority)]
-    friction = [min(values) for values in zip(*(s.friction for s in surfaces), strict=True)]
+def _floor(material: str, name: str, ground: Floor) -> Element:
     floor: dict[str, str | None] = {
         "name": name,
         "type": "plane",
         "size": "0 0 0.05",
-        "pos": numbers((0.0, 0.0, height)) if height else None,
-        "friction": numbers(friction),
+        "pos": numbers((0.0, 0.0, ground.height_m)) if ground.height_m else None,
+        "friction": numbers(ground.friction),
         "material": material,
     }
     return element("geom", floor)

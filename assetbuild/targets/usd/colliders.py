@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.contact_filter import passing_pairs
+from assetbuild.robot.model import Control
 from assetbuild.robot.pose import Vec3
 from assetbuild.robot.shapes import Mesh, Shape, Shapes
 from assetbuild.simulators.usd_names import PHYSICS_MATERIALS
@@ -86,7 +86,7 @@ def _hull_findings(shape: Shape, geometry: Mesh, shapes: Shapes) -> Iterator[Fin
         )
 
 
-def define_surface(stage: Usd.Stage, path: str, friction: Vec3) -> object:
+def define_surface(stage: Usd.Stage, path: str, friction: Vec3) -> UsdShade.Material:
     """The physics material: MuJoCo has one sliding friction, so static equals dynamic."""
     material = UsdShade.Material.Define(stage, path)
     sliding, torsional, rolling = friction
@@ -104,14 +104,14 @@ def apply_filtered_pairs(
 ) -> None:
     """FilteredPairsAPI for the pairs that never touch and that no joint filters already.
 
-    These are the excluded ones, and those that MuJoCo drops: see `rigid_neighbours`.
+    These are the excluded ones, and those that MuJoCo drops: see `robot.contact_filter`.
 
     Never between a body and the root link itself: on a floating base it carries the articulation,
     and a pair there would speak for the whole robot. Its colliders stand in for it.
     """
     tree = names.tree
     jointed = {frozenset((joint.parent, joint.child)) for joint in tree.joints}
-    pairs = dict.fromkeys((*control.excludes, *rigid_neighbours(tree, shapes, control)))
+    pairs = sorted({*control.excludes, *passing_pairs(tree, shapes, control)})
     targets: dict[str, list[str]] = {}
     for pair in pairs:
         first, second = sorted(pair, key=lambda body: body == tree.root)
@@ -121,35 +121,11 @@ def apply_filtered_pairs(
         _filter(stage, names.body(body), paths)
 
 
-def rigid_neighbours(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tuple[str, str]]:
-    """Pairs (sorted) of bodies with collision shapes that MuJoCo never lets touch.
-
-    Bodies that fixed joints hold together are one piece to it; the bodies of a piece, and those of
-    two pieces with a joint between them, do not touch, unless the source's option says so. What is
-    fixed to the world is no parent.
-    """
-    bodies = {tree.placement(shape.link)[0] for shape in shapes.of("collision")}
-    parents = not any("filterparent" in item.element for item in control.mjcf_only)
-    piece, parent = {tree.root: tree.root}, {}
-    for joint in tree.joints:  # parents first
-        is_fixed = joint.kind == "fixed"
-        piece[joint.child] = piece[joint.parent] if is_fixed else joint.child
-        if not is_fixed and not (tree.base == "fixed" and piece[joint.parent] == tree.root):
-            parent[joint.child] = piece[joint.parent]
-    for first, second in itertools.combinations(sorted(bodies), 2):
-        one, two = piece[first], piece[second]
-        near = parents and (parent.get(one) == two or parent.get(two) == one)
-        if one == two or near:
-            yield first, second
-
-
 def touching_neighbours(names: PrimPaths, shapes: Shapes, control: Control) -> set[frozenset[str]]:
     """Jointed pairs that may touch: most often, the parent is fixed to the world."""
     tree = names.tree
     solid = {tree.placement(shape.link)[0] for shape in shapes.of("collision")}
-    apart = {
-        frozenset(pair) for pair in (*control.excludes, *rigid_neighbours(tree, shapes, control))
-    }
+    apart = {frozenset(pair) for pair in (*control.excludes, *passing_pairs(tree, shapes, control))}
     pairs = (frozenset((joint.parent, joint.child)) for joint in tree.joints)
     return {pair for pair in pairs if pair <= solid and pair not in apart}
 

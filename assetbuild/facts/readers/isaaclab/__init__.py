@@ -11,12 +11,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
 
-from assetbuild.facts.reader import Proof, Reader
+from assetbuild.facts.reader import Reader
 from assetbuild.facts.readers.isaaclab.config import read_config as read_config
 from assetbuild.facts.readers.isaaclab.config import read_module
 from assetbuild.facts.readers.isaaclab.expected import expected_module, expected_script
 from assetbuild.facts.readers.isaaclab.said import FORM, GENERATIONS, said_by
 from assetbuild.facts.reference import Reference
+from assetbuild.facts.statements import put_words
 from assetbuild.facts.syntax import Module
 from assetbuild.facts.table import Table, Writer
 from assetbuild.facts.trainers import Names
@@ -32,10 +33,10 @@ class IsaacLabReader(Reader):
     called: ClassVar[str] = "Isaac Lab's modules"
     needs: ClassVar[tuple[str, ...]] = ("isaaclab",)
     folder: ClassVar[str] = "python"
-    behind: ClassVar[tuple[str, ...]] = ("python/*_isaaclab_*.py",)
+    behind: ClassVar[tuple[str, ...]] = ("python/*_isaaclab_?.py", "python/*_isaaclab_measure.py")
     asks: ClassVar[tuple[str, ...]] = ("isaaclab", "usd", "randomize")
     lacks: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(("body", "frame", "shape", "pair", "sensor", "camera", "element"), IN_USD),
+        **dict.fromkeys(("body", "frame", "shape", "pair", "sensor", "camera"), IN_USD),
         "keyframe": "Isaac Lab starts in one pose: quantity `start`",
         "floor": "the environment brings its own",
         "robot base": IN_USD,
@@ -65,39 +66,42 @@ class IsaacLabReader(Reader):
         "simulation impratio": "MuJoCo's alone",
     }  # fmt: skip
 
-    names: Names = Names()
-    """The robot's names by those of the USD; none: those that the modules themselves write out."""
-
     def file(self, root: Path, robot: str) -> Path | None:
         """The module for 2.x; the others lie beside it."""
         found = sorted(root.glob("*_isaaclab_2.py"))
         return found[0] if found else root / f"{robot}_isaaclab_2.py"
 
-    def prove(self, reference: Reference, path: Path) -> Proof:
+    def found(self, path: Path, reference: Reference) -> Table:
         """Patterns are those of the robot's bodies and joints as the USD names them."""
         tree = reference.tree
         joints = joint_identifiers(tree)
         moving = {joints[joint.name]: joint.name for joint in tree.moving_joints}
         bodies = {there: own for own, there in body_identifiers(tree).items()}
-        known = self.model_copy(update={"names": Names(bodies, moving)})
-        return super(IsaacLabReader, known).prove(reference, path)
+        return _table(path, Names(bodies, moving)).only(self.holds)
 
     def expected(self, reference: Reference) -> Table:
         """What Isaac Lab must be told of this robot."""
         book = Writer()
         for generation in GENERATIONS:
             said_by(generation, expected_module(reference, self.robot, generation), book)
-        expected_script(reference, self.robot).words(FORM, book, part="measure")
+        put_words(expected_script(reference, self.robot), FORM, book, part="measure")
         return book.table()
 
     def read(self, path: Path) -> Table:
-        """The facts of all modules; UsageError where one is missing or no Python."""
-        book = Writer()
-        for generation in GENERATIONS:
-            module = Module.of_file(_beside(path, str(generation)))
-            said_by(generation, read_module(module, generation, self.names), book)
-        Module.of_file(_beside(path, "measure")).words(FORM, book, part="measure")
-        return book.table()
+        """The facts of all modules, by the names that they write out.
+
+        UsageError where one is missing or no Python.
+        """
+        return _table(path, Names())
+
+
+def _table(path: Path, names: Names) -> Table:
+    book = Writer()
+    for generation in GENERATIONS:
+        module = Module.of_file(_beside(path, str(generation)))
+        said_by(generation, read_module(module, generation, names), book)
+    put_words(Module.of_file(_beside(path, "measure")), FORM, book, part="measure")
+    return book.table()
 
 
 def _beside(path: Path, kind: str) -> Path:

@@ -18,6 +18,7 @@ from assetbuild.facts.readers.isaaclab.said import (
     Generation,
     model_of,
 )
+from assetbuild.facts.statements import put_words
 from assetbuild.facts.syntax import Call, Module, flat, is_vector
 from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.facts.trainers import Names, is_name, read_events, spread, texts, unescaped
@@ -78,7 +79,7 @@ def read_module(module: Module, generation: Generation, names: Names) -> Writer:
     if events is not None:
         read_events(events, FORM, names, book)
     read = ("USD", "DT", "DECIMATION", "GRAVITY", "SIMULATION_CFG", "EventCfg", name)
-    module.words(FORM, book, read, part=str(generation))
+    put_words(module, FORM, book, read, part=str(generation))
     return book
 
 
@@ -239,9 +240,8 @@ def _plain_drive(drive: Call, joint: str) -> Iterator[tuple[str, Value]]:
         number = next((n for n in numbers if n is not None), None)
         if number is not None:
             found[quantity] = number
-    stated = {"stiffness", "damping"} <= {n for n, v in drive.fields.items() if v is not None}
-    kp = found.get("kp", 0.0 if stated else 1.0)
-    yield "model", model_of(drive.last, kp, found.get("kd", 1.0))
+    # A gain that does not stand here is some gain.
+    yield "model", model_of(drive.last, found.get("kp", 1.0), found.get("kd", 1.0))
     yield from found.items()
 
 

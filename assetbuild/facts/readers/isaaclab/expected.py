@@ -22,6 +22,7 @@ from assetbuild.facts.readers.isaaclab.said import (
     model_of,
 )
 from assetbuild.facts.reference import Reference, pose_value
+from assetbuild.facts.statements import put_words
 from assetbuild.facts.syntax import Module
 from assetbuild.facts.table import Value, Writer
 from assetbuild.facts.trainers import (
@@ -54,8 +55,6 @@ def expected_module(reference: Reference, robot: str, generation: Generation) ->
     _spawn(reference, robot, asked, generation, book)
     for joint, position in start_of(reference).joints:
         book.put("joint", joint, {"start": position, f"{FORM}:start velocity": 0.0})
-    for joint in reference.tree.moving_joints:
-        book.put("joint", joint.name, {f"{FORM}:start velocity": 0.0})
     classes = _drives(reference, generation, book)
     randomize = randomize_of(reference)
     for event in _events(reference, randomize) if randomize else ():
@@ -63,7 +62,7 @@ def expected_module(reference: Reference, robot: str, generation: Generation) ->
     text = _text(python_name(robot), classes, generation, draws=randomize is not None)
     config = f"{python_name(robot).upper()}_CFG"
     read = ("USD", "DT", "DECIMATION", "GRAVITY", "SIMULATION_CFG", "EventCfg", config)
-    Module.parsed(text, "expected").words(FORM, book, read, part=str(generation))
+    put_words(Module.parsed(text, "expected"), FORM, book, read, part=str(generation))
     return book
 
 
@@ -232,11 +231,13 @@ def _material(reference: Reference, randomize: Randomize) -> Iterator[Event]:
     """What the recipe does not vary stays as the USD's materials have it."""
     if randomize.friction is None and randomize.restitution is None:
         return
+    asked = reference.options.get("isaaclab") or {}
     slide = reference.control.contact.friction[0]
     friction = randomize.friction or (slide, slide)
     drawn: dict[str, Value] = {
         "static_friction_range": friction, "dynamic_friction_range": friction,
-        "restitution_range": randomize.restitution or (0.0, 0.0), "num_buckets": MATERIALS,
+        "restitution_range": randomize.restitution or (0.0, 0.0),
+        "num_buckets": asked.get("friction_buckets", MATERIALS),
         "make_consistent": True,
     }  # fmt: skip
     yield Event("material", "mdp.randomize_rigid_body_material", params=drawn)

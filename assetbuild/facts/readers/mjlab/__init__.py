@@ -10,10 +10,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
-from assetbuild.facts.reader import Proof, Reader
+from assetbuild.facts.reader import Reader
 from assetbuild.facts.readers.mjlab.expected import expected_table
 from assetbuild.facts.readers.mjlab.said import FORM, MODELS, READ, with_task_facts
 from assetbuild.facts.reference import Reference
+from assetbuild.facts.statements import put_words
 from assetbuild.facts.syntax import Call, Module, flat, is_vector
 from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.facts.trainers import Names, is_name, read_events, spread, texts, unescaped
@@ -40,11 +41,11 @@ class MjlabReader(Reader):
 
     form: ClassVar[str] = FORM
     called: ClassVar[str] = "mjlab's module"
-    behind: ClassVar[tuple[str, ...]] = ("python/*_mjlab.py",)
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
+    behind: ClassVar[tuple[str, ...]] = ("python/*_mjlab.py",)
     asks: ClassVar[tuple[str, ...]] = ("randomize", "feet", "imu", "mjlab")
     lacks: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(("body", "frame", "shape", "pair", "sensor", "camera", "element"), IN_BARE),
+        **dict.fromkeys(("body", "frame", "shape", "pair", "sensor", "camera"), IN_BARE),
         "keyframe": "mjlab starts in one pose: quantity `start`",
         "floor": "mjlab's task brings its own",
         "robot base": IN_BARE,
@@ -72,48 +73,48 @@ class MjlabReader(Reader):
         "simulation line search iterations": "mjlab's task decides",
     }  # fmt: skip
 
-    names: Names = Names()
-    """The robot's names, for patterns; none: those that the module itself writes out."""
-
     def file(self, root: Path, robot: str) -> Path | None:
         """The one module below `python/`."""
         found = sorted((root / "python").glob("*_mjlab.py"))
         return found[0] if found else root / "python" / f"{robot}_mjlab.py"
 
-    def prove(self, reference: Reference, path: Path) -> Proof:
+    def found(self, path: Path, reference: Reference) -> Table:
         """Patterns are those of the robot's bodies and joints."""
         tree = reference.tree
         names = Names({n: n for n in tree.by_body}, {j.name: j.name for j in tree.moving_joints})
-        known = self.model_copy(update={"names": names})
-        return super(MjlabReader, known).prove(reference, path)
+        return _table(path, names).only(self.holds)
 
     def expected(self, reference: Reference) -> Table:
         """What mjlab must be told of this robot."""
         return expected_table(reference, self.robot)
 
     def read(self, path: Path) -> Table:
-        """The facts of a module; UsageError where it is no Python."""
-        module, book = Module.of_file(path), Writer()
-        timestep, decimation = module.constant("TIMESTEP"), module.constant("DECIMATION")
-        gravity = module.constant("GRAVITY")
-        book.put(
-            "simulation", "",
-            {"timestep": timestep, "decimation": decimation, "gravity": gravity},
-        )  # fmt: skip
-        for name in ("XML", "ROOT_BODY", "IMU_SITE", "FOOT_SITES", "FOOT_GEOMS"):
-            value = module.constant(name)
-            book.put("robot", "", {f"{FORM}:{name}": _text(value)})
-        robot = module.returned("robot_cfg")
-        names = self.names if self.names.joints else _own_names(module, robot)
-        groups: list[tuple[str, ...]] = []
-        if isinstance(robot, Call):
-            groups = _robot(robot, timestep, names, book, module.name)
-        _by_joint(module, names, book)
-        events = module.returned("randomize_events")
-        if isinstance(events, dict):
-            read_events(events, FORM, names, book, groups)
-        module.words(FORM, book, READ)
-        return with_task_facts(book).table()
+        """The facts of a module, by the names that it writes out; UsageError for no Python."""
+        return _table(path, Names())
+
+
+def _table(path: Path, names: Names) -> Table:
+    module, book = Module.of_file(path), Writer()
+    timestep, decimation = module.constant("TIMESTEP"), module.constant("DECIMATION")
+    gravity = module.constant("GRAVITY")
+    book.put(
+        "simulation", "",
+        {"timestep": timestep, "decimation": decimation, "gravity": gravity},
+    )  # fmt: skip
+    for name in ("XML", "ROOT_BODY", "IMU_SITE", "FOOT_SITES", "FOOT_GEOMS"):
+        value = module.constant(name)
+        book.put("robot", "", {f"{FORM}:{name}": _text(value)})
+    robot = module.returned("robot_cfg")
+    names = names if names.joints else _own_names(module, robot)
+    groups: list[tuple[str, ...]] = []
+    if isinstance(robot, Call):
+        groups = _robot(robot, timestep, names, book, module.name)
+    _by_joint(module, names, book)
+    events = module.returned("randomize_events")
+    if isinstance(events, dict):
+        read_events(events, FORM, names, book, groups)
+    put_words(module, FORM, book, READ)
+    return with_task_facts(book).table()
 
 
 def _text(value: object) -> Value:
@@ -149,8 +150,8 @@ def _robot(
         said[f"{FORM}:articulation"] = body.name
         book.put("robot", "", {"soft limits": body.take("soft_joint_pos_limit_factor")})
         drives = body.take("actuators")
-        for drive in drives if isinstance(drives, tuple) else ():
-            groups.append(_drive(drive, timestep, names, book, where))
+        listed = drives if isinstance(drives, tuple) else ()
+        groups = [_drive(drive, timestep, names, book, where) for drive in listed]
         _left(body, "articulation", where, book)
     book.put("robot", "", said)
     _left(robot, "robot_cfg", where, book)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from assetbuild.facts.readers.mjlab import said
 from assetbuild.facts.reference import Reference, pose_value
+from assetbuild.facts.statements import put_words
 from assetbuild.facts.syntax import Module
 from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.facts.trainers import (
@@ -25,56 +27,82 @@ from assetbuild.facts.trainers import (
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.pose import Pose, rotation_of
 from assetbuild.robot.ranges import Randomize, RandomMatter, RandomPayload, claimed, per_axis
+from assetbuild.robot.tree import forward_kinematics
 
 FORM = said.FORM
 CLASSES = {model: name for name, model in said.MODELS.items()}
 LOOPS = ("pd", "ideal_pd", "dc_motor")
 """Drives that hold a position, which mjlab's terms for gains and effort know."""
-ERROR_SHARE, LARGEST = 0.25, {"prismatic": 0.05}
-"""A unit of action asks for this share of the effort, at most for 0.05 m or 0.5 rad."""
-LARGEST_RAD = 0.5
-TASK = {
-    "soft_joint_pos_limit_factor": 0.9, "cone": "elliptic", "impratio": 10, "njmax": 300,
-    "nconmax": None,
-}  # fmt: skip
-"""What mjlab's own robots take, where the recipe's `mjlab` says nothing else."""
+COLLISION = re.compile(r".*_collision\d*")
+"""What mjlab's configurations call geoms that touch something."""
+
+
+@dataclass(frozen=True)
+class Foot:
+    """A body with soles. site: its lowest sole link; geoms: its soles in the bare MJCF."""
+
+    body: str
+    site: str
+    geoms: tuple[str, ...]
 
 
 def expected_table(reference: Reference, robot: str) -> Table:
     """All facts and words of the module."""
     book = Writer()
-    asked = TASK | (reference.options.get("mjlab") or {})
+    asked = {**said.TASK, **(reference.options.get("mjlab") or {})}
     drives = [a for a in reference.control.actuators if a.model in CLASSES]
-    soles = _soles(reference)
-    sites = tuple(dict.fromkeys(link for link, _ in soles))
-    _robot(reference, robot, asked, soles, book)
-    _drives(reference, drives, book)
+    feet = _feet(reference)
+    _robot(reference, robot, asked, feet, book)
+    _drives(reference, asked["action"], drives, book)
     events = _events(reference, drives)
     for event in events:
         event.put(FORM, book)
-    walks = reference.tree.base == "floating" and bool(sites) and bool(drives)
+    walks = reference.tree.base == "floating" and bool(feet) and bool(drives)
     if walks:
-        _walk(drives, book)
-    text = _text(reference, asked, drives, soles, events, walks=walks)
-    Module.parsed(text, "expected").words(FORM, book, said.READ)
+        _walk(asked["pose"], drives, book)
+    text = _text(reference, asked, drives, feet, events, walks=walks)
+    put_words(Module.parsed(text, "expected"), FORM, book, said.READ)
     return said.with_task_facts(book).table()
 
 
-def _soles(reference: Reference) -> list[tuple[str, str]]:
-    """(link, collision shape) of what the recipe's feet stand on."""
-    feet = (reference.options.get("feet") or {}).get("links")
+def _feet(reference: Reference) -> list[Foot]:
+    """One for each body that stands on something, in the order of the bodies."""
+    pattern = (reference.options.get("feet") or {}).get("links")
+    tree, start = reference.tree, start_of(reference)
+    X_root_body = forward_kinematics(tree, dict(start.joints))
+    names = _geom_names(reference)
+    soles: dict[str, list[tuple[float, str, str]]] = {}
+    for shape in reference.shapes.of("collision"):
+        if pattern and re.fullmatch(pattern, shape.link):
+            body, X_body_link = tree.placement(shape.link)
+            X_world_link = tree.root_pose(start) @ X_root_body[body] @ X_body_link
+            sole = (X_world_link.xyz[2], shape.link, names[shape.name])
+            soles.setdefault(body, []).append(sole)
     return [
-        (shape.link, shape.name)
-        for shape in reference.shapes.of("collision")
-        if feet and re.fullmatch(feet, shape.link)
+        Foot(body, min(own, key=lambda sole: sole[0])[1], tuple(geom for _, _, geom in own))
+        for body, own in sorted(soles.items(), key=lambda item: [*tree.by_body].index(item[0]))
     ]
+
+
+def _geom_names(reference: Reference) -> dict[str, str]:
+    """What the bare MJCF calls collision shapes; a number tells new names apart from taken ones."""
+    names: dict[str, str] = {}
+    taken = {shape.name for shape in reference.shapes.shapes}
+    for shape in reference.shapes.of("collision"):
+        name = shape.name
+        if not COLLISION.fullmatch(name):
+            wanted = (f"{shape.name}_collision{n}" for n in ("", *range(2, len(taken) + 3)))
+            name = next(one for one in wanted if one not in taken)
+            taken.add(name)
+        names[shape.name] = name
+    return names
 
 
 def _robot(
     reference: Reference,
     robot: str,
     asked: dict[str, Any],  # Any: JSON
-    soles: list[tuple[str, str]],
+    feet: list[Foot],
     book: Writer,
 ) -> None:
     tree, simulation = reference.tree, reference.control.simulation
@@ -84,8 +112,8 @@ def _robot(
         "XML": f"mjcf/{robot}_bare.xml",
         "ROOT_BODY": tree.root,
         "IMU_SITE": imu,
-        "FOOT_SITES": tuple(dict.fromkeys(link for link, _ in soles)),
-        "FOOT_GEOMS": tuple(shape for _, shape in soles),
+        "FOOT_SITES": tuple(foot.site for foot in feet),
+        "FOOT_GEOMS": tuple(geom for foot in feet for geom in foot.geoms),
         "robot_cfg": "EntityCfg",
         "spec_fn": "spec",
         "init_state": "EntityCfg.InitialStateCfg",
@@ -105,7 +133,12 @@ def _robot(
         book.put("joint", joint, {"start": position, f"{FORM}:start velocity": 0.0})
 
 
-def _drives(reference: Reference, drives: list[Actuator], book: Writer) -> None:
+def _drives(
+    reference: Reference,
+    action: Mapping[str, float],
+    drives: list[Actuator],
+    book: Writer,
+) -> None:
     """Numbers of joints that mjlab can drive; passive ones are whole in the bare MJCF."""
     randomize, timestep = randomize_of(reference), reference.control.simulation.timestep
     kinds = {joint.name: joint.kind for joint in reference.tree.moving_joints}
@@ -122,19 +155,24 @@ def _drives(reference: Reference, drives: list[Actuator], book: Writer) -> None:
         if drive.model == "dc_motor":
             facts |= {"velocity": drive.velocity, "stall": stall_of(drive)}
         if drive.kp and drive.effort:
-            most = LARGEST.get(kinds[drive.joint], LARGEST_RAD)
-            scale = min(ERROR_SHARE * drive.effort / drive.kp, most)
+            most = action["m" if kinds[drive.joint] == "prismatic" else "rad"]
+            scale = min(action["effort_share"] * drive.effort / drive.kp, most)
             facts[f"{FORM}:action scale"] = scale
         book.put("joint", drive.joint, facts)
 
 
-def _walk(drives: list[Actuator], book: Writer) -> None:
+def _walk(
+    pose: dict[str, Any],  # Any: JSON
+    drives: list[Actuator],
+    book: Writer,
+) -> None:
     """Which joints the velocity task keeps near their start, and how near."""
     for drive in drives:
         book.put("joint", drive.joint, {f"{FORM}:in JOINTS": True})
-        if re.search("calf|knee", drive.joint, re.IGNORECASE):
+        if re.fullmatch(pose["knees"], drive.joint):
             book.put("joint", drive.joint, {f"{FORM}:in KNEES": True})
-    book.put("robot", "", {f"{FORM}:{name}": value for name, value in said.SPREAD.items()})
+    for gait in ("standing", "walking", "running"):
+        book.put("robot", "", {f"{FORM}:std_{gait}": tuple(pose[gait])})
 
 
 # --- events -----------------------------------------------------------------------------------
@@ -230,7 +268,7 @@ def _text(
     reference: Reference,
     asked: dict[str, Any],  # Any: JSON
     drives: list[Actuator],
-    soles: list[tuple[str, str]],
+    feet: list[Foot],
     events: list[Event],
     *,
     walks: bool,
@@ -250,8 +288,8 @@ def _text(
     parts += [said.EVENTS] if events else []
     if walks:
         lines = "\n".join(f"    {line}" for line in _event_lines(reference, events))
-        words = {name: asked[name] for name in ("cone", "impratio", "njmax", "nconmax")}
-        parts.append(said.VELOCITY.format(**words, soles=_match(reference, soles), events=lines))
+        words = {**asked, **asked["foot_scan"], "soles": _match(feet), "events": lines}
+        parts.append(said.VELOCITY.format(**words))
     return "\n".join(parts)
 
 
@@ -270,10 +308,8 @@ def _event_lines(reference: Reference, events: list[Event]) -> Iterator[str]:
         yield "cfg.events |= randomize_events()"
 
 
-def _match(reference: Reference, soles: list[tuple[str, str]]) -> str:
+def _match(feet: list[Foot]) -> str:
     """Contacts count by foot: a foot of several shapes is its body."""
-    links = tuple(dict.fromkeys(link for link, _ in soles))
-    if len(links) == len(soles):
+    if all(len(foot.geoms) == 1 for foot in feet):
         return 'mode="geom", pattern=FOOT_GEOMS'
-    bodies = tuple(reference.tree.placement(link)[0] for link in links)
-    return f'mode="body", pattern={bodies!r}'
+    return f'mode="body", pattern={tuple(foot.body for foot in feet)!r}'

@@ -5,6 +5,9 @@ Names are mjlab 1.6's; see docs/how-to/mjlab.md.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from assetbuild.facts.table import Writer
 
 FORM = "mjlab"
@@ -22,8 +25,27 @@ READ = (
     "POSE_SPREAD",
 )  # fmt: skip
 """Parts whose values are facts; their order and signatures are words like all others."""
-SPREAD = {"std_standing": (0.05, 0.1), "std_walking": (0.3, 0.6), "std_running": (0.3, 0.6)}
-"""rad of other joints and of knees: how mjlab's own robots may swing at no cost."""
+TASK: Mapping[str, Any] = {  # Any: JSON
+    "soft_joint_pos_limit_factor": 0.9,
+    "num_envs": 4096,
+    "cone": "elliptic",
+    "impratio": 10.0,
+    "njmax": 300,
+    "nconmax": None,
+    "action": {"effort_share": 0.25, "rad": 0.5, "m": 0.05},
+    "foot_scan": {"radius": 0.04, "samples": 4},
+    "pose": {
+        "knees": "(?i).*(calf|knee).*",
+        "standing": (0.05, 0.1),
+        "walking": (0.3, 0.6),
+        "running": (0.3, 0.6),
+    },
+}
+"""What mjlab's own robots take, where the recipe's `mjlab` says nothing else.
+
+action: share of the error in position that asks for the whole effort, and the most of it, rad or m.
+pose: rad of other joints and of knees that cost nothing.
+"""
 
 IMPORTS = """
 from __future__ import annotations
@@ -103,7 +125,7 @@ def randomize_events() -> dict[str, EventTermCfg]:
 """
 
 VELOCITY = """
-def velocity_flat_cfg(num_envs: int = 4096) -> ManagerBasedRlEnvCfg:
+def velocity_flat_cfg(num_envs: int = {num_envs}) -> ManagerBasedRlEnvCfg:
     cfg = make_velocity_env_cfg()
     cfg.scene.num_envs = num_envs
     cfg.scene.entities = {{"robot": robot_cfg()}}
@@ -122,7 +144,7 @@ def velocity_flat_cfg(num_envs: int = 4096) -> ManagerBasedRlEnvCfg:
     for sensor in kept:
         if sensor.name == "foot_height_scan":
             sensor.frame = tuple(ObjRef(type="site", name=s, entity="robot") for s in FOOT_SITES)
-            sensor.pattern = RingPatternCfg.single_ring(radius=0.04, num_samples=4)
+            sensor.pattern = RingPatternCfg.single_ring(radius={radius!r}, num_samples={samples!r})
     feet = ContactSensorCfg(
         name="feet_ground_contact",
         primary=ContactMatch({soles}, entity="robot"),
@@ -168,5 +190,6 @@ def with_task_facts(book: Writer) -> Writer:
         option = TASK_FACTS.get(key.name.rpartition(": ")[2])
         if key.kind == "code" and option and key.quantity == f"{FORM}:statement":
             del book.facts[key]
-            book.put("simulation", "", {option: value})
+            fact = value.strip("'") if isinstance(value, str) else value
+            book.put("simulation", "", {option: fact})
     return book

@@ -57,7 +57,7 @@ LACKS: Mapping[str, str] = {
     "keyframe": "URDF has no poses of the whole robot; SRDF has",
     "simulation": "URDF describes a robot, not a simulation",
     "floor": "URDF describes a robot, not a scene",
-    "element": "URDF has no place for MJCF",
+    "robot start pose": "URDF has no initial pose",
 }  # fmt: skip
 
 

@@ -1,0 +1,54 @@
+"""The page of facts: every quantity of the vocabulary, and what each format does with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from assetbuild.facts.reader import Reader
+from assetbuild.facts.table import Key
+from assetbuild.facts.vocabulary import VOCABULARY, Quantity
+from assetbuild.plugins import load_plugin, plugin_names
+
+INTRODUCTION = """\
+# Facts
+
+A robot is a table of facts. Every format is read back into the same table, and the difference of
+two tables is what `build` reports as `equal.<format>.<quantity>`, and what `validate` and `diff`
+report. The tables below list every quantity, and for each format `=` where it is compared, or the
+number of the reason why the format cannot hold it. What a format says beyond these quantities is
+compared as a word of its own (`mjcf:solmix`, `usd:kind`), and what a reader does not know is an
+error (`equal.unread`).
+
+Tolerances are relative: 1e-9, and 2e-7 where a format keeps float32.
+"""
+
+
+def fact_page() -> str:
+    """One table for each kind of subject, and the reasons."""
+    readers = {name: load_plugin(Reader, name) for name in plugin_names(Reader)}
+    reasons: dict[str, int] = {}
+    kinds = dict.fromkeys(kind for kind, _ in VOCABULARY)
+    parts = [INTRODUCTION]
+    for kind in kinds:
+        rows = [q for q in VOCABULARY.values() if q.kind == kind]
+        parts.append(f"## {kind}\n\n" + "".join(_table(rows, readers, reasons)))
+    listed = "".join(f"{number}. {reason}\n" for reason, number in reasons.items())
+    return "\n".join(parts) + f"\n## Why a format cannot hold a quantity\n\n{listed}"
+
+
+def _table(
+    rows: list[Quantity], readers: dict[str, type[Reader]], reasons: dict[str, int]
+) -> Iterator[str]:
+    yield f"| quantity | unit | rank | {' | '.join(readers)} | meaning |\n"
+    yield f"|{' --- |' * (len(readers) + 4)}\n"
+    for row in rows:
+        cells = [_cell(row, reader, reasons) for reader in readers.values()]
+        known = f"| {row.name} | {row.unit} | {row.rank.lower()} |"
+        yield f"{known} {' | '.join(cells)} | {row.about} |\n"
+
+
+def _cell(row: Quantity, reader: type[Reader], reasons: dict[str, int]) -> str:
+    if reader.holds(Key(row.kind, "", row.name)):
+        return "="
+    reason = reader.lacks.get(f"{row.kind} {row.name}") or reader.lacks.get(row.kind, "")
+    return str(reasons.setdefault(reason, len(reasons) + 1))

@@ -1,0 +1,68 @@
+"""The checks that a recipe asks for by name; those that run in any build are not among them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from assetbuild.kinds import Check
+from assetbuild.plugins import load_plugin, plugin_names
+from assetbuild.recipe.models import Recipe
+
+USUAL = "mujoco"
+"""The engine that runs where a recipe names none."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One request. key: of the recipe; checks: at least one of them must run.
+
+    lack: why none can, where the recipe itself is the reason.
+    """
+
+    key: str
+    checks: tuple[str, ...]
+    lack: str
+
+
+def asked(recipe: Recipe) -> tuple[Asked, ...]:
+    """Stated sections of `validate`, entries of its lists, and simulators besides MuJoCo."""
+    checks = {name: load_plugin(Check, name) for name in plugin_names(Check)}
+    return tuple(
+        Asked(key, names, _lack([checks[name] for name in names], recipe))
+        for key, names in _requests(checks, recipe)
+    )
+
+
+def _requests(
+    checks: dict[str, type[Check]], recipe: Recipe
+) -> Iterator[tuple[str, tuple[str, ...]]]:
+    for word in sorted(recipe.stated("validate")):
+        key = f"validate.{word}"
+        names = tuple(name for name, check in checks.items() if _is_about(check, key))
+        if names and recipe.value(key) is not None:
+            yield key, names
+    for name, check in checks.items():
+        if check.listed_in and check.listed_as() in recipe.value(check.listed_in):
+            yield check.listed_in, (name,)
+    for engine in recipe.value("validate.simulators"):
+        if engine != USUAL:
+            names = tuple(name for name, check in checks.items() if engine in check.engines)
+            yield "validate.simulators", names
+
+
+def _is_about(check: type[Check], key: str) -> bool:
+    """Whether a section is a check's; what a list names runs by that list, not by its limits."""
+    return check.section == key or (key in check.sections and not check.listed_in)
+
+
+def _lack(checks: Sequence[type[Check]], recipe: Recipe) -> str:
+    """What the recipe withholds from all of these checks; "" = nothing."""
+    have = {*recipe.targets, "source", "source_mjcf"}
+    if all(set(check.needs) - have for check in checks):
+        missing = sorted({need for check in checks for need in set(check.needs) - have})
+        return f"`targets` lacks {', '.join(f'`{name}`' for name in missing)}"
+    simulators = recipe.value("validate.simulators")
+    if not any(set(check.engines) <= set(simulators) for check in checks):
+        return f"`validate.simulators` names {', '.join(f'`{name}`' for name in simulators)} alone"
+    return ""

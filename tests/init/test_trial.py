@@ -1,0 +1,78 @@
+"""`init` asks a robot to stand where it has seen it stand, and says what it saw."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from assetbuild.init import propose
+from assetbuild.init.anatomy import study
+from assetbuild.init.drives import drive_rows
+from assetbuild.init.home import home_pose
+from assetbuild.init.look import InspectedRobot, judge, look
+from assetbuild.init.source import find_source
+from assetbuild.init.text import validation
+from assetbuild.init.trial import Trial, tables, try_to_stand
+from assetbuild.pipeline.recipes import load_recipe
+
+DOG = "four_legs.urdf"
+
+
+def tried(robots: Path, weaker: float = 1.0, soles: tuple[str, ...] | None = None) -> Trial:
+    """The dog with the gains that `init` gives it, divided by `weaker`."""
+    source = find_source(robots / DOG, {})
+    robot = look(source)
+    legs = study(robot).legs
+    robot = judge(robot.links, robot.shapes, "floating")
+    pose = home_pose(robot.tree, legs)
+    drives = [
+        replace(row, gains={name: gain / weaker for name, gain in row.gains.items()})
+        for row in drive_rows(robot.tree, pose, legs)
+    ]
+    feet = soles if soles is not None else tuple(sole for leg in legs for sole in leg.soles)
+    return try_to_stand(robot, source.root, feet, tables(drives, pose, {"timestep": 0.002}))
+
+
+def test_a_dog_with_proper_gains_stands(robots: Path):
+    trial = tried(robots)
+    assert trial.stands
+    assert trial.sentence.startswith("stands for 2 s: base height 0.3")
+
+
+def test_a_dog_whose_drives_are_too_weak_falls(robots: Path):
+    assert tried(robots, weaker=100.0) == Trial(False, "falls within 2 s")
+
+
+def test_soles_without_a_shape_cannot_be_tried(robots: Path):
+    assert tried(robots, soles=("imu_link",)).stands is None
+
+
+def asked(robot: InspectedRobot, trial: Trial, legs: int) -> list[str]:
+    return list(validation(robot, study(robot).legs[:legs], trial))
+
+
+@pytest.mark.parametrize(
+    ("stands", "legs", "written"),
+    [(True, 4, True), (True, 2, True), (False, 4, False), (None, 4, True), (None, 2, False)],
+)
+def test_who_was_seen_to_stand_must_and_who_falls_need_not(
+    robots: Path, stands: bool | None, legs: int, written: bool
+):
+    """Four legs are believed untried, two are not."""
+    lines = asked(look(find_source(robots / DOG, {})), Trial(stands, "seen"), legs)
+    assert any(line.startswith("  stand: {keyframe: home") for line in lines) is written
+    assert any("# stand:" in line for line in lines) is not written
+    assert any("seen." in line for line in lines)
+
+
+def test_the_recipe_of_the_dog_asks_it_to_stand_and_says_why(robots: Path, tmp_path: Path):
+    proposal = propose(robots / DOG, tmp_path / "dog.yaml", {})
+    assert "# In MuJoCo, on its soles, it stands for 2 s" in proposal.text
+    (tmp_path / "dog.yaml").write_text(proposal.text)
+    assert load_recipe(tmp_path / "dog.yaml").recipe.stated("validate") == {"stand"}
+
+
+def test_an_arm_is_not_asked_to_stand(robots: Path, tmp_path: Path):
+    assert "stand:" not in propose(robots / "odd_arm.urdf", tmp_path / "arm.yaml", {}).text

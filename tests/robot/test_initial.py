@@ -1,0 +1,92 @@
+"""Where a robot starts: one definition, which every format, trainer and check reads."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from tiny import TinyRobot, check_inputs, run_step, tiny_quadruped, with_mimic, write_robot_ports
+
+from assetbuild.checks.usd_equal import UsdEqual
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.model import Limits
+from assetbuild.simulators.mujoco import at_key
+from assetbuild.targets.isaaclab import IsaacLab
+from assetbuild.targets.mjcf import Mjcf
+from assetbuild.targets.mjlab import Mjlab
+from assetbuild.targets.usd import Usd
+
+QUADRUPED = tiny_quadruped()
+"""Its calves turn from -2.8 to -0.9 rad."""
+
+
+def without_keyframes() -> TinyRobot:
+    return replace(QUADRUPED, control=replace(QUADRUPED.control, keyframes=()))
+
+
+def with_names(*names: str) -> TinyRobot:
+    keys = QUADRUPED.control.keyframes
+    renamed = tuple(replace(key, name=name) for key, name in zip(keys, names, strict=True))
+    return replace(QUADRUPED, control=replace(QUADRUPED.control, keyframes=renamed))
+
+
+@pytest.mark.parametrize(
+    ("names", "wanted"),
+    [(("home", "crouch"), 0), (("crouch", "home"), 1), (("stance", "crouch"), 0)],
+)
+def test_a_robot_starts_at_home_else_at_its_first_keyframe(names: tuple[str, str], wanted: int):
+    robot = with_names(*names)
+    assert initial_pose(robot.tree, robot.control) == robot.control.keyframes[wanted]
+
+
+def test_without_keyframes_joints_are_as_near_to_zero_as_they_may_be_and_mimics_follow():
+    robot = with_mimic(without_keyframes(), "FL_calf_joint", "FR_calf_joint", 0.5, -1.0)
+    start = dict(initial_pose(robot.tree, robot.control).joints)
+    assert start["FR_hip_joint"] == 0.0
+    assert start["FR_calf_joint"] == -0.9
+    assert start["FL_calf_joint"] == pytest.approx(-1.0 - 0.45)
+
+
+def test_a_joint_that_turns_without_end_starts_at_zero():
+    joints = tuple(
+        replace(joint, kind="continuous", limits=Limits(1.0, 2.0))
+        for joint in QUADRUPED.tree.joints
+    )
+    tree = replace(QUADRUPED.tree, joints=joints)
+    start = initial_pose(tree, without_keyframes().control)
+    assert {value for _, value in start.joints} == {0.0}
+
+
+@pytest.mark.parametrize(
+    "robot", [without_keyframes(), with_names("stance", "crouch"), with_names("crouch", "home")]
+)
+def test_every_form_of_a_robot_starts_in_its_initial_pose(robot: TinyRobot, tmp_path: Path):
+    start = dict(initial_pose(robot.tree, robot.control).joints)
+    inputs = check_inputs(tmp_path / "usd", robot, Usd(robot="robot"), "usd")
+    assert run_step(UsdEqual(robot="robot"), inputs, tmp_path / "equal") == []
+
+    ports = write_robot_ports(tmp_path / "in", robot)
+    run_step(Mjcf(robot="robot"), ports, tmp_path / "mjcf")
+    run_step(Mjlab(robot="robot"), ports, tmp_path / "mjlab")
+    run_step(IsaacLab(robot="robot"), ports, tmp_path / "isaaclab")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "mjcf/mjcf/robot.xml"))
+    data = at_key(model)
+    in_mujoco = {name: float(data.joint(name).qpos[0]) for name in start}
+    assert in_mujoco == pytest.approx(start, abs=1e-12)
+    for file in ("mjlab/mjlab/python/robot_mjlab.py", "isaaclab/isaaclab/robot_isaaclab_3.py"):
+        text = (tmp_path / file).read_text()
+        for joint, value in start.items():
+            assert f'"{joint}": {value!r},' in text
+
+
+def test_mujoco_starts_a_foreign_model_without_keyframes_inside_its_limits():
+    xml = """<mujoco><worldbody><body><geom size="0.1"/><joint name="knee" range="-115 -29"/>
+      <body><geom size="0.1"/><joint name="toe"/></body></body></worldbody>
+      <equality><joint joint1="toe" joint2="knee" polycoef="0.1 2 0 0 0"/></equality></mujoco>"""
+    data = at_key(mujoco.MjModel.from_xml_string(xml))
+    knee = np.radians(-29.0)
+    assert data.joint("knee").qpos[0] == pytest.approx(knee)
+    assert data.joint("toe").qpos[0] == pytest.approx(0.1 + 2.0 * knee)
