@@ -8,35 +8,36 @@ from pathlib import Path
 
 from PIL import Image
 
-from tests.mutations.change import Mutation, spelled, vector_changes
+from tests.mutations.change import Mutation, text_changes
 
 DRAWN = 3
 """So many lines of each keyword of a mesh, and pixels of a picture, are drawn."""
 
 
 def walk_mesh(path: Path, file: str, random_: random.Random) -> Iterator[Mutation]:
-    """Mutations of a Wavefront file: of some lines of each keyword."""
+    """Mutations of a Wavefront mesh or its materials: of some lines of each keyword."""
     lines = path.read_text(encoding="utf-8").splitlines()
     of: dict[str, list[int]] = {}
     for number, line in enumerate(lines):
-        word = line.split(maxsplit=1)[0] if line.strip() else ""
-        if word in ("v", "vt", "vn", "f"):
-            of.setdefault(word, []).append(number)
+        if line.strip() and not line.startswith("#"):
+            of.setdefault(line.split(maxsplit=1)[0], []).append(number)
     for word, numbers in of.items():
         for number in random_.sample(numbers, min(DRAWN, len(numbers))):
             where, line = f"line {number + 1}", lines[number]
-            if word != "f":
-                values = [float(part) for part in line.split()[1:]]
-                for what, new in vector_changes(values, random_):
-                    after = f"{word} {spelled(new)}"
-                    key = ("set", number, after)
-                    yield Mutation(file, where, f"obj:{word}", what, line, after, key)
-            else:
-                yield Mutation(file, where, "obj:f", "deleted", line, "", ("set", number, ""))
-                a, b, *rest = line.split()[1:]
-                after = " ".join(("f", b, a, *rest))
-                key = ("set", number, after)
-                yield Mutation(file, where, "obj:f", "turned over", line, after, key)
+            label = f"{path.suffix[1:]}:{word}"
+            for what, after in _lines(line, random_):
+                yield Mutation(file, where, label, what, line, after, ("set", number, after))
+
+
+def _lines(line: str, random_: random.Random) -> Iterator[tuple[str, str]]:
+    """Other lines of the same keyword: none, turned, with other numbers or another text."""
+    word, *rest = line.split()
+    yield "deleted", ""
+    if word == "f":
+        yield "turned over", " ".join((word, rest[1], rest[0], *rest[2:]))
+        return
+    for what, new in text_changes(" ".join(rest), [], random_):
+        yield what, f"{word} {new}"
 
 
 def apply_mesh(path: Path, key: tuple[object, ...]) -> None:
@@ -55,7 +56,10 @@ def walk_picture(path: Path, file: str, random_: random.Random) -> Iterator[Muta
             x, y = random_.randrange(width), random_.randrange(height)
             old = picture.getpixel((x, y))
             first = old[0] if isinstance(old, tuple) else int(old or 0)
-            for what, new in (("by 3", first + 3 if first < 250 else first - 3), ("inverted", 255 - first)):
+            for what, new in (
+                ("by 3", first + 3 if first < 250 else first - 3),
+                ("inverted", 255 - first),
+            ):
                 key = ("pixel", x, y, new)
                 yield Mutation(file, f"pixel {x}, {y}", "pixel", what, str(first), str(new), key)
 

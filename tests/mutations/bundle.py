@@ -42,6 +42,7 @@ def tools_of(file: str) -> tuple[Walk, Apply] | None:
         ".json": (leaves.walk, leaves.apply),
         ".yaml": (leaves.walk, leaves.apply),
         ".obj": (assets.walk_mesh, assets.apply_mesh),
+        ".mtl": (assets.walk_mesh, assets.apply_mesh),
         ".png": (assets.walk_picture, assets.apply_picture),
     }.get(ending)
 

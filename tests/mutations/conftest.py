@@ -46,4 +46,5 @@ def legs(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copy(ROBOTS / "four_legs.urdf", folder / "robot")
         built(folder, LEGS)
 
-    return made_once("mutated-legs", build, tmp_path_factory) / "bundle"
+    folder: Path = made_once("mutated-legs", build, tmp_path_factory)
+    return folder / "bundle"

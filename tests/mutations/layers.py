@@ -72,7 +72,11 @@ def apply(path: Path, key: tuple[object, ...]) -> None:
         Sdf.CopySpec(layer, at, layer, at.GetParentPath().AppendChild(str(key[2])))
     else:
         edit = Sdf.BatchNamespaceEdit()
-        edit.Add(Sdf.NamespaceEdit.Remove(at) if what == "remove" else Sdf.NamespaceEdit.Rename(at, str(key[2])))
+        edit.Add(
+            Sdf.NamespaceEdit.Remove(at)
+            if what == "remove"
+            else Sdf.NamespaceEdit.Rename(at, str(key[2]))
+        )
         if not layer.Apply(edit):
             raise ValueError(f"{at} cannot be removed or renamed")
     layer.Export(str(path))
@@ -182,7 +186,13 @@ def changed(value: Value, what: str, arg: object) -> Value:
 def _other(value: Value) -> Value:
     if isinstance(value, bool):
         return not value
-    return value * 1.1 if isinstance(value, float) else value + 1 if isinstance(value, int) else f"{value}x"
+    return (
+        value * 1.1
+        if isinstance(value, float)
+        else value + 1
+        if isinstance(value, int)
+        else f"{value}x"
+    )
 
 
 def _numbers(value: Value) -> np.ndarray[Any, Any] | None:  # numbers of any type
@@ -264,6 +274,8 @@ def _elsewhere(path: Sdf.Path) -> Sdf.Path:
 
 
 def _short(value: Value) -> str:
-    return " ".join(str(value).split())[:120] if not _is_array(value) or len(value) < 8 else (
-        f"{len(value)} elements"
+    return (
+        " ".join(str(value).split())[:120]
+        if not _is_array(value) or len(value) < 8
+        else (f"{len(value)} elements")
     )

@@ -29,7 +29,7 @@ def load(path: Path) -> Plain:
 def save(path: Path, value: Plain) -> None:
     """Writes it in the same language."""
     plain = path.suffix == ".json"
-    text = json.dumps(value, sort_keys=True) if plain else yaml.safe_dump(value, sort_keys=False)
+    text = json.dumps(value) if plain else yaml.safe_dump(value, sort_keys=False)
     path.write_text(text, encoding="utf-8")
 
 
@@ -51,7 +51,9 @@ def walk(path: Path, file: str, random_: random.Random) -> Iterator[Mutation]:
             yield Mutation(file, where, label, "duplicated", _short(value), "", twice)
 
 
-def _values(value: Plain, place: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], Plain]]:
+def _values(
+    value: Plain, place: tuple[str | int, ...]
+) -> Iterator[tuple[tuple[str | int, ...], Plain]]:
     yield place, value
     if isinstance(value, dict):
         for key, part in value.items():

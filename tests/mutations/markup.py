@@ -17,7 +17,7 @@ SEVERAL = {"visual", "collision", "transmission", "sensor", "gazebo"}
 def walk(path: Path, file: str, random_: random.Random) -> Iterator[Mutation]:
     """All mutations of one file."""
     elements = _elements(etree.parse(str(path)))
-    pairs = [(_named(e, name), text) for e in elements for name, text in e.attrib.items()]
+    pairs = [(_named(e, str(name)), text) for e in elements for name, text in e.attrib.items()]
     texts = pools([(str(name), str(text)) for name, text in pairs])
     for index, element in enumerate(elements):
         where = _where(element)

@@ -44,12 +44,15 @@ def meaning(bundle: Path, file: str) -> Meaning:
             return _element(etree.parse(str(bundle / file)).getroot())
         if file.endswith(".obj"):
             return _mesh(bundle / file)
+        if file.endswith(".mtl"):
+            lines = (bundle / file).read_text(encoding="utf-8").splitlines()
+            return [[numbers_in(word) or word for word in line.split()] for line in lines]
         if file.endswith(".png"):
             return _pixels(bundle / file)
         if form == "python":
             return ast.dump(ast.parse((bundle / file).read_text(encoding="utf-8")))
         return leaves.load(bundle / file) if form != "robot" else _robot(bundle)
-    except (AssetBuildError, ValueError, SyntaxError, OSError, RuntimeError):
+    except (AssetBuildError, LookupError, ValueError, SyntaxError, OSError, RuntimeError):
         return None
 
 
@@ -104,7 +107,7 @@ def _fields(model: object) -> dict[str, Meaning]:
 
 def composed(bundle: Path) -> list[Meaning]:
     """Every field of every spec of the flattened stages, the robot's and its scene's."""
-    from pxr import Sdf, Usd
+    from pxr import Usd
 
     found: list[Meaning] = []
     for root in sorted((bundle / "usd").glob("*.usd*")):
@@ -188,25 +191,25 @@ def _unit(quat: list[float]) -> list[float]:
 
 
 def _mesh(path: Path) -> Meaning:
-    """The triangles of a Wavefront file by the values of their corners: order of lines is none."""
+    """The triangles of a Wavefront file by the values of their corners, under their material."""
     rows: dict[str, list[tuple[float, ...]]] = {"v": [], "vt": [], "vn": []}
-    faces: list[Meaning] = []
+    faces: list[tuple[list[str], list[list[str]]]] = []
+    looks: list[str] = []
     for line in path.read_text(encoding="utf-8").splitlines():
         word, *parts = line.split() or [""]
         if word in rows:
             rows[word].append(tuple(map(float, parts)))
         elif word == "f":
-            faces.append(tuple(tuple(part.split("/")) for part in parts))
-    names = ("v", "vt", "vn")
-    return [
-        tuple(
-            rows[name][int(index) - 1]
-            for corner in face
-            for name, index in zip(names, corner, strict=False)
-            if index
-        )
-        for face in faces
-    ]
+            faces.append((looks, [part.split("/") for part in parts]))
+        elif word in ("usemtl", "mtllib"):
+            looks = [*looks, *parts][-2:]
+    return [(look, *(_corner(corner, rows) for corner in face)) for look, face in faces]
+
+
+def _corner(corner: list[str], rows: dict[str, list[tuple[float, ...]]]) -> Meaning:
+    """Place, texture coordinates and normal of a corner."""
+    named = zip(("v", "vt", "vn"), corner, strict=False)
+    return tuple(rows[name][int(index) - 1] for name, index in named if index)
 
 
 def _pixels(path: Path) -> Meaning:

@@ -99,8 +99,7 @@ def _nodes(tree: ast.Module) -> list[ast.AST]:
         for node in ast.walk(tree)
         if isinstance(node, ast.Module | ast.FunctionDef | ast.ClassDef)
         for statement in node.body
-        if isinstance(statement, ast.Expr)
-        and isinstance(statement.value, ast.Constant)
+        if isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
     }
     return [node for node in ast.walk(tree) if node not in dropped]
 

@@ -7,7 +7,7 @@ import json
 import random
 import re
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import yaml
@@ -20,12 +20,15 @@ Rewriting = Callable[[Path], None]
 DECIMAL = re.compile(r"(?<![\w.])(-?\d+\.\d+)(?![\w.])")
 
 
-def rewritten(bundle: Path) -> Iterator[tuple[str, str, list[str]]]:
-    """(file, way of writing it differently, what was then said or differed)."""
+def rewritten(
+    bundle: Path, wanted: Callable[[str], bool] = lambda file: True
+) -> Iterator[tuple[str, str, list[str]]]:
+    """(file, way of writing it differently, what was then said or differed) of wanted files."""
     with tempfile.TemporaryDirectory(prefix="rewritten-") as name:
         bench = Bench(bundle, Path(name))
-        yield "(untouched)", "as built", [f"{rule} {subject}" for rule, subject, _ in bench.judge.alarms]
-        for file in files_of(bench.bundle):
+        alarms = [f"{rule}: {subject}" for rule, subject, _ in bench.judge.alarms]
+        yield "(untouched)", "as built", alarms
+        for file in filter(wanted, files_of(bench.bundle)):
             for how, rewrite in ways(file).items():
                 with kept(bench.bundle, file):
                     rewrite(bench.bundle / file)
@@ -34,13 +37,17 @@ def rewritten(bundle: Path) -> Iterator[tuple[str, str, list[str]]]:
                     yield file, how, [*verdict.said, *verdict.told]
 
 
-def ways(file: str) -> dict[str, Rewriting]:
+def ways(file: str) -> Mapping[str, Rewriting]:
     """By what they are called, the ways to write a file differently."""
     ending = Path(file).suffix
     if ending in (".xml", ".urdf"):
-        found = {"comments": _comments, "order of attributes": _order, "spelling": _spelling}
+        found: dict[str, Rewriting] = {
+            "comments": _comments,
+            "order of attributes": _order,
+            "spelling": _spelling,
+        }
         return found | ({"signs of quaternions": _signs} if form_of(file) == "mjcf" else {})
-    return {
+    others: Mapping[str, Mapping[str, Rewriting]] = {
         ".usda": {"layer exported": _export, "signs of quaternions": _usd_signs},
         ".usdc": {"layer exported": _export},
         ".py": {"unparsed": _unparse},
@@ -48,7 +55,8 @@ def ways(file: str) -> dict[str, Rewriting]:
         ".yaml": {"dumped": _dump},
         ".obj": {"comments": _obj_comments},
         ".png": {"compressed": _compress},
-    }.get(ending, {})
+    }
+    return others.get(ending, {})
 
 
 def _each(path: Path, change: Callable[[etree._Element], None]) -> None:
