@@ -101,7 +101,7 @@ def _whole_robot(reference: Reference, report: Mapping[str, Any]) -> Table:  # A
     facts: dict[Key, Value] = {
         Key("link" if key.kind == "body" else f"link's {key.kind}", key.name, key.quantity): value
         for key, value in links.facts.items()
-        if key.kind in ("body", "joint") and key not in merged.facts
+        if key.kind in ("body", "joint")
     }
     for path, value in _words(dict(reference.options)):
         facts[Key("recipe", "", f"recipe:{path}")] = value
