@@ -36,6 +36,7 @@ UNPACKED = (
     "hector_",
     "hextilt_",
     "quadruped_",
+    "talos_data",
     "z1_",
 )
 """Robots that tests use: the beginnings of their folders' names."""

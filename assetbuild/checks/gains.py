@@ -22,7 +22,8 @@ from assetbuild.kinds import Check, RecipeView, write_figures
 from assetbuild.quantities import Positive
 from assetbuild.robot.dynamics import Dynamics, dynamics, holding_torques
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import Mesh, Shape, Shapes, Sphere
 
@@ -104,7 +105,7 @@ class Effective:
 class Gains(Check):
     """Findings `gains.<what>`; figures: `Effective` by joint. Reads no simulator."""
 
-    version = "2"
+    version = "3"
     reads = ("tree.json", "shapes.json", "control.json")
 
     section = "validate.gains"
@@ -140,13 +141,13 @@ class Gains(Check):
         """Reads the robot without its meshes."""
         stored = RobotFiles(files.inputs)
         tree, shapes, control = stored.tree, stored.shapes, stored.control
-        key = _home(control)
+        start = initial_pose(tree, control)
         robot = dynamics(
             tree,
-            dict(key.joints) if key else {},
+            dict(start.joints),
             {a.joint: a.armature for a in control.actuators},
             control.simulation.gravity,
-            tree.root_pose(key),
+            tree.root_pose(start),
         )
         soles = _soles(tree, shapes, robot, self.feet)
         torque, left_over = holding_torques(robot, soles)
@@ -161,7 +162,7 @@ class Gains(Check):
         write_figures(
             files,
             {
-                "keyframe": key.name if key else None,
+                "keyframe": start.name or None,
                 "soles": len(soles),
                 "unbalanced": left_over,
                 "joints": {name: asdict(one) for name, one in found.items()},
@@ -356,11 +357,6 @@ def _kind(tree: Tree, shapes: Shapes, feet: str | None) -> str | None:
 
 
 # --- where it stands ------------------------------------------------------------------------
-
-
-def _home(control: Control) -> Keyframe | None:
-    by_name = {key.name: key for key in control.keyframes}
-    return by_name.get("home") or next(iter(control.keyframes), None)
 
 
 def _soles(

@@ -16,7 +16,7 @@ from assetbuild.robot.twins import parts_of, twins
 class Mirror(Check):
     """Findings `mirror.<what>`; figures: the pairs, and which axis of the root points sideways."""
 
-    version = "3"
+    version = "4"
     tools = ("numpy",)
     preload = ("numpy",)
     reads = ("tree.json", "control.json")
@@ -26,7 +26,7 @@ class Mirror(Check):
     allowed: Tolerances = Tolerances()
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Reads the bodies, their joints, the table and the first keyframe."""
+        """Reads the bodies, their joints, the table and the initial keyframe."""
         robot = RobotFiles(files.inputs)
         found = twins(parts_of(robot.tree, robot.control), self.allowed.place)
         figures: dict[str, object] = {

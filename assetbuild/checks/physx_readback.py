@@ -22,7 +22,8 @@ from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Actuator, Control, Joint, Keyframe, Tree
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.model import Actuator, Control, Joint, Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import mujoco, mujoco_trials, physx
 from assetbuild.simulators.physx_causes import cause_of, overlap_hint
@@ -44,7 +45,7 @@ START = Rule(
     "physx.start",
     "error",
     "a joint starts outside its limits, where PhysX goes to NaN",
-    "correct the keyframe `home`",
+    "correct the initial keyframe: `home`, else the first",
 )
 DRIFT = Rule("physx.drift", "error", "a fixed base moved", "report it: this is a bug")
 
@@ -73,9 +74,8 @@ class PhysxReadback(Check):
         """Figures: what PhysX holds, joint by joint, beside the robot's."""
         robot = RobotFiles(files.inputs)
         tree, shapes, control = robot.tree, robot.shapes, robot.control
-        home = next((key for key in control.keyframes if key.name == "home"), None)
         main = files.inputs / f"usd/{self.robot}.usda"
-        experiments = _experiments(tree, control, home, self.seconds)
+        experiments = _experiments(tree, control, self.seconds)
         outcomes = physx.perform(main, experiments)
         held = outcomes["load"].held
         if held is None:
@@ -110,7 +110,7 @@ class PhysxReadback(Check):
                 yield _not_finite(where, outcome, cause, self._overlaps(files.inputs))
 
     def _overlaps(self, inputs: Path) -> Mapping[tuple[str, str], float]:
-        """Depth (m) by pair of bodies at the first keyframe, as MuJoCo sees it, where it does."""
+        """Depth (m) by pair of bodies in the initial pose, as MuJoCo sees it, where it does."""
         path = inputs / "mjcf" / f"{self.robot}.xml"
         if not path.is_file():
             return {}
@@ -120,21 +120,18 @@ class PhysxReadback(Check):
             return {}
 
 
-def _experiments(
-    tree: Tree, control: Control, home: Keyframe | None, seconds: float
-) -> tuple[physx.Experiment, ...]:
+def _experiments(tree: Tree, control: Control, seconds: float) -> tuple[physx.Experiment, ...]:
     gravity, dt = control.simulation.gravity, control.simulation.timestep
     plain = physx.Setting(dt, gravity)
-    at = physx.clear_of_floor(home.base if home else None)
+    start = initial_pose(tree, control)
+    at = physx.clear_of_floor(start.base)
     floor = physx.Setting(dt, gravity, at=at, floor_friction=control.contact.friction[0])
     steps = round(seconds / dt)
-    on_floor = floor if tree.base == "floating" and home else plain
+    on_floor = floor if tree.base == "floating" and start.name else plain
     return (
         physx.Experiment("load", plain),
         physx.Experiment("alone", plain, steps=round(0.2 / dt), every=10),
-        physx.Experiment(
-            "floor", on_floor, steps=steps, every=10, start=dict(home.joints) if home else {}
-        ),
+        physx.Experiment("floor", on_floor, steps=steps, every=10, start=dict(start.joints)),
     )
 
 

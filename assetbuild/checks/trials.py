@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from pydantic import Field
 
@@ -15,6 +15,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, RecipeView, write_figures
 from assetbuild.quantities import Positive, Real
+from assetbuild.robot.action import Action
 from assetbuild.robot.files import RobotFiles
 from assetbuild.simulators import mujoco, mujoco_motion, mujoco_policy, mujoco_trials
 from assetbuild.simulators.mujoco import floors, turning
@@ -120,7 +121,7 @@ class _Row(NamedTuple):
 class Trials(Check):
     """Findings `trials.<what>`; one compilation of `mjcf/scene.xml` serves all experiments."""
 
-    version = "9"
+    version = "10"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -133,6 +134,10 @@ class Trials(Check):
         "small experiments in MuJoCo: drives, energy, timestep, self-collision, "
         "balance, settling; null = do not run them"
     )
+    told: ClassVar[Mapping[str, str]] = {"action": "mjlab.action"}
+
+    action: Action = Action()
+    """What an untrained policy asks for, as mjlab's module has it."""
 
     drift: Positive = Field(
         0.01, description="m: how far a settled base may wander in 1000 steps, warning"
@@ -340,7 +345,7 @@ class Trials(Check):
             )
 
     def _shaken(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
-        shaken = mujoco_policy.shake(model)
+        shaken = mujoco_policy.shake(model, self.action)
         if shaken is None:
             return
         figures["shake"] = {
@@ -350,7 +355,7 @@ class Trials(Check):
         }
         if shaken.seconds is None:
             return
-        calmer = mujoco_policy.shake(model, finer=FINER)
+        calmer = mujoco_policy.shake(model, self.action, finer=FINER)
         hasty = calmer is not None and calmer.seconds is None
         yield SHAKEN(
             f"joint {shaken.joint}",

@@ -73,7 +73,7 @@ class ComposeParts(Step):
     Of sides that are MJCFs also `source_control.json`.
     """
 
-    version = "2"
+    version = "3"
     outputs = ("links.json", "shapes.json", "source_map.json", "source_control.json")
 
     parts: tuple[PartOn, ...]

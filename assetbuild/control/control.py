@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from assetbuild.control.senses import (
     placed_cameras,
     placed_sensors,
 )
-from assetbuild.control.source_control import Stated, join
+from assetbuild.control.source_control import Stated, join, joined_keyframes
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import did_you_mean
 from assetbuild.findings import Finding, Rule
@@ -32,6 +32,7 @@ from assetbuild.robot.chains import find_chains
 from assetbuild.robot.codec import encode
 from assetbuild.robot.contact import Contacts, Exclude
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.pose import Array, Pose
 from assetbuild.robot.poses import Keyframe
@@ -77,7 +78,7 @@ class ControlStep(Step):
     `source_control.json`, whose words hold where the recipe has none.
     """
 
-    version = "8"
+    version = "10"
     outputs = ("control.json",)
 
     rows: tuple[ActuatorRow, ...] = ()
@@ -99,18 +100,18 @@ class ControlStep(Step):
 
     def check(self, tree: model.Tree) -> None:
         """Raise the RowError that `run` would raise; for a plan that knows the tree and lines."""
-        self._resolved(tree)
-        for name, keyframe in self.keyframes.items():
-            _joint_values(tree, name, keyframe)
+        poses = [_pose(tree, name, keyframe) for name, keyframe in self.keyframes.items()]
+        self._resolved(tree, poses)
         _excludes(tree, Shapes(), self.exclude, self.sides)
         check_sensors(tree, self.imu, self.sensors, self.cameras)
 
-    def _resolved(self, tree: model.Tree) -> tuple[model.Actuator, ...]:
-        """The actuator table; gains by frequency are for `home`, else the first keyframe."""
-        name = next((n for n in ("home", *self.keyframes) if n in self.keyframes), None)
-        home = _joint_values(tree, name, self.keyframes[name]) if name is not None else {}
+    def _resolved(
+        self, tree: model.Tree, keyframes: Iterable[model.Keyframe]
+    ) -> tuple[model.Actuator, ...]:
+        """The actuator table; gains by frequency are for the initial pose."""
+        start = initial_pose(tree, model.Control(keyframes=tuple(keyframes)))
         driven = moving_by_source(self.sides, (joint.name for joint in tree.moving_joints))
-        return resolve(tree, self.rows, self.motors, home, driven)
+        return resolve(tree, self.rows, self.motors, dict(start.joints), driven)
 
     def _of_parts(self, tree: model.Tree, pose: Mapping[str, float]) -> dict[str, float]:
         """The value of each joint of the parts; 0 where the pose says none."""
@@ -121,17 +122,21 @@ class ControlStep(Step):
         """Raises RowError, with the key of the recipe, where a table does not fit the robot."""
         robot = RobotFiles(files.inputs)
         tree, shapes = robot.tree, robot.shapes
-        actuators = self._resolved(tree)
+        own = [_pose(tree, name, keyframe) for name, keyframe in self.keyframes.items()]
+        source = robot.source_control
+        parts = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}
+        said = source.control.keyframes if source is not None else ()
+        actuators = self._resolved(tree, joined_keyframes(own, said, tree, parts))
         yield from row_findings(self.rows, tree, actuators)
 
         ground = _Ground(tree, shapes, robot.mesh_dir)
         keyframes = []
-        for name, keyframe in self.keyframes.items():
-            q = with_mimics(tree, _joint_values(tree, name, keyframe))
-            yield from _limit_findings(tree, name, keyframe, q)
-            base, findings = _base(tree, name, keyframe, q, ground)
+        for pose in own:
+            keyframe, q = self.keyframes[pose.name], dict(pose.joints)
+            yield from _limit_findings(tree, pose.name, keyframe, q)
+            base, findings = _base(tree, pose.name, keyframe, q, ground)
             yield from findings
-            keyframes.append(model.Keyframe(name, tuple(q.items()), base))
+            keyframes.append(replace(pose, base=base))
 
         yield from _same_body_findings(tree, self.exclude)
         control = model.Control(
@@ -144,10 +149,8 @@ class ControlStep(Step):
             cameras=placed_cameras(tree, self.cameras),
             simulation=self.simulation,
         )
-        source = robot.source_control
         if source is not None:
-            poses = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}
-            stated = Stated(self.sides, self.rows, self.contact.links, poses)
+            stated = Stated(self.sides, self.rows, self.contact.links, parts)
             joined = join(control, source, tree, shapes, stated)
             control = joined.control
             yield from joined.findings
@@ -161,6 +164,12 @@ class ControlStep(Step):
 
 
 # --- keyframes ------------------------------------------------------------------------------
+
+
+def _pose(tree: model.Tree, name: str, keyframe: Keyframe) -> model.Keyframe:
+    """Every moving joint at what the patterns say, else 0; those that mimic others follow."""
+    q = with_mimics(tree, _joint_values(tree, name, keyframe))
+    return model.Keyframe(name, tuple(q.items()))
 
 
 def _joint_values(tree: model.Tree, name: str, keyframe: Keyframe) -> dict[str, float]:

@@ -83,7 +83,7 @@ def join(
     said, findings = source.control, list[Finding]()
     bodies = _Bodies(tree, findings)
     contact, contacts = _contacts(control.contact, source, shapes, stated, findings)
-    keyframes = _keyframes(control.keyframes, said.keyframes, tree, stated.poses)
+    keyframes = joined_keyframes(control.keyframes, said.keyframes, tree, stated.poses)
     mjcf_only = tuple(_kept(said, bodies, shapes, stated, findings))
     mjcf_only += tuple(_commands(source, keyframes, stated))
     joined = replace(
@@ -130,9 +130,9 @@ def _actuators(control: Control, said: Control, stated: Stated) -> tuple[Actuato
     return tuple(chosen(actuator) for actuator in control.actuators)
 
 
-def _keyframes(
-    own: tuple[Keyframe, ...],
-    said: tuple[Keyframe, ...],
+def joined_keyframes(
+    own: Sequence[Keyframe],
+    said: Sequence[Keyframe],
     tree: Tree,
     poses: Mapping[str, Mapping[str, float]],
 ) -> tuple[Keyframe, ...]:

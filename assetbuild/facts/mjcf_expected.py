@@ -226,14 +226,13 @@ def _joints(joint: Joint, place: Mapping[str, Value]) -> Iterator[tuple[str, dic
 
 def _resting_pose(reference: Reference) -> Value:
     """Of a floating root before any keyframe: at the height of the initial one."""
-    keyframes = reference.control.keyframes
     for item in reference.control.mjcf_only:
         if item.place == "root":
             said = _attributes(item.element)
             xyz = tuple(float(v) for v in said.get("pos", "0 0 0").split())
             quat = tuple(float(v) for v in said.get("quat", "1 0 0 0").split())
             return (*xyz, *quat)
-    first = reference.control.home or next(iter(keyframes), None)
+    first = reference.control.initial_keyframe
     height = first.base.xyz[2] if first is not None and first.base is not None else 0.0
     return (0.0, 0.0, height, 1.0, 0.0, 0.0, 0.0)
 

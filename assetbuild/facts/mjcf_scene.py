@@ -16,6 +16,7 @@ from assetbuild.facts.reader import Proof, Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.vocabulary import VOCABULARY
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.simulators.mujoco import caught_warnings
 
@@ -182,13 +183,13 @@ def _friction(reference: Reference) -> tuple[float, ...]:
 
 
 def _origins(reference: Reference) -> np.ndarray[Any, np.dtype[np.float64]]:  # Any: its shape
-    """(n, 3) world positions of bodies and frames in the first keyframe, m."""
+    """(n, 3) world positions of bodies and frames in the initial pose, m."""
     tree = reference.tree
-    first = next(iter(reference.control.keyframes), None)
-    X_root = forward_kinematics(tree, dict(first.joints) if first else {})
+    start = initial_pose(tree, reference.control)
+    X_root = forward_kinematics(tree, dict(start.joints))
     points = [X.xyz for X in X_root.values()]
     points += [tuple(X_root[f.body].apply(f.X_body_frame.xyz)) for f in tree.frames]
-    return tree.root_pose(first).apply(np.array(points))
+    return tree.root_pose(start).apply(np.array(points))
 
 
 def _brings_a_floor(reference: Reference) -> bool:

@@ -189,6 +189,8 @@ def drive_facts(joint: Joint, control: Control) -> dict[str, Value]:
         "friction": row.friction, "armature": row.armature, "effort": row.effort,
         "velocity": row.velocity, "command range": row.ctrl,
     }  # fmt: skip
+    if row.model == "dc_motor":
+        facts["stall"] = row.saturation
     if row.name:
         facts["drive name"] = row.name
     if row.general is not None:

@@ -9,8 +9,8 @@ import itertools
 
 from assetbuild.facts.reference import Reference, filtered_pairs, pose_value
 from assetbuild.facts.table import Key, Table, Value, Writer
-from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import MOVING, Actuator, Control, Joint, Tree
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.model import MOVING, Actuator, Joint, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Material, Mesh, Shape
 from assetbuild.simulators.usd_names import (
@@ -38,7 +38,7 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
             for quantity in ("centre of mass", "inertia"):
                 book.facts.pop(Key("body", body.name, quantity), None)
         book.put("body", body.name, {"usd:type": "Xform"} | rigid_body_words(options.rigid_body))
-    starts = starting_positions(tree, control)
+    starts = dict(initial_pose(tree, control).joints)
     touching = _jointed_that_touch(reference)
     for joint in tree.joints:
         book.put("joint", joint.name, {
@@ -113,21 +113,6 @@ def rigid_body_words(options: UsdRigidBody) -> dict[str, Value]:
 
 
 # --- joints ----------------------------------------------------------------------------------
-
-
-def starting_positions(tree: Tree, control: Control) -> dict[str, float]:
-    """rad or m: the keyframe `home`; without it the position within the limits nearest to 0."""
-    if control.home is not None:
-        home = dict(control.home.joints)
-        return {joint.name: home.get(joint.name, 0.0) for joint in tree.moving_joints}
-    inside = {}
-    for joint in tree.moving_joints:
-        limited = joint.kind != "continuous"
-        lower = joint.limits.lower if limited else None
-        upper = joint.limits.upper if limited else None
-        value = 0.0 if lower is None else max(0.0, lower)
-        inside[joint.name] = value if upper is None else min(value, upper)
-    return with_mimics(tree, inside)
 
 
 def _driven(

@@ -9,7 +9,6 @@ from pxr import Sdf, Usd, UsdPhysics, UsdShade
 
 from assetbuild.facts.reference import Reference, pose_value
 from assetbuild.facts.table import Table, Value, Writer
-from assetbuild.facts.usd_expected import starting_positions
 from assetbuild.facts.usd_looks import Looks, take_bindings
 from assetbuild.facts.usd_meshes import extent_text
 from assetbuild.facts.usd_prims import (
@@ -21,6 +20,7 @@ from assetbuild.facts.usd_prims import (
     units_of,
 )
 from assetbuild.robot.floor import floor_of
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.simulators.usd_names import usd_identifier
@@ -208,11 +208,10 @@ def scene_table(robot: str, reference: Reference) -> Table:
         "usd:binding strength": "weakerThanDescendants",
     })  # fmt: skip
     book.put("light", "light", {"usd:type": "DomeLight", "usd:intensity": 1000.0})
-    start = tree.X_world_root
+    start, initial = tree.X_world_root, initial_pose(tree, control)
     if tree.base == "floating":
-        base = control.home.base if control.home else None
+        base = initial.base
         start = IDENTITY if base is None else Pose((0.0, 0.0, CLEARANCE_M)) @ base
-    positions = starting_positions(tree, control)
-    for body, pose in forward_kinematics(tree, positions).items():
+    for body, pose in forward_kinematics(tree, dict(initial.joints)).items():
         book.put("start", body, {"usd:initial pose": pose_value(start @ pose)})
     return book.table()

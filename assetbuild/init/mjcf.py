@@ -111,9 +111,9 @@ def _taken(found: MjcfSource) -> Iterator[str]:
     yield f"# simulation: {{timestep: {step:g}}}   # s"
     yield f"# collision pairs that are excluded: {len(control.excludes)}"
     if control.keyframes:
-        yield f"# keyframes: {some([key.name for key in control.keyframes])}"
+        yield f"# its keyframes: {some([key.name for key in control.keyframes])}"
     if control.sensors:
-        yield f"# sensors: {some([sensor.name for sensor in control.sensors])}"
+        yield f"# its sensors: {some([sensor.name for sensor in control.sensors])}"
 
 
 def _collision(robot: InspectedRobot) -> Iterator[str]:
@@ -146,7 +146,7 @@ def _validate(found: MjcfSource, anatomy: Anatomy) -> Iterator[str]:
         return
     soles = [sole for leg in legs for sole in leg.soles]
     step = {"timestep": control.simulation.timestep}
-    home = control.home
+    home = control.initial_keyframe
     pose = dict(home.joints) if home else home_pose(robot.tree, legs)
     trial = try_to_stand(robot, found.root, soles, tables((), pose, step), control)
     yield from validation(robot, legs, trial)

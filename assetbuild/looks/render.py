@@ -67,7 +67,7 @@ class Render(Step):
     the renderer is part of the key, so a later driver makes them.
     """
 
-    version = "5"
+    version = "6"
     tools = ("mujoco", "pillow")
     outputs = ("images/", "pictures.json")
     isolated = True
@@ -104,7 +104,7 @@ class Render(Step):
             )
         model = mujoco.load(scene).model
         with offscreen.studio(model, self.renderer, WIDTH, HEIGHT) as studio:
-            data = at_home(model)
+            data = mujoco.at_key(model)
             stage = Stage(studio, model, data)
             made = [*stage.views(), *stage.turntable(self.turntable), *stage.directions()]
             return made, studio.driver()
@@ -114,17 +114,6 @@ def _write_list(files: Files, pictures: Sequence[Picture], driver: str) -> None:
     rows = [{"file": p.file, "title": p.title, "alt": p.alt} for p in pictures]
     text = json.dumps({"driver": driver, "pictures": rows}, indent=1, sort_keys=True)
     (files.outputs / "pictures.json").write_text(text + "\n", encoding="utf-8")
-
-
-def at_home(model: Model) -> Data:
-    """The first keyframe, or zero."""
-    import mujoco as mj
-
-    data = mj.MjData(model)
-    if model.nkey:
-        mj.mj_resetDataKeyframe(model, data, 0)
-    mj.mj_forward(model, data)
-    return data
 
 
 class Stage:
@@ -207,7 +196,7 @@ class Stage:
             unit, travel = ("rad", TURN) if turns else ("m", self._travel(joint))
             paint = self._highlighted(self._below(int(self.model.jnt_bodyid[joint])))
             for value in (-travel, travel):
-                data = at_home(self.model)
+                data = mujoco.at_key(self.model)
                 data.qpos[int(self.model.jnt_qposadr[joint])] += value
                 mj.mj_kinematics(self.model, data)
                 tiles.append(self.tile(data, groups=BODY, paint=paint))

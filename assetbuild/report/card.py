@@ -11,6 +11,7 @@ from assetbuild.report.grade import grade
 from assetbuild.report.tables import Record, Table, markdown_table, records, table
 from assetbuild.report.verdict import verdict_rows
 from assetbuild.robot.inertia import total_mass
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Body, Joint
 from assetbuild.robot.shapes import Geometry, Mesh
 
@@ -70,14 +71,14 @@ def _identity(subject: Subject) -> Table:
 
 def _counts(subject: Subject) -> Table:
     tree, shapes, control = subject.tree, subject.shapes, subject.control
-    home = control.keyframes[0] if control.keyframes else None
+    start = initial_pose(tree, control)
     facts = {
         "bodies": len(tree.bodies),
         "frames of merged links": len(tree.frames),
         "moving joints": len(tree.moving_joints),
         "actuators": sum(a.model != "passive" for a in control.actuators),
         "total mass, kg": total_mass(tree),
-        f"centre of mass at {home.name if home else 'zero'}, m": center_of_mass(tree, home),
+        f"centre of mass at {start.name or 'the initial pose'}, m": center_of_mass(tree, start),
         "visual shapes": len(shapes.of("visual")),
         "collision shapes": len(shapes.of("collision")),
         "triangles of all meshes": sum(asset.faces for asset in shapes.meshes),
@@ -134,6 +135,8 @@ def _joints(subject: Subject) -> Table:
 
 
 def _drives(subject: Subject) -> Table:
+    stalls = any(drive.stall is not None for drive in subject.control.actuators)
+
     def columns(drive: Actuator) -> Record:
         return {
             "joint": drive.joint,
@@ -145,6 +148,7 @@ def _drives(subject: Subject) -> Table:
             "armature, kg m2": drive.armature,
             "effort": drive.effort,
             "velocity": drive.velocity,
+            **({"stall": drive.stall} if stalls else {}),
             "motor": drive.motor,
             "source": drive.source,
         }

@@ -27,9 +27,9 @@ class Subject:
     control: Control
 
 
-def center_of_mass(tree: Tree, keyframe: Keyframe | None) -> Vec3 | None:
+def center_of_mass(tree: Tree, keyframe: Keyframe) -> Vec3 | None:
     """Of the whole robot in the world at a keyframe, m; None without mass."""
-    X_root_body = forward_kinematics(tree, dict(keyframe.joints) if keyframe else {})
+    X_root_body = forward_kinematics(tree, dict(keyframe.joints))
     X_world_root = tree.root_pose(keyframe)
     mass, moment = 0.0, np.zeros(3)
     for body in tree.bodies:

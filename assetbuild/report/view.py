@@ -9,6 +9,7 @@ from dataclasses import asdict
 
 from assetbuild.report.facts import Subject, ellipsoid, principal
 from assetbuild.report.tables import text_of
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Body, Joint, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.tree import forward_kinematics
@@ -16,13 +17,14 @@ from assetbuild.robot.tree import forward_kinematics
 
 def view_data(subject: Subject) -> str:
     """JSON for `viewer.js`. m, rad, quaternions wxyz; poses of joints are in the parent body."""
-    tree, keyframes = subject.tree, subject.control.keyframes
+    tree, start = subject.tree, initial_pose(subject.tree, subject.control)
+    others = [key for key in subject.control.keyframes if key.name != start.name]
     poses: list[object] = [
-        {"name": k.name, "joints": dict(k.joints), **_plain_pose(tree.root_pose(k))}
-        for k in keyframes
+        {"name": k.name or "initial", "joints": dict(k.joints), **_plain_pose(tree.root_pose(k))}
+        for k in (start, *others)
+        if k.name or any(value for _, value in k.joints)
     ]
-    first = tree.root_pose(keyframes[0] if keyframes else None)
-    poses.append({"name": "all joints 0", "joints": {}, **_plain_pose(first)})
+    poses.append({"name": "all joints 0", "joints": {}, **_plain_pose(tree.root_pose(start))})
     content = {
         "robot": subject.recipe.robot,
         "floating": tree.base == "floating",

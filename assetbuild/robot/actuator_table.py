@@ -22,6 +22,9 @@ class Motor(Model):
     )
     effort: Positive | None = Field(None, description="N m or N, after the gear")
     velocity: Positive | None = Field(None, description="rad/s or m/s, after the gear")
+    stall: Positive | None = Field(
+        None, description="torque at rest that the motor itself can make, N m or N, after the gear"
+    )
     friction: NonNegative | None = Field(None, description="dry friction, N m or N")
     source: str = Field("", description="where the numbers come from")
 
@@ -67,7 +70,8 @@ class ActuatorRow(Model):
     )
     inertia: Literal["home", "armature"] = Field(
         "home",
-        description="what `frequency` moves: the joint with all it carries at keyframe `home`, "
+        description="what `frequency` moves: the joint with all it carries in its initial pose "
+        "(keyframe `home`, else the first), "
         "or the motor's armature alone (mjlab's convention)",
     )
     damping: NonNegative | None = Field(
@@ -82,6 +86,11 @@ class ActuatorRow(Model):
     )
     velocity: Positive | Unlimited | None = Field(
         None, description="without it the motor's, else the source's"
+    )
+    stall: Positive | None = Field(
+        None,
+        description="of `dc_motor` alone: torque at rest, from which the motor's torque falls to 0 "
+        "at `velocity`; without it the motor's, else `effort`",
     )
     ctrl: tuple[Real, Real] | Literal["limits", "reach"] | None = Field(
         None,

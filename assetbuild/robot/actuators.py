@@ -5,7 +5,7 @@ name. A number comes from the row, else from the row's motor, else from the sour
 is zero (damping, friction, armature) or absent (velocity). A mimic joint that no row matches is
 `passive`, with its own damping and friction. Without any row every moving joint is `passive`.
 Gains by natural frequency f and damping ratio z act on an inertia I, of the joint with all that it
-carries at the keyframe `home`, or of the motor alone: kp = I (2 pi f)^2 and
+carries in the initial pose, or of the motor alone: kp = I (2 pi f)^2 and
 kd = 2 z sqrt(kp I) - damping, because drive and joint damp together.
 """
 
@@ -34,17 +34,14 @@ _NEEDS: Mapping[str, tuple[tuple[str, ...], ...]] = {
 """What a model needs: of each tuple one."""
 _BY_FREQUENCY = ("frequency", "damping_ratio")
 _REFUSES: Mapping[str, tuple[str, ...]] = {
-    "pd": ("general",),
-    "ideal_pd": ("general",),
+    "pd": ("general", "stall"),
+    "ideal_pd": ("general", "stall"),
     "dc_motor": ("general",),
-    "velocity": ("kp", "general", *_BY_FREQUENCY),
-    "motor": ("kp", "kd", "general", *_BY_FREQUENCY),
-    "general": ("kp", "kd", *_BY_FREQUENCY),
-    "passive": ("kp", "kd", "general", "ctrl", *_BY_FREQUENCY),
+    "velocity": ("kp", "general", "stall", *_BY_FREQUENCY),
+    "motor": ("kp", "kd", "general", "stall", *_BY_FREQUENCY),
+    "general": ("kp", "kd", "stall", *_BY_FREQUENCY),
+    "passive": ("kp", "kd", "general", "stall", "ctrl", *_BY_FREQUENCY),
 }
-LARGEST_ACTION = {"rad": 0.5, "m": 0.05}
-"""What a policy's unit of action may ask of a joint at most: a URDF with a placeholder of 1000 N m
-would else ask for turns."""
 UNITS = {"prismatic": "linear", "revolute": "rotary", "continuous": "rotary"}
 
 
@@ -69,12 +66,12 @@ def resolve(
     tree: Tree,
     rows: Sequence[ActuatorRow],
     motors: Mapping[str, Motor],
-    home: Mapping[str, float] | None = None,
+    start: Mapping[str, float] | None = None,
     driven: Collection[str] = (),
 ) -> tuple[Actuator, ...]:
     """One actuator for each moving joint, in tree order. Raises RowError, see the module.
 
-    home: positions by joint name at which `inertia: home` is taken, rad or m; None = all 0.
+    start: positions by joint name at which `inertia: home` is taken, rad or m; None = all 0.
     driven: joints that need no row, because their source says what drives them.
     """
     table = [_Matched(i, row, _motor_of(i, row, motors)) for i, row in enumerate(rows)]
@@ -88,7 +85,7 @@ def resolve(
     for joint in tree.moving_joints:
         matched = by_joint.get(joint.name)
         made.append(_driven(joint, matched) if matched else _passive(joint))
-    return _with_gains(tree, tuple(made), by_joint, home or {})
+    return _with_gains(tree, tuple(made), by_joint, start or {})
 
 
 def _motor_of(index: int, row: ActuatorRow, motors: Mapping[str, Motor]) -> Motor:
@@ -157,6 +154,7 @@ _WITH_UNIT: Mapping[str, str] = {
     "friction": "N m and N",
     "armature": "kg m2 and kg",
     "effort": "N m and N",
+    "stall": "N m and N",
     "velocity": "rad/s and m/s",
 }
 
@@ -204,10 +202,19 @@ def _driven(joint: Joint, entry: _Matched) -> Actuator:
     # A source that says effort or velocity 0 says nothing: the joint could never move.
     effort = _limit(row.effort, motor.effort, limits.effort)
     velocity = _limit(row.velocity, motor.velocity, limits.velocity)
-    if effort is None and row.model in DRIVEN and row.effort != "unlimited":
+    is_dc_motor = row.model == "dc_motor"
+    if effort is None and row.model in DRIVEN and (is_dc_motor or row.effort != "unlimited"):
         raise _without(entry, joint, "effort", limits.effort)
-    if velocity is None and row.model == "dc_motor":
+    if velocity is None and is_dc_motor:
         raise _without(entry, joint, "velocity", limits.velocity)
+    stall = (row.stall or motor.stall) if is_dc_motor else None
+    if effort is not None and stall is not None and stall < effort:
+        raise entry.error(
+            "stall" if row.stall else "motor",
+            f"joint `{joint.name}`: the stall torque {stall:g} is below the effort limit "
+            f"{effort:g}, which the motor could never reach",
+            "correct `stall`, or lower `effort`",
+        )
     return Actuator(
         joint=joint.name,
         model=row.model,
@@ -218,6 +225,7 @@ def _driven(joint: Joint, entry: _Matched) -> Actuator:
         armature=_first(row.armature, motor.armature),
         effort=effort,
         velocity=velocity,
+        stall=stall,
         ctrl=row.ctrl if isinstance(row.ctrl, tuple) else None,
         general=row.general,
         motor=row.motor or "",
@@ -237,10 +245,10 @@ def _with_gains(
     tree: Tree,
     actuators: tuple[Actuator, ...],
     by_joint: Mapping[str, _Matched],
-    home: Mapping[str, float],
+    start: Mapping[str, float],
 ) -> tuple[Actuator, ...]:
     """Gains by natural frequency and damping ratio as numbers, and ranges that follow from them."""
-    inertias = _inertias(tree, actuators, by_joint, home)
+    inertias = _inertias(tree, actuators, by_joint, start)
     done = []
     for actuator in actuators:
         entry = by_joint.get(actuator.joint)
@@ -258,7 +266,7 @@ def _inertias(
     tree: Tree,
     actuators: tuple[Actuator, ...],
     by_joint: Mapping[str, _Matched],
-    home: Mapping[str, float],
+    start: Mapping[str, float],
 ) -> dict[str, float]:
     """Of the joints whose gains need one, kg m2 or kg."""
     wanted = {
@@ -269,7 +277,7 @@ def _inertias(
     armature = {actuator.joint: actuator.armature for actuator in actuators}
     felt: Mapping[str, float] = {}
     if any(entry.row.inertia == "home" for entry in wanted.values()):
-        felt = dynamics(tree, home, armature).effective_inertia
+        felt = dynamics(tree, start, armature).effective_inertia
     found = {}
     for name, entry in wanted.items():
         inertia = felt.get(name, 0.0) if entry.row.inertia == "home" else armature[name]
@@ -314,6 +322,8 @@ def _reach(entry: _Matched, joint: Joint, actuator: Actuator) -> tuple[float, fl
 
 def _without(entry: _Matched, joint: Joint, name: str, stated: float | None) -> RowError:
     source = f"the source says {stated:g}" if stated is not None else "the source states none"
+    if getattr(entry.row, name) == "unlimited":
+        source = "its row says `unlimited`"
     return entry.error(
         "model",
         f"model `{entry.row.model}` needs the limit `{name}` of joint `{joint.name}`; {source}",
@@ -340,13 +350,3 @@ def _listed(names: Sequence[str]) -> str:
     shown = ", ".join(f"`{name}`" for name in names[:8])
     more = f" and {len(names) - 8} more" if len(names) > 8 else ""
     return f"{'joint' if len(names) == 1 else 'joints'} {shown}{more}"
-
-
-def action_scale(effort: float | None, kp: float, unit: str) -> float:
-    """rad or m of a joint's target for one unit of a policy's action.
-
-    A quarter of the error that asks for the whole effort, as mjlab has it for its own robots, and
-    no more than `LARGEST_ACTION`. unit: "rad" or "m".
-    """
-    most = LARGEST_ACTION[unit]
-    return min(0.25 * effort / kp, most) if effort is not None and kp > 0.0 else most

@@ -65,8 +65,12 @@ def _typed(kind: Any, raw: Any) -> Any:  # Any: walks type hints, which mypy can
         return raw
     names = _names(kind)
     if names:
+        if raw["type"] != kind.__name__:
+            raise TypeError(f"expected {kind.__name__}, found {raw['type']}")
         hints = _hints(kind)
-        values = {name: _typed(hints[name], raw[name]) for name in names}
+        # A bundle of an earlier version lacks the fields that came later; they have defaults.
+        there = [name for name in names if name in raw or not is_dataclass(kind)]
+        values = {name: _typed(hints[name], raw[name]) for name in there}
         # A source may say what a recipe may not: the bounds of a model are the recipe's.
         make: Any = kind if is_dataclass(kind) else kind.model_construct  # Any: of any class
         return make(**values)

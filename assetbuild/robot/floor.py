@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.pose import Array, Vec3
 from assetbuild.robot.tree import forward_kinematics
@@ -37,12 +38,12 @@ def floor_of(tree: Tree, control: Control) -> Floor:
 
 
 def starting_origins(tree: Tree, control: Control) -> Array:
-    """(n, 3) world positions of all bodies and frames in the first keyframe, m."""
-    keyframe = next(iter(control.keyframes), None)
-    X_root = forward_kinematics(tree, dict(keyframe.joints) if keyframe else {})
+    """(n, 3) world positions of all bodies and frames in the initial pose, m."""
+    start = initial_pose(tree, control)
+    X_root = forward_kinematics(tree, dict(start.joints))
     points = [X_root[f.body].apply(f.X_body_frame.xyz) for f in tree.frames]
     points += [np.asarray(X.xyz) for X in X_root.values()]
-    return tree.root_pose(keyframe).apply(np.array(points))
+    return tree.root_pose(start).apply(np.array(points))
 
 
 def _height(tree: Tree, origins: Array) -> float:

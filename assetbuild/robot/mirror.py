@@ -42,7 +42,7 @@ AXES = Rule(
 HOME = Rule(
     "mirror.home",
     ("info", "warning"),
-    "the first keyframe is not its own mirror image (a warning when it has the sign of the other "
+    "the initial keyframe is not its own mirror image (a warning when it has the sign of the other "
     "side)",
     "correct it, unless it leans on purpose",
 )
@@ -87,7 +87,7 @@ class Tolerances(Model):
     inertia: Positive = Field(0.1, description="relative difference of inertia")
     axis: Positive = Field(0.02, description="rad, between an axis and its mirror image")
     limits: Positive = Field(0.005, description="rad or m, of either end of a range")
-    home: Positive = Field(0.001, description="rad or m, at the first keyframe")
+    home: Positive = Field(0.001, description="rad or m, at the initial keyframe")
     gains: Positive = Field(
         0.01, description="relative, of kp, kd, damping, friction, armature, effort, velocity"
     )
@@ -211,7 +211,7 @@ def _home(left: Motion, right: Motion, sign: float, tolerance: float) -> Iterato
     if abs(wanted - right.home) <= tolerance:
         return
     slip = abs(wanted + right.home) <= tolerance
-    message = f"the first keyframe has it at {right.home:g} {right.unit}; as the mirror image of "
+    message = f"the initial keyframe has it at {right.home:g} {right.unit}; as the mirror image of "
     message += f"`{left.name}` it would be at {wanted:g}"
     hint = "correct the keyframe, unless the pose leans on purpose"
     data = {"position": right.home, "mirrored": wanted}

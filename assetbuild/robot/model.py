@@ -176,6 +176,7 @@ class Actuator:
     kp: N m/rad (N/m); kd: of the drive, N m s/rad; damping: passive, of the joint; they add up.
     effort: N m or N; velocity: rad/s or m/s; armature: reflected rotor inertia, kg m2 or kg;
     friction: dry, N m or N. None = unlimited.
+    stall: of a `dc_motor`, its torque at rest, N m or N; None = not stated.
     ctrl: range of the command in the unit of the model; None = the target's rule.
     general: of the model `general` alone.
     motor: name in the recipe's motor table; source: where its numbers come from.
@@ -191,11 +192,17 @@ class Actuator:
     armature: float = 0.0
     effort: float | None = None
     velocity: float | None = None
+    stall: float | None = None
     ctrl: tuple[float, float] | None = None
     general: General | None = None
     motor: str = ""
     source: str = ""
     name: str = ""
+
+    @property
+    def saturation(self) -> float | None:
+        """Torque of a `dc_motor` at rest, N m or N; where none is stated, its effort limit."""
+        return self.effort if self.stall is None else self.stall
 
 
 @dataclass(frozen=True)
@@ -288,6 +295,7 @@ class Control:
         return {actuator.joint: actuator for actuator in self.actuators}
 
     @property
-    def home(self) -> Keyframe | None:
-        """The keyframe `home`, if there is one."""
-        return next((key for key in self.keyframes if key.name == "home"), None)
+    def initial_keyframe(self) -> Keyframe | None:
+        """The keyframe `home`, else the first; None without any, see `robot.initial`."""
+        first = self.keyframes[0] if self.keyframes else None
+        return next((key for key in self.keyframes if key.name == "home"), first)

@@ -42,7 +42,7 @@ PLACE_M = 0.005
 
 @dataclass(frozen=True)
 class Motion:
-    """One joint of a part. axis: (3,) in the frame of the root; home: at the first keyframe.
+    """One joint of a part. axis: (3,) in the frame of the root; home: at the initial keyframe.
 
     limits: None = unlimited. drive: kp, kd, effort, ... by name; None = unlimited or unstated.
     """
@@ -77,9 +77,10 @@ class Part:
 
 
 def parts_of(tree: Tree, control: Control) -> tuple[Part, ...]:
-    """Every body of a robot with what the table and the first keyframe say of its joint."""
+    """Every body of a robot with what the table and the initial keyframe say of its joint."""
     poses = forward_kinematics(tree, {})
-    home = dict(control.keyframes[0].joints) if control.keyframes else {}
+    initial = control.initial_keyframe
+    home = dict(initial.joints) if initial else {}
     parts = []
     for body in tree.bodies:
         joint = tree.joint_above.get(body.name)

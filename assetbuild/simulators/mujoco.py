@@ -135,15 +135,59 @@ def without(model: Model, *flags: str) -> Model:
     return changed
 
 
-def at_key(model: Model, key: int = 0) -> Data:
-    """A keyframe with its controls; zero where the model has none."""
+def initial_key(model: Model) -> int | None:
+    """The keyframe `home`, else the first; None without any. See `robot.initial`."""
+    import mujoco
+
+    home = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, "home"))
+    return max(home, 0) if model.nkey else None
+
+
+def at_key(model: Model, key: int | None = None) -> Data:
+    """A keyframe with its controls; without `key` the initial pose, see `robot.initial`."""
     import mujoco
 
     data = mujoco.MjData(model)
-    if model.nkey:
+    key = initial_key(model) if key is None else key
+    if key is None:
+        _stand_within_limits(model, data)
+    else:
         mujoco.mj_resetDataKeyframe(model, data, key)
     mujoco.mj_forward(model, data)
     return data
+
+
+def _stand_within_limits(model: Model, data: Data) -> None:
+    """Every joint as near to its zero as its limits allow, and those that follow others there.
+
+    Position servos hold that pose.
+    """
+    import mujoco
+
+    turning = np.isin(model.jnt_type, (2, 3))  # slide, hinge
+    limited = np.flatnonzero(turning & (model.jnt_limited != 0))
+    at, (lower, upper) = model.jnt_qposadr[limited], model.jnt_range[limited].T
+    data.qpos[at] = np.clip(data.qpos[at], lower, upper)
+    follow(model, data)
+    mujoco.mj_forward(model, data)
+    gain, bias = model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1]
+    servos = np.flatnonzero((gain > 0.0) & (bias < 0.0))
+    data.ctrl[servos] = -bias[servos] / gain[servos] * data.actuator_length[servos]
+
+
+def follow(model: Model, data: Data) -> None:
+    """Joints that an equality couples to another take the position that it asks for."""
+    import mujoco
+
+    for index in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_JOINT):
+        follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
+        x = 0.0
+        if leader >= 0:
+            at = int(model.jnt_qposadr[leader])
+            x = float(data.qpos[at] - model.qpos0[at])
+        at = int(model.jnt_qposadr[follower])
+        terms = model.eq_data[index, :5]
+        data.qpos[at] = model.qpos0[at] + sum(float(c) * x**n for n, c in enumerate(terms))
 
 
 def step_for(model: Model, data: Data, seconds: float) -> int:
@@ -203,7 +247,7 @@ def raise_base(model: Model, data: Data, height_m: float) -> None:
 
 
 def free_fall(model: Model, seconds: float) -> FreeFall:
-    """Drops the robot from its first keyframe with contacts, limits and drives off.
+    """Drops the robot from its initial pose with contacts, limits and drives off.
 
     MuJoCo's integrators are semi-implicit: n steps of h from rest fall g/2 t (t + h), t = n h.
     """

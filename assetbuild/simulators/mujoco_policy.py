@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from assetbuild.robot.actuators import action_scale
+from assetbuild.robot.action import Action
 from assetbuild.simulators.joint_drives import Drive, drives_of, read_drives
 from assetbuild.simulators.mujoco import (
     Model,
@@ -36,16 +36,18 @@ class Shaken:
     fastest: float
 
 
-def shake(model: Model, seconds: float = 5.0, seed: int = SEED, finer: int = 1) -> Shaken | None:
+def shake(
+    model: Model, action: Action, seconds: float = 5.0, seed: int = SEED, finer: int = 1
+) -> Shaken | None:
     """What PPO does at first: each servo gets a new random target 50 times a second.
 
-    Normally distributed about the first keyframe with the joint's `action_scale`; falls and lies
+    Normally distributed about the initial pose with the joint's scale of `action`; falls and lies
     on the floor as it may. finer: steps in place of each. None: nothing is a position servo.
     """
     import mujoco
 
     servos = [
-        (drive.ctrl_index, drive.command_step(_action(model, drive)))
+        (drive.ctrl_index, drive.command_step(_scale(model, drive, action)))
         for drive in read_drives(model)
         if drive.holds_position
     ]
@@ -74,10 +76,10 @@ def shake(model: Model, seconds: float = 5.0, seed: int = SEED, finer: int = 1) 
     return Shaken(ended, name, float(speeds.max()))
 
 
-def _action(model: Model, drive: Drive) -> float:
-    """rad or m; see `action_scale`."""
+def _scale(model: Model, drive: Drive, action: Action) -> float:
+    """rad or m for one unit of action."""
     import mujoco
 
     effort = drives_of(model, drive.joint).effort
-    unit = "m" if model.jnt_type[drive.joint] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
-    return action_scale(effort if math.isfinite(effort) else None, drive.kp, unit)
+    slides = bool(model.jnt_type[drive.joint] == mujoco.mjtJoint.mjJNT_SLIDE)
+    return action.scale(effort if math.isfinite(effort) else None, drive.kp, slides=slides)

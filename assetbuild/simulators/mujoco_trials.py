@@ -19,6 +19,7 @@ from assetbuild.simulators.mujoco import (
     at_key,
     caught_warnings,
     floors,
+    follow,
     is_finite,
     name_of,
     overlaps,
@@ -151,7 +152,7 @@ def timestep_error(model: Model, finer: int = 4) -> Mapping[str, float]:
 
 
 def _commanded(model: Model, finer: int, seconds: float = 0.3) -> Array:
-    """(n, nq) positions at the coarse steps, all servos told to move from the first keyframe."""
+    """(n, nq) positions at the coarse steps, all servos told to move from the initial pose."""
     import mujoco
 
     rows = []
@@ -187,7 +188,7 @@ def touching_pairs(model: Model, poses: int) -> Mapping[tuple[str, str], float]:
             limited = bool(model.jnt_limited[joint])
             lower, upper = model.jnt_range[joint] if limited else (-math.pi, math.pi)
             data.qpos[int(model.jnt_qposadr[joint])] = random.uniform(lower, upper)
-        _follow(model, data)
+        follow(model, data)
         mujoco.mj_fwdPosition(model, data)
         for pair, depth in overlaps(model, data, "body").items():
             counts[pair] = counts.get(pair, 0) + (depth > 1e-3)
@@ -195,27 +196,12 @@ def touching_pairs(model: Model, poses: int) -> Mapping[tuple[str, str], float]:
 
 
 def overlaps_at_home(model: Model) -> Mapping[tuple[str, str], float]:
-    """Depth (m) in which bodies of the robot lie in one another at the first keyframe."""
+    """Depth (m) in which bodies of the robot lie in one another in the initial pose."""
     return _largest_first(overlaps(model, at_key(model), "body"))
 
 
 def _largest_first(found: Mapping[tuple[str, str], float]) -> Mapping[tuple[str, str], float]:
     return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))
-
-
-def _follow(model: Model, data: Data) -> None:
-    """Joints that an equality couples to another take the position that it asks for."""
-    import mujoco
-
-    for index in np.flatnonzero(model.eq_type == mujoco.mjtEq.mjEQ_JOINT):
-        follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
-        x = 0.0
-        if leader >= 0:
-            at = int(model.jnt_qposadr[leader])
-            x = float(data.qpos[at] - model.qpos0[at])
-        at = int(model.jnt_qposadr[follower])
-        terms = model.eq_data[index, :5]
-        data.qpos[at] = model.qpos0[at] + sum(float(c) * x**n for n, c in enumerate(terms))
 
 
 # --- on the floor -------------------------------------------------------------------------------
@@ -230,7 +216,7 @@ class Support:
 
 
 def support(model: Model) -> Support:
-    """Where the centre of mass stands over the feet at the first keyframe of a scene.
+    """Where the centre of mass stands over the feet in the initial pose of a scene.
 
     margin None: the robot touches the floor in less than three points that span an area.
     """
@@ -266,7 +252,7 @@ def stands_free(model: Model) -> bool:
 
 
 def passive(model: Model, seconds: float = 1.0) -> Mapping[str, float | None]:
-    """How far the base sinks (m) and tilts (rad) at the first keyframe with all drives off."""
+    """How far the base sinks (m) and tilts (rad) from the initial pose with all drives off."""
     model = without(model, "ACTUATION")
     with caught_warnings():
         data = at_key(model)
@@ -293,7 +279,7 @@ class Settled:
 def settle(
     model: Model, drop_m: float, seconds: float = 2.0, steps: int = 1000, finer: int = 1
 ) -> Settled:
-    """Dropped at its first keyframe under its drives; then `steps` more to see it wander.
+    """Dropped in its initial pose under its drives; then `steps` more to see it wander.
 
     finer: steps in place of each, for as long.
     """

@@ -38,8 +38,8 @@ KICK_RAD_S = 1.0
 class Speed:
     """steps_per_s: of CPU time, median of three; contacts: mean per step.
 
-    geoms: that collide. self_contacts, deepest_mm: between the robot's own bodies in the first
-    keyframe; depth is positive.
+    geoms: that collide. self_contacts, deepest_mm: between the robot's own bodies in the
+    initial pose; depth is positive.
     """
 
     steps_per_s: float
@@ -79,7 +79,7 @@ def measure_speed(scene: Path) -> Speed:
 
 
 def _moved(model: Model) -> Data:
-    """The first keyframe, lifted and turned, or kicked."""
+    """The initial pose, lifted and turned, or kicked."""
     import mujoco
 
     data = at_key(model)

@@ -387,6 +387,8 @@ def test_a_surface_like_ice_or_glue_is_told_with_the_plausible_range(run, contac
         assert (found.severity, found.subject) == ("warning", "link FL_foot")
         assert said in found.message
         assert (found.data["lower"], found.data["upper"]) == (0.2, 3.0)
+
+
 def test_joints_that_equal_limits_lock_need_no_drive(run):
     tree = quadruped()
     locked = [replace(joint, limits=Limits(0.0, 0.0)) for joint in tree.joints]

@@ -21,7 +21,7 @@ def test_the_recipe_says_what_it_takes_from_the_source(tmp_path: Path):
     assert recipe.source.mjcf == "hard_arm.xml"
     assert recipe.collision.default.method == "keep"
     assert "base" not in recipe.model_fields_set, "the source says it"
-    assert "# keyframes: home" in text
+    assert "# its keyframes: home" in text
     assert "# Drives of the source: " in text
     assert not recipe.actuators
 

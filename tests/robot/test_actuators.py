@@ -150,6 +150,32 @@ def test_a_torque_speed_curve_needs_a_speed():
     assert "needs the limit `velocity`" in error.message
 
 
+@pytest.mark.parametrize("name", ["effort", "velocity"])
+def test_a_torque_speed_curve_has_an_end(name):
+    error = refused(TREE, row_of(".*", "dc_motor", kp=1.0, **{name: "unlimited"}))
+    assert f"needs the limit `{name}` of joint `hip`; its row says `unlimited`" in error.message
+
+
+def test_the_stall_torque_of_the_row_wins_over_the_motors():
+    motors = {"m": Motor(effort=5.0, velocity=6.0, stall=12.0)}
+    own = row_of("hip", "dc_motor", kp=1.0, motor="m", stall=9.0)
+    hip, knee = resolve(TREE, (own, row_of("knee", "dc_motor", kp=1.0, motor="m")), motors)
+    assert (hip.stall, knee.stall) == (9.0, 12.0)
+    hip, _ = resolve(TREE, (row_of(".*", kp=1.0, motor="m"),), motors)
+    assert hip.stall is None  # only a `dc_motor` has a torque-speed curve
+
+
+def test_a_stall_torque_below_the_effort_limit_is_refused():
+    row = row_of(".*", "dc_motor", kp=1.0, effort=5.0, velocity=6.0, stall=4.0)
+    error = refused(TREE, row)
+    assert "the stall torque 4 is below the effort limit 5" in error.message
+    assert error.key == ("actuators", 0, "stall")
+
+
+def test_only_a_dc_motor_takes_a_stall_torque():
+    assert "takes no `stall`" in refused(TREE, row_of(".*", kp=1.0, stall=4.0)).message
+
+
 def test_a_passive_joint_needs_no_limit():
     tree = leg(hinge("hip", limits=Limits(), damping=None, friction=None))
     (hip,) = resolve(tree, (row_of(".*", "passive"),), {})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 
@@ -44,6 +45,13 @@ def test_bytes_are_plain_ascii():
 def test_what_is_not_a_number_is_not_stored(value: float):
     with pytest.raises(ValueError, match="JSON"):
         encode(Inertial(value, (0.0, 0.0, 0.0), (1.0,) * 6))
+
+
+def test_a_robot_of_an_earlier_version_lacks_fields_that_came_later():
+    control = json.loads(encode(tiny_quadruped().control))
+    for actuator in control["actuators"]:
+        del actuator["stall"]
+    assert decode(Control, json.dumps(control).encode()) == tiny_quadruped().control
 
 
 @pytest.mark.parametrize(

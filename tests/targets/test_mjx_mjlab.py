@@ -16,13 +16,16 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, wr
 
 from assetbuild.checks.mjlab_contract import MjlabContract
 from assetbuild.errors import StepError
+from assetbuild.facts.readers.mjlab import MjlabReader
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, General, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.shapes import Mesh
+from assetbuild.targets.isaaclab import IsaacLab
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
+from assetbuild.targets.mjlab.options import MjlabOptions
 from assetbuild.targets.mjx import Mjx, MjxOptions
 
 
@@ -151,6 +154,40 @@ def test_an_action_moves_no_target_by_more_than_half_a_radian(tmp_path: Path) ->
     assert set(table(text, "ACTION_SCALE").values()) == {0.5}
 
 
+def test_the_recipe_decides_what_only_mjlab_knows(tmp_path: Path) -> None:
+    options = {
+        "soft_joint_pos_limit_factor": 0.8,
+        "num_envs": 64,
+        "cone": "pyramidal",
+        "impratio": 2.5,
+        "njmax": None,
+        "nconmax": 90,
+        "action": {"effort_share": 0.5, "rad": 0.1},
+        "foot_scan": {"radius": 0.02, "samples": 6},
+        "pose": {"knees": ".*_thigh_joint", "walking": [0.2, 0.4]},
+    }
+    asked = MjlabOptions.model_validate(options)
+    target = MJLAB.model_copy(update={"options": asked})
+    inputs = check_inputs(tmp_path, tiny_quadruped(), target, "mjlab")
+    said = {"mjlab": asked.model_dump(), "feet": {"links": MJLAB.feet}, "imu": {"link": MJLAB.imu}}
+    assert run_step(MjlabReader(robot="robot", options=said), inputs, tmp_path / "proof") == []
+    text = (inputs / "mjlab/python/robot_mjlab.py").read_text()
+    for said in (
+        "soft_joint_pos_limit_factor=0.8,",
+        "num_envs: int = 64)",
+        'cfg.sim.mujoco.cone = "pyramidal"',
+        "cfg.sim.mujoco.impratio = 2.5",
+        "cfg.sim.njmax = None",
+        "cfg.sim.nconmax = 90",
+        "A share of 0.5 of the error that asks for the whole effort, at most 0.1 rad or",
+        "single_ring(radius=0.02, num_samples=6)",
+        '"std_walking": (0.2, 0.4),',
+    ):
+        assert said in text
+    assert set(table(text, "ACTION_SCALE").values()) == {0.1}  # 0.5 * 24 / 100 would be 0.12
+    assert table(text, "KNEES") == ("FR_thigh_joint", "FL_thigh_joint", "RR_thigh_joint", "RL_thigh_joint")  # fmt: skip # noqa: E501
+
+
 def test_the_task_rewards_the_pose_of_driven_joints_alone(tmp_path: Path) -> None:
     """mjlab looks each joint up in the table of spreads, which knows no passive one."""
     control = tiny_quadruped().control
@@ -240,6 +277,32 @@ def test_a_robot_without_feet_has_no_task_and_is_told(tmp_path: Path) -> None:
     findings = run_step(Mjlab(robot="robot"), inputs, tmp_path / "out")
     assert [f.rule for f in findings] == ["mjlab.imu", "mjlab.feet"]
     assert "velocity" not in (tmp_path / "out/mjlab/python/robot_mjlab.py").read_text()
+
+
+@pytest.mark.parametrize(("stall", "said"), [(None, 5.0), (12.0, 12.0)])
+def test_a_dc_motor_saturates_at_its_stall_torque(
+    stall: float | None, said: float, tmp_path: Path
+) -> None:
+    robot = pendulum()
+    drive = Actuator("swing_joint", "dc_motor", 9.0, effort=5.0, velocity=10.0, stall=stall)
+    robot = replace(robot, control=replace(robot.control, actuators=(drive,)))
+    inputs = write_robot_ports(tmp_path / "in", robot)
+    found = [f.rule for f in run_step(Mjlab(robot="r"), inputs, tmp_path / "o")]
+    found += [f.rule for f in run_step(IsaacLab(robot="r"), inputs, tmp_path / "i")]
+    unstated = ["mjlab.saturation", "isaaclab.saturation"]
+    assert found == ([] if stall else unstated)
+    for file in ("o/mjlab/python/r_mjlab.py", "i/isaaclab/r_isaaclab_2.py"):
+        text = (tmp_path / file).read_text()
+        assert f"saturation_effort={said!r}" in text
+        assert "effort_limit=5.0" in text
+
+
+def test_a_motor_without_a_limit_has_a_number_that_mjlab_takes(tmp_path: Path) -> None:
+    robot = pendulum()
+    drive = Actuator("swing_joint", "motor")
+    robot = replace(robot, control=replace(robot.control, actuators=(drive,)))
+    text = (built(robot, tmp_path, Mjlab(robot="r")) / "mjlab/python/r_mjlab.py").read_text()
+    assert "effort_limit=1000000000.0," in text
 
 
 def test_a_general_actuator_is_told_not_dropped(tmp_path: Path) -> None:

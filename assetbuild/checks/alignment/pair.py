@@ -18,6 +18,7 @@ from assetbuild.checks.alignment.row import NUMBER, Rank, Row
 from assetbuild.checks.alignment.touching import touching_row
 from assetbuild.engine.step import Files
 from assetbuild.quantities import Model, Positive
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.robot.pose import Array, Pose, normalised_quat, vec3
 from assetbuild.simulators import mujoco, mujoco_motion, physx
@@ -57,21 +58,21 @@ class Pair:
     floor: FloorLimits
 
     @property
-    def home(self) -> Keyframe | None:
+    def start(self) -> Keyframe:
         """The pose that stands."""
-        return next((key for key in self.control.keyframes if key.name == "home"), None)
+        return initial_pose(self.tree, self.control)
 
     @property
     def stands(self) -> bool:
-        """Standing, landing and sliding need a floating base and a home above a floor."""
-        return self.tree.base == "floating" and self.home is not None
+        """Standing, landing and sliding need a floating base and a keyframe above a floor."""
+        return self.tree.base == "floating" and bool(self.start.name)
 
     def sine(self) -> Sine | None:
         """The sine of both engines; None when no joint can follow one."""
         if self.wish is None:
             return None
-        home = dict(self.home.joints) if self.home else {}
-        made = sine_of(self.tree, self.control, home, self.wish.frequency, self.wish.seconds)
+        start = dict(self.start.joints)
+        made = sine_of(self.tree, self.control, start, self.wish.frequency, self.wish.seconds)
         return made if any(made.swing.values()) else None
 
     @property
@@ -123,11 +124,10 @@ class Pair:
         ]
 
     def _on_floor(self) -> list[physx.Experiment]:
-        assert self.home is not None  # noqa: S101 - `stands` was asked
         gravity, dt = self.control.simulation.gravity, self.control.simulation.timestep
-        base, friction = physx.clear_of_floor(self.home.base), self.control.contact.friction[0]
+        base, friction = physx.clear_of_floor(self.start.base), self.control.contact.friction[0]
         raised = Pose((base.xyz[0], base.xyz[1], base.xyz[2] + DROP_M), base.quat)
-        start = dict(self.home.joints)
+        start = dict(self.start.joints)
         return [
             physx.Experiment(
                 name,
@@ -357,7 +357,7 @@ class Pair:
             if name == "slope":
                 model.opt.gravity[:] = self._tilted()
             ours[name] = mujoco_motion.keyframe_motion(
-                model, "home", round(seconds / dt), raised_m=raised, servos=self.servos
+                model, self.start.name, round(seconds / dt), raised_m=raised, servos=self.servos
             )
         theirs = {name: outcomes[name].motion for name in ours if outcomes[name].finite}
         if (other := theirs.get("stand")) is not None:

@@ -153,11 +153,12 @@ def _motion(model: mujoco.Model, joint: int, axis: Array) -> Motion:
         values["gain"] = found.kp or sum(drive.gain for drive in found.drives)
         values["effort limit"] = found.effort if math.isfinite(found.effort) else None
     low, high = (float(v) for v in model.jnt_range[joint])
+    key = mujoco.initial_key(model)
     return Motion(
         mujoco.name_of(model, "joint", joint),
         int(model.jnt_type[joint]) == 3,
         axis,
         (low, high) if model.jnt_limited[joint] else None,
-        float(model.key_qpos[0, at]) if model.nkey else None,
+        None if key is None else float(model.key_qpos[key, at]),
         values,
     )

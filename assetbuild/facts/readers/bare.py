@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from assetbuild.facts.mjcf import LACKS, MjcfReader
 from assetbuild.facts.mjcf_expected import mjcf_table, put_site
+from assetbuild.facts.mjlab_names import found_by_mjlab
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Table
 from assetbuild.robot.model import Actuator, Control, Place, Sensor
@@ -26,6 +27,7 @@ BROUGHT = ("actuator", "option", "keyframe", "drive")
 class BareFacts(MjcfReader):
     """Bodies, joints without drives, shapes, sites and the sensors of mjlab's tasks."""
 
+    version = "2"
     needs = ("mjlab",)
     form = "bare"
     called = "the bare MJCF"
@@ -63,7 +65,7 @@ def _bare(reference: Reference) -> Reference:
         for row in control.actuators
     )
     only = tuple(item for item in control.mjcf_only if item.place not in BROUGHT)
-    return replace(
+    bare = replace(
         reference,
         control=replace(
             control,
@@ -73,6 +75,7 @@ def _bare(reference: Reference) -> Reference:
             mjcf_only=only,
         ),
     )
+    return found_by_mjlab(bare)
 
 
 def _sensors(reference: Reference, control: Control) -> Iterator[Sensor]:

@@ -38,7 +38,7 @@ SATURATION = Rule(
     "isaaclab.saturation",
     "info",
     "a `dc_motor` has no stall torque; its effort limit is used instead",
-    "set it in a copy of the module",
+    "`stall` in the row or the motor",
 )
 
 
@@ -48,7 +48,7 @@ class IsaacLab(Target):
     `_measure.py` is for Isaac Lab's half of the comparison.
     """
 
-    version = "6"
+    version = "9"
     outputs = ("isaaclab/",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     folder = "python"
@@ -106,12 +106,12 @@ class IsaacLab(Target):
                 hint="give these joints another model, or an actuator class of your own",
                 data={"joints": tuple(lost)},
             )
-        stall = [a.joint for a in control.actuators if a.model == "dc_motor"]
-        if stall:
+        unstated = [a.joint for a in control.actuators if a.model == "dc_motor" and a.stall is None]
+        if unstated:
             yield SATURATION(
-                f"actuator {stall[0]}",
-                f"the table has no stall torque: `saturation_effort` of {len(stall)} joints is "
-                "their effort limit",
-                hint="a motor's stall torque is often higher: set it in the module's copy",
-                data={"joints": tuple(stall)},
+                f"actuator {unstated[0]}",
+                f"the table states no stall torque: {len(unstated)} joints take their effort limit "
+                "for it, so half of the torque is left at half of the velocity limit",
+                hint="a motor's stall torque is often higher: give `stall` in the row or the motor",
+                data={"joints": tuple(unstated)},
             )

@@ -20,8 +20,6 @@ IMPORTS = (
     "from isaaclab.managers import EventTermCfg, SceneEntityCfg",
     "from isaaclab.utils import configclass",
 )
-BUCKETS = 64
-"""Contact materials that are drawn; PhysX has room for 64000."""
 
 NOT_RANDOMIZED = Rule(
     "isaaclab.randomize",
@@ -62,9 +60,13 @@ def lost(randomize: Randomize, control: Control, tree: Tree) -> Iterator[Finding
         )
 
 
-def events_text(randomize: Randomize, tree: Tree, control: Control) -> str:
-    """The class `EventCfg`."""
-    terms = [*_matter(randomize, tree), *_joints(randomize, tree), *_friction(randomize, control)]
+def events_text(randomize: Randomize, tree: Tree, control: Control, buckets: int) -> str:
+    """The class `EventCfg`. buckets: contact materials that are drawn."""
+    terms = [
+        *_matter(randomize, tree),
+        *_joints(randomize, tree),
+        *_friction(randomize, control, buckets),
+    ]
     return f'''@configclass
 class EventCfg:
     """What the recipe randomizes, for an entity named "robot"; sources stand in dr.yaml.
@@ -134,7 +136,7 @@ def _joints(randomize: Randomize, tree: Tree) -> Iterator[str]:
             yield _term(f"joints_{index}", func, entity, **scaled, operation="scale")
 
 
-def _friction(randomize: Randomize, control: Control) -> Iterator[str]:
+def _friction(randomize: Randomize, control: Control, buckets: int) -> Iterator[str]:
     """Restitution 0 is what the USD's materials have."""
     if randomize.friction is not None or randomize.restitution is not None:
         slide = control.contact.friction[0]
@@ -146,7 +148,7 @@ def _friction(randomize: Randomize, control: Control) -> Iterator[str]:
             static_friction_range=friction,
             dynamic_friction_range=friction,
             restitution_range=randomize.restitution or (0.0, 0.0),
-            num_buckets=BUCKETS,
+            num_buckets=buckets,
             make_consistent=True,
         )
 

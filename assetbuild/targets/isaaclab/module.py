@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.robot.ranges import Randomize, first_match
 from assetbuild.simulators.usd_names import joint_identifiers
@@ -58,11 +59,13 @@ class Module:
     def text(self) -> str:
         """Docstring, imports, constants, the configuration."""
         simulation = self.control.simulation
-        home = self.control.home or next(iter(self.control.keyframes), Keyframe("", ()))
+        start = initial_pose(self.tree, self.control)
         actuators = "".join(f"\n        {group}," for group in self._actuators())
         randomized = ""
         if self.randomize is not None:
-            randomized = f"\n\n{events.events_text(self.randomize, self.tree, self.control)}\n"
+            buckets = self.options.friction_buckets
+            drawn = events.events_text(self.randomize, self.tree, self.control, buckets)
+            randomized = f"\n\n{drawn}\n"
         # USD is not resolved: `smoke` shows the module links into the store, where none is beside.
         return f'''"""{self.robot} for Isaac Lab {self.generation}.x, by assetbuild.
 
@@ -90,8 +93,8 @@ SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, grav
         rigid_props={self._rigid_body()},
         articulation_props={self._articulation()},
     ),
-    init_state=ArticulationCfg.InitialStateCfg({self._base(home)}
-        joint_pos={{{self._positions(home)}
+    init_state=ArticulationCfg.InitialStateCfg({self._base(start)}
+        joint_pos={{{self._positions(start)}
         }},
         joint_vel={{".*": 0.0}},
     ),
@@ -140,9 +143,9 @@ SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, grav
         newton = f"NewtonArticulationCfg(self_collision_enabled={solver.self_collisions!r})"
         return _call("", (physx, newton), 2, "[]")
 
-    def _base(self, home: Keyframe) -> str:
+    def _base(self, start: Keyframe) -> str:
         # A fixed root too: at a reset Isaac Lab puts it here, wherever the asset had it.
-        base = self.tree.root_pose(home)
+        base = self.tree.root_pose(start)
         x, y, z = base.xyz
         if self.tree.base == "floating":
             z += self.options.clearance
@@ -153,9 +156,9 @@ SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, grav
         pos={(x, y, z)!r},
         rot={turn!r},  # {order}"""
 
-    def _positions(self, home: Keyframe) -> str:
+    def _positions(self, start: Keyframe) -> str:
         names = joint_identifiers(self.tree)
-        return "".join(f"\n            {pattern(names[j])}: {q!r}," for j, q in home.joints)
+        return "".join(f"\n            {pattern(names[j])}: {q!r}," for j, q in start.joints)
 
     def _delay(self, actuator: Actuator) -> tuple[int, int]:
         """Simulation steps, least and most, of the drives that Isaac Lab can delay."""
@@ -190,7 +193,7 @@ SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, grav
             "damping": actuator.kd if has_kd else 0.0,
         }
         if actuator.model == "dc_motor":
-            values["saturation_effort"] = actuator.effort
+            values["saturation_effort"] = actuator.saturation
         if self._delay(actuator) != (0, 0):
             values |= dict(zip(("min_delay", "max_delay"), self._delay(actuator), strict=True))
         if actuator.effort is not None:

@@ -15,5 +15,11 @@ class IsaacLabOptions(Model):
     )
     contact_sensors: bool = Field(True, description="`activate_contact_sensors` of the spawner")
     clearance: NonNegative = Field(
-        0.001, description="m; how much higher than at `home` the robot is spawned"
+        0.001, description="m; how much higher than in its initial keyframe the robot is spawned"
+    )
+    friction_buckets: int = Field(
+        64,
+        ge=1,
+        le=64000,
+        description="contact materials that `randomize` draws; PhysX has room for 64000",
     )

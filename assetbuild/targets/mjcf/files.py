@@ -85,22 +85,25 @@ def explain_textures(shapes: Shapes, folder: Path) -> Iterator[Finding]:
         )
 
 
-def write_robot(
-    path: Path,
-    model: RobotXml,
-    opaque: tuple[MjcfOnly, ...],
-    meshes: Path,
-    *,
-    bare: bool = False,
-) -> None:
+def write_robot(path: Path, model: RobotXml, opaque: tuple[MjcfOnly, ...], meshes: Path) -> None:
     """The robot's own file, and beside it the meshes and pictures that its shapes name.
 
-    opaque: what only MJCF says; meshes: folder of the built ones; bare: without keyframes.
+    opaque: what only MJCF says; meshes: folder of the built ones.
     """
+    write_xml(path, robot_element(model, opaque))
+    copy_assets(path.parent, model.shapes, meshes)
+
+
+def robot_element(model: RobotXml, opaque: tuple[MjcfOnly, ...], *, bare: bool = False) -> Element:
+    """The root element of the robot's own file. bare: without keyframes."""
     root = model.element(bare=bare)
     add_opaque(root, opaque, model.body_names)
-    write_xml(path, root)
-    shapes, assets = model.shapes, path.parent / "assets"
+    return root
+
+
+def copy_assets(folder: Path, shapes: Shapes, meshes: Path) -> None:
+    """The meshes and pictures that shapes name, below a folder. meshes: folder of built ones."""
+    assets = folder / "assets"
     wanted = {asset.file for asset in shapes.meshes}
     wanted |= {material.texture for material in shapes.materials if material.texture}
     for name in sorted(wanted):

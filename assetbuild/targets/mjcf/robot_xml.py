@@ -252,10 +252,11 @@ class RobotXml:
 
     def resting_pose(self) -> Pose:
         """Of the root before any keyframe: a fixed one where it is held, a floating one at the
-        height of `home`, else of the first keyframe, else 0."""
-        if self.tree.base == "fixed" or not self.control.keyframes:
+        height of the initial keyframe, else 0."""
+        initial = self.control.initial_keyframe
+        if self.tree.base == "fixed" or initial is None:
             return self.tree.X_world_root
-        base = (self.control.home or self.control.keyframes[0]).base
+        base = initial.base
         return Pose((0.0, 0.0, base.xyz[2])) if base else Pose()
 
     def _elements_of(self, joint: Joint) -> list[Element]:

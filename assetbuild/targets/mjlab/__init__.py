@@ -16,13 +16,23 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import RecipeView, Target
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Place, Sensor, Tree
 from assetbuild.robot.ranges import Randomize
-from assetbuild.robot.shapes import Shapes
-from assetbuild.targets.mjcf.files import readable, refuse_name, write_robot
+from assetbuild.robot.shapes import Shape, Shapes
+from assetbuild.robot.tree import forward_kinematics
+from assetbuild.targets.mjcf.files import (
+    copy_assets,
+    readable,
+    refuse_name,
+    robot_element,
+    write_xml,
+)
 from assetbuild.targets.mjcf.robot_xml import RobotXml
 from assetbuild.targets.mjlab.events import lost
-from assetbuild.targets.mjlab.module import ModuleFacts, module_text
+from assetbuild.targets.mjlab.geom_names import name_collisions
+from assetbuild.targets.mjlab.module import Foot, ModuleFacts, module_text
+from assetbuild.targets.mjlab.options import MjlabOptions
 
 TASK_SENSORS = {"gyro": "imu_ang_vel", "velocimeter": "imu_lin_vel", "accelerometer": "imu_lin_acc"}
 """Sensors that mjlab's tasks look for, at the IMU."""
@@ -45,6 +55,18 @@ NO_FEET = Rule(
 UNSUPPORTED_DRIVES = Rule(
     "mjlab.actuator", "warning", "drives that mjlab has no form of", "another model"
 )
+SATURATION = Rule(
+    "mjlab.saturation",
+    "info",
+    "a `dc_motor` has no stall torque; its effort limit is used instead",
+    "`stall` in the row or the motor",
+)
+RENAMED = Rule(
+    "mjlab.renamed",
+    "info",
+    "collision geoms of the bare MJCF are called `*_collision`, whatever the source calls them",
+    "use the new names in your own configs of mjlab",
+)
 SENSORS_LEFT_OUT = Rule(
     "mjlab.sensors",
     "info",
@@ -56,17 +78,20 @@ SENSORS_LEFT_OUT = Rule(
 class Mjlab(Target):
     """Writes `mjcf/<robot>_bare.xml` with its assets, and `python/<robot>_mjlab.py`."""
 
-    version = "13"
+    version = "18"
     outputs = ("mjlab/",)
     folder = ""
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
 
+    sections: ClassVar[Mapping[str, str]] = {"mjlab": "options"}
     told: ClassVar[Mapping[str, str]] = {
         "feet": "feet.links",
         "imu": "imu.link",
         "randomize": "randomize",
     }
 
+    options: MjlabOptions = MjlabOptions()
+    """The recipe's `mjlab`."""
     feet: str | None = None
     """Pattern of the source links that the robot stands on."""
     imu: str | None = None
@@ -92,31 +117,43 @@ class Mjlab(Target):
         shapes = readable(shapes, meshes)
 
         facts = self._facts(tree, shapes, control)
-        sites = [s for s in (*facts.foot_sites, facts.imu_site) if s in tree.by_body]
+        looked_at = (*(sole.link for sole in self._soles(shapes)), facts.imu_site)
+        sites = [link for link in looked_at if link in tree.by_body]
         model = RobotXml(
             self.robot, None, tree, shapes, self._bare(tree, control, facts), sites=sites
         )
         folder = files.outputs / "mjlab"
         opaque = tuple(o for o in control.mjcf_only if o.place not in NOT_BARE)
         path = folder / "mjcf" / f"{self.robot}_bare.xml"
-        write_robot(path, model, opaque, meshes, bare=True)
+        root = robot_element(model, opaque, bare=True)
+        renamed = name_collisions(root, {shape.name for shape in shapes.of("visual")})
+        write_xml(path, root)
+        copy_assets(path.parent, shapes, meshes)
+        feet = [_called(foot, renamed) for foot in facts.feet]
+        feet.sort(key=lambda foot: model.order.index(foot.body))
+        facts = replace(facts, feet=tuple(feet))
         module = folder / "python" / f"{self.robot.replace('-', '_').replace('.', '_')}_mjlab.py"
         module.parent.mkdir(parents=True)
         module.write_text(module_text(facts), encoding="utf-8")
         yield from self._explain(tree, control, facts)
+        yield from _renamed(renamed)
 
     def _facts(self, tree: Tree, shapes: Shapes, control: Control) -> ModuleFacts:
-        soles = [s for s in shapes.of("collision") if self.feet and re.fullmatch(self.feet, s.link)]
         return ModuleFacts(
             robot=self.robot,
             tree=tree,
             control=control,
             rows=self.rows,
-            foot_sites=tuple(dict.fromkeys(shape.link for shape in soles)),
-            foot_geoms=tuple(shape.name for shape in soles),
+            feet=_feet(tree, self._soles(shapes), control),
             imu_site=self.imu or tree.root,
+            options=self.options,
             randomize=self.randomize,
         )
+
+    def _soles(self, shapes: Shapes) -> list[Shape]:
+        """Collision shapes of the links that the robot stands on."""
+        solid = shapes.of("collision")
+        return [s for s in solid if self.feet and re.fullmatch(self.feet, s.link)]
 
     def _bare(self, tree: Tree, control: Control, facts: ModuleFacts) -> Control:
         """Without drives; what the module states for driven joints is not in the XML too."""
@@ -143,7 +180,7 @@ class Mjlab(Target):
                 f"the recipe names no IMU: its sensors sit in the frame of `{tree.root}`",
                 hint="add `imu: {link: ...}`",
             )
-        if tree.base == "floating" and not facts.foot_sites:
+        if tree.base == "floating" and not facts.feet:
             yield NO_FEET(
                 "robot",
                 "the recipe names no feet: the module has no velocity task",
@@ -158,6 +195,7 @@ class Mjlab(Target):
                 hint="use pd, ideal_pd, dc_motor, velocity or motor",
                 data={"joints": tuple(undriven)},
             )
+        yield from _saturation(control)
         if self.randomize is not None:
             yield from lost(self.randomize, tree, facts.driven)
         gone = [s.name for s in control.sensors if _of_mjlab(s)]
@@ -168,6 +206,53 @@ class Mjlab(Target):
                 "own",
                 data={"sensors": tuple(gone)},
             )
+
+
+def _feet(tree: Tree, soles: list[Shape], control: Control) -> tuple[Foot, ...]:
+    """A foot for each body that has soles, however many; its site is at the lowest link of them."""
+    start = initial_pose(tree, control)
+    X_root_body = forward_kinematics(tree, dict(start.joints))
+
+    def height(sole: Shape) -> float:
+        body, X_body_link = tree.placement(sole.link)
+        X_world_link = tree.root_pose(start) @ X_root_body[body] @ X_body_link
+        return X_world_link.xyz[2]
+
+    by_body: dict[str, list[Shape]] = {}
+    for sole in soles:
+        by_body.setdefault(tree.placement(sole.link)[0], []).append(sole)
+    return tuple(
+        Foot(body, min(own, key=height).link, tuple(sole.name for sole in own))
+        for body, own in by_body.items()
+    )
+
+
+def _called(foot: Foot, names: Mapping[str, str]) -> Foot:
+    """The foot with the names that its geoms have in the bare MJCF."""
+    return replace(foot, geoms=tuple(names.get(geom, geom) for geom in foot.geoms))
+
+
+def _renamed(renamed: Mapping[str, str]) -> Iterator[Finding]:
+    if renamed:
+        name, new = next(iter(renamed.items()))
+        yield RENAMED(
+            "robot",
+            f"{len(renamed)} collision geoms have other names in the bare MJCF, where mjlab's "
+            f"configs look for `*_collision`: `{name}` is `{new}`",
+            data={"geoms": tuple(renamed), "names": tuple(renamed.values())},
+        )
+
+
+def _saturation(control: Control) -> Iterator[Finding]:
+    unstated = [a.joint for a in control.actuators if a.model == "dc_motor" and a.stall is None]
+    if unstated:
+        yield SATURATION(
+            f"actuator {unstated[0]}",
+            f"the table states no stall torque: {len(unstated)} joints take their effort limit for "
+            "it, so half of the torque is left at half of the velocity limit",
+            hint="a motor's stall torque is often higher: give `stall` in the row or the motor",
+            data={"joints": tuple(unstated)},
+        )
 
 
 def _of_mjlab(sensor: Sensor) -> bool:

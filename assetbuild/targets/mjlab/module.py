@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from assetbuild.robot.actuators import LARGEST_ACTION, action_scale
+from assetbuild.robot.action import Action
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Tree
 from assetbuild.robot.ranges import Randomize, RandomJoint, first_match
 from assetbuild.targets.mjlab.events import (
@@ -18,11 +19,8 @@ from assetbuild.targets.mjlab.events import (
     replaced,
     terms,
 )
+from assetbuild.targets.mjlab.options import MjlabOptions
 from assetbuild.targets.mjlab.text import dict_of, literal, tuple_of
-
-KNEE = re.compile(r".*(calf|knee).*", re.IGNORECASE)
-"""Joints that swing most while walking, as mjlab's own robots have it."""
-
 
 CLASSES: Mapping[str, str] = {
     "pd": "BuiltinPositionActuatorCfg",
@@ -32,6 +30,8 @@ CLASSES: Mapping[str, str] = {
     "motor": "BuiltinMotorActuatorCfg",
 }
 """mjlab's actuator for a model of the table; it has none for the others."""
+UNLIMITED = 1e9
+"""N m or N: `BuiltinMotorActuatorCfg` needs a number where the table says `unlimited`."""
 
 
 @dataclass(frozen=True)
@@ -45,22 +45,34 @@ class DriveGroup:
 
 
 @dataclass(frozen=True)
+class Foot:
+    """A body that stands on the ground. site, geoms: names in the bare MJCF."""
+
+    body: str
+    site: str
+    geoms: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class ModuleFacts:
-    """What the module says. foot_sites, imu_site: names of sites in the bare MJCF."""
+    """What the module says. feet: in the order of the bodies in the MJCF; imu_site: a name there.
+
+    mjlab takes sensors in the model's order and the rays of the feet in the module's.
+    """
 
     robot: str
     tree: Tree
     control: Control
     rows: tuple[str, ...]
-    foot_sites: tuple[str, ...]
-    foot_geoms: tuple[str, ...]
+    feet: tuple[Foot, ...]
     imu_site: str
+    options: MjlabOptions
     randomize: Randomize | None = None
 
     @property
     def walks(self) -> bool:
         """Whether there is enough for mjlab's velocity task."""
-        return self.tree.base == "floating" and bool(self.foot_sites) and bool(self.groups)
+        return self.tree.base == "floating" and bool(self.feet) and bool(self.groups)
 
     @cached_property
     def groups(self) -> tuple[DriveGroup, ...]:
@@ -135,35 +147,39 @@ import mujoco
 
 def _facts(facts: ModuleFacts) -> str:
     scale = {
-        name: _scale(facts.tree, group)
+        name: _scale(facts, group)
         for group in facts.groups
         for name in group.names
         if group.actuator.kp and group.actuator.effort
     }
-    simulation = facts.control.simulation
+    simulation, action = facts.control.simulation, facts.options.action
     return f'''
 XML = Path(__file__).parent.parent / "mjcf" / "{facts.robot}_bare.xml"
 ROOT_BODY = {literal(facts.tree.root)}
 IMU_SITE = {literal(facts.imu_site)}
-FOOT_SITES = {tuple_of(facts.foot_sites)}
-FOOT_GEOMS = {tuple_of(facts.foot_geoms)}
+FOOT_SITES = {tuple_of(tuple(foot.site for foot in facts.feet))}
+FOOT_GEOMS = {tuple_of(tuple(geom for foot in facts.feet for geom in foot.geoms))}
 ACTION_SCALE = {dict_of(scale)}
-"""A quarter of the error that asks for the whole effort, at most {LARGEST_ACTION["rad"]} rad or
-{LARGEST_ACTION["m"]} m, by joint; rad or m per unit of action."""
+"""{_share(action)} of the error that asks for the whole effort, at most {action.rad!r} rad or
+{action.m!r} m, by joint; rad or m per unit of action."""
 TIMESTEP, DECIMATION = {simulation.timestep!r}, {simulation.decimation}
 GRAVITY = {simulation.gravity!r}'''
 
 
-def _scale(tree: Tree, group: DriveGroup) -> float:
-    slides = all(tree.by_joint[joint].kind == "prismatic" for joint in group.joints)
-    return action_scale(group.actuator.effort, group.actuator.kp, "m" if slides else "rad")
+def _scale(facts: ModuleFacts, group: DriveGroup) -> float:
+    slides = all(facts.tree.by_joint[joint].kind == "prismatic" for joint in group.joints)
+    return facts.options.action.scale(group.actuator.effort, group.actuator.kp, slides=slides)
+
+
+def _share(action: Action) -> str:
+    return "A quarter" if action.effort_share == 0.25 else f"A share of {action.effort_share!r}"
 
 
 def _robot(facts: ModuleFacts) -> str:
     actuators = "".join(_actuator(group) for group in facts.groups)
-    key = facts.control.home or next(iter(facts.control.keyframes), None)
-    base = facts.tree.root_pose(key)  # of a fixed root too: mjlab puts it here
-    joints = dict(key.joints) if key else {}
+    start = initial_pose(facts.tree, facts.control)
+    base = facts.tree.root_pose(start)  # of a fixed root too: mjlab puts it here
+    joints = dict(start.joints)
     drives = f"({actuators}\n            )" if actuators else "()"
     # A regex of mjlab may not match nothing, so a robot without joints has no map of them.
     positions = dict_of(joints, 12, escape=True) if joints else '{".*": 0.0}'
@@ -185,7 +201,7 @@ def robot_cfg() -> EntityCfg:
         ),
         articulation=EntityArticulationInfoCfg(
             actuators={drives},
-            soft_joint_pos_limit_factor=0.9,
+            soft_joint_pos_limit_factor={facts.options.soft_joint_pos_limit_factor!r},
         ),
     )'''
 
@@ -198,10 +214,10 @@ def _actuator(group: DriveGroup) -> str:
             fields |= {"stiffness": a.kp, "damping": a.kd}
         case "velocity":
             fields |= {"damping": a.kd}
-    if a.effort is not None:
-        fields["effort_limit"] = a.effort
+    if a.effort is not None or a.model == "motor":
+        fields["effort_limit"] = UNLIMITED if a.effort is None else a.effort
     if a.model == "dc_motor":
-        fields |= {"saturation_effort": a.effort, "velocity_limit": a.velocity}
+        fields |= {"saturation_effort": a.saturation, "velocity_limit": a.velocity}
     fields |= {"armature": a.armature, "frictionloss": a.friction, "viscous_damping": a.damping}
     if group.ranges is not None and group.ranges.delay != (0, 0):
         fields |= dict(zip(("delay_min_lag", "delay_max_lag"), group.ranges.delay, strict=True))
@@ -219,8 +235,10 @@ def _velocity(facts: ModuleFacts) -> str:
     randomized = "".join(f'\n    cfg.events.pop("{name}", None)' for name in gone)
     if facts.events:
         randomized += "\n    cfg.events |= randomize_events()"
+    options, scan = facts.options, facts.options.foot_scan
+    ring = f"single_ring(radius={scan.radius!r}, num_samples={scan.samples})"
     return f'''
-def velocity_flat_cfg(num_envs: int = 4096) -> ManagerBasedRlEnvCfg:
+def velocity_flat_cfg(num_envs: int = {options.num_envs}) -> ManagerBasedRlEnvCfg:
     """mjlab's velocity task on a plane, with this robot and the recipe's simulation."""
     cfg = make_velocity_env_cfg()
     cfg.scene.num_envs = num_envs
@@ -230,10 +248,10 @@ def velocity_flat_cfg(num_envs: int = 4096) -> ManagerBasedRlEnvCfg:
     cfg.decimation = DECIMATION
     cfg.sim.mujoco.timestep = TIMESTEP
     cfg.sim.mujoco.gravity = GRAVITY
-    cfg.sim.mujoco.cone = "elliptic"
-    cfg.sim.mujoco.impratio = 10
-    cfg.sim.njmax = 300
-    cfg.sim.nconmax = None
+    cfg.sim.mujoco.cone = "{options.cone}"
+    cfg.sim.mujoco.impratio = {_short(options.impratio)}
+    cfg.sim.njmax = {options.njmax!r}
+    cfg.sim.nconmax = {options.nconmax!r}
     cfg.viewer.body_name = ROOT_BODY
     cfg.actions["joint_pos"].scale = ACTION_SCALE
 
@@ -241,7 +259,7 @@ def velocity_flat_cfg(num_envs: int = 4096) -> ManagerBasedRlEnvCfg:
     for sensor in kept:
         if sensor.name == "foot_height_scan":
             sensor.frame = tuple(ObjRef(type="site", name=s, entity="robot") for s in FOOT_SITES)
-            sensor.pattern = RingPatternCfg.single_ring(radius=0.04, num_samples=4)
+            sensor.pattern = RingPatternCfg.{ring}
     feet = ContactSensorCfg(
         name="feet_ground_contact",
         primary=ContactMatch({_soles(facts)}, entity="robot"),
@@ -274,15 +292,22 @@ def velocity_flat_cfg(num_envs: int = 4096) -> ManagerBasedRlEnvCfg:
 def _pose(facts: ModuleFacts) -> str:
     """How far each joint may swing while the robot walks."""
     joints = tuple(joint for group in facts.groups for joint in group.joints)
+    reward = facts.options.pose
+    knees = tuple(joint for joint in joints if re.fullmatch(reward.knees, joint))
     return f'''
 JOINTS = {tuple_of(joints)}
-KNEES = {tuple_of(tuple(filter(KNEE.fullmatch, joints)))}
+KNEES = {tuple_of(knees)}
 POSE_SPREAD = {{
-    "std_standing": (0.05, 0.1),
-    "std_walking": (0.3, 0.6),
-    "std_running": (0.3, 0.6),
+    "std_standing": {reward.standing!r},
+    "std_walking": {reward.walking!r},
+    "std_running": {reward.running!r},
 }}
 """rad from the initial pose that cost nothing much, of other joints and of knees."""'''
+
+
+def _short(value: float) -> str:
+    """A whole number without a point."""
+    return str(int(value)) if value.is_integer() else repr(value)
 
 
 def _soles(facts: ModuleFacts) -> str:
@@ -290,8 +315,7 @@ def _soles(facts: ModuleFacts) -> str:
 
     Where that foot was merged into a shank, what the shank touches counts too.
     """
-    if len(facts.foot_geoms) == len(facts.foot_sites):
+    if all(len(foot.geoms) == 1 for foot in facts.feet):
         return 'mode="geom", pattern=FOOT_GEOMS'
-    bodies = [facts.tree.placement(link)[0] for link in facts.foot_sites]
-    listed = ", ".join(literal(body) for body in bodies)
+    listed = ", ".join(literal(foot.body) for foot in facts.feet)
     return f'mode="body", pattern=({listed},)'

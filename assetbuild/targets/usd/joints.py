@@ -12,8 +12,8 @@ from collections.abc import Collection
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.errors import StepError
-from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import MOVING, Actuator, Control, Joint, Tree
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.model import MOVING, Actuator, Control, Joint
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply
 from assetbuild.simulators.usd_names import JOINTS
 from assetbuild.simulators.usd_options import UsdArticulation, UsdOptions
@@ -62,7 +62,7 @@ def define_joints(
     tree = names.tree
     if tree.joints or tree.base == "fixed":
         UsdGeom.Scope.Define(stage, f"/{names.root}/{JOINTS}")
-    starts = starting_positions(tree, control)
+    starts = dict(initial_pose(tree, control).joints)
     for joint in tree.joints:
         prim = _define_joint(stage, names, joint)
         # As in MuJoCo, bodies that a joint connects do not collide, but for those on the world.
@@ -87,25 +87,6 @@ def _undriven(joint: Joint) -> Actuator:
         friction=joint.friction or 0.0,
         velocity=joint.limits.velocity,
     )
-
-
-def starting_positions(tree: Tree, control: Control) -> dict[str, float]:
-    """Where each joint starts and its drive aims, rad or m: the keyframe `home`, else near 0.
-
-    0 may lie outside of the limits (a dog's knee): PhysX then pushes so hard that all turns to
-    NaN within a few steps. Without a `home` such a joint starts at the limit nearest to 0.
-    """
-    if control.home is not None:
-        home = dict(control.home.joints)
-        return {joint.name: home.get(joint.name, 0.0) for joint in tree.moving_joints}
-    inside = {}
-    for joint in tree.moving_joints:
-        lower, upper = joint.limits.lower, joint.limits.upper
-        if joint.kind == "continuous":
-            lower = upper = None
-        value = 0.0 if lower is None else max(0.0, lower)
-        inside[joint.name] = value if upper is None else min(value, upper)
-    return with_mimics(tree, inside)
 
 
 def _apply_start(prim: Usd.Prim, joint: Joint, position: float) -> None:

@@ -1,4 +1,4 @@
-"""`scene.usda`: the robot at home on a floor, with gravity and light, to look at and press play.
+"""`scene.usda`: the robot in its initial pose on a floor, with gravity and light.
 
 The robot's own file holds none of these: a training framework brings its own.
 """
@@ -11,12 +11,12 @@ import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade
 
 from assetbuild.robot.floor import Floor, floor_of
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Control
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.simulators.usd_names import PHYSICS_MATERIALS
 from assetbuild.targets.usd.colliders import define_surface
-from assetbuild.targets.usd.joints import starting_positions
 from assetbuild.targets.usd.layers import apply_foreign, new_stage, save, set_place
 from assetbuild.targets.usd.names import PrimPaths
 
@@ -28,10 +28,10 @@ rounding alone, with all of `maxDepenetrationVelocity`."""
 
 
 def write_scene(folder: Path, main: str, names: PrimPaths, control: Control) -> None:
-    """A world that references `main`, the robot at the keyframe `home`.
+    """A world that references `main`, the robot in its initial pose.
 
-    Without that keyframe near q = 0. A fixed root is where the asset's own prim has it, any other
-    in the origin.
+    A fixed root is where the asset's own prim has it, a floating one without a keyframe in the
+    origin.
     """
     stage = new_stage(folder / SCENE)
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
@@ -40,11 +40,11 @@ def write_scene(folder: Path, main: str, names: PrimPaths, control: Control) -> 
     UsdLux.DomeLight.Define(stage, "/World/light").CreateIntensityAttr(1000.0)
     robot = UsdGeom.Xform.Define(stage, f"/World/{names.root}").GetPrim()
     robot.GetReferences().AddReference(f"./{main}")
-    joints = starting_positions(names.tree, control)  # where the asset's own joints start
+    start = initial_pose(names.tree, control)
     X_world_base = IDENTITY
-    if control.home and control.home.base is not None:
-        X_world_base = Pose((0.0, 0.0, CLEARANCE_M)) @ control.home.base
-    for body, X_root_body in forward_kinematics(names.tree, joints).items():
+    if start.base is not None:
+        X_world_base = Pose((0.0, 0.0, CLEARANCE_M)) @ start.base
+    for body, X_root_body in forward_kinematics(names.tree, dict(start.joints)).items():
         prim = stage.OverridePrim(f"/World{names.body(body)}")
         set_place(prim, X_world_base @ X_root_body)
     save(stage)

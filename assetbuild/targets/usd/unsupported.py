@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from assetbuild.findings import Finding, Rule
+from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Contact, Control, Joint, Tree
 from assetbuild.simulators.usd_options import UsdOptions
-from assetbuild.targets.usd.joints import starting_positions
 from assetbuild.targets.usd.units import is_angular, limits
 
 MAX_LINKS = 64
 MAX_ANGLE_DEG = 360.0
 
-KEYFRAMES = Rule("usd.keyframes", "info", "USD has no keyframes; drives aim at `home`", "nothing")
+KEYFRAMES = Rule(
+    "usd.keyframes", "info", "USD has no keyframes; drives aim at the initial one", "nothing"
+)
 PARALLEL_AXIS = Rule(
     "usd.parallel_axis",
     "info",
@@ -23,7 +25,7 @@ PARALLEL_AXIS = Rule(
 START_OUTSIDE = Rule(
     "usd.start",
     "info",
-    "0 is outside the limits of a joint and there is no `home`: the joint starts at the nearest "
+    "0 is outside the limits of a joint and there is no keyframe: the joint starts at the nearest "
     "limit",
     "add a keyframe `home`",
 )
@@ -204,19 +206,22 @@ def _beyond_usual(surface: Contact, name: str) -> object:
 
 
 def _keyframes(control: Control) -> Iterator[Finding]:
-    lost = tuple(key.name for key in control.keyframes if key.name != "home")
-    if lost:
+    initial = control.initial_keyframe
+    lost = tuple(key.name for key in control.keyframes if key is not initial)
+    if initial is not None and lost:
         yield KEYFRAMES(
             "robot",
-            f"USD has no keyframes: {', '.join(lost)} left out; drives aim at `home`",
+            f"USD has no keyframes: {', '.join(lost)} left out; drives aim at `{initial.name}`",
             hint="take them from the MJCF or the generated Isaac Lab module",
             data={"keyframes": lost},
         )
 
 
 def _starts(tree: Tree, control: Control) -> Iterator[Finding]:
-    for name, position in starting_positions(tree, control).items():
-        if position != 0.0 and control.home is None:
+    if control.initial_keyframe is not None:
+        return
+    for name, position in initial_pose(tree, control).joints:
+        if position != 0.0:
             yield START_OUTSIDE(
                 f"joint {name}",
                 f"0 is outside of its limits: it starts at {position:.4g} in PhysX, which "

@@ -39,9 +39,9 @@ IN_BARE = "stands in the bare MJCF"
 class MjlabReader(Reader):
     """Reads the module for mjlab back and compares it with the robot."""
 
+    version = "2"
     form: ClassVar[str] = FORM
     called: ClassVar[str] = "mjlab's module"
-    behind: ClassVar[tuple[str, ...]] = ("python/*_mjlab.py",)
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
     behind: ClassVar[tuple[str, ...]] = ("python/*_mjlab.py",)
     asks: ClassVar[tuple[str, ...]] = ("randomize", "feet", "imu", "mjlab")

@@ -1,0 +1,28 @@
+"""The pose in which a robot starts, in every format, trainer and simulator."""
+
+from __future__ import annotations
+
+from assetbuild.robot.mimic import with_mimics
+from assetbuild.robot.model import Control, Joint, Keyframe, Tree
+
+
+def initial_pose(tree: Tree, control: Control) -> Keyframe:
+    """The keyframe `home`, else the first keyframe, else every joint as near to 0 as it may stand.
+
+    0 may lie outside the limits (a dog's knee): PhysX then pushes so hard that all turns to NaN
+    within a few steps. Joints that mimic others follow them. Without a keyframe the name is empty
+    and the base has no pose.
+    """
+    if control.initial_keyframe is not None:
+        return control.initial_keyframe
+    nearest = {joint.name: _nearest_to_zero(joint) for joint in tree.moving_joints}
+    return Keyframe("", tuple(with_mimics(tree, nearest).items()))
+
+
+def _nearest_to_zero(joint: Joint) -> float:
+    """rad or m, within the limits."""
+    lower, upper = joint.limits.lower, joint.limits.upper
+    if joint.kind == "continuous":
+        return 0.0
+    value = 0.0 if lower is None else max(0.0, lower)
+    return value if upper is None else min(value, upper)
