@@ -44,6 +44,7 @@ def _read(stage: Usd.Stage) -> Table:
     stage_facts(stage, units, book)
     places = Places(units)
     top = stage.GetDefaultPrim()
+    book.put("stage", "", {"usd:type": str(top.GetTypeName())})
     prims: list[Prim] = []
     for child in stage.GetPseudoRoot().GetAllChildren():
         if child == top:
@@ -181,6 +182,7 @@ def scene_table(robot: str, reference: Reference) -> Table:
     book.put("robot", "", {"up axis": "Z", "metres per unit": 1.0, "kilograms per unit": 1.0})
     book.put("stage", "", {
         "usd:defaultPrim": "World",
+        "usd:type": "Xform",
         "usd:robot": f"./{robot}.usda",
         "usd:robot prim": f"Xform {usd_identifier(robot)}",
         "usd:upAxis of layers": ("Z",),
