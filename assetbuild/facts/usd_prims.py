@@ -32,6 +32,9 @@ PLAIN = frozenset(
 """Metadata that is no fact; applied schemas are asked for one by one."""
 RIGID = 1e-9
 """Scales nearer to 1 than this are rounding."""
+QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
+LENGTH = 1e-3
+"""A quaternion as long as this from 1 is not one that was rounded."""
 UNLIMITED = 1e30
 """PhysX takes numbers beyond for infinite."""
 
@@ -173,7 +176,11 @@ class Prim:
         """Takes what the transform of the prim says, which its pose holds."""
         order = self.take("xformOpOrder") or ()
         for op in order:  # type: ignore[attr-defined] # an array of tokens
-            self.take(str(op).removeprefix("!invert!"))
+            name = str(op).removeprefix("!invert!")
+            value = self.take(name)
+            # USD turns by the angle of its real part alone, other runtimes make it a unit first.
+            if isinstance(value, QUATERNIONS) and abs(value.GetLength() - 1.0) > LENGTH:
+                self.book.skip(self.path, name, f"{value}, which is no unit quaternion")
         for name in ("visibility", "purpose"):  # both are inherited: see the shapes
             self.take(name)
 

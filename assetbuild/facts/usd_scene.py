@@ -44,6 +44,7 @@ def _read(stage: Usd.Stage) -> Table:
     stage_facts(stage, units, book)
     places = Places(units)
     top = stage.GetDefaultPrim()
+    book.put("stage", "", {"usd:type": str(top.GetTypeName())})
     prims: list[Prim] = []
     for child in stage.GetPseudoRoot().GetAllChildren():
         if child == top:
@@ -93,7 +94,10 @@ def _robot(prim: Usd.Prim, specs: list[Sdf.PrimSpec], places: Places, book: Writ
         for arcs in (spec.referenceList, spec.payloadList)
         for arc in arcs.GetAddedOrExplicitItems()
     ]
-    book.put("stage", "", {"usd:robot": ", ".join(files), "usd:robot prim": prim.GetName()})
+    book.put("stage", "", {
+        "usd:robot": ", ".join(files),
+        "usd:robot prim": f"{prim.GetTypeName()} {prim.GetName()}",
+    })  # fmt: skip
     bodies = [p for p in Usd.PrimRange(prim) if p.HasAPI(UsdPhysics.RigidBodyAPI)]
     for body in bodies:
         name = str(body.GetMetadata("displayName") or body.GetName())
@@ -178,8 +182,9 @@ def scene_table(robot: str, reference: Reference) -> Table:
     book.put("robot", "", {"up axis": "Z", "metres per unit": 1.0, "kilograms per unit": 1.0})
     book.put("stage", "", {
         "usd:defaultPrim": "World",
+        "usd:type": "Xform",
         "usd:robot": f"./{robot}.usda",
-        "usd:robot prim": usd_identifier(robot),
+        "usd:robot prim": f"Xform {usd_identifier(robot)}",
         "usd:upAxis of layers": ("Z",),
         "usd:metersPerUnit of layers": ("1.0",),
         "usd:kilogramsPerUnit of layers": ("1.0",),
