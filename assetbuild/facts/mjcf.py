@@ -8,7 +8,13 @@ from typing import ClassVar
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import EXACT, Precision
-from assetbuild.facts.mjcf_expected import Opaque, free_joint, opaque_of, opaque_option
+from assetbuild.facts.mjcf_expected import (
+    Opaque,
+    free_joint,
+    opaque_of,
+    opaque_option,
+    shown_pictures,
+)
 from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.mjcf_words import NEVER_ALONE, is_covered, words
 from assetbuild.facts.reader import Reader
@@ -106,6 +112,8 @@ class MjcfReader(Reader):
             facts[Key("frame", frame, "mjcf:group")] = 4.0
         for asset in reference.shapes.meshes:
             facts[Key("mesh", asset.name, "mjcf:inertia")] = "mjMESH_INERTIA_SHELL"
+        for index in range(len(shown_pictures(reference))):
+            facts[Key("texture", f"texture{index}", "mjcf:type")] = "mjTEXTURE_2D"
         for sensor in reference.control.sensors:
             if sensor.kind == "contact":
                 facts[Key("sensor", sensor.name, "mjcf:intprm")] = STRONGEST

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -202,18 +203,19 @@ class Prim:
 # --- the stage -------------------------------------------------------------------------------
 
 
-def open_stage(path: Path) -> Usd.Stage:
-    """The stage with its default variants; UsageError where it does not open."""
+@contextmanager
+def opened(path: Path) -> Iterator[Usd.Stage]:
+    """The stage with its default variants; UsageError where USD cannot make sense of it."""
     try:
         stage = Usd.Stage.Open(str(path))
+        if not stage.GetDefaultPrim():
+            raise UsageError(
+                f"`{path}` has no default prim, so nothing says which of its prims is the robot",
+                hint="set `defaultPrim` in it",
+            )
+        yield stage
     except Tf.ErrorException as error:
-        raise UsageError(f"`{path}` does not open: {error}") from None
-    if not stage.GetDefaultPrim():
-        raise UsageError(
-            f"`{path}` has no default prim, so nothing says which of its prims is the robot",
-            hint="set `defaultPrim` in it",
-        )
-    return stage
+        raise UsageError(f"`{path}` is not readable as USD: {error}") from None
 
 
 def units_of(stage: Usd.Stage) -> Units:

@@ -19,7 +19,7 @@ from assetbuild.facts.usd_looks import Looks, take_bindings
 from assetbuild.facts.usd_prims import (
     Places,
     Prim,
-    open_stage,
+    opened,
     quat_of_gf,
     stage_facts,
     units_of,
@@ -77,7 +77,11 @@ class Sorted:
 
 def read_robot(path: Path) -> Table:
     """The facts of the stage as it opens, its default variants selected."""
-    stage = open_stage(path)
+    with opened(path) as stage:
+        return _read(stage)
+
+
+def _read(stage: Usd.Stage) -> Table:
     book, units = Writer(), units_of(stage)
     stage_facts(stage, units, book)
     top = stage.GetDefaultPrim()
@@ -160,6 +164,8 @@ def _below(one: Prim, above: Above, parent: str, found: Sorted, book: Writer) ->
     name, empty = str(one.prim.GetName()), not one.prim.GetAllChildren()
     own = one.prim.IsInstance() or not empty
     if parent == above.body and above.body and name in GROUPS and one.name == name:
+        if one.type != "Xform":
+            book.skip(one.path, "type", one.type)  # its children would lose their transforms
         below = replace(below, group=name)
         found.others.append(one)
     elif above.group and above.holder is None and own:

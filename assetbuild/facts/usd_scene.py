@@ -15,7 +15,7 @@ from assetbuild.facts.usd_prims import (
     PLAIN,
     Places,
     Prim,
-    open_stage,
+    opened,
     stage_facts,
     units_of,
 )
@@ -35,7 +35,11 @@ CONTAINERS = frozenset({"Xform", "Scope"})
 
 def read_scene(path: Path) -> Table:
     """The facts of the scene: of the robot's prims only what the scene says itself."""
-    stage = open_stage(path)
+    with opened(path) as stage:
+        return _read(stage)
+
+
+def _read(stage: Usd.Stage) -> Table:
     book, units = Writer(), units_of(stage)
     stage_facts(stage, units, book)
     places = Places(units)

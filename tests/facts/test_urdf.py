@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from facts.mutants import is_found, xml_elements, xml_values
 from hypothesis import HealthCheck, given, settings
+from mutants import is_found, xml_elements, xml_values
 from PIL import Image
 from tiny import (
     TinyRobot,
@@ -106,9 +106,12 @@ def textured() -> TinyRobot:
     robot = tiny_quadruped()
     lines = box_obj((0.4, 0.2, 0.1)).decode().splitlines()
     corners = [line for line in lines if line.startswith("v")]
-    faces = [" ".join(f"{n}/{n}" if n != "f" else n for n in line.split()) for line in lines[8:]]
+    faces = [
+        " ".join(f"{n}/{n}/{n}" if n != "f" else n for n in line.split()) for line in lines[8:]
+    ]
     uv = [f"vt {n / 8!r} {n / 16!r}" for n in range(8)]
-    mesh = "\n".join([*corners, *uv, *faces, ""]).encode()
+    normals = [f"vn {n / 8!r} 0.6 -0.8" for n in range(8)]
+    mesh = "\n".join([*corners, *uv, *normals, *faces, ""]).encode()
     shapes = Shapes(
         (
             Shape("a", "trunk", "visual", Mesh("trunk_box"), material="wood"),
@@ -159,6 +162,15 @@ def test_a_source_s_effort_stays_where_the_drive_has_no_limit(tmp_path: Path):
     ports = written(robot, tmp_path / "in")
     assert 'effort="5.0" velocity="10.0"' in (ports / "urdf/bot.urdf").read_text()
     assert proved(ports) == []
+
+
+def test_a_picture_that_nothing_can_read_is_the_same_picture(tmp_path: Path):
+    robot = textured()
+    robot = replace(robot, meshes={**robot.meshes, "stone.png": b"no picture"})
+    ports = written(robot, tmp_path / "in")
+    assert proved(ports) == []
+    (ports / "urdf/meshes/stone.png").write_bytes(picture("grey"))
+    assert "equal.urdf.texture" in {f.rule for f in proved(ports)}
 
 
 def test_comments_order_and_spelling_say_nothing(tmp_path: Path):
@@ -250,6 +262,7 @@ def test_a_root_that_moved_in_the_world_is_found(tmp_path: Path):
         ("meshes/trunk_box.mtl", "shape a", "mesh_texture", "wood.png", "stone.png"),
         ("meshes/trunk_box.mtl", "meshes/trunk_box.mtl:4", "equal.unread", "map_K", "Ns 5\nmap_K"),
         ("meshes/trunk_box_2.obj", "shape b", "texture_corners", "vt 0.125", "vt 0.25"),
+        ("meshes/trunk_box.obj", "shape a", "normals", "vn 0.125", "vn 0.25"),
         ("meshes/trunk_box.obj", "shape a", "mean_corner", "v -0.2", "v -0.21"),
         ("meshes/trunk_box.obj", "meshes/trunk_box.obj", "equal.unread", "vt 0.0", "l 1 2\nvt 0.0"),
         ("bot.urdf", "shape a", "texture", "meshes/wood.png", "meshes/stone.png"),

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from assetbuild.errors import UsageError, Where
 from assetbuild.facts.reader import Reader
-from assetbuild.facts.readers.urdf.assets import Assets, looks_of
+from assetbuild.facts.readers.urdf.assets import Assets, looks_of, pixels_of
 from assetbuild.facts.readers.urdf.joints import read_joints
 from assetbuild.facts.readers.urdf.links import Links
 from assetbuild.facts.reference import Reference, geometry_facts, robot_table
@@ -58,6 +58,7 @@ LACKS: Mapping[str, str] = {
     "simulation": "URDF describes a robot, not a simulation",
     "floor": "URDF describes a robot, not a scene",
     "robot start pose": "URDF has no initial pose",
+    "robot soft limits": "URDF has hard limits alone",
 }  # fmt: skip
 
 
@@ -114,6 +115,7 @@ class UrdfFacts(Reader):
                 common = stated.of("shape", shape.name)
                 for name, facts in _pieces(shape, shape.geometry):
                     book.put("shape", name, common | facts)
+        _normals(reference, book)
         _materials(reference, book)
         whole = stated.only(lambda key: key.kind != "shape" or key.name not in capsules)
         return whole | book.table()
@@ -158,6 +160,16 @@ def _pieces(shape: Shape, capsule: Capsule) -> Iterator[tuple[str, dict[str, Val
         yield f"{shape.name}_{end}", geometry_facts(ball, pose @ Pose((0.0, 0.0, z)), {})
 
 
+def _normals(reference: Reference, book: Writer) -> None:
+    """A mesh file states how light falls on its corners."""
+    surfaces = dict(reference.assets.surfaces)
+    for shape in reference.shapes.shapes:
+        if isinstance(shape.geometry, Mesh):
+            normals = surfaces[shape.geometry.mesh].moved(shape.X_link_shape).normals
+            if normals:
+                book.put("shape", shape.name, {"urdf:normals": normals})
+
+
 def _materials(reference: Reference, book: Writer) -> None:
     """A mesh file carries its texture a second time; a material that nothing wears is there too."""
     pixels = dict(reference.assets.pixels)
@@ -165,12 +177,17 @@ def _materials(reference: Reference, book: Writer) -> None:
     visuals = reference.shapes.of("visual")
     for shape in visuals:
         material = materials.get(shape.material or "")
-        if isinstance(shape.geometry, Mesh) and material is not None and material.texture:
-            look = looks_of(material.rgba, pixels.get(material.texture))
-            book.put("shape", shape.name, look)
+        if material is None or not material.texture:
+            continue
+        digest = pixels.get(material.texture)
+        book.put("shape", shape.name, pixels_of(digest))
+        if isinstance(shape.geometry, Mesh):
+            book.put("shape", shape.name, looks_of(material.rgba, digest))
     worn = {shape.material for shape in visuals}
     for name, material in materials.items():
         if name not in worn:
             book.put("material", name, {"urdf:rgba": tuple(material.rgba)})
             if material.texture:
-                book.put("material", name, {"urdf:texture": pixels.get(material.texture)})
+                said = pixels_of(pixels.get(material.texture))
+                words = {f"urdf:{k.removeprefix('urdf:')}": v for k, v in said.items()}
+                book.put("material", name, words)

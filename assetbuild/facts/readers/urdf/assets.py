@@ -21,8 +21,7 @@ from assetbuild.mesh.read import Format, read_mesh
 from assetbuild.robot.pose import Array, Pose
 
 PLAIN = frozenset((b"", b"v", b"vt", b"vn", b"f"))
-"""Lines of an OBJ that are a surface. Normals (`vn`) only soften how light falls on it: the robot
-states none, so they are no facts."""
+"""Lines of an OBJ that are a surface."""
 NO_FACTS = frozenset((b"o", b"g", b"s", b"#"))
 """Groups and comments name things that nobody looks up."""
 LOOKS = frozenset((b"mtllib", b"usemtl"))
@@ -35,7 +34,7 @@ class Assets:
     def __init__(self, folder: Path, book: Writer) -> None:
         self.folder = folder
         self._book = book
-        self._corners: dict[str, tuple[Array, Array | None]] = {}
+        self._meshes: dict[str, tuple[Array, Array | None, Array | None]] = {}
         self._looks: dict[str, dict[str, Value]] = {}
         self._pixels: dict[str, str] = {}
 
@@ -54,13 +53,18 @@ class Assets:
         if path is None:
             return {"geometry": "mesh", "urdf:missing mesh": stated}
         try:
-            corners, uv = self._read(stated, path)
+            corners, uv, normals = self._read(stated, path)
         except AssetBuildError as error:
             return {"geometry": "mesh", "urdf:unreadable mesh": f"{stated}: {error.message}"}
         placed = pose.apply(corners * np.asarray(scale))
         if np.prod(scale) < 0.0:  # a mirror image: its triangles turn the other way
             placed, uv = placed[:, ::-1], None if uv is None else uv[:, ::-1]
-        facts = {"geometry": "mesh"} | measure(placed, uv).facts()
+        if normals is not None:
+            normals = normals / np.asarray(scale) @ pose.rotation.T
+        surface = measure(placed, uv, normals)
+        facts = {"geometry": "mesh"} | surface.facts()
+        if surface.normals:
+            facts["urdf:normals"] = surface.normals
         if format_of(stated) != "obj":
             facts["urdf:mesh file"] = _digest(path)  # with its colours, names and normals
         return facts
@@ -75,18 +79,16 @@ class Assets:
         if path is None:
             return {"urdf:missing texture": stated}
         if stated not in self._pixels:
-            try:
-                self._pixels[stated] = pixel_digest(path)
-            except Exception as error:  # whatever pillow raises on broken files
-                return {"urdf:unreadable texture": f"{stated}: {type(error).__name__}"}
-        return {"texture": self._pixels[stated]}
+            self._pixels[stated] = pixel_digest(path)
+        digest = self._pixels[stated]
+        return {"texture": digest} if digest else {"urdf:unreadable texture": True}
 
-    def _read(self, stated: str, path: Path) -> tuple[Array, Array | None]:
-        """(n, 3, 3) corners in the file's own frame and (n, 3, 2) texture coordinates."""
-        if stated not in self._corners:
+    def _read(self, stated: str, path: Path) -> tuple[Array, Array | None, Array | None]:
+        """(n, 3, 3) corners in the file's own frame, (n, 3, 2) texture coordinates, normals."""
+        if stated not in self._meshes:
             data, format = path.read_bytes(), format_of(stated)
             if format == "obj":
-                self._corners[stated] = self._read_obj(stated, data)
+                self._meshes[stated] = self._read_obj(stated, data)
             else:
                 beside = {}
                 if format == "gltf":
@@ -94,11 +96,11 @@ class Assets:
                     files = {name: path.parent / name for name in names}
                     beside = {n: file.read_bytes() for n, file in files.items() if file.is_file()}
                 known = cast(Format, format)  # read_mesh refuses what it does not know
-                parts = [p.mesh for p in read_mesh(data, known, companions=beside).parts]
-                self._corners[stated] = np.concatenate([p.vertices[p.faces] for p in parts]), None
-        return self._corners[stated]
+                parts = [p.mesh.corners for p in read_mesh(data, known, companions=beside).parts]
+                self._meshes[stated] = np.concatenate(parts), None, None
+        return self._meshes[stated]
 
-    def _read_obj(self, stated: str, data: bytes) -> tuple[Array, Array | None]:
+    def _read_obj(self, stated: str, data: bytes) -> tuple[Array, Array | None, Array | None]:
         head = HEAD.match(data)
         start = head.end() if head else 0
         plain = set(data[start:].translate(None, b"0123456789.-+eE/ \t\r").split(b"\n")) <= PLAIN
@@ -108,7 +110,7 @@ class Assets:
                 self._book.skip(stated, "an element of the OBJ", word.decode("utf-8", "replace"))
         self._looks[stated] = self._obj_looks(stated, spoken)
         mesh = read_triangles(data[start:], stated)
-        return mesh.vertices[mesh.faces], mesh.uv
+        return mesh.corners, mesh.uv, mesh.normals
 
     def _obj_looks(self, stated: str, data: bytes) -> dict[str, Value]:
         worn = re.findall(rb"(?m)^[ \t]*usemtl[ \t]+([^\r\n]+)", data)
@@ -155,10 +157,12 @@ def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
-def looks_of(rgba: tuple[float, ...], pixels: str | None) -> Mapping[str, Value]:
+def pixels_of(digest: str | None) -> dict[str, Value]:
+    """What a texture must be, as `Assets.picture` finds it; None: no picture in the source."""
+    return {"texture": digest} if digest else {"urdf:unreadable texture": True}
+
+
+def looks_of(rgba: tuple[float, ...], digest: str | None) -> Mapping[str, Value]:
     """What the MTL beside a mesh must say of a material with a texture."""
-    return {
-        "urdf:mesh colour": tuple(rgba[:3]),
-        "urdf:mesh opacity": (rgba[3],),
-        "urdf:mesh texture": pixels,
-    }
+    pixels = {f"urdf:mesh {k.removeprefix('urdf:')}": v for k, v in pixels_of(digest).items()}
+    return {"urdf:mesh colour": tuple(rgba[:3]), "urdf:mesh opacity": (rgba[3],), **pixels}
