@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
+import os
 import random
 import shutil
 from collections.abc import Callable, Iterator
@@ -71,6 +73,7 @@ def planted(bundle: Path, mutation: Mutation) -> Iterator[None]:
     assert tools is not None
     with kept(bundle, mutation.file):
         tools[1](bundle / mutation.file, mutation.key)
+        _aged(bundle / mutation.file)
         refit(bundle, mutation.file)
         yield
 
@@ -85,6 +88,15 @@ def kept(bundle: Path, file: str) -> Iterator[None]:
     finally:
         for path, data in zip(paths, before, strict=True):
             path.write_bytes(data)
+        _aged(paths[0])
+
+
+_AGES = itertools.count(1)
+
+
+def _aged(path: Path) -> None:
+    """Gives a file a time of its own: MuJoCo keeps meshes by name and whole seconds."""
+    os.utime(path, (0, 10 * next(_AGES)))
 
 
 def refit(bundle: Path, file: str) -> None:

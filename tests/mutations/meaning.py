@@ -130,7 +130,10 @@ def _specs(flat: Any, stage: Any, bundle: Path) -> dict[str, Meaning]:  # a laye
         if isinstance(spec, Sdf.AttributeSpec) and not spec.connectionPathList.explicitItems:
             definition = stage.GetPrimAtPath(path.GetPrimPath()).GetPrimDefinition()
             fallback = definition.GetAttributeFallbackValue(path.name)
-            if fallback is not None and spec.default in (None, fallback):
+            said = _plain(spec.default, bundle)
+            if fallback is not None and (
+                said is None or not differ(said, _plain(fallback, bundle))
+            ):
                 continue
         if spec is not None:
             fields = {key: spec.GetInfo(key) for key in spec.ListInfoKeys()}
