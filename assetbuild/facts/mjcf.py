@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
+
+import numpy as np
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import EXACT, Precision
@@ -15,12 +17,14 @@ from assetbuild.facts.mjcf_expected import (
     opaque_option,
     shown_pictures,
 )
-from assetbuild.facts.mjcf_model import read_model
+from assetbuild.facts.mjcf_model import pose_of, read_model
 from assetbuild.facts.mjcf_words import NEVER_ALONE, is_covered, words
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
+from assetbuild.facts.surface import measure
 from assetbuild.facts.table import Key, Table, Value, Writer
-from assetbuild.simulators.mujoco import caught_warnings
+from assetbuild.robot.shapes import Mesh
+from assetbuild.simulators.mujoco import Model, caught_warnings, name_of
 
 LACKS: Mapping[str, str] = {
     "robot articulation root": "MJCF has a tree of bodies, which needs no such mark",
@@ -44,7 +48,8 @@ LACKS: Mapping[str, str] = {
 STRONGEST = (3.0, 2.0, 1.0)
 """Of a contact sensor: found and force, of one contact, the strongest."""
 MESHES = Precision(
-    {**EXACT, "length": 1e-6}, {("shape", "texture corners"): 1e-6, ("shape", "rgba"): 1e-6}
+    {**EXACT, "length": 1e-6},
+    {("shape", "texture corners"): 1e-6, ("shape", "rgba"): 1e-6, ("shape", "mjcf:normals"): 1e-5},
 )
 """MuJoCo keeps vertices, texture coordinates and colours as float32."""
 
@@ -73,6 +78,7 @@ class MjcfReader(Reader):
                 text = " ".join(str(error).replace(f"{path.parent}/", "").split())
                 raise UsageError(f"MuJoCo refuses it: {text}") from None
         told = read_model(model, book, opaque.subjects)
+        _normals(model, spec, path.parent, book)
         return self._known(Table({**book.facts, **said}), opaque, told)
 
     def found(self, path: Path, reference: Reference) -> Table:
@@ -108,6 +114,7 @@ class MjcfReader(Reader):
         facts: dict[Key, Value] = {
             key: value for key, value in table.facts.items() if key not in opaque.touched
         }
+        facts[Key("model", "", "mjcf:name")] = self.robot
         for frame in table.names("frame"):
             facts[Key("frame", frame, "mjcf:group")] = 4.0
         for asset in reference.shapes.meshes:
@@ -117,5 +124,31 @@ class MjcfReader(Reader):
         for sensor in reference.control.sensors:
             if sensor.kind == "contact":
                 facts[Key("sensor", sensor.name, "mjcf:intprm")] = STRONGEST
+        surfaces = dict(reference.assets.surfaces)
+        for shape in reference.shapes.shapes:
+            if isinstance(shape.geometry, Mesh) and surfaces[shape.geometry.mesh].normals:
+                turned = surfaces[shape.geometry.mesh].moved(
+                    reference.tree.shape_placement(shape)[1]
+                )
+                facts[Key("shape", shape.name, "mjcf:normals")] = turned.normals
         facts |= opaque_option(reference)[1] | free_joint(reference)
         return Table({**facts, **opaque.words}).only(self.holds)
+
+
+def _normals(model: Model, spec: Any, folder: Path, book: Writer) -> None:  # Any: as `words`
+    """Words for the normals at the corners of meshes whose files state any."""
+    stated = set()
+    for mesh in spec.meshes:
+        file = folder / str(spec.meshdir) / str(mesh.file)
+        if file.suffix.lower() == ".obj" and file.is_file() and b"\nvn " in file.read_bytes():
+            stated.add(str(mesh.name) or file.stem)
+    for geom in range(model.ngeom):
+        mesh_id = int(model.geom_dataid[geom])
+        if mesh_id < 0 or name_of(model, "mesh", mesh_id) not in stated:
+            continue
+        first, count = int(model.mesh_faceadr[mesh_id]), int(model.mesh_facenum[mesh_id])
+        faces = model.mesh_facenormal[first : first + count]
+        normals = model.mesh_normal[int(model.mesh_normaladr[mesh_id]) :][faces]
+        pose = pose_of(model.geom_pos[geom], model.geom_quat[geom])
+        turned = measure(np.zeros((1, 3, 3)), None, normals).moved(pose)
+        book.put("shape", name_of(model, "geom", geom), {"mjcf:normals": turned.normals})

@@ -80,6 +80,30 @@ class Prim:
             if key not in PLAIN
         }
 
+        self._declarations()
+
+    def _declarations(self) -> None:
+        """Words for properties that are declared otherwise than their schema does.
+
+        A runtime that asks for a float finds nothing in a double of the same name. Of a schema
+        that USD does not know, numbers are single precision; places are double.
+        """
+        known = self.prim.GetPrimDefinition()
+        for name, prop in self.left.items():
+            if prop.IsCustom():
+                self.book.put("prim", self.path, {f"usd:{name} is custom": True})
+            if not isinstance(prop, Usd.Attribute):
+                continue
+            spec, kind = known.GetSchemaAttributeSpec(name), str(prop.GetTypeName())
+            wanted = str(spec.typeName) if spec else ""
+            if name.startswith("xformOp:"):
+                wanted = "double" if kind.rstrip("23df4h") in ("float", "half") else ""
+                wanted = "quatd" if kind in ("quatf", "quath") else wanted
+            elif not spec and kind in ("double", "half", "int64", "string"):
+                wanted = "float"
+            if wanted and wanted != kind:
+                self.book.put("prim", self.path, {f"usd:type of {name}": kind})
+
     @property
     def type(self) -> str:
         """Name of its schema; empty of a prim without one."""
@@ -178,6 +202,8 @@ class Prim:
         for op in order:  # type: ignore[attr-defined] # an array of tokens
             name = str(op).removeprefix("!invert!")
             value = self.take(name)
+            if value is None:
+                self.book.put("prim", self.path, {f"usd:{name}": "no value"})
             # USD turns by the angle of its real part alone, other runtimes make it a unit first.
             if isinstance(value, QUATERNIONS) and abs(value.GetLength() - 1.0) > LENGTH:
                 self.book.skip(self.path, name, f"{value}, which is no unit quaternion")
