@@ -99,7 +99,7 @@ class Prim:
             if name.startswith("xformOp:"):
                 wanted = "double" if kind.rstrip("23df4h") in ("float", "half") else ""
                 wanted = "quatd" if kind in ("quatf", "quath") else wanted
-            elif not spec and kind in ("double", "half", "int64", "string"):
+            elif not spec and kind in ("double", "half", "int64"):
                 wanted = "float"
             if wanted and wanted != kind:
                 self.book.put("prim", self.path, {f"usd:type of {name}": kind})
