@@ -7,7 +7,8 @@ MJCF. So one form serves the read-backs and the comparison of two simulators.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from assetbuild.facts.compare import Precision
 from assetbuild.facts.reference import Reference, pose_value, robot_table
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.model import Tree
+from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.simulators import physx
 from assetbuild.simulators.physx_couplings import Coupling, measurable
@@ -69,8 +70,8 @@ NEWTON_LACKS: Mapping[str, str] = {
     **dict.fromkeys(("body parent", "body pose"), _UNREAD),
     "frame": "sites carry nothing in its solver",
     **dict.fromkeys(
-        ("joint type", "joint body", "joint parent", "joint anchor", "joint axis", "joint start",
-         "joint drive target"), _UNREAD),
+        ("joint body", "joint parent", "joint anchor", "joint start", "joint drive target"),
+        _UNREAD),
     "joint velocity": "its solver has no limit of velocity",
     **dict.fromkeys(("joint stiffness", "joint spring reference"), _NO_SPRING),
     **{key: why for key, why in PHYSX_LACKS.items() if why == _OUTSIDE},
@@ -84,6 +85,9 @@ NEWTON_LACKS: Mapping[str, str] = {
     "floor": "the caller decides it",
 }  # fmt: skip
 """As above, of Newton's MuJoCo solver."""
+NEWTON_UNLIMITED = 1e6
+"""Newton's word for an effort or a range without limit, at least."""
+OF_DRIVES = frozenset({"kp", "kd", "effort", "damping"})
 WEIGHT = ("mass", "centre of mass", "inertia")
 SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """xx, yy, zz, xy, xz, yz of a matrix."""
@@ -177,17 +181,23 @@ def as_newton(table: Table) -> Table:
         if weight.get("mass"):
             book.put("body", name, weight)
     for name in table.names("joint"):
-        if not _moves(table, name):
-            continue
-        said = table.of("joint", name)
-        model = said.get("model")
-        left = set() if model in ("pd", "velocity") else {"kp", "kd", "effort", "damping"}
-        book.put("joint", name, {
-            quantity: value
-            for quantity, value in said.items()
-            if _holds(NEWTON_LACKS, Key("joint", name, quantity)) and quantity not in left
-        } | {"newton:held": True})  # fmt: skip
+        if _moves(table, name):
+            said = table.of("joint", name)
+            said |= {end: _stated(said.get(end)) for end in ("lower", "upper", "effort")}
+            inside = said.get("model") in ("pd", "velocity")
+            book.put("joint", name, {
+                quantity: value
+                for quantity, value in said.items()
+                if _holds(NEWTON_LACKS, Key("joint", name, quantity))
+                and (inside or quantity not in OF_DRIVES)
+            })  # fmt: skip
     return book.table()
+
+
+def _stated(limit: Value) -> Value:
+    """None where Newton calls it unlimited."""
+    unlimited = isinstance(limit, float) and abs(limit) >= NEWTON_UNLIMITED
+    return None if unlimited else limit
 
 
 # --- PhysX ---------------------------------------------------------------------------------------
@@ -293,3 +303,43 @@ def _held_joint(joint: physx.HeldJoint) -> dict[str, Value]:
         "physx:dynamic friction": joint.dynamic_friction,
         "physx:drive": {0.0: "none", 1.0: "force", 2.0: "acceleration"}.get(joint.drive, "unknown"),
     }
+
+
+# --- Newton --------------------------------------------------------------------------------------
+
+
+def newton_expected(reference: Reference, *, coupled: Callable[[Joint], bool]) -> Table:
+    """Of the robot. coupled: whether a file says that a joint mimics another."""
+    tree, table = reference.tree, as_newton(robot_table(reference))
+    free = {
+        joint.name for joint in tree.moving_joints if joint.mimic is not None and not coupled(joint)
+    }
+    expected = table.only(lambda key: key.name not in free or not key.quantity.startswith("mimic"))
+    dof = float(len(tree.moving_joints) + (6 if tree.base == "floating" else 0))
+    return expected | Table({Key("robot", "", "newton:dof"): dof})
+
+
+def newton_table(
+    reading: Mapping[str, Any], bodies: Mapping[str, str], joints: Mapping[str, str], like: Table
+) -> Table:  # Any: JSON
+    """What Newton holds of a file. bodies, joints: the robot's names by the file's.
+
+    like: what is expected; gains of drives that it does not state are left out.
+    """
+    book = Writer()
+    book.put("robot", "", {"newton:dof": float(reading["dof"])})
+    for kind, rows, names in (
+        ("body", reading["bodies"], bodies), ("joint", reading["joints"], joints)
+    ):  # fmt: skip
+        for name, facts in rows.items():
+            said: dict[str, Value] = {
+                q: tuple(v) if isinstance(v, list) else v for q, v in facts.items()
+            }
+            known = like.of(kind, names.get(name, name))
+            if kind == "joint" and "kp" not in known:
+                said = {q: v for q, v in said.items() if q not in OF_DRIVES}
+            if isinstance(leader := said.get("mimics"), str):
+                said["mimics"] = names.get(leader, leader)
+            if known:
+                book.put(kind, names.get(name, name), said)
+    return book.table()
