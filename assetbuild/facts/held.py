@@ -43,7 +43,7 @@ _STAGE = "the stage decides it"
 PHYSX_LACKS: Mapping[str, str] = {
     "robot start pose": "each experiment has its own",
     "robot soft limits": "they belong to the trainer",
-    "robot articulation root": "`base` is what it decides",
+    "robot articulation root": "the base's kind is what it decides",
     "robot self-collision": _SILENT,
     **dict.fromkeys(("robot up axis", "robot metres per unit", "robot kilograms per unit"), _STAGE),
     "body parent": _SILENT,
@@ -98,7 +98,8 @@ STILL_M = 2e-6
 """A body that turns about its own origin stays within this of it."""
 
 
-def _holds(lacks: Mapping[str, str], key: Key) -> bool:
+def holds(lacks: Mapping[str, str], key: Key) -> bool:
+    """Whether a simulator that lacks these can say this."""
     return key.kind not in lacks and f"{key.kind} {key.quantity}" not in lacks
 
 
@@ -109,7 +110,7 @@ def as_physx(table: Table, drive_type: str = "force") -> Table:
     """What PhysX must hold of it; the start and mimic joints are not the table's to say."""
     book = Writer()
     for key, value in table.facts.items():
-        if key.kind != "joint" and not key.is_foreign and _holds(PHYSX_LACKS, key):
+        if key.kind != "joint" and not key.is_foreign and holds(PHYSX_LACKS, key):
             book.facts[key] = value
     moving = [name for name in table.names("joint") if _moves(table, name)]
     book.put("robot", "", {"physx:dof": float(len(moving))})
@@ -188,7 +189,7 @@ def as_newton(table: Table) -> Table:
             book.put("joint", name, {
                 quantity: value
                 for quantity, value in said.items()
-                if _holds(NEWTON_LACKS, Key("joint", name, quantity))
+                if holds(NEWTON_LACKS, Key("joint", name, quantity))
                 and (inside or quantity not in OF_DRIVES)
             })  # fmt: skip
     return book.table()
