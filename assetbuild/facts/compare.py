@@ -225,14 +225,14 @@ def equality_findings(
     """One finding `equal.<form>.<quantity>` for each group. subject: what the file is called."""
     for same in group(found):
         first, keys = same.one, same.keys
-        slug = first.key.quantity.rsplit(":", 1)[-1] if first.what == "value" else first.what
+        quantity = first.key.quantity.rsplit(":", 1)[-1] if first.what == "value" else first.what
         data: dict[str, Scalar | tuple[Scalar, ...]] = {
             "expected": _data(first.before),
             "found": _data(first.after),
         }
         if len(keys) > 1:
             data["subjects"] = tuple(key.subject for key in keys)
-        yield EQUAL.named(f"{form}.{_slug(slug)}")(
+        yield EQUAL.named(f"{form}.{slug(quantity)}")(
             keys[0].subject,
             f"{_sentence(first, subject)}{_others(keys)}",
             data=data
@@ -262,7 +262,8 @@ def _others(keys: Sequence[Key]) -> str:
     return f"; so for {names}" + (f" and {rest} more" if rest > 0 else "")
 
 
-def _slug(text: str) -> str:
+def slug(text: str) -> str:
+    """A quantity's name in a rule."""
     return "_".join(text.lower().replace("-", "_").split())
 
 
