@@ -280,13 +280,12 @@ def _geom(model: Model, geom: int, surfaces: _Surfaces) -> dict[str, Value]:
         facts |= contact_facts(model, geom)
     material = int(model.geom_matid[geom])
     rgba = _numbers(np.float32(model.geom_rgba[geom]))
+    own = rgba != (0.5, 0.5, 0.5, 1.0)  # MuJoCo draws it rather than the material's
+    if material >= 0 or own:
+        facts["rgba"] = rgba if own else _numbers(model.mat_rgba[material])
     if material >= 0:
-        facts["rgba"] = _numbers(model.mat_rgba[material])
         textures = [int(t) for t in np.ravel(model.mat_texid[material]) if int(t) >= 0]
-        if textures:
-            facts["texture"] = surfaces.pixels(textures[0])
-    elif rgba != (0.5, 0.5, 0.5, 1.0):
-        facts["rgba"] = rgba
+        facts |= {"texture": surfaces.pixels(textures[0])} if textures else {}
     return facts
 
 
