@@ -330,6 +330,22 @@ def turned(robot: TinyRobot) -> TinyRobot:
     return replace(robot, control=replace(robot.control, keyframes=keyframes))
 
 
+def odd_drives(robot: TinyRobot) -> TinyRobot:
+    """The same robot without keyframes; its joints are in turn a motor without a limit, a dc motor
+    with a stall torque of 70 N m, a general drive and passive."""
+    models: tuple[ActuatorModel, ...] = ("motor", "dc_motor", "general", "passive")
+    drives = []
+    for index, drive in enumerate(robot.control.actuators):
+        drive = replace(drive, model=models[index % 4])
+        if drive.model == "motor":
+            drive = replace(drive, effort=None)
+        if drive.model == "dc_motor":
+            drive = replace(drive, stall=70.0)
+        drives.append(drive)
+    control = replace(robot.control, actuators=tuple(drives), keyframes=())
+    return replace(robot, control=control)
+
+
 def pendulum() -> TinyRobot:
     """A fixed base and one swinging arm of 1 kg, 0.5 m; torque drive, limits +-2 rad, 5 N m."""
     arm = box_inertial(1.0, (0.02, 0.02, 0.5), (0.0, 0.0, -0.25))

@@ -16,7 +16,7 @@ from assetbuild.robot.twins import parts_of, twins
 class Mirror(Check):
     """Findings `mirror.<what>`; figures: the pairs, and which axis of the root points sideways."""
 
-    version = "3"
+    version = "4"
     tools = ("numpy",)
     preload = ("numpy",)
     reads = ("tree.json", "control.json")

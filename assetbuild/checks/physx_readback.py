@@ -1,15 +1,14 @@
 """Loaded into real PhysX, is it still the robot? And does it keep its numbers for five seconds?
 
 Tolerance. A number passes three float32 (in the USD, in PhysX, at its interface) and two changes
-of unit, each within 6e-8 of its size: 4e-7. Tensors pass a float32 quaternion: 2e-6 of the
-largest moment, and so does where a fixed root stands. Other poses are `usd_equal`'s.
+of unit, each within 6e-8 of its size: 4e-7. Tensors pass a float32 quaternion: 2e-6, and so does
+where a fixed root stands. What PhysX does not hold is compared in the USD.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
@@ -17,17 +16,24 @@ import numpy as np
 
 from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import StepError
+from assetbuild.facts.compare import Precision, differences, equality_findings
+from assetbuild.facts.reference import inertial_facts, pose_value
+from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Joint, Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import mujoco, mujoco_trials, physx
 from assetbuild.simulators.physx_causes import cause_of, overlap_hint
 
-NUMBER, TENSOR = 4e-7, 2e-6
+PRECISION = Precision(
+    {"number": 4e-7, "vector": 4e-7, "direction": 2e-6, "pose": 2e-6, "tensor": 2e-6},
+    {("body", "centre of mass"): 1e-6},
+)
+SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""xx, yy, zz, xy, xz, yz of a matrix."""
 NO_CAUSE = (
     "no bodies lie in one another where it starts: a tiny inertia? a start outside of limits?"
 )
@@ -35,42 +41,11 @@ FULL_TURN = 2.0 * math.pi
 ROUNDED_UP = math.radians(1e-3)
 """PhysX holds 6.28319, which many write for 2π; `usd.limit_clamped` starts beyond."""
 
-ROOT = Rule(
-    "physx.root",
-    "error",
-    "a fixed root is elsewhere in PhysX than in the robot",
-    "report it: this is a bug",
-)
-BASE = Rule(
-    "physx.base",
-    "error",
-    "a floating base is welded, or a fixed one is not",
-    "report it: this is a bug",
-)
-COUNT = Rule(
-    "physx.count.*",
-    "error",
-    "PhysX holds more or fewer bodies, coordinates or shapes",
-    "report it: this is a bug",
-)
-MISSING_LINK = Rule(
-    "physx.missing_link", "error", "PhysX does not hold a body", "report it: this is a bug"
-)
-MISSING_JOINT = Rule(
-    "physx.missing_joint", "error", "PhysX does not hold a joint", "report it: this is a bug"
-)
 START = Rule(
     "physx.start",
     "error",
     "a joint starts outside its limits, where PhysX goes to NaN",
     "correct the initial keyframe: `home`, else the first",
-)
-DIFFERS = Rule(
-    "physx.*",
-    "error",
-    "mass, com, inertia, limits, gains, effort, velocity, armature, friction, damping or drive "
-    "differ from the robot's",
-    "report it with both numbers: this is a bug",
 )
 DRIFT = Rule("physx.drift", "error", "a fixed base moved", "report it: this is a bug")
 
@@ -109,8 +84,6 @@ class PhysxReadback(Check):
                 "robot", f"PhysX does not load it: {outcomes['load'].failure or 'it holds nothing'}"
             )
             return
-        book = Book()
-        _compare(held, tree, shapes, control, book)
         alone, moved = outcomes["alone"], outcomes["floor"]
         write_figures(
             files,
@@ -126,7 +99,7 @@ class PhysxReadback(Check):
                 "joints": {name: _shown(joint) for name, joint in held.joints.items()},
             },
         )
-        yield from book.findings
+        yield from differing(held, tree, shapes, control)
         for experiment, where in zip(
             experiments[1:], ("as the asset starts, without a floor", "on a floor"), strict=True
         ):
@@ -173,143 +146,88 @@ def _shown(joint: physx.HeldJoint) -> dict[str, float | None]:
     return {name: None if v is None else _finite(v) for name, v in values.items()}
 
 
-@dataclass
-class Book:
-    """Findings so far."""
-
-    findings: list[Finding] = field(default_factory=list)
-
-    def differ(self, rule: Rule, subject: str, message: str, **data: float) -> None:
-        """Note one error."""
-        finite = {key: value for key, value in data.items() if math.isfinite(value)}
-        self.findings.append(rule(subject, message, data=finite))
-
-    def number(
-        self, kind: str, subject: str, what: str, found: float | None, expected: float | None
-    ) -> None:
-        """Compare within float32; None = unlimited."""
-        if found is None and expected is None:
-            return
-        shown = f"{what} is {_text(found)} in PhysX, {_text(expected)} in the robot"
-        if found is None or expected is None:
-            self.differ(DIFFERS.named(kind), subject, shown)
-        elif not abs(found - expected) <= NUMBER * abs(expected) + 1e-12:
-            self.differ(DIFFERS.named(kind), subject, shown, found=found, expected=expected)
+# --- what it holds -------------------------------------------------------------------------
 
 
-def _text(value: float | None) -> str:
-    return "unlimited" if value is None else f"{value:.7g}"
+def held_table(held: physx.Held) -> Table:
+    """What PhysX holds, as facts."""
+    book = Writer()
+    book.put("robot", "", {
+        "base": "fixed" if held.fixed_base else "floating",
+        "physx:dof": float(held.dof),
+        "physx:shapes": float(held.shapes),
+    })  # fmt: skip
+    if held.fixed_base and held.X_world_root is not None:
+        book.put("robot", "", {"base pose": pose_value(held.X_world_root)})
+    for name, link in held.links.items():
+        book.put("body", name, {
+            "physx:held": True,
+            "mass": link.mass_kg,
+            "centre of mass": tuple(map(float, link.com_m)),
+            "inertia": tuple(float(link.inertia[i, j]) for i, j in SIX),
+        })  # fmt: skip
+    for name, joint in held.joints.items():
+        driven = joint.drive != 0.0
+        book.put("joint", name, {
+            "physx:held": True,
+            "lower": joint.lower,
+            "upper": joint.upper,
+            "kp": joint.kp,
+            "kd": joint.kd,
+            # Where there is no drive there is no effort to limit.
+            "effort": joint.effort if driven else None,
+            "velocity": joint.velocity,
+            "armature": joint.armature,
+            "friction": joint.static_friction,
+            "damping": joint.viscous_friction,
+            "physx:dynamic friction": joint.dynamic_friction,
+            "physx:drive": joint.drive,
+        })  # fmt: skip
+    return book.table()
 
 
-def _compare(held: physx.Held, tree: Tree, shapes: Shapes, control: Control, book: Book) -> None:
+def expected_table(tree: Tree, shapes: Shapes, control: Control) -> Table:
+    """What PhysX must hold. `usd.mass_missing` says what it does with a body without mass."""
+    book = Writer()
+    book.put("robot", "", {
+        "base": tree.base,
+        "physx:dof": float(len(tree.moving_joints)),
+        "physx:shapes": float(len(shapes.of("collision"))),
+    })  # fmt: skip
+    if tree.base == "fixed":
+        book.put("robot", "", {"base pose": pose_value(tree.X_world_root)})
+    for body in tree.bodies:
+        facts = {} if body.is_massless else inertial_facts(body.inertial)
+        book.put("body", body.name, {"physx:held": True, **facts})
+    for joint in tree.moving_joints:
+        book.put("joint", joint.name, expected_joint(joint, control.by_joint.get(joint.name)))
+    return book.table()
+
+
+def differing(held: physx.Held, tree: Tree, shapes: Shapes, control: Control) -> Iterator[Finding]:
     """Everything that PhysX holds against the robot."""
     if held.articulations != 1:
-        book.differ(physx.ARTICULATION, "robot", f"PhysX holds {held.articulations} articulations")
+        yield physx.ARTICULATION("robot", f"PhysX holds {held.articulations} articulations")
     for name in held.loose:
-        book.differ(physx.LOOSE_BODY, f"link {name}", "PhysX holds it outside of the articulation")
-    if held.fixed_base != (tree.base == "fixed"):
-        base = "fixed" if held.fixed_base else "floating"
-        book.differ(BASE, "robot", f"its base is {base} in PhysX, {tree.base} in the robot")
-    if tree.base == "fixed":
-        _compare_root(held, tree, book)
-    for kind, found, expected in (
-        ("bodies", len(held.links), len(tree.bodies)),
-        ("dof", held.dof, len(tree.moving_joints)),
-        ("shapes", held.shapes, len(shapes.of("collision"))),
-    ):
-        if found != expected:
-            book.differ(
-                COUNT.named(kind),
-                "robot",
-                f"{found} {kind} in PhysX, the robot has {expected}",
-                found=found,
-                expected=expected,
+        yield physx.LOOSE_BODY(f"link {name}", "PhysX holds it outside of the articulation")
+    massless = {body.name for body in tree.bodies if body.is_massless}
+    found = held_table(held).only(
+        lambda key: key.kind != "body" or key.name not in massless or key.is_foreign
+    )
+    known = {(key.kind, key.name) for key in found.facts}
+    expected = expected_table(tree, shapes, control).only(
+        lambda key: (key.kind, key.name) in known or key.quantity == "physx:held"
+    )
+    yield from equality_findings(differences(expected, found, PRECISION), "physx", "PhysX", {})
+    for name, joint in held.joints.items():
+        low = -math.inf if joint.lower is None else joint.lower
+        high = math.inf if joint.upper is None else joint.upper
+        if not low - 1e-5 <= joint.position <= high + 1e-5:
+            yield START(
+                f"joint {name}",
+                f"starts at {joint.position:.5g} in PhysX, outside of {low:.5g}..{high:.5g}",
+                data={"position": joint.position},
             )
-    _compare_links(held, tree, book)
-    for joint in tree.moving_joints:
-        theirs = held.joints.get(joint.name)
-        if theirs is None:
-            book.differ(MISSING_JOINT, f"joint {joint.name}", "PhysX holds no such joint")
-        else:
-            _compare_joint(theirs, joint, control.by_joint.get(joint.name), book)
-
-
-def _compare_root(held: physx.Held, tree: Tree, book: Book) -> None:
-    """Where a fixed root stands decides which way gravity pulls at each joint."""
-    found, expected = held.X_world_root, tree.X_world_root
-    if found is None:
-        return  # nothing was loaded: `physx.articulation`
-    moved = float(np.abs(np.subtract(found.xyz, expected.xyz)).max())
-    turned = float(np.abs(found.rotation - expected.rotation).max())
-    if not (moved <= NUMBER * max(1.0, *map(abs, expected.xyz)) and turned <= TENSOR):
-        book.differ(
-            ROOT,
-            f"link {tree.root}",
-            f"its fixed root stands {moved:.3g} m off in PhysX, turned by {turned:.3g} (the "
-            "largest difference of a direction cosine)",
-            moved_m=moved,
-            turned=turned,
-        )
-
-
-def _compare_links(held: physx.Held, tree: Tree, book: Book) -> None:
-    for body in tree.bodies:
-        found, subject = held.links.get(body.name), f"link {body.name}"
-        if found is None:
-            book.differ(MISSING_LINK, subject, "PhysX holds no such body")
-            continue
-        if body.inertial is None or body.is_massless:
-            continue  # `usd.mass_missing` says what PhysX does then
-        book.number("mass", subject, "mass", found.mass_kg, body.inertial.mass_kg)
-        off = float(np.abs(found.com_m - np.array(body.inertial.com_m)).max())
-        if not off <= NUMBER * max(1.0, float(np.abs(body.inertial.com_m).max())):
-            book.differ(
-                DIFFERS.named("com"),
-                subject,
-                f"centre of mass is {off:.3g} m off in PhysX",
-                off_m=off,
-            )
-        expected = matrix_of(body.inertial.inertia_com_kg_m2)
-        error = float(np.abs(found.inertia - expected).max())
-        largest = float(np.abs(expected).max())
-        if not error <= TENSOR * largest:
-            book.differ(
-                DIFFERS.named("inertia"),
-                subject,
-                f"inertia differs by {error:.3g} kg m² in PhysX, of {largest:.3g}",
-                error=error,
-                largest=largest,
-            )
-
-
-def _compare_joint(
-    found: physx.HeldJoint, joint: Joint, actuator: Actuator | None, book: Book
-) -> None:
-    subject = f"joint {joint.name}"
-    expected = expected_joint(joint, actuator)
-    low = -math.inf if found.lower is None else found.lower
-    high = math.inf if found.upper is None else found.upper
-    if not low - 1e-5 <= found.position <= high + 1e-5:
-        book.differ(
-            START,
-            subject,
-            f"starts at {found.position:.5g} in PhysX, outside of {low:.5g}..{high:.5g}",
-            position=found.position,
-        )
-    for kind, names in (
-        ("limits", ("lower", "upper")),
-        ("gains", ("kp", "kd")),
-        ("effort", ("effort",)),
-        ("velocity", ("velocity",)),
-        ("armature", ("armature",)),
-        ("friction", ("static_friction", "dynamic_friction")),
-        ("damping", ("viscous_friction",)),
-        ("drive", ("drive",)),
-    ):
-        if kind == "effort" and not expected["drive"]:
-            continue  # where there is no drive there is no effort to limit
-        for name in names:
-            book.number(kind, subject, name.replace("_", " "), getattr(found, name), expected[name])
 
 
 def _within_a_turn(limit: float | None) -> float | None:
@@ -319,8 +237,8 @@ def _within_a_turn(limit: float | None) -> float | None:
     return math.copysign(FULL_TURN, limit)
 
 
-def expected_joint(joint: Joint, actuator: Actuator | None) -> dict[str, float | None]:
-    """What PhysX must hold, in the words of `physx.HeldJoint`."""
+def expected_joint(joint: Joint, actuator: Actuator | None) -> dict[str, Value]:
+    """What PhysX must hold of a moving joint."""
     lower, upper = joint.limits.lower, joint.limits.upper
     if joint.kind == "continuous":
         lower = upper = None
@@ -330,6 +248,7 @@ def expected_joint(joint: Joint, actuator: Actuator | None) -> dict[str, float |
     driven = actuator is not None and actuator.model != "passive"
     friction = actuator.friction if actuator else joint.friction or 0.0
     return {
+        "physx:held": True,
         "lower": lower,
         "upper": upper,
         "kp": actuator.kp if actuator and actuator.model == "pd" else 0.0,
@@ -337,10 +256,10 @@ def expected_joint(joint: Joint, actuator: Actuator | None) -> dict[str, float |
         "effort": actuator.effort if actuator and driven else None,
         "velocity": actuator.velocity if actuator else joint.limits.velocity,
         "armature": actuator.armature if actuator else 0.0,
-        "static_friction": friction,
-        "dynamic_friction": friction,
-        "viscous_friction": actuator.damping if actuator else joint.damping or 0.0,
-        "drive": 1.0 if driven else 0.0,
+        "friction": friction,
+        "damping": actuator.damping if actuator else joint.damping or 0.0,
+        "physx:dynamic friction": friction,
+        "physx:drive": 1.0 if driven else 0.0,
     }
 
 

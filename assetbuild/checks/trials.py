@@ -121,7 +121,7 @@ class _Row(NamedTuple):
 class Trials(Check):
     """Findings `trials.<what>`; one compilation of `mjcf/scene.xml` serves all experiments."""
 
-    version = "9"
+    version = "10"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)

@@ -6,15 +6,25 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
+
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import EXACT, Precision
-from assetbuild.facts.mjcf_expected import Opaque, free_joint, opaque_of, opaque_option
-from assetbuild.facts.mjcf_model import read_model
+from assetbuild.facts.mjcf_expected import (
+    Opaque,
+    free_joint,
+    opaque_of,
+    opaque_option,
+    shown_pictures,
+)
+from assetbuild.facts.mjcf_model import pose_of, read_model
 from assetbuild.facts.mjcf_words import NEVER_ALONE, Spec, is_covered, words
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
+from assetbuild.facts.surface import measure
 from assetbuild.facts.table import Key, Table, Value, Writer
-from assetbuild.simulators.mujoco import Model, caught_warnings
+from assetbuild.robot.shapes import Mesh
+from assetbuild.simulators.mujoco import Model, caught_warnings, name_of
 
 LACKS: Mapping[str, str] = {
     "robot articulation root": "MJCF has a tree of bodies, which needs no such mark",
@@ -38,7 +48,8 @@ LACKS: Mapping[str, str] = {
 STRONGEST = (3.0, 2.0, 1.0)
 """Of a contact sensor: found and force, of one contact, the strongest."""
 MESHES = Precision(
-    {**EXACT, "length": 1e-6}, {("shape", "texture corners"): 1e-6, ("shape", "rgba"): 1e-6}
+    {**EXACT, "length": 1e-6},
+    {("shape", "texture corners"): 1e-6, ("shape", "rgba"): 1e-6, ("shape", "mjcf:normals"): 1e-5},
 )
 """MuJoCo keeps vertices, texture coordinates and colours as float32."""
 
@@ -92,10 +103,14 @@ class MjcfReader(Reader):
 
         with caught_warnings():
             try:
-                return read_spec(mujoco.MjSpec.from_file(str(path)), opaque)[1]
+                spec = mujoco.MjSpec.from_file(str(path))
+                model, table = read_spec(spec, opaque)
             except ValueError as error:
                 text = " ".join(str(error).replace(f"{path.parent}/", "").split())
                 raise UsageError(f"MuJoCo refuses it: {text}") from None
+        book = Writer()
+        _normals(model, spec, path.parent, book)
+        return table | book.table()
 
     def found(self, path: Path, reference: Reference) -> Table:
         """What only MJCF can say is compared word by word."""
@@ -108,12 +123,41 @@ class MjcfReader(Reader):
         facts: dict[Key, Value] = {
             key: value for key, value in table.facts.items() if key not in opaque.touched
         }
+        facts[Key("model", "", "mjcf:name")] = self.robot
         for frame in table.names("frame"):
             facts[Key("frame", frame, "mjcf:group")] = 4.0
         for asset in reference.shapes.meshes:
             facts[Key("mesh", asset.name, "mjcf:inertia")] = "mjMESH_INERTIA_SHELL"
+        for index in range(len(shown_pictures(reference))):
+            facts[Key("texture", f"texture{index}", "mjcf:type")] = "mjTEXTURE_2D"
         for sensor in reference.control.sensors:
             if sensor.kind == "contact":
                 facts[Key("sensor", sensor.name, "mjcf:intprm")] = STRONGEST
+        surfaces = dict(reference.assets.surfaces)
+        for shape in reference.shapes.shapes:
+            if isinstance(shape.geometry, Mesh) and surfaces[shape.geometry.mesh].normals:
+                turned = surfaces[shape.geometry.mesh].moved(
+                    reference.tree.shape_placement(shape)[1]
+                )
+                facts[Key("shape", shape.name, "mjcf:normals")] = turned.normals
         facts |= opaque_option(reference)[1] | free_joint(reference)
         return Table({**facts, **opaque.words}).only(self.holds)
+
+
+def _normals(model: Model, spec: Spec, folder: Path, book: Writer) -> None:
+    """Words for the normals at the corners of meshes whose files state any."""
+    stated = set()
+    for mesh in spec.meshes:
+        file = folder / str(spec.meshdir) / str(mesh.file)
+        if file.suffix.lower() == ".obj" and file.is_file() and b"\nvn " in file.read_bytes():
+            stated.add(str(mesh.name) or file.stem)
+    for geom in range(model.ngeom):
+        mesh_id = int(model.geom_dataid[geom])
+        if mesh_id < 0 or name_of(model, "mesh", mesh_id) not in stated:
+            continue
+        first, count = int(model.mesh_faceadr[mesh_id]), int(model.mesh_facenum[mesh_id])
+        faces = model.mesh_facenormal[first : first + count]
+        normals = model.mesh_normal[int(model.mesh_normaladr[mesh_id]) :][faces]
+        pose = pose_of(model.geom_pos[geom], model.geom_quat[geom])
+        turned = measure(np.zeros((1, 3, 3)), None, normals).moved(pose)
+        book.put("shape", name_of(model, "geom", geom), {"mjcf:normals": turned.normals})

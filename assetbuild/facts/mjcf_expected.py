@@ -335,6 +335,14 @@ def _shapes(reference: Reference, facts: dict[Key, Value]) -> None:
                 facts.pop(Key("shape", shape.name, "texture"), None)
 
 
+def shown_pictures(reference: Reference) -> set[str]:
+    """Files of the pictures that visual shapes wear and MuJoCo can read."""
+    pictures = {material.name: material.texture or "" for material in reference.shapes.materials}
+    worn = {pictures.get(shape.material or "", "") for shape in reference.shapes.of("visual")}
+    known = dict(reference.assets.pixels)
+    return {file for file in worn if file.lower().endswith(".png") and file in known}
+
+
 def _senses(reference: Reference, facts: dict[Key, Value]) -> None:
     """Objects of sensors by MuJoCo's names; a body whose frame is a sensor's place has a site."""
     tree, control = reference.tree, reference.control

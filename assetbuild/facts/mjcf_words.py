@@ -82,7 +82,7 @@ SURFACE = frozenset({"condim", "priority", "friction", "solref", "solimp", "marg
 
 def words(spec: Spec) -> dict[Key, Value]:
     """Every attribute that is not MuJoCo's default, as `mjcf:<attribute>` of its subject."""
-    found: dict[Key, Value] = {}
+    found: dict[Key, Value] = {Key("model", "", "mjcf:name"): str(spec.modelname)}
     for listed, (kind, _) in KINDS.items():
         unnamed = 0
         for item in getattr(spec, listed, ()):

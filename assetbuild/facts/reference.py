@@ -87,11 +87,13 @@ class Reference:
         try:
             raw = json.loads(file.read_bytes())
             parts = {name: json.dumps(raw[name]).encode() for name in raw if name != "options"}
-            return cls(
+            read = cls(
                 decode(Tree, parts["links"]), decode(Tree, parts["tree"]),
                 decode(Shapes, parts["shapes"]), decode(Control, parts["control"]),
                 decode(Assets, parts["assets"]), dict(raw["options"]),
             )  # fmt: skip
+            read.refuse_dangling()
+            return read
         except FileNotFoundError:
             raise UsageError(
                 f"`{bundle}` is no bundle of this version: it has no report/robot.json",
@@ -99,6 +101,28 @@ class Reference:
             ) from None
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise UsageError(f"`{file}` is not the robot of a bundle: {error}") from None
+
+    def refuse_dangling(self) -> None:
+        """ValueError for a name that nothing in the robot has."""
+        for tree in (self.links, self.tree):
+            bodies = [body.name for body in tree.bodies]
+            ends = [joint.child for joint in tree.joints]
+            if not bodies or sorted(ends) != sorted(bodies[1:]) or len(set(bodies)) < len(bodies):
+                raise ValueError(f"its joints do not carry every body of `{tree.name}` once")
+            placed = {tree.root}
+            for joint in tree.joints:
+                if joint.parent not in placed:
+                    raise ValueError(f"joint `{joint.name}` stands on `{joint.parent}`")
+                placed.add(joint.child)
+        links = {*self.tree.by_body, *(frame.name for frame in self.tree.frames)}
+        known = dict(self.assets.surfaces)
+        for shape in self.shapes.shapes:
+            mesh = shape.geometry.mesh if isinstance(shape.geometry, Mesh) else ""
+            if shape.link not in links or (mesh and mesh not in known):
+                raise ValueError(f"shape `{shape.name}` has no link `{shape.link}` or mesh")
+        for row in self.control.actuators:
+            if row.joint not in self.tree.by_joint:
+                raise ValueError(f"an actuator drives `{row.joint}`, which is no joint")
 
 
 def robot_table(reference: Reference, *, merged: bool = True) -> Table:

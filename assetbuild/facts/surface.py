@@ -21,47 +21,50 @@ class Surface:
 
     triangles: their number. area: m2. volume: m3, signed: the sum of the tetrahedra with the mean
     of all corners, so that an open mesh has the same wherever it lies. mean: (3,) m, mean of all
-    corners. moments: (3, 3) m2, mean of their outer products about the origin. uv: means of u, v,
-    uu, vv, uv; empty without texture. normals: means of x, y, z, xx, yy, zz, xy, xz, yz of the
-    normals that the file states at its corners; empty where it states none.
+    corners. moments: xx, yy, zz, xy, xz, yz, m2, of the mean of their outer products. uv: means of
+    u, v, uu, vv, uv; empty without texture. normals: means of x, y, z, xx, yy, zz, xy, xz, yz of
+    the normals that the file states at its corners; empty where it states none.
     """
 
     triangles: int
     area: float
     volume: float
     mean: tuple[float, ...]
-    moments: tuple[tuple[float, ...], ...]
+    moments: tuple[float, ...]
     uv: tuple[float, ...] = ()
     normals: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        lengths = len(self.mean), len(self.moments), len(self.uv), len(self.normals)
+        if lengths[:2] != (3, 6) or lengths[2] not in (0, 5) or lengths[3] not in (0, 9):
+            raise ValueError(f"a surface has means of {lengths} numbers")
 
     def moved(self, pose: Pose) -> Surface:
         """The same mesh in the parent of its frame."""
         turn, shift = pose.rotation, np.asarray(pose.xyz)
         mean = turn @ np.asarray(self.mean)
-        second = turn @ np.asarray(self.moments) @ turn.T
+        second = turn @ _matrix(self.moments) @ turn.T
         second = second + np.outer(mean, shift) + np.outer(shift, mean) + np.outer(shift, shift)
         return Surface(
             self.triangles, self.area, self.volume,
-            tuple((mean + shift).tolist()), tuple(map(tuple, second.tolist())), self.uv,
+            tuple((mean + shift).tolist()), _six(second), self.uv,
             self._turned_normals(turn),
         )  # fmt: skip
 
     def _turned_normals(self, turn: Array) -> tuple[float, ...]:
         if not self.normals:
             return ()
-        x, y, z, xx, yy, zz, xy, xz, yz = self.normals
-        second = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
-        return (*(turn @ (x, y, z)).tolist(), *_six(second))
+        second = turn @ _matrix(self.normals[3:]) @ turn.T
+        return (*(turn @ np.asarray(self.normals[:3])).tolist(), *_six(second))
 
     def facts(self) -> dict[str, Value]:
         """By the names of the vocabulary."""
-        m = self.moments
         found: dict[str, Value] = {
             "triangles": float(self.triangles),
             "area": (self.area,),
             "volume": (self.volume,),
             "mean corner": tuple(self.mean),
-            "corner moments": (m[0][0], m[1][1], m[2][2], m[0][1], m[0][2], m[1][2]),
+            "corner moments": tuple(self.moments),
         }
         if self.uv:
             found["texture corners"] = tuple(self.uv)
@@ -82,7 +85,7 @@ def measure(
     volume = float(np.einsum("ij,ij->", a - mean, np.cross(b - mean, c - mean))) / 6.0
     return Surface(
         len(points), area, volume,
-        tuple(mean.tolist()), tuple(map(tuple, moments.tolist())), _uv_means(uv),
+        tuple(mean.tolist()), _six(moments), _uv_means(uv),
         _normal_means(normals),
     )  # fmt: skip
 
@@ -102,6 +105,12 @@ def _normal_means(normals: ArrayLike | None) -> tuple[float, ...]:
     if not len(flat):
         return ()
     return (*flat.mean(axis=0).tolist(), *_six(flat.T @ flat / len(flat)))
+
+
+def _matrix(six: tuple[float, ...]) -> Array:
+    """(3, 3) of xx, yy, zz, xy, xz, yz."""
+    xx, yy, zz, xy, xz, yz = six
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def _six(m: Array) -> tuple[float, ...]:

@@ -10,8 +10,8 @@ from typing import Any
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.syntax import Call, flat
 from assetbuild.facts.table import Value, Writer
-from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.model import Actuator, Joint, Keyframe
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.model import Actuator, Keyframe
 from assetbuild.robot.ranges import Randomize, RandomJoint, first_match
 
 # --- names ------------------------------------------------------------------------------------
@@ -159,21 +159,8 @@ def _leaf(value: object) -> Value:
 
 
 def start_of(reference: Reference) -> Keyframe:
-    """The keyframe `home`, else the first, else every joint as near to 0 as its limits allow."""
-    keyframes = reference.control.keyframes
-    home = [key for key in keyframes if key.name == "home"]
-    if keyframes:
-        return (*home, *keyframes)[0]
-    tree = reference.tree
-    nearest = {joint.name: _nearest_to_zero(joint) for joint in tree.moving_joints}
-    return Keyframe("", tuple(with_mimics(tree, nearest).items()))
-
-
-def _nearest_to_zero(joint: Joint) -> float:
-    if joint.kind == "continuous":
-        return 0.0
-    value = max(0.0, joint.limits.lower if joint.limits.lower is not None else 0.0)
-    return min(value, joint.limits.upper if joint.limits.upper is not None else value)
+    """Where the robot starts in every trainer."""
+    return initial_pose(reference.tree, reference.control)
 
 
 def randomize_of(reference: Reference) -> Randomize | None:
@@ -195,8 +182,7 @@ def delay_s(steps: Iterable[float], timestep_s: float) -> tuple[float, ...]:
 
 def stall_of(drive: Actuator) -> float | None:
     """Effort at rest of a dc motor, N m or N; its limit where the table states none."""
-    stall: float | None = getattr(drive, "stall", None)
-    return drive.effort if stall is None else stall
+    return drive.saturation
 
 
 def massive_bodies(reference: Reference) -> list[str]:

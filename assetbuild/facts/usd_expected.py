@@ -37,7 +37,7 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
         if body.is_massless:  # PhysX would take a mass of 0 for none, and make one up
             for quantity in ("centre of mass", "inertia"):
                 book.facts.pop(Key("body", body.name, quantity), None)
-        book.put("body", body.name, rigid_body_words(options.rigid_body))
+        book.put("body", body.name, {"usd:type": "Xform"} | rigid_body_words(options.rigid_body))
     starts = dict(initial_pose(tree, control).joints)
     touching = _jointed_that_touch(reference)
     for joint in tree.joints:
@@ -68,6 +68,7 @@ def _stage(robot: str, reference: Reference, book: Writer) -> None:
         "usd:defaultPrim": identifier,
         "usd:displayName": robot if identifier != robot else None,
         "usd:kind": "component",
+        "usd:type": "Xform",
         "usd:upAxis of layers": ("Z",),
         "usd:metersPerUnit of layers": ("1.0",),
         "usd:kilogramsPerUnit of layers": ("1.0",),

@@ -120,7 +120,8 @@ def surface_material(prim: Prim) -> dict[str, Value]:
 
 
 def _pixels(file: Sdf.AssetPath) -> str:
-    return pixel_digest(Path(str(file.resolvedPath))) or f"unreadable {file.path}"
+    found = str(file.resolvedPath)
+    return (pixel_digest(Path(found)) if found else "") or f"unreadable {file.path}"
 
 
 def _numbers(value: object) -> tuple[float, ...]:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,6 +32,9 @@ PLAIN = frozenset(
 """Metadata that is no fact; applied schemas are asked for one by one."""
 RIGID = 1e-9
 """Scales nearer to 1 than this are rounding."""
+QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
+LENGTH = 1e-3
+"""A quaternion as long as this from 1 is not one that was rounded."""
 UNLIMITED = 1e30
 """PhysX takes numbers beyond for infinite."""
 
@@ -75,6 +79,30 @@ class Prim:
             for key, value in prop.GetAllAuthoredMetadata().items()
             if key not in PLAIN
         }
+
+        self._declarations()
+
+    def _declarations(self) -> None:
+        """Words for properties that are declared otherwise than their schema does.
+
+        A runtime that asks for a float finds nothing in a double of the same name. Of a schema
+        that USD does not know, numbers are single precision; places are double.
+        """
+        known = self.prim.GetPrimDefinition()
+        for name, prop in self.left.items():
+            if prop.IsCustom():
+                self.book.put("prim", self.path, {f"usd:{name} is custom": True})
+            if not isinstance(prop, Usd.Attribute):
+                continue
+            spec, kind = known.GetSchemaAttributeSpec(name), str(prop.GetTypeName())
+            wanted = str(spec.typeName) if spec else ""
+            if name.startswith("xformOp:"):
+                wanted = "double" if kind.rstrip("23df4h") in ("float", "half") else ""
+                wanted = "quatd" if kind in ("quatf", "quath") else wanted
+            elif not spec and kind in ("double", "half", "int64"):
+                wanted = "float"
+            if wanted and wanted != kind:
+                self.book.put("prim", self.path, {f"usd:type of {name}": kind})
 
     @property
     def type(self) -> str:
@@ -172,7 +200,13 @@ class Prim:
         """Takes what the transform of the prim says, which its pose holds."""
         order = self.take("xformOpOrder") or ()
         for op in order:  # type: ignore[attr-defined] # an array of tokens
-            self.take(str(op).removeprefix("!invert!"))
+            name = str(op).removeprefix("!invert!")
+            value = self.take(name)
+            if value is None:
+                self.book.put("prim", self.path, {f"usd:{name}": "no value"})
+            # USD turns by the angle of its real part alone, other runtimes make it a unit first.
+            if isinstance(value, QUATERNIONS) and abs(value.GetLength() - 1.0) > LENGTH:
+                self.book.skip(self.path, name, f"{value}, which is no unit quaternion")
         for name in ("visibility", "purpose"):  # both are inherited: see the shapes
             self.take(name)
 
@@ -202,18 +236,19 @@ class Prim:
 # --- the stage -------------------------------------------------------------------------------
 
 
-def open_stage(path: Path) -> Usd.Stage:
-    """The stage with its default variants; UsageError where it does not open."""
+@contextmanager
+def opened(path: Path) -> Iterator[Usd.Stage]:
+    """The stage with its default variants; UsageError where USD cannot make sense of it."""
     try:
         stage = Usd.Stage.Open(str(path))
+        if not stage.GetDefaultPrim():
+            raise UsageError(
+                f"`{path}` has no default prim, so nothing says which of its prims is the robot",
+                hint="set `defaultPrim` in it",
+            )
+        yield stage
     except Tf.ErrorException as error:
-        raise UsageError(f"`{path}` does not open: {error}") from None
-    if not stage.GetDefaultPrim():
-        raise UsageError(
-            f"`{path}` has no default prim, so nothing says which of its prims is the robot",
-            hint="set `defaultPrim` in it",
-        )
-    return stage
+        raise UsageError(f"`{path}` is not readable as USD: {error}") from None
 
 
 def units_of(stage: Usd.Stage) -> Units:

@@ -19,7 +19,7 @@ from assetbuild.facts.usd_looks import Looks, take_bindings
 from assetbuild.facts.usd_prims import (
     Places,
     Prim,
-    open_stage,
+    opened,
     quat_of_gf,
     stage_facts,
     units_of,
@@ -77,7 +77,11 @@ class Sorted:
 
 def read_robot(path: Path) -> Table:
     """The facts of the stage as it opens, its default variants selected."""
-    stage = open_stage(path)
+    with opened(path) as stage:
+        return _read(stage)
+
+
+def _read(stage: Usd.Stage) -> Table:
     book, units = Writer(), units_of(stage)
     stage_facts(stage, units, book)
     top = stage.GetDefaultPrim()
@@ -136,6 +140,9 @@ def _sort(prim: Usd.Prim, above: Above, found: Sorted, book: Writer) -> None:
     if one.has("PhysicsRigidBodyAPI"):
         found.bodies[path] = one
         above = Above(body=path)
+        if prim.IsA(UsdGeom.Gprim):  # a body that is its own shape
+            collider = one if one.has("PhysicsCollisionAPI") else None
+            found.shapes.append(ShapePrim(one, path, "", None, collider))
     elif prim.IsA(UsdPhysics.Joint):
         found.joints.append(one)
     elif prim.IsA(UsdShade.Material):
@@ -171,6 +178,8 @@ def _below(one: Prim, above: Above, parent: str, found: Sorted, book: Writer) ->
         if empty and one.path.count("/") > 1:
             book.skip(one.path, "prim", f"an empty {one.type or 'prim'}")
         found.others.append(one)
+    if one.type == "Scope" and above.body:
+        book.skip(one.path, "type", one.type)  # it has no transform, and hides that of its parents
     one.placed()
     return below
 
@@ -189,7 +198,7 @@ def _bodies(
     for path, prim in bodies.items():
         name, units = names[path], places.units
         above = parents.get(path, "")
-        facts: dict[str, Value] = {"parent": names.get(above, "")}
+        facts: dict[str, Value] = {"parent": names.get(above, ""), "usd:type": prim.type}
         if above in bodies:
             facts["pose"] = _within(places, prim, bodies[above])
         book.put("body", name, facts | _mass(prim, places))
@@ -273,7 +282,8 @@ def _root(
             "usd:world joint holds": names.get(joint.child, ""),
             "usd:world joint pose": pose_value(pose),
         })  # fmt: skip
-    book.put("stage", "", {"usd:kind": str(Usd.ModelAPI(top).GetKind())})
+    kind = str(Usd.ModelAPI(top).GetKind())
+    book.put("stage", "", {"usd:kind": kind, "usd:type": str(top.GetTypeName())})
     for prim in found.others:
         if prim.prim == top:
             prim.metadata.pop("kind", None)

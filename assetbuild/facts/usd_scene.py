@@ -15,7 +15,7 @@ from assetbuild.facts.usd_prims import (
     PLAIN,
     Places,
     Prim,
-    open_stage,
+    opened,
     stage_facts,
     units_of,
 )
@@ -35,11 +35,16 @@ CONTAINERS = frozenset({"Xform", "Scope"})
 
 def read_scene(path: Path) -> Table:
     """The facts of the scene: of the robot's prims only what the scene says itself."""
-    stage = open_stage(path)
+    with opened(path) as stage:
+        return _read(stage)
+
+
+def _read(stage: Usd.Stage) -> Table:
     book, units = Writer(), units_of(stage)
     stage_facts(stage, units, book)
     places = Places(units)
     top = stage.GetDefaultPrim()
+    book.put("stage", "", {"usd:type": str(top.GetTypeName())})
     prims: list[Prim] = []
     for child in stage.GetPseudoRoot().GetAllChildren():
         if child == top:
@@ -89,7 +94,10 @@ def _robot(prim: Usd.Prim, specs: list[Sdf.PrimSpec], places: Places, book: Writ
         for arcs in (spec.referenceList, spec.payloadList)
         for arc in arcs.GetAddedOrExplicitItems()
     ]
-    book.put("stage", "", {"usd:robot": ", ".join(files), "usd:robot prim": prim.GetName()})
+    book.put("stage", "", {
+        "usd:robot": ", ".join(files),
+        "usd:robot prim": f"{prim.GetTypeName()} {prim.GetName()}",
+    })  # fmt: skip
     bodies = [p for p in Usd.PrimRange(prim) if p.HasAPI(UsdPhysics.RigidBodyAPI)]
     for body in bodies:
         name = str(body.GetMetadata("displayName") or body.GetName())
@@ -174,8 +182,9 @@ def scene_table(robot: str, reference: Reference) -> Table:
     book.put("robot", "", {"up axis": "Z", "metres per unit": 1.0, "kilograms per unit": 1.0})
     book.put("stage", "", {
         "usd:defaultPrim": "World",
+        "usd:type": "Xform",
         "usd:robot": f"./{robot}.usda",
-        "usd:robot prim": usd_identifier(robot),
+        "usd:robot prim": f"Xform {usd_identifier(robot)}",
         "usd:upAxis of layers": ("Z",),
         "usd:metersPerUnit of layers": ("1.0",),
         "usd:kilogramsPerUnit of layers": ("1.0",),

@@ -12,6 +12,7 @@ from assetbuild.control.actuator_findings import NO_ACTUATOR
 from assetbuild.engine.make import NodeResult
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, Where
+from assetbuild.facts.reader import Reader
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check
 from assetbuild.lock import lock_path, place_of_pin
@@ -23,7 +24,7 @@ from assetbuild.plugins import plugin_names
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe, Waiver
 from assetbuild.report.document import Report, make_report
-from assetbuild.report.verdict import NOT_RUN, TRAINER_CHECKS, CheckResult
+from assetbuild.report.verdict import NOT_COMPARED, NOT_RUN, TRAINER_CHECKS, CheckResult
 
 
 def judged(
@@ -39,7 +40,7 @@ def judged(
         bad = any(finding.severity == "error" for finding in result.findings)
         figures = json.loads(session.read(result["figures.json"]))
         checks[name] = CheckResult("fail" if bad else "pass", figures)
-    findings += _not_run(loaded, checks)
+    findings += [*_not_run(loaded, checks), *_not_compared(outline)]
     locate = locator(loaded, outline, results, session)
     waivers, commands = _waivers(loaded.recipe), _commands(loaded)
     return make_report(loaded.recipe.robot, findings, checks, waivers, locate, commands)
@@ -67,6 +68,20 @@ def _not_run(loaded: LoadedRecipe, checks: Mapping[str, CheckResult]) -> Iterato
                 f"`{request.key}` asks for a check that did not run: {why}",
                 hint="provide that, or remove the request from the recipe",
                 data={"checks": request.checks},
+            )
+
+
+def _not_compared(outline: Outline) -> Iterator[Finding]:
+    """One for each target that no reader of facts reads back."""
+    steps = [node.step for node in outline.checks.values()]
+    read = {need for step in steps if isinstance(step, Reader) for need in step.needs}
+    for target in outline.targets:
+        if target not in read:
+            yield NOT_COMPARED(
+                f"recipe targets {target}",
+                f"no reader of facts compares what `{target}` wrote with the robot",
+                hint="`assetbuild.facts.readers` is the entry point of readers",
+                data={"target": target},
             )
 
 

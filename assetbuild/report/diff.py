@@ -376,7 +376,8 @@ def _leaves(value: object, path: str = "") -> Iterator[tuple[str, object]]:
             yield from _leaves(item, f"{path}.{key}" if path else str(key))
     elif isinstance(value, list):
         for index, item in enumerate(value):
-            yield from _leaves(item, f"{path}[{index}]")
+            named = item.get("name", item.get("joint")) if isinstance(item, Mapping) else None
+            yield from _leaves(item, f"{path}.{named}" if named else f"{path}[{index}]")
     else:
         yield path, value
 

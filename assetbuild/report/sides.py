@@ -14,7 +14,7 @@ from assetbuild.engine.digest import digest_file
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import AssetBuildError, UsageError
 from assetbuild.facts.compare import EXACT, FLOAT32, Precision
-from assetbuild.facts.reader import Reader
+from assetbuild.facts.reader import BROKEN, Reader
 from assetbuild.facts.reference import Assets, Reference, robot_table
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.plugins import load_plugin, plugin_names
@@ -101,7 +101,7 @@ def _whole_robot(reference: Reference, report: Mapping[str, Any]) -> Table:  # A
     facts: dict[Key, Value] = {
         Key("link" if key.kind == "body" else f"link's {key.kind}", key.name, key.quantity): value
         for key, value in links.facts.items()
-        if key.kind in ("body", "joint") and key not in merged.facts
+        if key.kind in ("body", "joint")
     }
     for path, value in _words(dict(reference.options)):
         facts[Key("recipe", "", f"recipe:{path}")] = value
@@ -134,6 +134,9 @@ def _read(reader: Reader, file: Path, bundle: Path) -> Table:
     except AssetBuildError as error:
         inside = file.relative_to(bundle)
         raise UsageError(f"{inside}: {error.message}", hint=error.hint) from None
+    except BROKEN as error:  # a file may hold anything
+        inside = file.relative_to(bundle)
+        raise UsageError(f"{inside}: {type(error).__name__}: {error}") from None
 
 
 def _json(file: Path, bundle: Path) -> dict[str, Any]:  # Any: plain JSON

@@ -19,8 +19,12 @@ NOT_RUN = Rule(
     "the recipe asks for a check that did not run, so the robot is not ready for training",
     "provide what the message names, or remove the request from `validate`",
 )
-NOT_COMPARED = "formats.not_compared"
-"""Rule of the findings that name the targets whose content no check compares with the robot."""
+NOT_COMPARED = Rule(
+    "formats.not_compared",
+    "warning",
+    "no reader of facts compares what a target wrote with the robot, so the robot is not ready",
+    "write a reader for the format (docs/how-to/plugins.md), or waive the rule with the reason",
+)
 EXPERIMENTS = (("stand", "stood"), ("trials", "untouched"))
 """Checks that leave the robot alone under its drives, and the figure that says what it did."""
 TRAINER_CHECKS = "smoke_"
@@ -158,7 +162,7 @@ def _blocked(
 
 def _blocks(finding: Finding) -> bool:
     return finding.severity == "error" or (
-        finding.rule == NOT_RUN.id and finding.severity != "info"
+        finding.rule in (NOT_RUN.id, NOT_COMPARED.id) and finding.severity != "info"
     )
 
 
@@ -170,7 +174,7 @@ def _formats(findings: Sequence[Finding]) -> Formats:
     equality = [f for f in findings if f.rule.startswith("equal.")]
     unreadable = [f for f in equality if f.rule.endswith(".load")]
     different = [f for f in equality if f not in unreadable]
-    named = [name for f in findings if f.rule == NOT_COMPARED for name in _targets_of(f)]
+    named = [name for f in findings if f.rule == NOT_COMPARED.id for name in _targets_of(f)]
     named += [f.rule.split(".")[1] for f in unreadable]
     left = tuple(dict.fromkeys(named))
     tail = f"; not compared: {', '.join(left)}" if left else ""

@@ -130,7 +130,7 @@ def test_frames_rests_and_what_only_mjcf_says_are_followed_by_rule(tmp_path: Pat
         ('diffuse=".1 .2 .3"', 'diffuse=".1 .2 .4"', "light sun", "diffuse"),
         ('<exclude body1="arm" body2="wheel"', '<exclude body1="base" body2="wheel"',
          "pair arm wheel", "filtered"),
-        ('ctrlrange="-1 1"', 'ctrlrange="-1 2"', "actuator pull", "compiled_ctrlrange"),
+        ('ctrlrange="-1 1"', 'ctrlrange="-1 2"', "actuator pull", "ctrlrange"),
     ],
 )  # fmt: skip
 def test_what_only_mjcf_says_must_arrive(

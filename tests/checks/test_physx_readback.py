@@ -77,7 +77,7 @@ def test_gains_in_the_wrong_unit_are_caught(tmp_path: Path) -> None:
             attribute = UsdPhysics.DriveAPI(prim, "angular").GetStiffnessAttr()
             attribute.Set(100.0)  # N m/rad where N m/deg belong: 57 times too stiff
 
-    assert "physx.gains" in rules(check(tiny_quadruped(), tmp_path, spoil))
+    assert "equal.physx.kp" in rules(check(tiny_quadruped(), tmp_path, spoil))
 
 
 def test_lost_armature_is_caught(tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_lost_armature_is_caught(tmp_path: Path) -> None:
         for prim in joints(stage):  # as a writer that knows the old spelling only
             prim.GetAttribute("physxJointAxis:angular:armature").Block()
 
-    assert rules(check(tiny_quadruped(), tmp_path, spoil)) == {"physx.armature"}
+    assert rules(check(tiny_quadruped(), tmp_path, spoil)) == {"equal.physx.armature"}
 
 
 def test_welded_base_is_caught(tmp_path: Path) -> None:
@@ -96,14 +96,14 @@ def test_welded_base_is_caught(tmp_path: Path) -> None:
         root = stage.GetPrimAtPath("/robot/trunk")
         root.RemoveAPI(UsdPhysics.ArticulationRootAPI)
 
-    assert "physx.base" in rules(check(tiny_quadruped(), tmp_path, spoil))
+    assert "equal.physx.base" in rules(check(tiny_quadruped(), tmp_path, spoil))
 
 
 def test_lost_collision_shape_is_caught(tmp_path: Path) -> None:
     def spoil(stage: Usd.Stage) -> None:
         stage.GetPrimAtPath("/robot/trunk/collisions/trunk_collision").SetActive(False)
 
-    assert rules(check(tiny_quadruped(), tmp_path, spoil)) == {"physx.count.shapes"}
+    assert rules(check(tiny_quadruped(), tmp_path, spoil)) == {"equal.physx.shapes"}
 
 
 def test_inertia_that_is_not_positive_is_caught(tmp_path: Path) -> None:
@@ -111,7 +111,7 @@ def test_inertia_that_is_not_positive_is_caught(tmp_path: Path) -> None:
         mass = UsdPhysics.MassAPI(stage.GetPrimAtPath("/robot/FR_hip"))
         mass.GetDiagonalInertiaAttr().Set(Gf.Vec3f(-1e-4, 1e-4, 1e-4))
 
-    assert "physx.inertia" in rules(check(tiny_quadruped(), tmp_path, spoil))
+    assert "equal.physx.inertia" in rules(check(tiny_quadruped(), tmp_path, spoil))
 
 
 def test_unselected_variant_is_caught(tmp_path: Path) -> None:

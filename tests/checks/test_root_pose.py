@@ -191,8 +191,8 @@ def test_physx_holds_it_where_it_stands(tmp_path: Path) -> None:
 
 def test_a_root_lost_in_physx_is_found(tmp_path: Path) -> None:
     (found,) = read_back(hung(), tmp_path, IDENTITY)
-    assert (found.rule, found.severity) == ("physx.root", "error")
-    assert found.data["moved_m"] == pytest.approx(1.5)
+    assert (found.rule, found.severity) == ("equal.physx.base_pose", "error")
+    assert found.data["found"] == (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 def test_physx_and_mujoco_fall_alike_from_the_wall(tmp_path: Path) -> None:

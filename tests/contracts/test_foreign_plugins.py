@@ -70,9 +70,22 @@ def test_the_page_of_the_how_to_builds_a_robot(site: Path):
     assert "<static>true</static>" in (bundle / "sdf/crate.sdf").read_text()
     report = json.loads((bundle / "report/report.json").read_bytes())
     assert report["checks"]["wind"]["figures"]["force_N"] == pytest.approx(0.5 * 1.2 * 900 * 0.5)
+    assert report["checks"]["sdf_equal"] == {"status": "pass", "figures": {
+        "differ": 0, "facts": 2, "unread": 0}}  # fmt: skip
     gusts = [found for found in report["findings"] if found["rule"] == "wind.gust"]
     assert [found["severity"] for found in gusts] == ["warning"]
     assert 'size="0.102 0.152 0.202"' in (bundle / "mjcf/crate.xml").read_text()
+
+
+def test_its_reader_finds_an_edited_file_and_what_it_does_not_know(site: Path):
+    run(site, "build", "crate.yaml", "-o", "out", "--fail-on", "never")
+    path = site.parent / "out/sdf/crate.sdf"
+    text = path.read_text().replace("<mass>4.0", "<mass>5.0").replace("<static>", "<wind/><static>")
+    path.write_text(text)
+    done = run(site, "validate", "out", "--static")
+    assert "equal.sdf.mass" in done.stdout
+    assert "mass is 5 kg in the SDF, 4 kg in the robot" in done.stdout
+    assert "equal.unread" in done.stdout
 
 
 def test_its_keys_are_checked_and_described_like_all_others(site: Path):

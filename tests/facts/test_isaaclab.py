@@ -12,7 +12,15 @@ from typing import Any
 
 import pytest
 from mutants import is_found, literals, names
-from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, turned, write_robot_ports
+from tiny import (
+    TinyRobot,
+    odd_drives,
+    pendulum,
+    run_step,
+    tiny_quadruped,
+    turned,
+    write_robot_ports,
+)
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.reader import Proof
@@ -22,6 +30,7 @@ from assetbuild.facts.table import Key
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.ranges import Randomize
 from assetbuild.targets.isaaclab import IsaacLab
+from assetbuild.targets.isaaclab.options import IsaacLabOptions
 
 RANDOMIZE = Randomize.model_validate(
     {
@@ -98,6 +107,24 @@ def test_a_module_that_nobody_edited_is_the_robot(
     assert proof.compared > 100
 
 
+def test_what_the_recipe_says_of_isaac_lab_is_expected(tmp_path: Path):
+    asked = IsaacLabOptions.model_validate(
+        {
+            "friction_buckets": 12, "clearance": 0.01, "contact_sensors": False,
+            "soft_joint_pos_limit_factor": 0.9,
+        }
+    )  # fmt: skip
+    assert built(quadruped(), tmp_path, options=asked, randomize=RANDOMIZE).prove().findings == ()
+
+
+def test_drives_without_a_limit_or_a_form_in_isaac_lab_are_what_they_are(tmp_path: Path):
+    proof = built(odd_drives(tiny_quadruped()), tmp_path).prove()
+    assert proof.findings == ()
+    drives = {joint: proof.found.of("joint", joint) for joint in proof.found.names("joint")}
+    assert drives["FR_thigh_joint"]["stall"] == 70.0
+    assert drives["FR_calf_joint"]["model"] == "motor"  # general, of which it has no form
+
+
 def test_names_that_no_usd_can_have_are_still_the_robots(tmp_path: Path):
     robot = pendulum()
     (joint,) = robot.tree.joints
@@ -142,6 +169,12 @@ def test_a_field_of_the_other_generation_is_unread(tmp_path: Path):
     found = one.edited("3", lambda t: t.replace("joint_effort_limit=", "effort_limit_sim="))
     assert found["equal.isaaclab.effort"]["found"] is None
     assert found["equal.unread"]["attribute"] == "effort_limit_sim"
+
+
+def test_a_quaternion_of_another_length_is_found(tmp_path: Path):
+    one = built(tiny_quadruped(), tmp_path)
+    found = one.edited("3", lambda text: text.replace("0.0, 1.0),  # x", "0.0, 1.01),  # x"))
+    assert found["equal.isaaclab.length_of_rot"] == {"expected": 1.0, "found": 1.01}
 
 
 def test_what_nobody_knows_is_unread(tmp_path: Path):

@@ -11,15 +11,25 @@ from typing import Any
 
 import pytest
 from mutants import is_found, literals, names
-from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, turned, write_robot_ports
+from tiny import (
+    TinyRobot,
+    odd_drives,
+    pendulum,
+    run_step,
+    tiny_quadruped,
+    turned,
+    write_robot_ports,
+)
 
 from assetbuild.facts.reader import Proof
 from assetbuild.facts.readers.mjlab import MjlabReader
 from assetbuild.facts.reference import Assets, Reference
+from assetbuild.facts.surface import measure
 from assetbuild.facts.table import Key
 from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.shapes import Sphere
 from assetbuild.targets.mjlab import Mjlab
+from assetbuild.targets.mjlab.options import MjlabOptions
 
 RANDOMIZE = Randomize.model_validate(
     {
@@ -68,12 +78,11 @@ def built(robot: TinyRobot, folder: Path, **fields: Any) -> Built:
     target = Mjlab(robot="robot-1", **fields)
     run_step(target, inputs, folder / "out")
     options = {
+        "mjlab": target.options.model_dump(mode="json"),
         "feet": target.feet and {"links": target.feet},
         "imu": target.imu and {"link": target.imu},
         "randomize": target.randomize and target.randomize.model_dump(mode="json"),
     }
-    if hasattr(target, "options"):
-        options["mjlab"] = target.options.model_dump(mode="json")
     reference = Reference(robot.links, robot.tree, robot.shapes, robot.control, Assets(), options)
     reader = MjlabReader(robot="robot-1", options=options)
     path = reader.file(folder / "out/mjlab", "robot-1")
@@ -104,8 +113,10 @@ def test_a_module_that_nobody_edited_is_the_robot(
 
 def test_a_bundles_robot_keeps_the_order_of_patterns_of_which_the_first_wins(tmp_path: Path):
     one = built(quadruped(), tmp_path, randomize=RANDOMIZE, **WALKER)
+    surfaces = tuple((mesh.name, measure([])) for mesh in one.reference.shapes.meshes)
+    whole = replace(one.reference, assets=Assets(surfaces))
     (tmp_path / "report").mkdir()
-    (tmp_path / "report/robot.json").write_text(one.reference.to_json())
+    (tmp_path / "report/robot.json").write_text(whole.to_json())
     read = Reference.of_bundle(tmp_path)
     assert one.reader.prove(read, one.path).findings == ()
 
@@ -129,6 +140,43 @@ def test_the_module_alone_says_the_same_as_beside_its_robot(tmp_path: Path):
     assert joints[Key("joint", "FR_calf_joint", "armature")] == 0.02
 
 
+def test_what_the_recipe_says_of_mjlab_is_expected(tmp_path: Path):
+    asked = MjlabOptions.model_validate(
+        {
+            "num_envs": 64, "cone": "pyramidal", "impratio": 2.5, "njmax": None, "nconmax": 35,
+            "soft_joint_pos_limit_factor": 0.8, "action": {"effort_share": 0.3, "rad": 0.1},
+            "foot_scan": {"radius": 0.1, "samples": 8},
+            "pose": {"knees": ".*_hip_joint", "walking": (0.2, 0.9)},
+        }
+    )  # fmt: skip
+    proof = built(quadruped(), tmp_path, options=asked, **WALKER).prove()
+    assert proof.findings == ()
+    assert proof.found.facts[Key("simulation", "", "impratio")] == 2.5
+
+
+def test_drives_without_a_limit_a_stall_torque_or_a_form_in_mjlab_are_what_they_are(tmp_path: Path):
+    one = built(odd_drives(tiny_quadruped()), tmp_path, **WALKER)
+    proof = one.prove()
+    assert proof.findings == ()
+    drives = {joint: proof.found.of("joint", joint) for joint in proof.found.names("joint")}
+    assert drives["FR_hip_joint"]["model"] == "motor"
+    assert drives["FR_hip_joint"]["effort"] is None
+    assert drives["FR_thigh_joint"]["stall"] == 70.0
+    assert "model" not in drives["FR_calf_joint"]  # general: mjlab has no form of it
+
+
+def test_soles_with_names_of_their_own_are_found_by_those_of_the_bare_mjcf(tmp_path: Path):
+    robot = tiny_quadruped()
+    shapes = tuple(
+        replace(shape, name=shape.name.replace("foot_collision", "sole"))
+        for shape in robot.shapes.shapes
+    )
+    robot = replace(robot, shapes=replace(robot.shapes, shapes=shapes))
+    proof = built(robot, tmp_path, **(WALKER | {"feet": ".*_(calf|foot)"})).prove()
+    assert proof.findings == ()
+    assert "FR_sole_collision" in str(proof.found.facts[Key("robot", "", "mjlab:FOOT_GEOMS")])
+
+
 def test_swapped_gains_are_found(tmp_path: Path):
     one = built(tiny_quadruped(), tmp_path, **WALKER)
     swapped = {"stiffness=100.0": "stiffness=3.0", "damping=3.0": "damping=100.0"}
@@ -145,6 +193,12 @@ def test_a_negated_start_is_found(tmp_path: Path):
     found = one.edited(lambda text: text.replace(": 0.8,", ": -0.8,"))
     assert found["equal.mjlab.start"]["expected"] == 0.8
     assert found["equal.mjlab.start"]["found"] == -0.8
+
+
+def test_a_quaternion_of_another_length_is_found(tmp_path: Path):
+    one = built(tiny_quadruped(), tmp_path, **WALKER)
+    found = one.edited(lambda text: text.replace("rot=(1.0,", "rot=(1.01,"))
+    assert found["equal.mjlab.length_of_rot"] == {"expected": 1.0, "found": 1.01}
 
 
 def test_what_nobody_knows_is_unread(tmp_path: Path):

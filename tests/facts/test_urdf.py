@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mutants import is_found, xml_elements, xml_values
 from hypothesis import HealthCheck, given, settings
+from mutants import is_found, xml_elements, xml_values
 from PIL import Image
 from tiny import (
     TinyRobot,

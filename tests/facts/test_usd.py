@@ -590,3 +590,28 @@ def test_a_stage_without_a_default_prim_is_refused(tmp_path: Path) -> None:
     Usd.Stage.CreateNew(str(path)).Save()
     with pytest.raises(UsageError, match="no default prim"):
         UsdReader(robot="none").read(path)
+
+
+def test_a_body_that_is_its_own_shape_is_both(tmp_path: Path) -> None:
+    path = tmp_path / "ball.usda"
+    stage = Usd.Stage.CreateNew(str(path))
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/r").GetPrim())
+    ball = UsdGeom.Sphere.Define(stage, "/r/ball").GetPrim()
+    UsdPhysics.RigidBodyAPI.Apply(ball)
+    UsdPhysics.CollisionAPI.Apply(ball)
+    stage.Save()
+    table = UsdReader(robot="r").read(path)
+    assert table.names("body") == table.names("shape") == ("ball",)
+    assert table.of("shape", "ball")["size"] == (0.01,)  # a stage without units is in centimetres
+
+
+def test_a_quaternion_that_runtimes_read_differently_is_reported(tmp_path: Path) -> None:
+    """USD itself takes (1, 0.05, 0, 0) for no turn at all; others make it a unit first."""
+    findings = check(
+        tiny_quadruped(),
+        tmp_path,
+        lambda stage: stage.GetAttributeAtPath("/robot/trunk.xformOp:orient").Set(
+            Gf.Quatd(1.0, 0.05, 0.0, 0.0)
+        ),
+    )
+    assert rules(findings) == {("equal.unread", "/robot/trunk")}

@@ -15,6 +15,7 @@ from tiny import TinyRobot, check_inputs, run_step, tiny_quadruped
 
 from assetbuild.checks.mjlab_contract import MjlabContract
 from assetbuild.facts.readers.bare import BareFacts
+from assetbuild.facts.readers.mjlab import MjlabReader
 from assetbuild.facts.reference import Assets
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import encode
@@ -58,6 +59,11 @@ def judged(inputs: Path, out: Path) -> list[str]:
     return [finding.message for finding in found]
 
 
+def proven(inputs: Path, out: Path) -> list[Finding]:
+    options = {"feet": {"links": MJLAB.feet}, "imu": {"link": MJLAB.imu}}
+    return run_step(MjlabReader(robot="robot", options=options), inputs, out)
+
+
 @pytest.fixture
 def hopper(tmp_path: Path) -> tuple[Path, list[Finding]]:
     """(inputs of a check, findings of the target) of an MJCF with names of its own."""
@@ -81,8 +87,9 @@ def test_the_new_names_are_what_the_reader_of_facts_expects(hopper, tmp_path: Pa
     inputs, _ = hopper
     shutil.copyfile(inputs / "tree.json", inputs / "links.json")
     (inputs / "assets.json").write_bytes(encode(Assets()))
-    reader = BareFacts(robot="robot", options={"feet": {"links": "leg"}})
-    assert run_step(reader, inputs, tmp_path / "out") == []
+    for reader in (BareFacts, MjlabReader):
+        step = reader(robot="robot", options={"feet": {"links": "leg"}})
+        assert run_step(step, inputs, tmp_path / step.form) == []
 
 
 def test_what_names_a_geom_follows_its_new_name(hopper):
@@ -122,6 +129,7 @@ def test_links_that_one_body_holds_are_one_foot(tmp_path: Path):
     assert constant(text, "FOOT_SITES") == ("FR_foot", "FL_foot", "RR_foot", "RL_foot")
     assert len(constant(text, "FOOT_GEOMS")) == 8
     assert 'mode="body", pattern=("FR_calf", "FL_calf", "RR_calf", "RL_calf",)' in text
+    assert proven(inputs, tmp_path / "proof") == []
     assert judged(inputs, tmp_path / "out") == []
 
 
@@ -132,6 +140,7 @@ def test_feet_stand_in_the_order_of_their_bodies(tmp_path: Path):
     inputs = check_inputs(tmp_path, replace(robot, shapes=shapes), MJLAB, "mjlab")
     text = module_of(inputs)
     assert constant(text, "FOOT_SITES") == ("FR_foot", "FL_foot", "RR_foot", "RL_foot")
+    assert proven(inputs, tmp_path / "proof") == []
     assert judged(inputs, tmp_path / "out") == []
 
 

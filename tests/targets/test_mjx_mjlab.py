@@ -16,6 +16,7 @@ from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped, wr
 
 from assetbuild.checks.mjlab_contract import MjlabContract
 from assetbuild.errors import StepError
+from assetbuild.facts.readers.mjlab import MjlabReader
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Actuator, General, Tree
 from assetbuild.robot.pose import Pose
@@ -165,8 +166,12 @@ def test_the_recipe_decides_what_only_mjlab_knows(tmp_path: Path) -> None:
         "foot_scan": {"radius": 0.02, "samples": 6},
         "pose": {"knees": ".*_thigh_joint", "walking": [0.2, 0.4]},
     }
-    robot = MJLAB.model_copy(update={"options": MjlabOptions.model_validate(options)})
-    text = (built(tiny_quadruped(), tmp_path, robot) / "mjlab/python/robot_mjlab.py").read_text()
+    asked = MjlabOptions.model_validate(options)
+    target = MJLAB.model_copy(update={"options": asked})
+    inputs = check_inputs(tmp_path, tiny_quadruped(), target, "mjlab")
+    said = {"mjlab": asked.model_dump(), "feet": {"links": MJLAB.feet}, "imu": {"link": MJLAB.imu}}
+    assert run_step(MjlabReader(robot="robot", options=said), inputs, tmp_path / "proof") == []
+    text = (inputs / "mjlab/python/robot_mjlab.py").read_text()
     for said in (
         "soft_joint_pos_limit_factor=0.8,",
         "num_envs: int = 64)",

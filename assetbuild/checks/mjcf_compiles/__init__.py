@@ -26,7 +26,7 @@ WARNING = Rule(
 class MjcfCompiles(Check):
     """Loads each file at the top of `mjcf/`; figures: the sizes of the compiled models."""
 
-    version = "5"
+    version = "6"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from assetbuild.checks.mjcf_source.expected import ROUGH, command_rest, rest_of
+from assetbuild.checks.mjcf_source.expected import ROUGH, rest_of
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.joint_drives import read_drive
+from assetbuild.simulators.joint_drives import read_drive, read_drives
 
 POSITIONS = 6
 TOLERANCE = 1e-9
@@ -42,6 +42,7 @@ class Motion:
         self.data = mj.MjData(source), mj.MjData(ours)
         self.stated, self.tolerance = stated, ROUGH if rough else TOLERANCE
         self.worst: dict[str, float] = {}
+        self.told: set[tuple[str, str]] = set()
         self.joints = self._both("joint", source.njnt, ours.njnt)
         free = [i for i in range(source.njnt) if int(source.jnt_type[i]) == FREE]
         if free and ours.njnt and int(ours.jnt_type[0]) == FREE:
@@ -49,7 +50,12 @@ class Motion:
                 name: pair for name, pair in self.joints.items() if pair[0] != free[0]
             }
         self.drives = self._both("actuator", source.nu, ours.nu)
-        self.rest, self.commands = rest_of(source), command_rest(source)
+        self.rest = rest_of(source)
+        self.commands = {  # of drives that hold positions, at `ref`
+            mujoco.name_of(source, "actuator", one.index): one.command(self.rest[one.joint_name])
+            for one in read_drives(source)
+            if one.joint_name in self.rest and one.kind == "servo" and not one.filtered
+        }
 
     def _both(self, kind: str, count: int, here: int) -> dict[str, tuple[int, int]]:
         """Numbers in both models of all that has a name in both, in the source's order."""
@@ -165,7 +171,9 @@ class Motion:
         size = float(np.linalg.norm(a))
         if size > 0.0:
             self.worst[what] = max(distance / size, self.worst.get(what, 0.0))
-        if not distance <= max(tolerance, self.tolerance) * size + ROUNDING:
+        same = distance <= max(tolerance, self.tolerance) * size + ROUNDING
+        if not same and (what, subject) not in self.told:
+            self.told.add((what, subject))
             yield MOVES.named(what)(
                 subject,
                 f"{words}: the source has {_shown(a)}, our MJCF {_shown(b)}",

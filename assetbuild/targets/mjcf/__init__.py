@@ -43,7 +43,7 @@ PLANAR_JOINT = Rule(
 class Mjcf(Target):
     """Writes `mjcf/<robot>.xml`, `mjcf/scene.xml` and `mjcf/assets/`."""
 
-    version = "11"
+    version = "12"
     outputs = ("mjcf/",)
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
 

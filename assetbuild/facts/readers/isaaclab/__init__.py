@@ -29,6 +29,7 @@ IN_USD = "stands in the USD"
 class IsaacLabReader(Reader):
     """Reads the modules for Isaac Lab back and compares them with the robot."""
 
+    version = "3"
     form: ClassVar[str] = FORM
     called: ClassVar[str] = "Isaac Lab's modules"
     needs: ClassVar[tuple[str, ...]] = ("isaaclab",)

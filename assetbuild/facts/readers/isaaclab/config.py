@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import re
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
@@ -116,7 +117,8 @@ def _start(start: object, generation: Generation, names: Names, book: Writer, wh
         return
     book.put("robot", "", {f"{FORM}:init_state": start.name})
     pose = _pose(start.take("pos"), start.take("rot"), generation)
-    book.put("robot", "", {"start pose": pose})
+    length = math.hypot(*pose[3:]) if pose else None  # of another one than 1 PhysX refuses it
+    book.put("robot", "", {"start pose": pose, f"{FORM}:length of rot": length})
     for joint in names.joints.values():  # Isaac Lab starts the others at 0
         book.put("joint", joint, {"start": 0.0})
     for field, quantity in (("joint_pos", "start"), ("joint_vel", f"{FORM}:start velocity")):

@@ -99,6 +99,7 @@ def _robot(
         "SIMULATION_CFG.gravity": tuple(simulation.gravity),
         "config": "ArticulationCfg",
         "init_state": "ArticulationCfg.InitialStateCfg",
+        "length of rot": 1.0,
     }
     book.put("robot", "", {f"{FORM}:{name}": value for name, value in words.items()})
 

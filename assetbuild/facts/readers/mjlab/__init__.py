@@ -6,6 +6,7 @@ and armature of driven joints stand here and not in the bare MJCF.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
@@ -39,6 +40,7 @@ IN_BARE = "stands in the bare MJCF"
 class MjlabReader(Reader):
     """Reads the module for mjlab back and compares it with the robot."""
 
+    version = "3"
     form: ClassVar[str] = FORM
     called: ClassVar[str] = "mjlab's module"
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
@@ -161,7 +163,8 @@ def _robot(
 def _start(start: Call, names: Names, book: Writer, where: str) -> None:
     pos, rot = start.take("pos"), start.take("rot")
     if is_vector(pos) and is_vector(rot):
-        book.put("robot", "", {"start pose": (*pos, *rot)})
+        length = math.hypot(*rot)  # of another one than 1 engines make what they like
+        book.put("robot", "", {"start pose": (*pos, *rot), f"{FORM}:length of rot": length})
     for field, quantity in (("joint_pos", "start"), ("joint_vel", f"{FORM}:start velocity")):
         for joint, value in spread(start.take(field), "joint", names, book, where):
             book.put("joint", joint, {quantity: value})

@@ -118,6 +118,7 @@ def _robot(
         "spec_fn": "spec",
         "init_state": "EntityCfg.InitialStateCfg",
         "articulation": "EntityArticulationInfoCfg",
+        "length of rot": 1.0,
     }
     book.put("robot", "", {f"{FORM}:{name}": value for name, value in words.items()})
     base = start.base or tree.X_world_root

@@ -1,0 +1,137 @@
+"""Plants single changes in a bundle's files and counts those that the product misses.
+
+    python -m tests.mutations build/go1 --count 200
+    python -m tests.mutations build/go1 --rewrite
+
+Without `--format` all formats are changed. With `--rewrite` files are only written differently;
+every finding is then a false alarm and the exit code is 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from tests.mutations.bundle import FORMATS, files_of, form_of
+from tests.mutations.run import Result, sample, try_all
+
+COLUMNS = (
+    "mutations", "refused", "no change of meaning", "tried",
+    "validate", "vague", "diff", "vague",
+)  # fmt: skip
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Prints the table; the exit code is 1 only where `--rewrite` found something."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("bundle", type=Path, nargs="+")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--count", type=int, default=200, help="mutations of each format")
+    parser.add_argument("--format", choices=FORMATS, action="append")
+    parser.add_argument("--by-name", action="store_true", help="every attribute name comes first")
+    parser.add_argument("--rewrite", action="store_true", help="write the files anew, same meaning")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--out", type=Path, help="all results as JSON")
+    chosen = parser.parse_args(words)
+    results: dict[str, list[Result]] = {}
+    began = time.monotonic()
+    alarms = 0
+    for bundle in chosen.bundle:
+        if chosen.rewrite:
+            alarms += false_alarms(bundle)
+            continue
+        there = {form_of(file) for file in files_of(bundle)}
+        forms = [form for form in chosen.format or FORMATS if form in there]
+        drawn = sample(bundle, forms, chosen.seed, chosen.count, by_name=chosen.by_name)
+        results[bundle.name] = list(try_all(bundle, drawn, chosen.processes))
+        print(f"\n# {bundle.name}\n\n{table(results[bundle.name])}")
+        print(f"\n{(time.monotonic() - began):.0f} s so far")
+        print(missed(results[bundle.name]), flush=True)
+    if chosen.out:
+        plain = {name: [asdict(one) for one in some] for name, some in results.items()}
+        chosen.out.write_text(json.dumps(plain, indent=1, default=str), encoding="utf-8")
+    return 1 if alarms else 0
+
+
+def table(results: Sequence[Result]) -> str:
+    """A row of figures for each format."""
+    rows = [f"| format | {' | '.join(COLUMNS)} |", f"|---|{'---|' * len(COLUMNS)}"]
+    for form in FORMATS:
+        own = [one for one in results if form_of(one.mutation.file) == form]
+        if not own:
+            continue
+        tried = [one.verdict for one in own if one.verdict]
+        figures = (
+            str(len(own)),
+            str(sum(one.fate == "refused" for one in own)),
+            str(sum(one.fate == "same" for one in own)),
+            str(len(tried)),
+            share(sum(v.validate == "found" for v in tried), len(tried)),
+            share(sum(v.validate == "vague" for v in tried), len(tried)),
+            share(sum(v.diff == "found" for v in tried), len(tried)),
+            share(sum(v.diff == "vague" for v in tried), len(tried)),
+        )
+        rows.append(f"| {form} | {' | '.join(figures)} |")
+    return "\n".join(rows)
+
+
+def share(part: int, whole: int) -> str:
+    """`97.5 %`."""
+    return f"{100 * part / whole:.1f} %" if whole else ""
+
+
+def missed(results: Sequence[Result]) -> str:
+    """What `validate` or `diff` did not find, by format and attribute, the most frequent first."""
+    groups: dict[tuple[str, str], list[Result]] = {}
+    tried: dict[tuple[str, str], int] = {}
+    for one in results:
+        name = (form_of(one.mutation.file), one.mutation.attribute)
+        if one.verdict is not None:
+            tried[name] = tried.get(name, 0) + 1
+            if (one.verdict.validate, one.verdict.diff) != ("found", "found"):
+                groups.setdefault(name, []).append(one)
+    lines: list[str] = []
+    for form in FORMATS:
+        own = sorted(
+            ((n, some) for n, some in groups.items() if n[0] == form), key=lambda row: -len(row[1])
+        )
+        if own:
+            lines += ["", f"## {form}: not found", ""]
+        for name, some in own:
+            how = dict.fromkeys(f"{one.mutation.what}" for one in some)
+            lines.append(
+                f"- `{name[1]}`: {len(some)} of {tried[name]} ({', '.join(how)}), "
+                f"{'; '.join(sorted({_judges(one) for one in some}))}; e.g. {some[0].mutation}"
+                + _said(some[0])
+            )
+    return "\n".join(lines)
+
+
+def _judges(one: Result) -> str:
+    assert one.verdict is not None
+    return f"validate {one.verdict.validate}, diff {one.verdict.diff}"
+
+
+def _said(one: Result) -> str:
+    assert one.verdict is not None
+    return f" [{one.verdict.said[0][:160]}]" if one.verdict.said else ""
+
+
+def false_alarms(bundle: Path) -> int:
+    """Prints and counts what is found in files that were only written differently."""
+    from tests.mutations.rewrite import rewritten
+
+    count = 0
+    for file, how, said in rewritten(bundle):
+        count += len(said)
+        print(f"{bundle.name}: {file}: {how}: {'; '.join(said[:3]) or 'nothing found'}", flush=True)
+    return count
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,125 @@
+"""The files of a bundle by format, the change of one of them, and digests that fit again."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import os
+import random
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tests.mutations import assets, leaves, markup, module
+from tests.mutations.change import Mutation
+
+FORMATS = ("mjcf", "urdf", "usd", "python", "dr", "robot")
+Walk = Callable[[Path, str, random.Random], Iterator[Mutation]]
+Apply = Callable[[Path, tuple[object, ...]], None]
+
+
+def form_of(file: str) -> str:
+    """The format that a file of a bundle belongs to; "" for reports and licences."""
+    if file == "report/robot.json":
+        return "robot"
+    if file == "dr.yaml":
+        return "dr"
+    top = file.split("/", maxsplit=1)[0]
+    return top if top in FORMATS and "/" in file else ""
+
+
+def tools_of(file: str) -> tuple[Walk, Apply] | None:
+    """How to walk and to change a file, by its ending; None: nothing here knows it."""
+    ending = Path(file).suffix.lower()
+    if ending in (".usda", ".usdc", ".usd"):
+        from tests.mutations import layers  # pxr takes a second, which only USD needs
+
+        return layers.walk, layers.apply
+    return {
+        ".xml": (markup.walk, markup.apply),
+        ".urdf": (markup.walk, markup.apply),
+        ".py": (module.walk, module.apply),
+        ".json": (leaves.walk, leaves.apply),
+        ".yaml": (leaves.walk, leaves.apply),
+        ".obj": (assets.walk_mesh, assets.apply_mesh),
+        ".mtl": (assets.walk_mesh, assets.apply_mesh),
+        ".png": (assets.walk_picture, assets.apply_picture),
+    }.get(ending)
+
+
+def files_of(bundle: Path, forms: tuple[str, ...] = FORMATS) -> list[str]:
+    """The files of some formats, sorted."""
+    found = (str(path.relative_to(bundle)) for path in bundle.rglob("*") if path.is_file())
+    return sorted(file for file in found if form_of(file) in forms)
+
+
+def mutations(bundle: Path, forms: tuple[str, ...], seed: int) -> list[Mutation]:
+    """Every mutation of every file of some formats, the same ones for the same seed."""
+    found: list[Mutation] = []
+    for file in files_of(bundle, forms):
+        tools = tools_of(file)
+        if tools is None:
+            raise ValueError(f"nothing here knows how to change {file}")
+        found += tools[0](bundle / file, file, random.Random(f"{seed} {file}"))
+    return found
+
+
+@contextmanager
+def planted(bundle: Path, mutation: Mutation) -> Iterator[None]:
+    """The bundle with one change, and a manifest and a provenance that fit it; then as before."""
+    tools = tools_of(mutation.file)
+    assert tools is not None
+    with kept(bundle, mutation.file):
+        tools[1](bundle / mutation.file, mutation.key)
+        _aged(bundle / mutation.file)
+        refit(bundle, mutation.file)
+        yield
+
+
+@contextmanager
+def kept(bundle: Path, file: str) -> Iterator[None]:
+    """Whatever happens to a file, afterwards it and what tells its digest are as before."""
+    paths = [bundle / name for name in (file, "manifest.json", "provenance.json")]
+    before = [path.read_bytes() for path in paths]
+    try:
+        yield
+    finally:
+        for path, data in zip(paths, before, strict=True):
+            path.write_bytes(data)
+        _aged(paths[0])
+
+
+_AGES = itertools.count(1)
+
+
+def _aged(path: Path) -> None:
+    """Gives a file a time of its own: MuJoCo keeps meshes by name and whole seconds."""
+    os.utime(path, (0, 10 * next(_AGES)))
+
+
+def refit(bundle: Path, file: str) -> None:
+    """Writes digest and size of a changed file where the bundle tells them."""
+    data = (bundle / file).read_bytes()
+    own, manifest = bundle / "provenance.json", bundle / "manifest.json"
+    listed = json.loads(manifest.read_bytes())
+    for row in listed["files"]:
+        if row["path"] == file:
+            row["sha256"], row["size"] = hashlib.sha256(data).hexdigest(), len(data)
+    manifest.write_text(f"{json.dumps(listed, indent=2, sort_keys=True)}\n", encoding="utf-8")
+    statement = json.loads(own.read_bytes())
+    for subject in statement["subject"]:
+        if subject["name"] in (file, "manifest.json"):
+            named = (bundle / str(subject["name"])).read_bytes()
+            subject["digest"] = {"sha256": hashlib.sha256(named).hexdigest()}
+    own.write_text(f"{json.dumps(statement, indent=2, sort_keys=True)}\n", encoding="utf-8")
+
+
+def copied(bundle: Path, folder: Path) -> Path:
+    """A copy to work in: what the generator and the readers look at."""
+    wanted = [*files_of(bundle), "manifest.json", "provenance.json", "report/report.json"]
+    for file in wanted:
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(bundle / file, folder / file)
+    return folder

@@ -1,0 +1,165 @@
+"""What a mutation is, and how one value becomes another."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+ENOUGH = 1e-6
+"""Relative: two numbers closer than this count as one, and no mutation makes one of the other."""
+FROM_ZERO = 0.01
+"""What a zero becomes, which has no percentage: SI units."""
+
+WORDS = (
+    ("Euler", "implicitfast", "implicit", "RK4"),
+    ("pyramidal", "elliptic"),
+    ("Newton", "CG", "PGS"),
+    ("radian", "degree"),
+    ("true", "false"),
+    ("box", "sphere", "capsule", "cylinder"),
+    ("position", "velocity", "motor"),
+    ("hinge", "slide"),
+    ("revolute", "continuous", "prismatic", "fixed"),
+    ("X", "Y", "Z"),
+    ("floating", "fixed"),
+    ("acceleration", "force"),
+    ("vertex", "faceVarying", "uniform"),
+    ("guide", "default", "render", "proxy"),
+    ("none", "catmullClark", "loop"),
+    ("convexHull", "convexDecomposition", "boundingCube", "meshSimplification"),
+    ("pd", "ideal_pd", "motor", "velocity"),
+    ("rotY", "rotX", "rotZ"),
+    ("abs", "scale", "add"),
+    ("startup", "reset", "interval"),
+    ("mjcf", "urdf"),
+    ("float", "double"),
+    ("point3f", "vector3f"),
+    ("quatf", "quatd"),
+    ("double3", "float3"),
+    ("Xform", "Scope"),
+    ("PhysicsRevoluteJoint", "PhysicsPrismaticJoint"),
+    ("Cube", "Sphere", "Cylinder", "Capsule"),
+)
+"""Words that stand for one another, where a file has only one of them."""
+
+
+@dataclass(frozen=True)
+class Mutation:
+    """One change of one place of one file.
+
+    file: relative to the bundle. where: the element, prim, or path of keys, for people.
+    attribute: the place's name without the names of the robot, to group by. what: the kind of
+    change. before, after: the value as it stands there. key: how the walker finds the place again
+    and what it does there, plain data.
+    """
+
+    file: str
+    where: str
+    attribute: str
+    what: str
+    before: str
+    after: str
+    key: tuple[object, ...]
+
+    def __str__(self) -> str:
+        return (
+            f"{self.file}: {self.where}: {self.attribute}, {self.what}: "
+            f"{self.before[:60]} -> {self.after[:60]}"
+        )
+
+
+def number_changes(value: float) -> dict[str, float]:
+    """What to make of a number, by the name of the change; of an integer with integers."""
+    whole = isinstance(value, int)
+    if value == 0:
+        return {"from zero": 1 if whole else FROM_ZERO}
+    if not math.isfinite(value):
+        return {"finite": 1.0, "zero": 0.0}
+    if whole:
+        return {"plus 1": value + 1, "sign": -value, "times 1000": value * 1000, "zero": 0}
+    return {
+        "1 %": value * 1.01,
+        "10 %": value * 1.1,
+        "sign": -value,
+        "pi / 180": value * math.pi / 180,
+        "times 1000": value * 1000,
+        "zero": 0.0,
+    }
+
+
+def is_same(one: float, two: float) -> bool:
+    """Whether two numbers are one, but for rounding."""
+    return one == two or math.isclose(one, two, rel_tol=ENOUGH)
+
+
+def vector_changes(
+    values: Sequence[float], random_: random.Random
+) -> Iterator[tuple[str, tuple[float, ...]]]:
+    """Each change of a number once, at a component drawn for it; two unequal components swapped."""
+    names = dict.fromkeys(name for value in values for name in number_changes(value))
+    for name in names:
+        able = [i for i, value in enumerate(values) if name in number_changes(value)]
+        index = random_.choice(able)
+        new = list(values)
+        new[index] = number_changes(values[index])[name]
+        yield name, tuple(new)
+    pairs = [
+        (i, j)
+        for i in range(min(len(values), 12))
+        for j in range(i)
+        if not is_same(values[i], values[j])
+    ]
+    if pairs:
+        i, j = random_.choice(pairs)
+        new = list(values)
+        new[i], new[j] = new[j], new[i]
+        yield "swapped", tuple(new)
+
+
+def other_text(text: str, pool: Sequence[str], random_: random.Random) -> str:
+    """A text of the same kind: another of the file, else of `WORDS`, else a longer one."""
+    others = sorted({word for word in pool if word != text})
+    if not others:
+        others = [word for row in WORDS if text in row for word in row if word != text]
+    return random_.choice(others) if others else f"{text}x"
+
+
+def numbers_in(text: str) -> tuple[float, ...] | None:
+    """The numbers that a text consists of; None where it is no vector."""
+    try:
+        return tuple(float(word) for word in text.split()) or None
+    except ValueError:
+        return None
+
+
+def spelled(numbers: Sequence[float]) -> str:
+    """Numbers as a text attribute holds them."""
+    return " ".join(repr(int(n) if float(n).is_integer() else n) for n in numbers)
+
+
+def text_changes(
+    text: str, pool: Sequence[str], random_: random.Random
+) -> Iterator[tuple[str, str]]:
+    """Changes of an attribute's text: of its numbers, of its truth, or another of its kind."""
+    numbers = numbers_in(text)
+    if numbers is not None:
+        # "80" may be a number that could be 80.8, or one of three and only three: both are tried.
+        yield from ((name, spelled(new)) for name, new in vector_changes(numbers, random_))
+        if all(n.is_integer() for n in numbers):
+            new = list(numbers)
+            new[random_.randrange(len(new))] += 1
+            yield "plus 1", spelled(new)
+    elif text in ("true", "false"):
+        yield "flipped", "false" if text == "true" else "true"
+    else:
+        yield "another text", other_text(text, pool, random_)
+
+
+def pools(pairs: Sequence[tuple[str, str]]) -> Mapping[str, list[str]]:
+    """(name, text) -> all texts by name."""
+    found: dict[str, list[str]] = {}
+    for name, text in pairs:
+        found.setdefault(name, []).append(text)
+    return found

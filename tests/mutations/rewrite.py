@@ -1,0 +1,157 @@
+"""The same files written differently: nothing of it may be found."""
+
+from __future__ import annotations
+
+import ast
+import json
+import random
+import re
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+import yaml
+from lxml import etree
+
+from tests.mutations.bundle import files_of, form_of, kept, refit
+from tests.mutations.run import Bench
+
+Rewriting = Callable[[Path], None]
+DECIMAL = re.compile(r"(?<![\w.])(-?\d+\.\d+)(?![\w.])")
+
+
+def rewritten(
+    bundle: Path, wanted: Callable[[str], bool] = lambda file: True
+) -> Iterator[tuple[str, str, list[str]]]:
+    """(file, way of writing it differently, what was then said or differed) of wanted files."""
+    with tempfile.TemporaryDirectory(prefix="rewritten-") as name:
+        bench = Bench(bundle, Path(name))
+        alarms = [f"{rule}: {subject}" for rule, subject, _ in bench.judge.alarms]
+        yield "(untouched)", "as built", alarms
+        for file in filter(wanted, files_of(bench.bundle)):
+            for how, rewrite in ways(file).items():
+                with kept(bench.bundle, file):
+                    rewrite(bench.bundle / file)
+                    refit(bench.bundle, file)
+                    verdict = bench.judge.ask(file)
+                    yield file, how, [*verdict.said, *verdict.told]
+
+
+def ways(file: str) -> Mapping[str, Rewriting]:
+    """By what they are called, the ways to write a file differently."""
+    ending = Path(file).suffix
+    if ending in (".xml", ".urdf"):
+        found: dict[str, Rewriting] = {
+            "comments": _comments,
+            "order of attributes": _order,
+            "spelling": _spelling,
+        }
+        return found | ({"signs of quaternions": _signs} if form_of(file) == "mjcf" else {})
+    others: Mapping[str, Mapping[str, Rewriting]] = {
+        ".usda": {"layer exported": _export, "signs of quaternions": _usd_signs},
+        ".usdc": {"layer exported": _export},
+        ".py": {"unparsed": _unparse},
+        ".json": {"indented": _indent},
+        ".yaml": {"dumped": _dump},
+        ".obj": {"comments": _obj_comments},
+        ".png": {"compressed": _compress},
+    }
+    return others.get(ending, {})
+
+
+def _each(path: Path, change: Callable[[etree._Element], None]) -> None:
+    tree = etree.parse(str(path))
+    for element in list(tree.getroot().iter()):
+        if isinstance(element.tag, str):
+            change(element)
+    tree.write(str(path), encoding="utf-8")
+
+
+def _comments(path: Path) -> None:
+    def comment(element: etree._Element) -> None:
+        if element.tag != "include":  # MuJoCo takes nothing inside of one
+            element.insert(0, etree.Comment(" mass 3 "))
+
+    _each(path, comment)
+
+
+def _order(path: Path) -> None:
+    def reverse(element: etree._Element) -> None:
+        items = list(element.attrib.items())
+        element.attrib.clear()
+        for name, value in reversed(items):
+            element.set(name, value)
+
+    _each(path, reverse)
+
+
+def _spelling(path: Path) -> None:
+    def spell(element: etree._Element) -> None:
+        for name, value in element.attrib.items():
+            words = str(value).split()
+            if all(DECIMAL.fullmatch(word) or word.lstrip("-").isdigit() for word in words):
+                element.set(str(name), "  ".join(f"{w}00" if "." in w else w for w in words))
+
+    _each(path, spell)
+
+
+def _signs(path: Path) -> None:
+    def flip(element: etree._Element) -> None:
+        quat = element.get("quat")
+        if quat:
+            element.set("quat", " ".join(repr(-float(word)) for word in quat.split()))
+
+    _each(path, flip)
+
+
+def _export(path: Path) -> None:
+    from pxr import Sdf
+
+    layer = Sdf.Layer.OpenAsAnonymous(str(path))
+    layer.comment = "exported again"
+    copy = Sdf.Layer.CreateAnonymous(path.suffix)
+    copy.ImportFromString(layer.ExportToString())
+    copy.Export(str(path))
+
+
+def _usd_signs(path: Path) -> None:
+    from pxr import Sdf
+
+    layer = Sdf.Layer.OpenAsAnonymous(str(path))
+
+    def flip(at: Sdf.Path) -> None:
+        spec = layer.GetObjectAtPath(at)
+        if isinstance(spec, Sdf.AttributeSpec) and type(spec.default).__name__.startswith("Quat"):
+            spec.default = -spec.default
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, flip)
+    layer.Export(str(path))
+
+
+def _unparse(path: Path) -> None:
+    path.write_text(ast.unparse(ast.parse(path.read_text(encoding="utf-8"))), encoding="utf-8")
+
+
+def _indent(path: Path) -> None:
+    value = json.loads(path.read_bytes())
+    items = list(value.items())
+    random.Random(0).shuffle(items)
+    path.write_text(json.dumps(dict(items), indent=3), encoding="utf-8")
+
+
+def _dump(path: Path) -> None:
+    value = yaml.safe_load(path.read_bytes())
+    path.write_text(yaml.safe_dump(value, default_flow_style=False), encoding="utf-8")
+
+
+def _obj_comments(path: Path) -> None:
+    lines = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("# again\n" + "\n".join(lines) + "\n\n", encoding="utf-8")
+
+
+def _compress(path: Path) -> None:
+    from PIL import Image
+
+    with Image.open(path) as opened:
+        picture = opened.copy()
+    picture.save(path, compress_level=1)

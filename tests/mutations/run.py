@@ -1,0 +1,116 @@
+"""Plants mutations one by one in copies of a bundle and collects what the judges say."""
+
+from __future__ import annotations
+
+import multiprocessing
+import random
+import tempfile
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from tests.mutations.bundle import copied, form_of, mutations, planted
+from tests.mutations.change import Mutation
+from tests.mutations.judge import Judge, Verdict
+from tests.mutations.meaning import Meaning, differ, meaning
+
+Fate = Literal["refused", "same", "tried"]
+"""refused: the format's own library does not take the file. same: the change means nothing."""
+CHUNK = 4
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of one mutation."""
+
+    mutation: Mutation
+    fate: Fate
+    verdict: Verdict | None = None
+
+
+class Bench:
+    """A copy of a bundle, what its files mean, and its judge."""
+
+    def __init__(self, bundle: Path, folder: Path) -> None:
+        """bundle: untouched; folder: where the copy goes."""
+        self.bundle = copied(bundle, folder / "bundle")
+        self.judge = Judge(self.bundle, bundle)
+        self.meanings: dict[str, Meaning] = {}
+
+    def before(self, file: str) -> Meaning:
+        """What a file of the untouched bundle means; the same stage for all layers."""
+        key = "usd" if form_of(file) == "usd" and not file.endswith(".png") else file
+        if key not in self.meanings:
+            self.meanings[key] = meaning(self.bundle, file)
+        return self.meanings[key]
+
+    def try_one(self, mutation: Mutation) -> Result:
+        """Plants one mutation, judges, and takes it out again."""
+        before = self.before(mutation.file)
+        try:
+            with planted(self.bundle, mutation):
+                after = meaning(self.bundle, mutation.file)
+                if after is None:
+                    return Result(mutation, "refused")
+                if not differ(before, after):
+                    return Result(mutation, "same")
+                return Result(mutation, "tried", self.judge.ask(mutation.file))
+        except PlantError:
+            return Result(mutation, "refused")
+
+
+PlantError = (ValueError, RuntimeError, TypeError)
+"""A library that does not write such a value."""
+
+
+def sample(
+    bundle: Path, forms: Sequence[str], seed: int, count: int, *, by_name: bool = False
+) -> list[Mutation]:
+    """So many mutations of each format, drawn evenly from all, or first one of each name."""
+    random_ = random.Random(seed)
+    drawn: list[Mutation] = []
+    for form in forms:
+        found = mutations(bundle, (form,), seed)
+        random_.shuffle(found)
+        drawn += (_names_first(found) if by_name else found)[:count]
+    return drawn
+
+
+def _names_first(found: Sequence[Mutation]) -> list[Mutation]:
+    """One of each attribute name, then a second of each, and so on."""
+    seen: dict[tuple[str, str], int] = {}
+    rounds: list[int] = []
+    for one in found:
+        name = (Path(one.file).suffix, one.attribute)
+        seen[name] = seen.get(name, 0) + 1
+        rounds.append(seen[name])
+    return [one for _, one in sorted(zip(rounds, found, strict=True), key=lambda pair: pair[0])]
+
+
+def try_all(bundle: Path, chosen: Sequence[Mutation], processes: int) -> Iterator[Result]:
+    """Results in the order of the mutations."""
+    with tempfile.TemporaryDirectory(prefix="mutations-") as name:
+        folder = Path(name)
+        if processes == 1:
+            bench = Bench(bundle, folder)
+            yield from map(bench.try_one, chosen)
+            return
+        with ProcessPoolExecutor(
+            processes, multiprocessing.get_context("spawn"), _start, (bundle, folder)
+        ) as pool:
+            yield from pool.map(_try, chosen, chunksize=CHUNK)
+
+
+_BENCH: list[Bench] = []
+"""Of this process of the pool."""
+
+
+def _start(bundle: Path, folder: Path) -> None:
+    own = Path(tempfile.mkdtemp(dir=folder))
+    _BENCH.append(Bench(bundle, own))
+
+
+def _try(mutation: Mutation) -> Result:
+    return _BENCH[0].try_one(mutation)
