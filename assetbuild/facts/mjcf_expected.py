@@ -137,7 +137,8 @@ def _parsed(inside: str) -> dict[Key, Value]:
     import mujoco
 
     text = f'<mujoco><compiler angle="radian" autolimits="true"/>{inside}</mujoco>'
-    return words(mujoco.MjSpec.from_string(text))
+    found = words(mujoco.MjSpec.from_string(text))
+    return {key: value for key, value in found.items() if key.kind != "model"}
 
 
 # --- the robot in MuJoCo's structure --------------------------------------------------------
