@@ -108,12 +108,13 @@ def words(spec: Spec) -> dict[Key, Value]:
 
 
 def _path(path: Any) -> tuple[str, ...]:  # Any: MuJoCo's MjsTendonPath
-    """What a tendon runs over, in order: `joint knee 2.0`, `site hook`, `geom drum side`."""
+    """What a tendon runs over, in order: `joint knee 2.0`, `site hook`, `geom drum beside`."""
     found = []
     for wrap in (path[i] for i in range(len(path))):
-        said = (wrap.target, wrap.coef, wrap.divisor, wrap.sidesite)
+        kind = wrap.type.name.removeprefix("mjWRAP_").lower()
+        said = (wrap.target, wrap.sidesite, wrap.coef, wrap.divisor)
         shown = [str(getattr(v, "name", v)) for v in said if v is not None]
-        found.append(" ".join([wrap.type.name.removeprefix("mjWRAP_").lower(), *shown]))
+        found.append(" ".join(["geom" if kind in ("sphere", "cylinder") else kind, *shown]))
     return tuple(found)
 
 
@@ -122,7 +123,7 @@ def is_covered(key: Key, role: str = "") -> bool:
     attribute = key.quantity.removeprefix("mjcf:").split(".")[0]
     if attribute in ("there", "body") or attribute in COVERED.get(key.kind, ()):
         return True
-    return key.kind == "shape" and role == "collision" and attribute in SURFACE
+    return key.kind == "shape" and role != "visual" and attribute in SURFACE
 
 
 @functools.cache

@@ -167,9 +167,9 @@ def _couplings(model: Model, facts: Subjects) -> None:
             own |= {name: f"site {own[name]}" for name in ("mjcf:name1", "mjcf:name2")}
         elif own and int(model.eq_type[index]) == connects and kind == mujoco.mjtObj.mjOBJ_BODY:
             own.pop("mjcf:data", None)  # the anchors as compiled, each in its body
-            for end, at, first in ("1", model.eq_obj1id, 0), ("2", model.eq_obj2id, 3):
+            for end, at, start in ("1", model.eq_obj1id, 0), ("2", model.eq_obj2id, 3):
                 own[f"body{end}"] = _body(model, int(at[index]))
-                own[f"mjcf:anchor{end}"] = _numbers(model.eq_data[index][first : first + 3])
+                own[f"mjcf:anchor{end}"] = _numbers(model.eq_data[index][start : start + 3])
     for sensor in range(model.nsensor):
         own = facts["sensor", name_of(model, "sensor", sensor)]
         for word, kinds in ("object", model.sensor_objtype), ("reference", model.sensor_reftype):
