@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from assetbuild.facts.mjcf_expected import (
     shown_pictures,
 )
 from assetbuild.facts.mjcf_model import pose_of, read_model
-from assetbuild.facts.mjcf_words import NEVER_ALONE, is_covered, words
+from assetbuild.facts.mjcf_words import NEVER_ALONE, Spec, is_covered, words
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.surface import measure
@@ -54,6 +54,39 @@ MESHES = Precision(
 """MuJoCo keeps vertices, texture coordinates and colours as float32."""
 
 
+NOTHING = Opaque(frozenset(), {}, frozenset())
+
+
+def read_spec(spec: Spec, opaque: Opaque = NOTHING) -> tuple[Model, Table]:
+    """A specification compiled, and as facts; MuJoCo's ValueError where it refuses it."""
+    book = Writer()
+    said = words(spec)
+    model = spec.compile()
+    told = read_model(model, book, opaque.subjects)
+    return model, _known(Table({**book.facts, **said}), opaque, told)
+
+
+def _known(table: Table, opaque: Opaque, told: frozenset[tuple[str, str]]) -> Table:
+    """Without the words that the vocabulary says too, and what opaque words say instead.
+
+    told: subjects that the vocabulary tells whole.
+    """
+    roles = {k.name: v for k, v in table.facts.items() if (k.kind, k.quantity) == ("shape", "role")}
+    owned = {(key.kind, key.name, key.quantity) for key in opaque.words}
+
+    def holds(key: Key) -> bool:
+        subject = (key.kind, key.name)
+        if not key.is_foreign:
+            return subject not in opaque.subjects and key not in opaque.touched
+        if subject in opaque.subjects or tuple(key) in owned:
+            return True
+        if key.kind not in NEVER_ALONE and subject not in told:
+            return True
+        return not is_covered(key, str(roles.get(key.name, "")))
+
+    return table.only(holds)
+
+
 class MjcfReader(Reader):
     """Reads the compiled model, and by MuJoCo's parser all attributes beyond the vocabulary."""
 
@@ -63,50 +96,26 @@ class MjcfReader(Reader):
 
     def read(self, path: Path) -> Table:
         """Of any MJCF; UsageError where MuJoCo refuses it."""
-        return self._read(path, Opaque(frozenset(), {}, frozenset()))
+        return self._read(path, NOTHING)
 
     def _read(self, path: Path, opaque: Opaque) -> Table:
         import mujoco
 
-        book = Writer()
         with caught_warnings():
             try:
                 spec = mujoco.MjSpec.from_file(str(path))
-                said = words(spec)
-                model = spec.compile()
+                model, table = read_spec(spec, opaque)
             except ValueError as error:
                 text = " ".join(str(error).replace(f"{path.parent}/", "").split())
                 raise UsageError(f"MuJoCo refuses it: {text}") from None
-        told = read_model(model, book, opaque.subjects)
+        book = Writer()
         _normals(model, spec, path.parent, book)
-        return self._known(Table({**book.facts, **said}), opaque, told)
+        return table | book.table()
 
     def found(self, path: Path, reference: Reference) -> Table:
         """What only MJCF can say is compared word by word."""
         opaque = opaque_of(reference.control.mjcf_only, reference)
         return self._read(path, opaque).only(self.holds)
-
-    def _known(self, table: Table, opaque: Opaque, told: frozenset[tuple[str, str]]) -> Table:
-        """Without the words that the vocabulary says too, and what opaque words say instead.
-
-        told: subjects that the vocabulary tells whole.
-        """
-        roles = {
-            k.name: v for k, v in table.facts.items() if (k.kind, k.quantity) == ("shape", "role")
-        }
-        owned = {(key.kind, key.name, key.quantity) for key in opaque.words}
-
-        def holds(key: Key) -> bool:
-            subject = (key.kind, key.name)
-            if not key.is_foreign:
-                return subject not in opaque.subjects and key not in opaque.touched
-            if subject in opaque.subjects or tuple(key) in owned:
-                return True
-            if key.kind not in NEVER_ALONE and subject not in told:
-                return True
-            return not is_covered(key, str(roles.get(key.name, "")))
-
-        return table.only(holds)
 
     def complete(self, table: Table, reference: Reference) -> Table:
         """With the words that MJCF alone has: of the source, and those of Menagerie's style."""
@@ -135,7 +144,7 @@ class MjcfReader(Reader):
         return Table({**facts, **opaque.words}).only(self.holds)
 
 
-def _normals(model: Model, spec: Any, folder: Path, book: Writer) -> None:  # Any: as `words`
+def _normals(model: Model, spec: Spec, folder: Path, book: Writer) -> None:
     """Words for the normals at the corners of meshes whose files state any."""
     stated = set()
     for mesh in spec.meshes:
