@@ -110,7 +110,8 @@ def _path(element: str) -> dict[Key, Value]:
 
     tendon, found = fromstring(element), []
     for part in tendon:
-        numbers = [str(float(part.get(name))) for name in ("coef", "divisor") if part.get(name)]
+        said = (part.get(name) for name in ("coef", "divisor"))
+        numbers = [str(float(text)) for text in said if text]
         names = [part.get(part.tag), part.get("sidesite")]
         found.append(" ".join([part.tag, *filter(None, names), *numbers]))
     return {Key("tendon", str(tendon.get("name")), "mjcf:path"): tuple(found)}
