@@ -117,8 +117,10 @@ class Reader(Check):
 
     @classmethod
     def holds(cls, key: Key) -> bool:
-        """Whether the format can say this."""
-        return key.kind not in cls.lacks and f"{key.kind} {key.quantity}" not in cls.lacks
+        """Whether the format can say this; a word of its own it can."""
+        return key.is_foreign or (
+            key.kind not in cls.lacks and f"{key.kind} {key.quantity}" not in cls.lacks
+        )
 
     def prove(self, reference: Reference, path: Path) -> Proof:
         """Compares a file with the robot."""

@@ -1,0 +1,189 @@
+"""One thing changed in an MJCF, and its reader names subject, quantity and both values."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from gripper import gripper
+from hypothesis import given, settings
+from tiny import (
+    TinyRobot,
+    check_inputs,
+    examples,
+    pendulum,
+    robots,
+    run_step,
+    tiny_quadruped,
+    with_mimic,
+)
+
+from assetbuild.facts.reader import Reader
+from assetbuild.facts.readers.bare import BareFacts
+from assetbuild.facts.readers.mjcf import MjcfFacts
+from assetbuild.facts.readers.mjx import MjxFacts
+from assetbuild.facts.readers.scene import SceneFacts
+from assetbuild.findings import Finding
+from assetbuild.robot.model import Body, Limits
+from assetbuild.targets.mjcf import Mjcf
+from assetbuild.targets.mjlab import Mjlab
+from assetbuild.targets.mjx import Mjx
+
+FORMS: dict[str, tuple[type[Reader], type, str, str]] = {
+    "mjcf": (MjcfFacts, Mjcf, "mjcf", "robot.xml"),
+    "mjx": (MjxFacts, Mjx, "mjx", "robot_mjx.xml"),
+    "bare": (BareFacts, Mjlab, "mjlab", "mjcf/robot_bare.xml"),
+    "scene": (SceneFacts, Mjcf, "mjcf", "scene.xml"),
+}
+"""Reader, target, folder and file of each form."""
+
+
+def check(
+    robot: TinyRobot, folder: Path, spoil: Callable[[str], str] = str, form: str = "mjcf"
+) -> list[Finding]:
+    reader, target, name, file = FORMS[form]
+    inputs = check_inputs(folder, robot, target(robot="robot"), name)
+    path = inputs / name / file
+    path.write_text(spoil(path.read_text()))
+    return run_step(reader(robot="robot"), inputs, folder / "out")
+
+
+def replaced(pattern: str, new: str) -> Callable[[str], str]:
+    def spoil(text: str) -> str:
+        changed, count = re.subn(pattern, new, text, count=1)
+        assert count == 1, f"{pattern} is not in the file"
+        return changed
+
+    return spoil
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("robot", [tiny_quadruped, pendulum, gripper])
+def test_untouched_files_are_the_robot(
+    robot: Callable[[], TinyRobot], form: str, tmp_path: Path
+) -> None:
+    assert check(robot(), tmp_path, form=form) == []
+    figures = json.loads((tmp_path / "out/figures.json").read_text())
+    assert figures["facts"] > 30
+    assert figures["differ"] == figures["unread"] == 0
+
+
+@settings(max_examples=examples(40), deadline=None)
+@given(robots())
+def test_every_random_tree_is_equal(robot: TinyRobot) -> None:
+    with TemporaryDirectory() as folder:
+        assert check(robot, Path(folder)) == []
+
+
+def test_a_world_and_a_mimic_are_equal(tmp_path: Path) -> None:
+    robot = pendulum()
+    world = replace(
+        robot.tree,
+        bodies=(Body("world"), robot.tree.bodies[1]),
+        joints=(replace(robot.tree.joints[0], parent="world"),),
+    )
+    assert check(replace(robot, tree=world), tmp_path / "b") == []
+    mimic = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", -1.0, 0.0)
+    assert check(mimic, tmp_path / "c") == []
+
+
+def test_a_locked_joint_is_held_where_its_limits_meet(tmp_path: Path) -> None:
+    robot = pendulum()
+    joint = replace(robot.tree.joints[0], limits=Limits(0.0, 0.0, 5.0, 1.0))
+    locked = replace(robot, tree=replace(robot.tree, joints=(joint,)))
+    assert check(locked, tmp_path / "a") == []
+    found = check(locked, tmp_path / "b", replaced('polycoef="0 0', 'polycoef="0.1 0'))
+    assert [f.rule for f in found] == ["equal.mjcf.lower", "equal.mjcf.upper"]
+
+
+HIP, CALF = "joint FR_hip_joint", "joint FR_calf_joint"
+PLANTED = [
+    ("mass", "body FR_hip", r'mass="0.5"', 'mass="0.500000001"'),
+    ("centre_of_mass", "body FR_hip", r'pos="0 -0.005 0"', 'pos="0 -0.00500000001 0"'),
+    ("inertia", "body FR_hip", r'diaginertia="0.0003 0.0003 0.0003"',
+     'diaginertia="0.0003 0.0003 0.00030000001"'),
+    ("pose", "body FR_hip", r'pos="0.18 -0.05 0"', 'pos="0.18 -0.05000001 0"'),
+    ("axis", HIP, r'axis="1 0 0"', 'axis="1 0.00001 0"'),
+    ("upper", HIP, r'range="-0.86 0.86"', 'range="-0.86 0.87"'),
+    ("armature", CALF, r'armature="0.02"', 'armature="0.02001"'),
+    ("damping", HIP, r'damping="0.1"', 'damping="0.2"'),
+    ("friction", HIP, r'frictionloss="0.2"', 'frictionloss="0.3"'),
+    ("effort_range", CALF, r'forcerange="-36 36"', 'forcerange="-35 36"'),
+    ("kp", HIP, r'kp="100"', 'kp="90"'),
+    ("kd", HIP, r'kv="3"', 'kv="2"'),
+    ("gear", HIP, r'<position name="FR_hip" ', r'\g<0>gear="2" '),
+    ("pose", "frame FR_foot", r'"FR_foot" pos="0 0 -0.2"', '"FR_foot" pos="0 0 -0.21"'),
+    ("missing", "frame imu", r'<site name="imu"[^>]*/>', ""),
+    ("size", "shape FR_foot_collision", r'type="sphere" size="0.02"', 'size="0.03"'),
+    ("role", "shape trunk_visual", r'class="visual" mesh', 'class="collision" type="mesh" mesh'),
+    ("friction", "shape trunk_collision", r'friction="0.8 ', 'friction="0.7 '),
+    ("target", "keyframe home/RL_calf_joint", r' 0 0.8 -1.6"/>', ' 0 0.8 -1.7"/>'),
+    ("timestep", "simulation", r'timestep="0.005"', 'timestep="0.004"'),
+    ("filtered", "pair RL_thigh trunk", r"</mujoco>",
+     '<contact><exclude body1="RL_thigh" body2="trunk"/></contact></mujoco>'),
+    ("anchor", HIP, r'<joint name="FR_hip_joint"', r'\g<0> pos="0 0 0.001"'),
+    # Words that MJCF alone has, of which no vocabulary knows.
+    ("solmix", "shape trunk_collision", r'<geom name="trunk_collision"', r'\g<0> solmix="3"'),
+    ("wind", "simulation", r"<option ", r'\g<0>wind="1 0 0" '),
+    ("gravcomp", "body FR_hip", r'<body name="FR_hip"', r'\g<0> gravcomp="1"'),
+    ("body", "light #0", r"(<freejoint[^>]*/>)", r"\1<light/>"),
+    ("type", "equality #0", r"</mujoco>",
+     '<equality><weld body1="FR_hip" body2="FL_hip"/></equality></mujoco>'),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("rule", "subject", "pattern", "new"), PLANTED)
+def test_a_planted_change_is_found(
+    tmp_path: Path, rule: str, subject: str, pattern: str, new: str
+) -> None:
+    found = check(tiny_quadruped(), tmp_path, replaced(pattern, new))
+    named = {(f.rule, s) for f in found for s in (f.subject, *f.data.get("subjects", ()))}
+    assert (f"equal.mjcf.{rule}", subject) in named
+    assert {f.severity for f in found} == {"error"}
+
+
+@pytest.mark.parametrize(
+    ("form", "rule", "subject", "pattern", "new"),
+    [
+        ("mjcf", "mean_corner", "shape skin", r'pos="0.01 0.02 0.03"', 'pos="0.04 0.02 0.03"'),
+        ("mjcf", "mimic_multiplier", "joint b_joint", r'polycoef="0.25 -1.5', 'polycoef="0.25 1.5'),
+        ("mjx", "armature", "joint lift", r'armature="0.3"', 'armature="0.5"'),
+        ("mjx", "iterations", "simulation", r' iterations="4"', ' iterations="40"'),
+        ("bare", "mass", "body base", r' mass="1"', ' mass="3"'),
+        ("bare", "axis", "joint lift", r'axis="0 0 -1"', 'axis="0 0 1"'),
+        ("scene", "friction", "floor", r' friction="[^"]*"', ' friction="3 0 0"'),
+        ("scene", "pos", "light #0", r'<light pos="0 0 2.5"', '<light pos="0 0 1"'),
+        ("scene", "timestep", "simulation", r"<statistic", '<option timestep="0.1"/><statistic'),
+    ],
+)  # fmt: skip
+def test_a_planted_change_of_a_gripper_is_found_in_every_form(
+    form: str, rule: str, subject: str, pattern: str, new: str, tmp_path: Path
+) -> None:
+    found = check(gripper(), tmp_path, replaced(pattern, new), form)
+    named = {(f.rule, s) for f in found for s in (f.subject, *f.data.get("subjects", ()))}
+    assert (f"equal.{form}.{rule}", subject) in named
+
+
+def test_a_finding_carries_both_values(tmp_path: Path) -> None:
+    found = check(pendulum(), tmp_path, lambda text: text.replace('mass="1"', 'mass="1.5"'))
+    mass = next(f for f in found if f.rule == "equal.mjcf.mass")
+    assert mass.data == {"expected": 1.0, "found": 1.5}
+    assert "1.5 kg in the MJCF, 1 kg in the robot" in mass.message
+
+
+def test_a_body_under_another_name_is_missing_and_one_too_many(tmp_path: Path) -> None:
+    found = check(pendulum(), tmp_path, lambda text: text.replace('name="arm"', 'name="arms"'))
+    assert {("equal.mjcf.missing", "body arm"), ("equal.mjcf.extra", "body arms")} <= {
+        (f.rule, f.subject) for f in found
+    }
+
+
+def test_an_attribute_that_mujoco_does_not_know_is_reported(tmp_path: Path) -> None:
+    (found,) = check(pendulum(), tmp_path, replaced(r"<option ", r"\g<0>wings='2' "))
+    assert found.rule == "equal.unreadable"
+    assert "wings" in found.message
