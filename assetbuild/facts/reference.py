@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -279,8 +279,12 @@ def surface_facts(contact: Contact) -> dict[str, Value]:
     }
 
 
-def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tuple[str, str]]:
+def filtered_pairs(
+    tree: Tree, shapes: Shapes, control: Control, between: Collection[str] = ()
+) -> Iterator[tuple[str, str]]:
     """Pairs of bodies (sorted) that both may touch something, and never each other.
+
+    between: links that are no bodies of the format, as the massless ones of a row of joints.
 
     Excluded by the recipe; one rigid piece; parent and child, unless the parent is part of the
     world: MuJoCo's rules, which every format must follow. Or masks that never meet.
@@ -290,7 +294,7 @@ def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tup
     for shape in shapes.of("collision"):
         body = tree.placement(shape.link)[0]
         solid.setdefault(body, []).append(own.get(shape.name, control.contact))
-    piece, above = _rigid_pieces(tree)
+    piece, above = _rigid_pieces(tree, between)
     excluded = {frozenset(pair) for pair in control.excludes}
     parents = not any("filterparent" in item.element for item in control.mjcf_only)
     for first, second in itertools.combinations(sorted(solid), 2):
@@ -305,18 +309,22 @@ def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tup
             yield first, second
 
 
-def _rigid_pieces(tree: Tree) -> tuple[dict[str, str], dict[str, str]]:
+def _rigid_pieces(
+    tree: Tree, between: Collection[str] = ()
+) -> tuple[dict[str, str], dict[str, str]]:
     """(body -> its piece, piece -> the piece above): bodies that fixed joints hold together.
 
     A piece is named by its topmost body, that of the world "".
     """
-    piece, above = {tree.root: "" if tree.base == "fixed" else tree.root}, {}
+    piece = {tree.root: "" if tree.base == "fixed" else tree.root}
+    above: dict[str, str] = {}
     for joint in tree.joints:  # parents first
         if joint.kind == "fixed":
             piece[joint.child] = piece[joint.parent]
         else:
             piece[joint.child] = joint.child
-            above[joint.child] = piece[joint.parent]
+            over = piece[joint.parent]
+            above[joint.child] = above[over] if over in between else over
     return piece, above
 
 
