@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from assetbuild.facts.mjcf_opaque import attributes_of, mjcf_names, source_commands
-from assetbuild.facts.reference import Reference, filtered_pairs, pose_value, robot_table
+from assetbuild.facts.reference import Reference, pose_value, robot_table
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.robot.chains import axis_in_body, find_chains
 from assetbuild.robot.model import Actuator, Joint, Tree
@@ -48,8 +48,6 @@ def _structure(reference: Reference, facts: dict[Key, Value]) -> dict[Key, Value
     made: dict[Key, Value] = {}
     chains = find_chains(tree, {shape.link for shape in reference.shapes.shapes})
     hidden = {link for chain in chains for link in chain.between}
-    for pair in filtered_pairs(tree, reference.shapes, reference.control, hidden):
-        made[Key("pair", " ".join(pair), "filtered")] = True
     carried = {j.name for j in tree.joints if j.kind not in ("revolute", "continuous", "prismatic")}
     for key in [k for k in facts if k.kind == "body" and k.name in hidden]:
         del facts[key]

@@ -12,6 +12,7 @@ from typing import Any
 from assetbuild.errors import UsageError
 from assetbuild.facts.surface import Surface
 from assetbuild.facts.table import Table, Value, Writer
+from assetbuild.robot.chains import find_chains
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import (
@@ -279,12 +280,8 @@ def surface_facts(contact: Contact) -> dict[str, Value]:
     }
 
 
-def filtered_pairs(
-    tree: Tree, shapes: Shapes, control: Control, between: Collection[str] = ()
-) -> Iterator[tuple[str, str]]:
+def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tuple[str, str]]:
     """Pairs of bodies (sorted) that both may touch something, and never each other.
-
-    between: links that are no bodies of the format, as the massless ones of a row of joints.
 
     Excluded by the recipe; one rigid piece; parent and child, unless the parent is part of the
     world: MuJoCo's rules, which every format must follow. Or masks that never meet.
@@ -294,7 +291,8 @@ def filtered_pairs(
     for shape in shapes.of("collision"):
         body = tree.placement(shape.link)[0]
         solid.setdefault(body, []).append(own.get(shape.name, control.contact))
-    piece, above = _rigid_pieces(tree, between)
+    chains = find_chains(tree, {shape.link for shape in shapes.shapes})
+    piece, above = _rigid_pieces(tree, {link for chain in chains for link in chain.between})
     excluded = {frozenset(pair) for pair in control.excludes}
     parents = not any("filterparent" in item.element for item in control.mjcf_only)
     for first, second in itertools.combinations(sorted(solid), 2):
@@ -310,11 +308,12 @@ def filtered_pairs(
 
 
 def _rigid_pieces(
-    tree: Tree, between: Collection[str] = ()
+    tree: Tree, between: Collection[str]
 ) -> tuple[dict[str, str], dict[str, str]]:
     """(body -> its piece, piece -> the piece above): bodies that fixed joints hold together.
 
-    A piece is named by its topmost body, that of the world "".
+    A piece is named by its topmost body, that of the world "". between: massless links in a row
+    of joints, which are one joint to the bodies at its ends.
     """
     piece = {tree.root: "" if tree.base == "fixed" else tree.root}
     above: dict[str, str] = {}
