@@ -1,9 +1,4 @@
-"""Loaded into real PhysX, is it still the robot? And does it keep its numbers for five seconds?
-
-Tolerance. A number passes three float32 (in the USD, in PhysX, at its interface) and two changes
-of unit, each within 6e-8 of its size: 4e-7. Tensors pass a float32 quaternion: 2e-6, and so does
-where a fixed root stands. What PhysX does not hold is compared in the USD.
-"""
+"""Loaded into real PhysX, is it still the robot? And does it keep its numbers for five seconds?"""
 
 from __future__ import annotations
 
@@ -16,30 +11,21 @@ import numpy as np
 
 from assetbuild.engine.step import Files, Limits
 from assetbuild.errors import StepError
-from assetbuild.facts.compare import Precision, differences, equality_findings
-from assetbuild.facts.reference import inertial_facts, pose_value
-from assetbuild.facts.table import Table, Value, Writer
+from assetbuild.facts.compare import differences, equality_findings
+from assetbuild.facts.held import PHYSX, physx_expected, physx_table
+from assetbuild.facts.reader import Reader
+from assetbuild.facts.reference import Reference
+from assetbuild.facts.table import Table, Value
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.model import Actuator, Control, Joint, Tree
-from assetbuild.robot.shapes import Shapes
-from assetbuild.simulators import mujoco, mujoco_trials, physx
+from assetbuild.robot.model import Control, Tree
+from assetbuild.simulators import mujoco, mujoco_trials, physx, physx_couplings
 from assetbuild.simulators.physx_causes import cause_of, overlap_hint
 
-PRECISION = Precision(
-    {"number": 4e-7, "vector": 4e-7, "direction": 2e-6, "pose": 2e-6, "tensor": 2e-6},
-    {("body", "centre of mass"): 1e-6},
-)
-SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-"""xx, yy, zz, xy, xz, yz of a matrix."""
 NO_CAUSE = (
     "no bodies lie in one another where it starts: a tiny inertia? a start outside of limits?"
 )
-FULL_TURN = 2.0 * math.pi
-ROUNDED_UP = math.radians(1e-3)
-"""PhysX holds 6.28319, which many write for 2π; `usd.limit_clamped` starts beyond."""
 
 START = Rule(
     "physx.start",
@@ -53,10 +39,10 @@ DRIFT = Rule("physx.drift", "error", "a fixed base moved", "report it: this is a
 class PhysxReadback(Check):
     """`usd/<robot>.usda` in PhysX: bodies, joints, gains, limits; then 5 s on a floor."""
 
-    version: ClassVar[str] = "5"
+    version: ClassVar[str] = "6"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     also: ClassVar[tuple[str, ...]] = ("mjcf",)
-    reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json")
+    reads: ClassVar[tuple[str, ...]] = Reader.reads
     requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
     tools: ClassVar[tuple[str, ...]] = (*physx.TOOLS, "mujoco")
     isolated: ClassVar[bool] = True
@@ -64,19 +50,25 @@ class PhysxReadback(Check):
     limits: ClassVar[Limits] = Limits(wall_s=600.0, memory_mb=16384)
 
     engines: ClassVar[tuple[str, ...]] = ("physx",)
+    told: ClassVar[Mapping[str, str]] = {"drive_type": "usd.drive_type", "mimics": "usd.mimics"}
 
     robot: str
     """Name of the robot: the stem of the main file."""
     seconds: float = 5.0
     """How long it must keep its numbers on the floor."""
+    drive_type: str = "force"
+    """Or `acceleration`."""
+    mimics: bool = True
+    """Whether the USD couples the joints that mimic others."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Figures: what PhysX holds, joint by joint, beside the robot's."""
-        robot = RobotFiles(files.inputs)
-        tree, shapes, control = robot.tree, robot.shapes, robot.control
+        robot = Reference.of_ports(files.inputs, {})
+        tree, control = robot.tree, robot.control
         main = files.inputs / f"usd/{self.robot}.usda"
         experiments = _experiments(tree, control, self.seconds)
-        outcomes = physx.perform(main, experiments)
+        coupled = physx_couplings.experiments(tree, control) if self.mimics else ()
+        outcomes = physx.perform(main, (*experiments, *coupled))
         held = outcomes["load"].held
         if held is None:
             write_figures(files, {"loaded": False})
@@ -84,6 +76,7 @@ class PhysxReadback(Check):
                 "robot", f"PhysX does not load it: {outcomes['load'].failure or 'it holds nothing'}"
             )
             return
+        found = physx_table(held, tree, physx_couplings.measured(tree, outcomes))
         alone, moved = outcomes["alone"], outcomes["floor"]
         write_figures(
             files,
@@ -96,10 +89,11 @@ class PhysxReadback(Check):
                 "mass_kg": _finite(sum(link.mass_kg for link in held.links.values())),
                 "finite_alone": alone.finite,
                 "finite_on_floor": moved.finite,
-                "joints": {name: _shown(joint) for name, joint in held.joints.items()},
+                "joints": {name: _shown(found.of("joint", name)) for name in held.joints},
             },
         )
-        yield from differing(held, tree, shapes, control)
+        expected = physx_expected(robot, drive_type=self.drive_type, mimics=self.mimics)
+        yield from _differing(held, found, expected)
         for experiment, where in zip(
             experiments[1:], ("as the asset starts, without a floor", "on a floor"), strict=True
         ):
@@ -140,85 +134,19 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _shown(joint: physx.HeldJoint) -> dict[str, float | None]:
-    names = ("lower", "upper", "kp", "kd", "effort", "velocity", "armature", "static_friction")
-    values = {name: getattr(joint, name) for name in names}
-    return {name: None if v is None else _finite(v) for name, v in values.items()}
+def _shown(joint: Mapping[str, Value]) -> dict[str, float | None]:
+    """The numbers of a joint."""
+    numbers = {name: value for name, value in joint.items() if isinstance(value, float | None)}
+    return {name: None if v is None else _finite(v) for name, v in numbers.items()}
 
 
-# --- what it holds -------------------------------------------------------------------------
-
-
-def held_table(held: physx.Held) -> Table:
-    """What PhysX holds, as facts."""
-    book = Writer()
-    book.put("robot", "", {
-        "base": "fixed" if held.fixed_base else "floating",
-        "physx:dof": float(held.dof),
-        "physx:shapes": float(held.shapes),
-    })  # fmt: skip
-    if held.fixed_base and held.X_world_root is not None:
-        book.put("robot", "", {"base pose": pose_value(held.X_world_root)})
-    for name, link in held.links.items():
-        book.put("body", name, {
-            "physx:held": True,
-            "mass": link.mass_kg,
-            "centre of mass": tuple(map(float, link.com_m)),
-            "inertia": tuple(float(link.inertia[i, j]) for i, j in SIX),
-        })  # fmt: skip
-    for name, joint in held.joints.items():
-        driven = joint.drive != 0.0
-        book.put("joint", name, {
-            "physx:held": True,
-            "lower": joint.lower,
-            "upper": joint.upper,
-            "kp": joint.kp,
-            "kd": joint.kd,
-            # Where there is no drive there is no effort to limit.
-            "effort": joint.effort if driven else None,
-            "velocity": joint.velocity,
-            "armature": joint.armature,
-            "friction": joint.static_friction,
-            "damping": joint.viscous_friction,
-            "physx:dynamic friction": joint.dynamic_friction,
-            "physx:drive": joint.drive,
-        })  # fmt: skip
-    return book.table()
-
-
-def expected_table(tree: Tree, shapes: Shapes, control: Control) -> Table:
-    """What PhysX must hold. `usd.mass_missing` says what it does with a body without mass."""
-    book = Writer()
-    book.put("robot", "", {
-        "base": tree.base,
-        "physx:dof": float(len(tree.moving_joints)),
-        "physx:shapes": float(len(shapes.of("collision"))),
-    })  # fmt: skip
-    if tree.base == "fixed":
-        book.put("robot", "", {"base pose": pose_value(tree.X_world_root)})
-    for body in tree.bodies:
-        facts = {} if body.is_massless else inertial_facts(body.inertial)
-        book.put("body", body.name, {"physx:held": True, **facts})
-    for joint in tree.moving_joints:
-        book.put("joint", joint.name, expected_joint(joint, control.by_joint.get(joint.name)))
-    return book.table()
-
-
-def differing(held: physx.Held, tree: Tree, shapes: Shapes, control: Control) -> Iterator[Finding]:
+def _differing(held: physx.Held, found: Table, expected: Table) -> Iterator[Finding]:
     """Everything that PhysX holds against the robot."""
     if held.articulations != 1:
         yield physx.ARTICULATION("robot", f"PhysX holds {held.articulations} articulations")
     for name in held.loose:
         yield physx.LOOSE_BODY(f"link {name}", "PhysX holds it outside of the articulation")
-    massless = {body.name for body in tree.bodies if body.is_massless}
-    found = held_table(held).only(
-        lambda key: key.kind != "body" or key.name not in massless or key.is_foreign
-    )
-    known = {(key.kind, key.name) for key in found.facts}
-    expected = expected_table(tree, shapes, control).only(
-        lambda key: (key.kind, key.name) in known or key.quantity == "physx:held"
-    )
-    yield from equality_findings(differences(expected, found, PRECISION), "physx", "PhysX", {})
+    yield from equality_findings(differences(expected, found, PHYSX), "physx", "PhysX", {})
     for name, joint in held.joints.items():
         low = -math.inf if joint.lower is None else joint.lower
         high = math.inf if joint.upper is None else joint.upper
@@ -228,39 +156,6 @@ def differing(held: physx.Held, tree: Tree, shapes: Shapes, control: Control) ->
                 f"starts at {joint.position:.5g} in PhysX, outside of {low:.5g}..{high:.5g}",
                 data={"position": joint.position},
             )
-
-
-def _within_a_turn(limit: float | None) -> float | None:
-    """rad; a limit of 2π that was rounded up stays as it is."""
-    if limit is None or abs(limit) <= FULL_TURN + ROUNDED_UP:
-        return limit
-    return math.copysign(FULL_TURN, limit)
-
-
-def expected_joint(joint: Joint, actuator: Actuator | None) -> dict[str, Value]:
-    """What PhysX must hold of a moving joint."""
-    lower, upper = joint.limits.lower, joint.limits.upper
-    if joint.kind == "continuous":
-        lower = upper = None
-    elif joint.kind == "revolute":  # PhysX clamps there; `usd.limit_clamped` says so
-        lower, upper = _within_a_turn(lower), _within_a_turn(upper)
-    inside = actuator is not None and actuator.model in ("pd", "velocity")
-    driven = actuator is not None and actuator.model != "passive"
-    friction = actuator.friction if actuator else joint.friction or 0.0
-    return {
-        "physx:held": True,
-        "lower": lower,
-        "upper": upper,
-        "kp": actuator.kp if actuator and actuator.model == "pd" else 0.0,
-        "kd": actuator.kd if actuator and inside else 0.0,
-        "effort": actuator.effort if actuator and driven else None,
-        "velocity": actuator.velocity if actuator else joint.limits.velocity,
-        "armature": actuator.armature if actuator else 0.0,
-        "friction": friction,
-        "damping": actuator.damping if actuator else joint.damping or 0.0,
-        "physx:dynamic friction": friction,
-        "physx:drive": 1.0 if driven else 0.0,
-    }
 
 
 def _not_finite(

@@ -232,14 +232,14 @@ def equality_findings(
     """
     for same in group(found):
         first, keys = same.one, same.keys
-        slug = first.key.quantity.rsplit(":", 1)[-1] if first.what == "value" else first.what
+        quantity = first.key.quantity.rsplit(":", 1)[-1] if first.what == "value" else first.what
         data: dict[str, Scalar | tuple[Scalar, ...]] = {
             "expected": _data(first.before),
             "found": _data(first.after),
         }
         if len(keys) > 1:
             data["subjects"] = tuple(key.subject for key in keys)
-        yield EQUAL.named(f"{form}.{_slug(slug)}")(
+        yield EQUAL.named(f"{form}.{slug(quantity)}")(
             keys[0].subject,
             f"{_sentence(first, subject, model)}{_others(keys)}",
             data=data
@@ -269,7 +269,8 @@ def _others(keys: Sequence[Key]) -> str:
     return f"; so for {names}" + (f" and {rest} more" if rest > 0 else "")
 
 
-def _slug(text: str) -> str:
+def slug(text: str) -> str:
+    """A quantity's name in a rule."""
     return "_".join(text.lower().replace("-", "_").split())
 
 
@@ -281,10 +282,11 @@ def shown(value: Value, unit: str = "", digits: int = 6) -> str:
         return "yes" if value else "no"
     if isinstance(value, str):
         return f"`{value}`" if value else "none"
+    unit = "" if " or " in unit or "," in unit else unit
     if isinstance(value, tuple):
         text = " ".join(f"{v:.{digits}g}" if isinstance(v, float) else str(v) for v in value)
         return f"({text})" + (f" {unit}" if unit else "")
-    return f"{value:.{digits}g}" + (f" {unit}" if unit and " or " not in unit else "")
+    return f"{value:.{digits}g}" + (f" {unit}" if unit else "")
 
 
 def _data(value: Value) -> Scalar | tuple[Scalar, ...]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
+from assetbuild.facts.held import NEWTON_LACKS, PHYSX_LACKS, holds
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.table import Key
 from assetbuild.facts.vocabulary import VOCABULARY, Quantity
@@ -17,7 +18,8 @@ two tables is what `build` reports as `equal.<format>.<quantity>`, and what `val
 report. The tables below list every quantity, and for each format `=` where it is compared, or the
 number of the reason why the format cannot hold it. What a format says beyond these quantities is
 compared as a word of its own (`mjcf:solmix`, `usd:kind`), and what a reader does not know is an
-error (`equal.unread`).
+error (`equal.unread`). `physx` and `newton` are what these simulators hold once they have loaded
+the files.
 
 Tolerances are relative: 1e-9, and 2e-7 where a format keeps float32.
 """
@@ -25,30 +27,31 @@ Tolerances are relative: 1e-9, and 2e-7 where a format keeps float32.
 
 def fact_page() -> str:
     """One table for each kind of subject, and the reasons."""
-    readers = {name: load_plugin(Reader, name) for name in plugin_names(Reader)}
+    formats = {name: load_plugin(Reader, name).lacks for name in plugin_names(Reader)}
+    formats |= {"physx": PHYSX_LACKS, "newton": NEWTON_LACKS}
     reasons: dict[str, int] = {}
     kinds = dict.fromkeys(kind for kind, _ in VOCABULARY)
     parts = [INTRODUCTION]
     for kind in kinds:
         rows = [q for q in VOCABULARY.values() if q.kind == kind]
-        parts.append(f"## {kind}\n\n" + "".join(_table(rows, readers, reasons)))
+        parts.append(f"## {kind}\n\n" + "".join(_table(rows, formats, reasons)))
     listed = "".join(f"{number}. {reason}\n" for reason, number in reasons.items())
     return "\n".join(parts) + f"\n## Why a format cannot hold a quantity\n\n{listed}"
 
 
 def _table(
-    rows: list[Quantity], readers: dict[str, type[Reader]], reasons: dict[str, int]
+    rows: list[Quantity], formats: dict[str, Mapping[str, str]], reasons: dict[str, int]
 ) -> Iterator[str]:
-    yield f"| quantity | unit | rank | {' | '.join(readers)} | meaning |\n"
-    yield f"|{' --- |' * (len(readers) + 4)}\n"
+    yield f"| quantity | unit | rank | {' | '.join(formats)} | meaning |\n"
+    yield f"|{' --- |' * (len(formats) + 4)}\n"
     for row in rows:
-        cells = [_cell(row, reader, reasons) for reader in readers.values()]
+        cells = [_cell(row, lacks, reasons) for lacks in formats.values()]
         known = f"| {row.name} | {row.unit} | {row.rank.lower()} |"
         yield f"{known} {' | '.join(cells)} | {row.about} |\n"
 
 
-def _cell(row: Quantity, reader: type[Reader], reasons: dict[str, int]) -> str:
-    if reader.holds(Key(row.kind, "", row.name)):
+def _cell(row: Quantity, lacks: Mapping[str, str], reasons: dict[str, int]) -> str:
+    if holds(lacks, Key(row.kind, "", row.name)):
         return "="
-    reason = reader.lacks.get(f"{row.kind} {row.name}") or reader.lacks.get(row.kind, "")
+    reason = lacks.get(f"{row.kind} {row.name}") or lacks.get(row.kind, "")
     return str(reasons.setdefault(reason, len(reasons) + 1))

@@ -56,30 +56,47 @@ def loaded(kind: str, file: str) -> Any:
 
 
 def readings(model: Any, held: Any) -> dict[str, Any]:
-    """Bodies and joints by their own names, SI; None = unlimited.
+    """Facts of bodies and joints by their own names, SI; None = unlimited, or none.
 
-    Read from the solver's model: MJCF drives live in attributes of Newton that only it sees.
+    Joints are those of the solver's model: MJCF drives live in attributes of Newton that only it
+    sees.
     """
     names = {"_".join(label.split("/")): label.rsplit("/", 1)[-1] for label in model.joint_label}
     names |= {name.lstrip("_"): short for name, short in names.items()}
-    drives = {int(held.actuator_trnid[i, 0]): i for i in range(held.nu)}
-    joints = {}
-    for index in range(held.njnt):
+
+    def named(index: int) -> str:
         name = held.joint(index).name
-        if int(held.jnt_type[index]) not in (2, 3):  # slide, hinge
-            continue
-        joints[names.get(name, name)] = joint(held, index, drives.get(index))
-    return {
-        "masses": {
-            label.rsplit("/", 1)[-1]: float(mass)
-            for label, mass in zip(model.body_label, model.body_mass.numpy(), strict=True)
-        },
-        "dof": int(held.nv),
-        "joints": joints,
-    }
+        return str(names.get(name, name))
+
+    turning = [i for i in range(held.njnt) if int(held.jnt_type[i]) in (2, 3)]  # slide, hinge
+    drives = {int(held.actuator_trnid[i, 0]): i for i in range(held.nu)}
+    joints = {named(index): joint(held, index, drives.get(index)) for index in turning}
+    for index in range(held.neq):
+        if int(held.eq_type[index]) == 2 and int(held.eq_obj2id[index]) >= 0:  # mjEQ_JOINT
+            joints[named(int(held.eq_obj1id[index]))] |= {
+                "mimics": named(int(held.eq_obj2id[index])),
+                "mimic offset": float(held.eq_data[index, 0]),
+                "mimic multiplier": float(held.eq_data[index, 1]),
+            }
+    return {"bodies": bodies(model), "dof": int(held.nv), "joints": joints}
 
 
-def joint(held: Any, index: int, drive: int | None) -> dict[str, float | None]:
+def bodies(model: Any) -> dict[str, dict[str, Any]]:
+    """Mass, centre and tensor (xx, yy, zz, xy, xz, yz) about it, in the body's axes."""
+    found = {}
+    columns = (model.body_mass, model.body_com, model.body_inertia)
+    rows = zip(model.body_label, *(column.numpy() for column in columns), strict=True)
+    for label, mass, centre, tensor in rows:
+        six = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        found[label.rsplit("/", 1)[-1]] = {
+            "mass": float(mass),
+            "centre of mass": [float(v) for v in centre],
+            "inertia": [float(tensor[i][j]) for i, j in six],
+        }
+    return found
+
+
+def joint(held: Any, index: int, drive: int | None) -> dict[str, Any]:
     """One joint of the solver's model."""
     dof = int(held.jnt_dofadr[index])
     efforts = [float(held.jnt_actfrcrange[index, 1])] if held.jnt_actfrclimited[index] else []
@@ -88,6 +105,8 @@ def joint(held: Any, index: int, drive: int | None) -> dict[str, float | None]:
     effort = min(efforts, default=math.inf)
     limited = bool(held.jnt_limited[index]) and abs(held.jnt_range[index]).max() < UNLIMITED
     return {
+        "type": {2: "linear", 3: "rotary"}[int(held.jnt_type[index])],
+        "axis": [float(v) for v in held.jnt_axis[index]],
         "lower": float(held.jnt_range[index, 0]) if limited else None,
         "upper": float(held.jnt_range[index, 1]) if limited else None,
         "kp": -float(held.actuator_biasprm[drive, 1]) if drive is not None else 0.0,

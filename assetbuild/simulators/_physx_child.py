@@ -75,7 +75,8 @@ def _perform(sim: Sim, run: dict[str, Any], numbers: list[str], answers: Path) -
     sim.wait_all()
     paths = ovstage.PathDictionary(stage)
     try:
-        text = json.dumps(_held(sim, paths, numbers))
+        held = _held(sim, paths, numbers)
+        text = json.dumps(held if run["steps"] else held | _places(sim, paths, run["turn"]))
         (answers / f"{run['name']}.json").write_text(text, encoding="utf-8")
         if run["steps"]:
             track = _simulate(sim, paths, run)
@@ -105,6 +106,21 @@ def _held(sim: Sim, paths: Any, joint_numbers: list[str]) -> dict[str, Table]:
         "joints": _read_each(sim, paths, SimObjectType.ARTICULATION_JOINT, joint_numbers),
         "loose": _read_each(sim, paths, SimObjectType.RIGID_BODY, ("mass",)),
     }
+
+
+def _places(sim: Sim, paths: Any, turn: dict[str, float]) -> dict[str, Table]:
+    # Any: as above
+    """Where each link is with every joint at 0, and with every joint at its `turn`."""
+    from ovphysx.types import SimObjectType
+
+    found, here = {}, _joints(sim, paths, "jointPosition")
+    turned = {path: turn.get(path, 0.0) for path in here}
+    for name, positions in (("zero", dict.fromkeys(here, 0.0)), ("turned", turned)):
+        # This moves the links; `update_articulations_kinematic` would let drives and limits pull.
+        _write_joints(sim, paths, "jointPosition", positions)
+        kind = SimObjectType.ARTICULATION_LINK
+        found[name] = _read_each(sim, paths, kind, ("position", "orientation"))
+    return found
 
 
 def _read_each(sim: Sim, paths: Any, kind: Any, attributes: Sequence[str]) -> Table:

@@ -12,7 +12,7 @@ import os
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -31,6 +31,8 @@ REQUIRES: Mapping[str, str] = {"ovphysx": "physx", "physx_usd_schemas": "physx"}
 TOOLS = ("usd-core", "ovphysx", "ovstage", "physx-usd-schemas")
 PRELOAD = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
 """Of a check that opens stages here, as `Step.tools` and `Step.preload`."""
+TURN = 0.5
+"""rad or m; a position of joints at which their axes show."""
 UNLIMITED = 3.0e38
 """PhysX writes the largest float32 where nothing limits."""
 CLEARANCE_M = 1e-3
@@ -74,15 +76,17 @@ FREE_FALL = Rule(
 class HeldLink:
     """One body as PhysX holds it. inertia: (3, 3) about the centre of mass, kg m2.
 
-    com_m: (3,) in the body; shapes: number of collision shapes. The inertia's axes are those of
-    the body. surfaces: (static friction, dynamic friction, restitution) of each shape.
+    com_m: (3,) in the body. The inertia's axes are those of the body. surfaces: (static friction,
+    dynamic friction, restitution) of each collision shape. X_world_zero, X_world_turned: its place
+    with every joint at 0, and at `TURN`; None after a run with steps.
     """
 
     mass_kg: float
     com_m: Array
     inertia: Array
-    shapes: int
     surfaces: tuple[tuple[float, float, float], ...]
+    X_world_zero: Pose | None = None
+    X_world_turned: Pose | None = None
 
 
 def _read(attribute: str, angle: int = 0, *, end: int = 0, limit: bool = False) -> Any:
@@ -101,6 +105,7 @@ class HeldJoint:
     """
 
     position: float = _read("jointPosition", 1)
+    target: float = _read("jointPositionTarget", 1)
     lower: float | None = _read("jointLimit", 1, limit=True)
     upper: float | None = _read("jointLimit", 1, end=1, limit=True)
     kp: float = _read("jointStiffness", -1)
@@ -227,6 +232,7 @@ def _job(experiment: Experiment, names: StageNames, stage: Path) -> dict[str, ob
         "steps": experiment.steps,
         "every": experiment.every,
         "start": {paths[n]: _shown(n, v, names) for n, v in start.items()},
+        "turn": {path: _shown(name, TURN, names) for path, name in names.joints.items()},
         "targets": {"frequency": sine.frequency_hz if sine else 0.0, "joints": drives},
     }
 
@@ -271,9 +277,16 @@ def _held(raw: dict[str, Any], names: StageNames) -> Held:  # Any: JSON of the c
     return Held(
         articulations=len(roots),
         fixed_base=bool(first.get("isFixedBase", [0.0])[0]),
-        X_world_root=_root_pose(first),
+        X_world_root=_pose(first, "rootPosition", "rootOrientation"),
         dof=int(sum(root["dofCount"][0] for root in roots)),
-        links={names.bodies.get(p, p): _link(row) for p, row in raw["links"].items()},
+        links={
+            names.bodies.get(p, p): replace(
+                _link(row),
+                X_world_zero=_pose(raw.get("zero", {}).get(p), "position", "orientation"),
+                X_world_turned=_pose(raw.get("turned", {}).get(p), "position", "orientation"),
+            )
+            for p, row in raw["links"].items()
+        },
         joints={
             names.joints.get(p, p): _joint(row, names.joints.get(p) in names.angular)
             for p, row in raw["joints"].items()
@@ -283,11 +296,11 @@ def _held(raw: dict[str, Any], names: StageNames) -> Held:  # Any: JSON of the c
     )
 
 
-def _root_pose(row: dict[str, list[float]]) -> Pose | None:
-    if not {"rootPosition", "rootOrientation"} <= row.keys():
+def _pose(row: dict[str, list[float]] | None, place: str, turn: str) -> Pose | None:
+    if not row or not {place, turn} <= row.keys():
         return None
-    x, y, z, w = row["rootOrientation"]
-    return Pose(vec3(row["rootPosition"]), normalised_quat((w, x, y, z)))
+    x, y, z, w = row[turn]
+    return Pose(vec3(row[place]), normalised_quat((w, x, y, z)))
 
 
 def _link(row: dict[str, list[float]]) -> HeldLink:
@@ -297,7 +310,6 @@ def _link(row: dict[str, list[float]]) -> HeldLink:
         mass_kg=row["mass"][0],
         com_m=np.array(row["centerOfMassPosition"]),
         inertia=np.array(row["inertia"]).reshape(3, 3),
-        shapes=shapes,
         surfaces=tuple(zip(*(column[:shapes] for column in columns), strict=True)),  # padded
     )
 

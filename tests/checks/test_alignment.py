@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -23,25 +24,29 @@ from tiny import (
 )
 
 from assetbuild.checks.alignment import Alignment
-from assetbuild.checks.alignment.floor import floor_rows
-from assetbuild.checks.alignment.modules import World, mjlab_world, module_rows
-from assetbuild.checks.alignment.pair import stand_row, weight_of
+from assetbuild.checks.alignment.pair import stand_row
 from assetbuild.checks.alignment.row import Row, findings_of
+from assetbuild.checks.alignment.rows import fact_rows, scene_rows
 from assetbuild.checks.alignment.touching import touching_row
+from assetbuild.facts.table import Key, Table, Value
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.report.summary import WITHHELD, public_message
-from assetbuild.robot.model import Body, Inertial, Joint, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.experiments import Motion, Swing
-from assetbuild.simulators.physx import Held, HeldLink
 from assetbuild.targets.isaaclab import IsaacLab
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
 from assetbuild.targets.usd import Usd as UsdTarget
 
 Spoil = Callable[[Usd.Stage], object]
+TARGETS = (
+    (Mjcf(robot="robot"), "mjcf"),
+    (UsdTarget(robot="robot"), "usd"),
+    (Mjlab(robot="robot"), "mjlab"),
+    (IsaacLab(robot="robot"), "isaaclab"),
+)
 needs_physx = pytest.mark.skipif(
     importlib.util.find_spec("ovphysx") is None, reason="needs the extra `physx`"
 )
@@ -49,12 +54,7 @@ needs_physx = pytest.mark.skipif(
 
 def check(robot: TinyRobot, folder: Path, spoil: Spoil | None = None) -> list[Finding]:
     inputs = write_robot_ports(folder / "inputs", robot)
-    for target, name in (
-        (Mjcf(robot="robot"), "mjcf"),
-        (UsdTarget(robot="robot"), "usd"),
-        (Mjlab(robot="robot"), "mjlab"),
-        (IsaacLab(robot="robot"), "isaaclab"),
-    ):
+    for target, name in TARGETS:
         run_step(target, inputs, folder / "built")
         (folder / "built" / name).rename(inputs / name)
     if spoil is not None:
@@ -80,16 +80,16 @@ def test_quadruped_is_the_same_in_both(tmp_path: Path) -> None:
     assert {row["verdict"] for row in rows} == {"ok", "told"}
     ranks = [row["rank"] for row in rows]
     assert ranks == sorted(ranks, key=("CRITICAL", "HIGH", "MEDIUM", "LOW").index)
-    modules = {row["of"] for row in rows if str(row["of"]).startswith("module ")}
-    names = ("robot_mjlab.py", "robot_isaaclab_2.py", "robot_isaaclab_3.py")
-    assert modules == {f"module {name}" for name in names}
+    assert {MJLAB, ISAACLAB} < {row["of"] for row in rows}
+    held = {str(row["row"]) for row in rows if row["of"] == "joint FL_calf_joint"}
+    assert {"axis", "lower", "kp", "kd", "damping", "effort", "armature", "friction"} < held
     landing = next(row for row in rows if row["row"] == "landing_s")
     assert landing["physx"] == pytest.approx(math.sqrt(2 / 9.81), rel=0.01)
 
 
 @needs_physx
 @pytest.mark.slow  # seven experiments in two engines
-def test_gains_in_the_wrong_unit_are_a_critical_row(tmp_path: Path) -> None:
+def test_gains_in_the_wrong_unit_are_a_row(tmp_path: Path) -> None:
     def spoil(stage: Usd.Stage) -> None:
         for prim in stage.Traverse():
             if prim.IsA(UsdPhysics.RevoluteJoint):
@@ -97,8 +97,8 @@ def test_gains_in_the_wrong_unit_are_a_critical_row(tmp_path: Path) -> None:
                 drive.GetDampingAttr().Set(3.0)  # N m s/rad where N m s/deg belong
 
     found = {f.rule: f for f in check(tiny_quadruped(), tmp_path, spoil)}
-    row = found["alignment.physx.kd_plus_damping"]
-    assert (row.severity, row.data["rank"], row.data["rows"]) == ("error", "CRITICAL", 12)
+    row = found["alignment.physx.kd"]
+    assert (row.severity, row.data["rank"], row.data["rows"]) == ("error", "HIGH", 12)
     assert "alignment.physx.sine" in found
     assert public_message(row) == WITHHELD
 
@@ -113,53 +113,82 @@ def test_torque_motors_follow_the_sine_too(tmp_path: Path) -> None:
     assert any(row["row"] == "sine" for row in rows_of(tmp_path))
 
 
-SCENES = World(0.005, (0.0, 0.0, -9.81))
-
-
-def rows_of_modules(folder: Path, old: str = "", new: str = "") -> dict[tuple[str, str], str]:
-    """(module, row) -> verdict, after `old` in the modules became `new`."""
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Scenes and modules of the tiny quadruped."""
+    folder = tmp_path_factory.mktemp("modules")
     inputs = write_robot_ports(folder / "inputs", tiny_quadruped())
-    for target, name in ((Mjlab(robot="r"), "mjlab"), (IsaacLab(robot="r"), "isaaclab")):
+    for target, name in TARGETS:
         run_step(target, inputs, folder / "built")
         (folder / "built" / name).rename(inputs / name)
+    return inputs
+
+
+def verdicts_of(built: Path, folder: Path, old: str = "", new: str = "") -> dict[str, set[str]]:
+    """Subjects by row that are off after `old` in the modules became `new`."""
+    inputs = folder / "in"
+    shutil.copytree(built, inputs)
     for path in (*inputs.glob("mjlab/python/*.py"), *inputs.glob("isaaclab/*.py")):
         path.write_text(path.read_text().replace(old, new) if old else path.read_text())
-    rows = module_rows(inputs, SCENES, SCENES)
-    return {(row.subject.removeprefix("module "), row.name): row.verdict for row in rows}
+    model = mujoco.load(inputs / "mjcf/scene.xml").model
+    rows = list(scene_rows(inputs, "robot", model))
+    assert {row.subject for row in rows} == {"robot", MJLAB, ISAACLAB}
+    off: dict[str, set[str]] = {}
+    for row in rows:
+        if row.verdict != "ok":
+            off.setdefault(row.name, set()).add(row.subject)
+    return off
 
 
-def test_modules_set_the_time_and_gravity_of_the_scenes(tmp_path: Path) -> None:
-    verdicts = rows_of_modules(tmp_path)
-    assert len(verdicts) == 6
-    assert set(verdicts.values()) == {"ok"}
+MJLAB, ISAACLAB = "module for mjlab", "modules for isaaclab"
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "row", "modules"),
+    ("old", "new", "off"),
     [
-        ("DT = 0.005", "DT = 1 / 60", "timestep", {"r_isaaclab_2.py", "r_isaaclab_3.py"}),
-        ("dt=DT, ", "", "timestep", {"r_isaaclab_2.py", "r_isaaclab_3.py"}),
-        ("gravity=GRAVITY", "gravity=(0.0, 0.0, -1.62)", "gravity",
-         {"r_isaaclab_2.py", "r_isaaclab_3.py"}),
-        ("TIMESTEP, DECIMATION = 0.005", "TIMESTEP, DECIMATION = 0.004", "timestep",
-         {"r_mjlab.py"}),
-        ("-9.81", "9.81", "gravity", {"r_mjlab.py", "r_isaaclab_2.py", "r_isaaclab_3.py"}),
+        ("", "", {}),
+        ("DT = 0.005", "DT = 0.004", {"timestep": {ISAACLAB}}),
+        ("TIMESTEP, DECIMATION = 0.005", "TIMESTEP, DECIMATION = 0.004", {"timestep": {MJLAB}}),
+        ("-9.81", "9.81", {"gravity": {MJLAB, ISAACLAB}}),
     ],
-)  # fmt: skip
-def test_a_module_that_says_something_else_is_a_critical_error(
-    old: str, new: str, row: str, modules: set[str], tmp_path: Path
+)
+def test_a_module_s_time_and_gravity_are_those_of_the_other_engine_s_scene(
+    built: Path, tmp_path: Path, old: str, new: str, off: dict[str, set[str]]
 ) -> None:
-    verdicts = rows_of_modules(tmp_path, old, new)
-    assert {key for key, verdict in verdicts.items() if verdict == "error"} == {
-        (module, row) for module in modules
-    }
+    assert verdicts_of(built, tmp_path, old, new) == off
 
 
-def test_the_task_of_mjlab_counts_not_the_constant() -> None:
-    text = "TIMESTEP = 0.005\nGRAVITY = (0, 0, -9.81)\ndef f(cfg):\n    {}\n"
-    said = text.format("cfg.sim.mujoco.timestep = 0.002")
-    assert mjlab_world(said) == World(0.002, (0.0, 0.0, -9.81))
-    assert mjlab_world(text.format("pass")) == SCENES
+def table_of(**facts: Value) -> Table:
+    return Table({Key("joint", "a", name): value for name, value in facts.items()})
+
+
+def test_a_row_is_a_fact_that_both_tables_state() -> None:
+    rows = list(
+        fact_rows(table_of(type="rotary", kp=1.0, gear=2.0), table_of(type="rotary", kp=1.1))
+    )
+    assert [(row.name, row.verdict) for row in rows] == [("type", "ok"), ("kp", "error")]
+    assert rows[1].off == pytest.approx(0.1 / 1.1)
+
+
+def test_a_limit_that_one_engine_lacks_is_an_error() -> None:
+    (_, row) = fact_rows(table_of(type="rotary", effort=5.0), table_of(type="rotary", effort=None))
+    assert (row.name, row.physx, row.verdict) == ("effort", math.inf, "error")
+
+
+def test_a_joint_that_one_engine_alone_holds_is_a_critical_error() -> None:
+    (row,) = fact_rows(table_of(type="rotary"), Table({}))
+    assert (row.name, row.subject, row.rank, row.verdict) == (
+        "missing", "joint a", "CRITICAL", "error",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("turned", [(1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)])
+def test_a_root_that_hangs_otherwise_is_a_critical_error(turned: tuple[float, ...]) -> None:
+    """Turned otherwise, gravity pulls at other joints; a quaternion's sign means nothing."""
+    place = (0.5, 0.0, 1.5)
+    ours = Table({Key("robot", "", "base pose"): (*place, -1.0, 0.0, 0.0, 0.0)})
+    (row,) = fact_rows(ours, Table({Key("robot", "", "base pose"): (*place, *turned)}))
+    assert (row.rank, row.verdict) == ("CRITICAL", "ok" if turned[0] else "error")
 
 
 def test_mjcf_that_does_not_load_is_an_error(tmp_path: Path) -> None:
@@ -216,20 +245,6 @@ def test_recipe_decides() -> None:
     assert Alignment.configure(one) is None
 
 
-def _held(*masses: float) -> Held:
-    link = HeldLink(0.0, np.zeros(3), np.eye(3), 0, ())
-    links = {f"b{i}": replace(link, mass_kg=mass) for i, mass in enumerate(masses)}
-    return Held(1, True, None, 0, links, {}, 0, ())
-
-
-def test_a_root_without_mass_weighs_nothing_though_physx_gives_it_some() -> None:
-    arm = Body("b1", Inertial(2.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)))
-    hinge = Joint("j", "revolute", "b0", "b1", Pose(), (0.0, 0.0, 1.0))
-    tree = Tree("r", "fixed", (Body("b0"), arm), (hinge,))
-    assert weight_of(tree, _held(1.0, 2.0)) == 2.0
-    assert weight_of(tree, _held(1.0, 2.5)) == 2.5
-
-
 def feet_kept(tmp_path: Path) -> tuple[TinyRobot, Path]:
     """Both models of a quadruped whose feet are bodies of their own on the shins."""
     robot = kept_feet()
@@ -282,7 +297,7 @@ def test_that_physx_has_no_contacts_of_a_joint_is_a_warning(tmp_path: Path) -> N
     [
         (lambda stage: None, []),
         (lambda stage: stage.GetAttributeAtPath(
-            "/World/PhysicsMaterials/floor.physics:dynamicFriction").Set(1.0), ["floor_friction"]),
+            "/World/PhysicsMaterials/floor.physics:staticFriction").Set(1.0), ["floor_friction"]),
         (lambda stage: stage.GetPrimAtPath("/World/floor").GetRelationship(
             "material:binding:physics").SetTargets([]), ["floor_friction"]),
         (lambda stage: stage.GetAttributeAtPath(
@@ -312,6 +327,8 @@ def test_both_scenes_stand_on_the_same_floor(tmp_path: Path, spoil: Spoil, off: 
     )
     stage = Usd.Stage.Open(str(inputs / "usd/scene.usda"))
     spoil(stage)
-    rows = list(floor_rows(model, stage))
-    assert [row.name for row in rows] == ["floor_friction", "floor_height"]
+    stage.Save()
+    del stage
+    rows = [row for row in scene_rows(inputs, "robot", model) if row.name.startswith("floor")]
+    assert {row.name for row in rows} == {"floor_friction", "floor_height"}
     assert [row.name for row in rows if row.verdict == "error"] == off

@@ -10,13 +10,14 @@ from pathlib import Path
 
 import pytest
 from pxr import Gf, Usd, UsdPhysics
-from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
+from tiny import TinyRobot, box_inertial, check_inputs, pendulum, run_step, tiny_quadruped
 
-from assetbuild.checks.physx_readback import PhysxReadback, expected_joint
+from assetbuild.checks.physx_readback import PhysxReadback
 from assetbuild.findings import Finding
 from assetbuild.pipeline.recipes import whole_model
-from assetbuild.robot.model import Joint, Limits
+from assetbuild.robot.model import Actuator, Body, Control, Joint, Limits, Mimic, Tree
 from assetbuild.robot.pose import Pose
+from assetbuild.robot.shapes import Shapes
 from assetbuild.targets.usd import Usd as UsdTarget
 
 pytest.importorskip("ovphysx", reason="needs the extra `physx`")
@@ -103,7 +104,7 @@ def test_lost_collision_shape_is_caught(tmp_path: Path) -> None:
     def spoil(stage: Usd.Stage) -> None:
         stage.GetPrimAtPath("/robot/trunk/collisions/trunk_collision").SetActive(False)
 
-    assert rules(check(tiny_quadruped(), tmp_path, spoil)) == {"equal.physx.shapes"}
+    assert "equal.physx.shapes" in rules(check(tiny_quadruped(), tmp_path, spoil))
 
 
 def test_inertia_that_is_not_positive_is_caught(tmp_path: Path) -> None:
@@ -137,12 +138,84 @@ def test_recipe_decides() -> None:
     assert PhysxReadback.configure(whole_model().model_validate(base)) is None
 
 
-@pytest.mark.parametrize(
-    ("stated", "held"), [(6.28, 6.28), (6.28319, 6.28319), (12.6, 2 * math.pi)]
-)
-def test_a_turn_that_was_rounded_up_is_no_clamped_limit(stated: float, held: float) -> None:
-    """As UR's ±6.28319 of MuJoCo's Menagerie: PhysX holds it as it is."""
-    limits = Limits(-stated, stated)
-    joint = Joint("j", "revolute", "a", "b", Pose(), (0.0, 0.0, 1.0), limits)
-    expected = expected_joint(joint, None)
-    assert (expected["lower"], expected["upper"]) == (-held, held)
+def coupled() -> TinyRobot:
+    """Two arms that hang side by side; `follow` = -0.5 `lead`, and both start at 0."""
+    arm = box_inertial(1.0, (0.02, 0.02, 0.5), (0.0, 0.0, -0.25))
+    limits = Limits(-2.0, 2.0, 50.0, 10.0)
+    lead = Joint("lead", "revolute", "base", "one", Pose((0, 0, 1)), (0.0, 1.0, 0.0), limits)
+    beside = Pose((0.0, 0.3, 1.0))
+    follow = replace(
+        lead, name="follow", child="two", X_parent_joint=beside, mimic=Mimic("lead", -0.5, 0.0)
+    )
+    tree = Tree("two", "fixed", (Body("base"), Body("one", arm), Body("two", arm)), (lead, follow))
+    drives = (Actuator("lead", "pd", kp=200.0, kd=10.0, effort=50.0), Actuator("follow", "passive"))
+    return TinyRobot(tree, tree, Shapes(), Control(drives))
+
+
+def test_a_robot_with_a_mimic_is_what_it_was(tmp_path: Path) -> None:
+    assert check(coupled(), tmp_path) == []
+
+
+@pytest.mark.parametrize("changed", ["multiplier", "offset", "lost"])
+def test_a_mimic_that_physx_couples_otherwise_is_caught(tmp_path: Path, changed: str) -> None:
+    """Both arms start at 0, where a flipped sign does not show before one of them moves."""
+
+    def spoil(stage: Usd.Stage) -> None:
+        follow = stage.GetPrimAtPath("/robot/Joints/follow")
+        gearing, offset = (
+            next(a for a in follow.GetAttributes() if a.GetName().endswith(word))
+            for word in (":gearing", ":offset")
+        )
+        if changed == "multiplier":
+            gearing.Set(-gearing.Get())
+        elif changed == "offset":
+            offset.Set(math.degrees(-0.2))
+        else:
+            schemas = follow.GetPrimTypeInfo().GetAppliedAPISchemas()
+            name = next(s for s in schemas if s.startswith("PhysxMimic"))
+            follow.RemoveAppliedSchema(name)
+            for attribute in (gearing, offset):
+                attribute.Block()
+
+    found = {f.rule: f for f in check(coupled(), tmp_path, spoil)}
+    if changed == "offset":
+        assert list(found) == ["equal.physx.mimic_offset"]
+        assert found["equal.physx.mimic_offset"].data["found"] == pytest.approx(0.2, rel=1e-3)
+        return
+    row = found["equal.physx.mimic_multiplier"]
+    assert (row.subject, row.data["expected"]) == ("joint follow", -0.5)
+    value = 0.5 if changed == "multiplier" else 0.0
+    assert row.data["found"] == pytest.approx(value, abs=1e-3)
+
+
+def test_a_negated_axis_is_caught(tmp_path: Path) -> None:
+    """Each half turn about a line across the axis: on the body's side and on the parent's."""
+
+    def spoil(stage: Usd.Stage) -> None:
+        joint = UsdPhysics.Joint(stage.GetPrimAtPath("/robot/Joints/FL_calf_joint"))
+        for turn in (joint.GetLocalRot0Attr(), joint.GetLocalRot1Attr()):
+            axis = str(joint.GetPrim().GetAttribute("physics:axis").Get())
+            across = Gf.Quatf(0.0, 0.0, 1.0, 0.0) if axis != "Y" else Gf.Quatf(0.0, 1.0, 0.0, 0.0)
+            turn.Set(turn.Get() * across)
+
+    found = check(tiny_quadruped(), tmp_path, spoil)
+    assert ("equal.physx.axis", "joint FL_calf_joint") in {(f.rule, f.subject) for f in found}
+
+
+def test_a_moved_joint_is_caught(tmp_path: Path) -> None:
+    def spoil(stage: Usd.Stage) -> None:
+        joint = UsdPhysics.Joint(stage.GetPrimAtPath("/robot/Joints/FL_calf_joint"))
+        place = joint.GetLocalPos0Attr()
+        place.Set(place.Get() + Gf.Vec3f(0.01, 0.0, 0.0))
+
+    (found,) = check(tiny_quadruped(), tmp_path, spoil)
+    assert (found.rule, found.subject) == ("equal.physx.pose", "body FL_calf")
+
+
+def test_a_slippery_foot_is_caught(tmp_path: Path) -> None:
+    def spoil(stage: Usd.Stage) -> None:
+        for prim in stage.Traverse():
+            if prim.HasAPI(UsdPhysics.MaterialAPI):
+                UsdPhysics.MaterialAPI(prim).GetDynamicFrictionAttr().Set(0.1)
+
+    assert rules(check(tiny_quadruped(), tmp_path, spoil)) == {"equal.physx.dynamic_friction"}

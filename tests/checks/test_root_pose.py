@@ -13,7 +13,6 @@ import pytest
 from pxr import Gf, Usd
 from tiny import TinyRobot, check_inputs, pendulum, run_step, tiny_quadruped
 
-from assetbuild.checks.alignment.pair import root_row
 from assetbuild.checks.urdf_kinematics import UrdfKinematics
 from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.facts.readers.usd import UsdReader
@@ -154,16 +153,6 @@ def test_a_root_lost_in_urdf_is_found(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace('xyz="0.5 -0.2 1.5"', 'xyz="0.5 -0.2 1.6"'))
     found = run_step(UrdfKinematics(robot="bot"), inputs, tmp_path / "out")
     assert {f.rule for f in found} == {"urdf.kinematics.place"}
-
-
-def test_the_form_compares_where_both_engines_hold_the_root(tmp_path: Path) -> None:
-    inputs = check_inputs(tmp_path, hung(), Mjcf(robot="robot"), "mjcf")
-    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/robot.xml"))
-    assert root_row(model, "base", ON_THE_WALL).verdict == "ok"
-    lost = root_row(model, "base", IDENTITY)
-    assert (lost.rank, lost.verdict, lost.off) == ("CRITICAL", "error", pytest.approx(1.5))
-    turned = root_row(model, "base", Pose(ON_THE_WALL.xyz))
-    assert (turned.verdict, turned.off) == ("error", pytest.approx(1.0))
 
 
 # --- in PhysX -----------------------------------------------------------------------------------

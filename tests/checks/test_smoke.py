@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tiny import run_step, tiny_quadruped, write_robot_ports
+from tiny import TinyRobot, run_step, tiny_quadruped, with_mimic, write_robot_ports
 
 from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab
 from assetbuild.checks.smoke_isaaclab import judged as judge_isaac
@@ -112,23 +112,39 @@ def test_a_consumer_that_fails_says_why(tmp_path: Path, text: str, why: str) -> 
     assert why in failure
 
 
-def newton_reading(**changed: Any) -> dict[str, Any]:
+def newton_reading(robot: TinyRobot | None = None, **changed: Any) -> dict[str, Any]:
     """The tiny quadruped as Newton should hold it."""
-    robot = tiny_quadruped()
+    robot = robot or tiny_quadruped()
     joints = {}
     for joint in robot.tree.moving_joints:
         drive = robot.control.by_joint[joint.name]
         keys = ("kp", "kd", "effort", "armature", "friction", "damping")
         joints[joint.name] = {key: getattr(drive, key) for key in keys} | {
+            "type": "rotary",
+            "axis": list(joint.axis),
             "lower": joint.limits.lower,
             "upper": joint.limits.upper,
         }
-    masses = {b.name: b.inertial.mass_kg for b in robot.tree.bodies if b.inertial}
-    return {"finite": True, "dof": 18, "masses": masses, "joints": joints} | changed
+        if joint.mimic:
+            joints[joint.name] |= {
+                "mimics": joint.mimic.joint,
+                "mimic multiplier": joint.mimic.multiplier,
+                "mimic offset": joint.mimic.offset,
+            }
+    bodies = {
+        body.name: {
+            "mass": body.inertial.mass_kg,
+            "centre of mass": list(body.inertial.com_m),
+            "inertia": list(body.inertial.inertia_com_kg_m2),
+        }
+        for body in robot.tree.bodies
+        if body.inertial
+    }
+    return {"finite": True, "dof": 18, "bodies": bodies, "joints": joints} | changed
 
 
-def newton_says(reading: dict[str, Any]) -> list[tuple[str, str]]:
-    robot = tiny_quadruped()
+def newton_says(reading: dict[str, Any], robot: TinyRobot | None = None) -> list[tuple[str, str]]:
+    robot = robot or tiny_quadruped()
     found = judge_newton("usd", reading, robot.tree, robot.control)
     return [(finding.rule, finding.subject) for finding in found]
 
@@ -140,18 +156,31 @@ def test_newton_reads_the_same_robot() -> None:
 def test_another_robot_in_newton_is_an_error() -> None:
     assert newton_says({"failure": "no"}) == [("smoke.failed", "robot")]
     assert newton_says(newton_reading(finite=False)) == [("smoke.finite", "robot")]
-    assert newton_says(newton_reading(dof=12)) == [("smoke.reading", "robot")]
-    for key, value in {"kp": 1.0, "effort": None, "lower": 0.5, "armature": 0.0}.items():
+    assert newton_says(newton_reading(dof=12)) == [("equal.newton.dof", "robot")]
+    calf = "joint FR_calf_joint"
+    changes = {"kp": 1.0, "effort": None, "lower": 0.5, "armature": 0.0, "axis": [0.0, -1.0, 0.0]}
+    for key, value in changes.items():
         reading = newton_reading()
         reading["joints"]["FR_calf_joint"][key] = value
-        assert newton_says(reading) == [("smoke.reading", "joint FR_calf_joint")], key
+        assert newton_says(reading) == [(f"equal.newton.{key}", calf)], key
     reading = newton_reading()
-    reading["masses"]["trunk"] *= 1.001
+    reading["bodies"]["trunk"]["mass"] *= 1.001
+    reading["bodies"]["FR_calf"]["centre of mass"][0] += 1e-3
     del reading["joints"]["FL_hip_joint"]
     assert newton_says(reading) == [
-        ("smoke.reading", "link trunk"),
-        ("smoke.reading", "joint FL_hip_joint"),
+        ("equal.newton.missing", "joint FL_hip_joint"),
+        ("equal.newton.mass", "body trunk"),
+        ("equal.newton.centre_of_mass", "body FR_calf"),
     ]
+
+
+def test_a_mimic_that_newton_couples_otherwise_is_an_error() -> None:
+    robot = with_mimic(tiny_quadruped(), "FR_calf_joint", "FR_thigh_joint", -2.0, 0.1)
+    assert newton_says(newton_reading(robot), robot) == []
+    reading = newton_reading(robot)
+    reading["joints"]["FR_calf_joint"]["mimic multiplier"] = 2.0
+    wrong = [("equal.newton.mimic_multiplier", "joint FR_calf_joint")]
+    assert newton_says(reading, robot) == wrong
 
 
 def test_isaac_lab_is_asked_only_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:

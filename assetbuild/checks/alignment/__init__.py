@@ -35,7 +35,7 @@ FAILED_RUN = Rule(
 class Alignment(Check):
     """`mjcf/` in MuJoCo and `usd/` in PhysX: what they hold, how they fall, follow, stand, land."""
 
-    version = "17"
+    version = "18"
     needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
     also: ClassVar[tuple[str, ...]] = ("mjlab", "isaaclab")
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")

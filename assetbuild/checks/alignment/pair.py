@@ -10,17 +10,16 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from assetbuild.checks.alignment.floor import floor_rows
 from assetbuild.checks.alignment.gap import Ranges, ranges_of
-from assetbuild.checks.alignment.modules import World, module_rows
 from assetbuild.checks.alignment.response import Responses
-from assetbuild.checks.alignment.row import NUMBER, Rank, Row
+from assetbuild.checks.alignment.row import Row
+from assetbuild.checks.alignment.rows import held_rows, scene_rows
 from assetbuild.checks.alignment.touching import touching_row
 from assetbuild.engine.step import Files
 from assetbuild.quantities import Model, Positive
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
-from assetbuild.robot.pose import Array, Pose, normalised_quat, vec3
+from assetbuild.robot.pose import Pose
 from assetbuild.simulators import mujoco, mujoco_motion, physx
 from assetbuild.simulators.experiments import Fall, Motion, Sine, Swing, sine_of
 
@@ -166,12 +165,11 @@ class Pair:
     def rows(self, outcomes: Mapping[str, physx.Outcome]) -> Iterator[Row]:
         """CRITICAL first."""
         held = outcomes["load"].held
-        made = list(self._settings())
+        model = self._model(f"{self.robot}.xml")
+        made = [*scene_rows(self.files.inputs, self.robot, self._model("scene.xml"))]
+        made.append(touching_row(model, self._stage("scene.usda"), self.tree))
         if held is not None:
-            model = self._model(f"{self.robot}.xml")
-            made += self._bodies(model, held)
-            made += self._joints(model, held)
-            made += self._surfaces(model, held)
+            made += held_rows(model, held, self.tree)
         made += self._falls(outcomes)
         made += self._responses(outcomes)
         if self.stands:
@@ -183,133 +181,10 @@ class Pair:
     def _model(self, name: str) -> Any:  # Any: mujoco.MjModel
         return mujoco.load(self.files.inputs / "mjcf" / name).model
 
-    def _settings(self) -> Iterator[Row]:
-        """Time and gravity as the files say that people open: both `scene`s, and the modules."""
-        from pxr import Usd, UsdPhysics
+    def _stage(self, name: str) -> Any:  # Any: Usd.Stage
+        from pxr import Usd
 
-        option = self._model("scene.xml").opt
-        stage = Usd.Stage.Open(str(self.files.inputs / "usd/scene.usda"))
-        yield touching_row(self._model(f"{self.robot}.xml"), stage, self.tree)
-        if not mujoco.floors(self._model(f"{self.robot}.xml")):  # else the source has its own
-            yield from floor_rows(self._model("scene.xml"), stage)
-        scene = UsdPhysics.Scene(stage.GetPrimAtPath("/World/physics"))
-        rate = scene.GetPrim().GetAttribute("physxScene:timeStepsPerSecond").Get()
-        dt = 1.0 / float(rate)
-        simulation = self.control.simulation
-        yield Row(
-            "timestep",
-            "CRITICAL",
-            "robot",
-            float(option.timestep),
-            dt,
-            _relative(dt, float(option.timestep)),
-            *NUMBER,
-            "of it",
-        )
-        strength = float(scene.GetGravityMagnitudeAttr().Get())
-        pull = strength * np.array(scene.GetGravityDirectionAttr().Get())
-        off = float(np.abs(pull - np.array(option.gravity)).max())
-        off = max(off, float(np.abs(np.array(simulation.gravity) - option.gravity).max()))
-        yield Row(
-            "gravity",
-            "CRITICAL",
-            "robot",
-            _vector(option.gravity),
-            _vector(pull),
-            off,
-            1e-5,
-            0.01,
-            "m/s²",
-        )
-        yield from module_rows(
-            self.files.inputs,
-            mujoco=World(float(option.timestep), vec3(option.gravity)),
-            physx=World(dt, vec3(pull)),
-        )
-
-    def _bodies(self, model: Any, held: physx.Held) -> Iterator[Row]:  # Any: as above
-        import mujoco as engine
-
-        free = bool((model.jnt_type == engine.mjtJoint.mjJNT_FREE).any())
-        base = "floating" if free else "fixed"
-        other = "fixed" if held.fixed_base else "floating"
-        yield Row(
-            "base", "CRITICAL", "robot", base, other, float(base != other), 0.0, 0.5, "yes/no"
-        )
-        names = mujoco.body_names(self.tree)
-        if held.fixed_base and not free and held.X_world_root is not None:
-            yield root_row(model, names[self.tree.root], held.X_world_root)
-        mass = float(sum(model.body_mass[model.body(names[b.name]).id] for b in self.tree.bodies))
-        weight = weight_of(self.tree, held)
-        yield Row(
-            "mass",
-            "CRITICAL",
-            "robot",
-            mass,
-            weight,
-            _relative(weight, mass),
-            *NUMBER,
-            "of it",
-        )
-        yield Row(
-            "dof",
-            "CRITICAL",
-            "robot",
-            float(model.nv - 6 * free),
-            float(held.dof),
-            abs(float(model.nv - 6 * free - held.dof)),
-            0.0,
-            0.5,
-            "dof",
-        )
-
-    def _joints(self, model: Any, held: physx.Held) -> Iterator[Row]:  # Any: as above
-        for joint in self.tree.moving_joints:
-            theirs = held.joints.get(joint.name)
-            if theirs is None:
-                continue
-            ours = mujoco_motion.joint_numbers(model, joint.name)
-            numbers: tuple[tuple[str, Rank, float | None, float | None], ...] = (
-                ("kp", "CRITICAL", ours["kp"], theirs.kp),
-                (
-                    "kd_plus_damping",
-                    "CRITICAL",
-                    ours["kd"] + ours["damping"],
-                    theirs.kd + theirs.viscous_friction,
-                ),
-                ("effort", "HIGH", ours["effort"], theirs.effort),
-                ("armature", "HIGH", ours["armature"], theirs.armature),
-                ("friction", "HIGH", ours["friction"], theirs.dynamic_friction),
-            )
-            for name, rank, one, two in numbers:
-                if name == "effort" and not theirs.drive:
-                    continue  # where there is no drive there is no effort to limit
-                one = math.inf if one is None else one
-                two = math.inf if two is None else two
-                subject = f"joint {joint.name}"
-                yield Row(name, rank, subject, one, two, _relative(two, one), *NUMBER, "of it")
-
-    def _surfaces(self, model: Any, held: physx.Held) -> Iterator[Row]:  # Any: as above
-        geoms = mujoco.collision_geoms(model)
-        surfaces = [surface for link in held.links.values() for surface in link.surfaces]
-        if not geoms or not surfaces:
-            return
-        ours = sorted({float(model.geom_friction[g, 0]) for g in geoms})
-        theirs = sorted({surface[1] for surface in surfaces})
-        off = max(_relative(theirs[0], ours[0]), _relative(theirs[-1], ours[-1]))
-        yield Row(
-            "contact_friction",
-            "MEDIUM",
-            "robot",
-            _listed(ours),
-            _listed(theirs),
-            off,
-            1e-5,
-            0.05,
-            "of it",
-        )
-        bounce = max(surface[2] for surface in surfaces)
-        yield Row("restitution", "LOW", "robot", "none: solref", bounce)
+        return Usd.Stage.Open(str(self.files.inputs / "usd" / name))
 
     def _falls(self, outcomes: Mapping[str, physx.Outcome]) -> Iterator[Row]:
         if "fall" not in outcomes or not outcomes["fall"].finite:
@@ -394,25 +269,6 @@ class Pair:
         yield Row("bounce_m", "LOW", "robot", heights[0], heights[1])
 
 
-def root_row(model: Any, root: str, theirs: Pose) -> Row:  # Any: mujoco.MjModel
-    """Where a fixed root is held: turned otherwise, gravity pulls at other joints.
-
-    Off: metres, or the largest difference of a direction cosine, whichever is more.
-    """
-    place = model.body(root)
-    w, x, y, z = (float(value) for value in place.quat)
-    ours = Pose(vec3(place.pos), normalised_quat((w, x, y, z)))
-    off = max(
-        float(np.abs(np.subtract(ours.xyz, theirs.xyz)).max()),
-        float(np.abs(ours.rotation - theirs.rotation).max()),
-    )
-    one, other = (
-        f"{_vector(np.asarray(pose.xyz))} m, turned {_vector(np.asarray(pose.quat))} wxyz"
-        for pose in (ours, theirs)
-    )
-    return Row("root", "CRITICAL", "robot", one, other, off, 1e-5, 1e-3, "m or 1")
-
-
 def stand_row(ours: Motion, theirs: Motion, allowed: tuple[float, float]) -> Row:
     """Where the root stands at the end; two falls have nothing to do with one another."""
     one, two = float(ours.root[-1, 2]), float(theirs.root[-1, 2])
@@ -441,30 +297,3 @@ def _bounce(motion: Motion, landed: float) -> float:
         return math.nan
     lowest = int(after.argmin())
     return float(after[lowest:].max() - after[lowest])
-
-
-def weight_of(tree: Tree, held: physx.Held) -> float:
-    """kg, of the bodies that have a mass. PhysX gives one to those that have none: a fixed root
-    never moves with it, and of all others `usd.mass_missing` is an error.
-    """
-    weighing = [b.name for b in tree.bodies if not b.is_massless and b.name in held.links]
-    return sum(held.links[name].mass_kg for name in weighing)
-
-
-def _relative(found: float, expected: float) -> float:
-    """Difference as a share of the larger; 0 when both are 0 or both unlimited."""
-    if found == expected:
-        return 0.0
-    return abs(found - expected) / max(abs(found), abs(expected))
-
-
-def _vector(values: Array) -> str:
-    return " ".join(f"{float(v):.6g}" for v in values)
-
-
-def _listed(values: Sequence[float]) -> str:
-    return (
-        " ".join(f"{v:.6g}" for v in (values[0], values[-1]) if values)
-        if len(values) > 1
-        else f"{values[0]:.6g}"
-    )

@@ -10,6 +10,8 @@ from typing import Literal
 from assetbuild.findings import Finding, Rule
 
 Rank = Literal["CRITICAL", "HIGH", "MEDIUM", "LOW"]
+Limits = tuple[float, float, str]
+"""Warning, error, unit."""
 NUMBER = (1e-5, 0.01)
 """Limits of a number that both only hold: float32 and what reads it, then 1 %."""
 

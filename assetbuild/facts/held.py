@@ -1,0 +1,346 @@
+"""What a simulator holds once it has loaded a file, as facts, and what it must hold.
+
+What it must hold follows from any table of the vocabulary: the robot's own, or that of a compiled
+MJCF. So one form serves the read-backs and the comparison of two simulators.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from assetbuild.facts.compare import Precision
+from assetbuild.facts.reference import Reference, pose_value, robot_table
+from assetbuild.facts.table import Key, Table, Value, Writer
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.model import Joint, Tree
+from assetbuild.robot.pose import Pose
+from assetbuild.simulators import physx
+from assetbuild.simulators.physx_couplings import Coupling, measurable
+
+PHYSX = Precision(
+    {"number": 4e-7, "vector": 4e-7, "direction": 4e-6, "pose": 2e-6, "tensor": 2e-6},
+    {
+        ("body", "centre of mass"): 1e-6,
+        # Measured from motion, while the solver holds the coupling.
+        ("joint", "mimic multiplier"): 5e-3,
+        ("joint", "mimic offset"): 5e-3,
+    },
+)
+"""A number passes three float32 (in the USD, in PhysX, at its interface) and two changes of unit,
+each within 6e-8 of its size. Tensors, places and axes pass a float32 quaternion."""
+NEWTON = Precision({"number": 2e-6, "vector": 2e-6, "tensor": 1e-5})
+"""Newton holds float32, USD states angles in degrees; the tensor passes a diagonal form."""
+
+_SILENT = "PhysX's interface does not tell it; it is compared in the USD"
+_OUTSIDE = "its law acts outside of the simulator"
+_NO_SPRING = "the engine's joints have no spring beside the drive"
+_MUJOCO = "MuJoCo's own"
+_STAGE = "the stage decides it"
+PHYSX_LACKS: Mapping[str, str] = {
+    "robot start pose": "each experiment has its own",
+    "robot soft limits": "they belong to the trainer",
+    "robot articulation root": "the base's kind is what it decides",
+    "robot self-collision": _SILENT,
+    **dict.fromkeys(("robot up axis", "robot metres per unit", "robot kilograms per unit"), _STAGE),
+    "body parent": _SILENT,
+    "frame": "it holds bodies alone",
+    "joint body": _SILENT,
+    "joint parent": _SILENT,
+    **dict.fromkeys(("joint stiffness", "joint spring reference"), _NO_SPRING),
+    **dict.fromkeys(
+        ("joint model", "joint gear", "joint stall", "joint command range",
+         "joint drive parameters", "joint delay"), _OUTSIDE),
+    "joint drive name": "a drive is part of its joint",
+    "shape": "PhysX tells how many a body has, and their friction",
+    "pair": _SILENT,
+    "sensor": "it has none",
+    "camera": "it has none",
+    "keyframe": "`start` is the initial one",
+    "simulation": "each experiment has its own",
+    "floor": "each experiment has its own",
+}  # fmt: skip
+"""`kind` or `kind quantity` -> why PhysX, as its interface tells it, cannot say it."""
+_UNREAD = "compared in the file; the read-back is about what drives and weighs"
+NEWTON_LACKS: Mapping[str, str] = {
+    "robot": _UNREAD,
+    **dict.fromkeys(("body parent", "body pose"), _UNREAD),
+    "frame": "sites carry nothing in its solver",
+    **dict.fromkeys(
+        ("joint body", "joint parent", "joint anchor", "joint start", "joint drive target"),
+        _UNREAD),
+    "joint velocity": "its solver has no limit of velocity",
+    **dict.fromkeys(("joint stiffness", "joint spring reference"), _NO_SPRING),
+    **{key: why for key, why in PHYSX_LACKS.items() if why == _OUTSIDE},
+    "joint drive name": "a drive is part of its joint",
+    "shape": _UNREAD,
+    "pair": _UNREAD,
+    "sensor": "it has its own",
+    "camera": "it has its own",
+    "keyframe": "it has none",
+    "simulation": "the caller decides it",
+    "floor": "the caller decides it",
+}  # fmt: skip
+"""As above, of Newton's MuJoCo solver."""
+NEWTON_UNLIMITED = 1e6
+"""Newton's word for an effort or a range without limit, at least."""
+OF_DRIVES = frozenset({"kp", "kd", "effort", "damping"})
+WEIGHT = ("mass", "centre of mass", "inertia")
+SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""xx, yy, zz, xy, xz, yz of a matrix."""
+FULL_TURN = 2.0 * math.pi
+ROUNDED_UP = math.radians(1e-3)
+"""PhysX holds 6.28319, which many write for 2π; `usd.limit_clamped` starts beyond."""
+STILL_M = 2e-6
+"""A body that turns about its own origin stays within this of it."""
+
+
+def holds(lacks: Mapping[str, str], key: Key) -> bool:
+    """Whether a simulator that lacks these can say this."""
+    return key.kind not in lacks and f"{key.kind} {key.quantity}" not in lacks
+
+
+# --- what any table says, in what a simulator can hold -------------------------------------------
+
+
+def as_physx(table: Table, drive_type: str = "force") -> Table:
+    """What PhysX must hold of it; the start and mimic joints are not the table's to say."""
+    book = Writer()
+    for key, value in table.facts.items():
+        if key.kind != "joint" and not key.is_foreign and holds(PHYSX_LACKS, key):
+            book.facts[key] = value
+    moving = [name for name in table.names("joint") if _moves(table, name)]
+    book.put("robot", "", {"physx:dof": float(len(moving))})
+    for name in moving:
+        book.put("joint", name, _physx_joint(table.of("joint", name), drive_type))
+    for name in table.names("body"):
+        if not table.facts.get(Key("body", name, "mass")):
+            for quantity in WEIGHT:  # `usd.mass_missing` says what PhysX makes up then
+                book.facts.pop(Key("body", name, quantity), None)
+    rough: dict[str, list[float]] = {name: [] for name in table.names("body")}
+    for name in table.names("shape"):
+        shape = table.of("shape", name)
+        friction = shape.get("friction")
+        if shape["role"] == "collision" and isinstance(friction, tuple):
+            rough.setdefault(str(shape["body"]), []).append(float(friction[0]))
+    for name, values in rough.items():
+        book.put("body", name, _surfaces(values, values))
+    return book.table()
+
+
+def _moves(table: Table, joint: str) -> bool:
+    return table.facts.get(Key("joint", joint, "type")) in ("rotary", "linear")
+
+
+def _physx_joint(said: Mapping[str, Value], drive_type: str) -> dict[str, Value]:
+    model, turns = said.get("model", "passive"), said["type"] == "rotary"
+    driven = model != "passive"
+    ends = {end: said.get(end) for end in ("lower", "upper")}
+    return {
+        "type": said["type"],
+        "axis": said["axis"],
+        **({end: _within_a_turn(value) for end, value in ends.items()} if turns else ends),
+        "kp": said.get("kp", 0.0) if model == "pd" else 0.0,
+        "kd": said.get("kd", 0.0) if model in ("pd", "velocity") else 0.0,
+        # Where there is no drive there is no effort to limit.
+        "effort": said.get("effort") if driven else None,
+        "velocity": said.get("velocity"),
+        "armature": said.get("armature", 0.0),
+        "friction": said.get("friction", 0.0),
+        "damping": said.get("damping", 0.0),
+        "physx:dynamic friction": said.get("friction", 0.0),
+        "physx:drive": (drive_type if driven else "none"),
+    }
+
+
+def _within_a_turn(limit: Value) -> Value:
+    """rad; PhysX clamps there. A limit of 2π that was rounded up stays as it is."""
+    if not isinstance(limit, float | int) or abs(limit) <= FULL_TURN + ROUNDED_UP:
+        return limit
+    return math.copysign(FULL_TURN, limit)
+
+
+def _surfaces(static: list[float], dynamic: list[float]) -> dict[str, Value]:
+    facts: dict[str, Value] = {"physx:shapes": float(len(static))}
+    if static:
+        facts["physx:static friction"] = tuple(sorted(static))
+        facts["physx:dynamic friction"] = tuple(sorted(dynamic))
+    return facts
+
+
+def as_newton(table: Table) -> Table:
+    """What Newton's solver must hold of it: gains where the simulator integrates the drive.
+
+    Another drive is in one of the files alone. Bodies without mass may be merged away.
+    """
+    book = Writer()
+    for name in table.names("body"):
+        weight = {q: v for q, v in table.of("body", name).items() if q in WEIGHT}
+        if weight.get("mass"):
+            book.put("body", name, weight)
+    for name in table.names("joint"):
+        if _moves(table, name):
+            said = table.of("joint", name)
+            said |= {end: _stated(said.get(end)) for end in ("lower", "upper", "effort")}
+            inside = said.get("model") in ("pd", "velocity")
+            book.put("joint", name, {
+                quantity: value
+                for quantity, value in said.items()
+                if holds(NEWTON_LACKS, Key("joint", name, quantity))
+                and (inside or quantity not in OF_DRIVES)
+            })  # fmt: skip
+    return book.table()
+
+
+def _stated(limit: Value) -> Value:
+    """None where Newton calls it unlimited."""
+    unlimited = isinstance(limit, float) and abs(limit) >= NEWTON_UNLIMITED
+    return None if unlimited else limit
+
+
+# --- PhysX ---------------------------------------------------------------------------------------
+
+
+def physx_expected(reference: Reference, *, drive_type: str, mimics: bool) -> Table:
+    """Of the robot, in its initial pose. mimics: whether the USD couples them."""
+    table = as_physx(robot_table(reference), drive_type)
+    book, control = Writer(), reference.control
+    book.facts |= table.facts
+    starts = dict(initial_pose(reference.tree, control).joints)
+    coupled = measurable(reference.tree) if mimics else {}
+    for joint in reference.tree.moving_joints:
+        row = control.by_joint.get(joint.name)
+        book.put("joint", joint.name, {
+            "start": starts[joint.name],
+            "drive target": starts[joint.name] if row and row.model == "pd" and row.kp else None,
+        })  # fmt: skip
+        if joint.name in coupled and joint.mimic is not None:
+            book.put("joint", joint.name, {
+                "mimics": joint.mimic.joint,
+                "mimic multiplier": joint.mimic.multiplier,
+                "mimic offset": joint.mimic.offset,
+            })  # fmt: skip
+    for name in table.names("body"):
+        if (count := table.facts[Key("body", name, "physx:shapes")]) and isinstance(count, float):
+            book.put("body", name, {"physx:restitution": (0.0,) * int(count)})
+    return book.table()
+
+
+def physx_table(
+    held: physx.Held, tree: Tree, couplings: Mapping[str, Coupling] | None = None
+) -> Table:
+    """What PhysX holds. tree: says which body hangs on which, and which has no mass."""
+    book = Writer()
+    book.put("robot", "", {
+        "base": "fixed" if held.fixed_base else "floating",
+        "physx:dof": float(held.dof),
+    })  # fmt: skip
+    if held.X_world_root is not None:
+        book.put("robot", "", {"base pose": pose_value(held.X_world_root)})
+    massless = {body.name for body in tree.bodies if body.is_massless}
+    for name, link in held.links.items():
+        book.put("body", name, _surfaces(*([s[i] for s in link.surfaces] for i in (0, 1))))
+        if link.surfaces:
+            bounces = tuple(sorted(surface[2] for surface in link.surfaces))
+            book.put("body", name, {"physx:restitution": bounces})
+        if name not in massless:
+            book.put("body", name, {
+                "mass": link.mass_kg,
+                "centre of mass": tuple(map(float, link.com_m)),
+                "inertia": tuple(float(link.inertia[i, j]) for i, j in SIX),
+            })  # fmt: skip
+    for joint in tree.joints:
+        parent, child = held.links.get(joint.parent), held.links.get(joint.child)
+        if parent is None or child is None or parent.X_world_zero is None:
+            continue
+        assert child.X_world_zero is not None  # noqa: S101 # read with the parent's
+        X_zero = parent.X_world_zero.inverse() @ child.X_world_zero
+        book.put("body", joint.child, {"pose": pose_value(X_zero)})
+        if joint.name in held.joints and parent.X_world_turned and child.X_world_turned:
+            X_turned = parent.X_world_turned.inverse() @ child.X_world_turned
+            book.put("joint", joint.name, _motion(X_zero.inverse() @ X_turned))
+    for name, row in held.joints.items():
+        book.put("joint", name, _held_joint(row))
+    for name, coupling in (couplings or {}).items():
+        book.put("joint", name, {
+            "mimics": coupling.leader,
+            "mimic multiplier": coupling.multiplier,
+            "mimic offset": coupling.offset,
+        })  # fmt: skip
+    return book.table()
+
+
+def _motion(X: Pose) -> dict[str, Value]:
+    """Of the motion of a body in its own frame while its joint goes from 0 to `physx.TURN`."""
+    w, *turn = X.quat if X.quat[0] >= 0.0 else (-v for v in X.quat)
+    half, moved = float(np.linalg.norm(turn)), float(np.linalg.norm(X.xyz))
+    if 2.0 * math.atan2(half, w) <= physx.TURN / 2.0:
+        axis = tuple(float(v) / moved for v in X.xyz) if moved else None
+        return {"type": "linear" if moved else "fixed", "axis": axis}
+    facts: dict[str, Value] = {"type": "rotary", "axis": tuple(v / half for v in turn)}
+    if moved > STILL_M:
+        anchor = np.linalg.pinv(np.eye(3) - X.rotation) @ np.asarray(X.xyz)
+        facts["anchor"] = tuple(map(float, anchor))
+    return facts
+
+
+def _held_joint(joint: physx.HeldJoint) -> dict[str, Value]:
+    driven = joint.drive != 0.0
+    return {
+        "lower": joint.lower,
+        "upper": joint.upper,
+        "kp": joint.kp,
+        "kd": joint.kd,
+        "effort": joint.effort if driven else None,
+        "velocity": joint.velocity,
+        "armature": joint.armature,
+        "friction": joint.static_friction,
+        "damping": joint.viscous_friction,
+        "start": joint.position,
+        "drive target": joint.target if driven and joint.kp else None,
+        "physx:dynamic friction": joint.dynamic_friction,
+        "physx:drive": {0.0: "none", 1.0: "force", 2.0: "acceleration"}.get(joint.drive, "unknown"),
+    }
+
+
+# --- Newton --------------------------------------------------------------------------------------
+
+
+def newton_expected(reference: Reference, *, coupled: Callable[[Joint], bool]) -> Table:
+    """Of the robot. coupled: whether a file says that a joint mimics another."""
+    tree, table = reference.tree, as_newton(robot_table(reference))
+    free = {
+        joint.name for joint in tree.moving_joints if joint.mimic is not None and not coupled(joint)
+    }
+    expected = table.only(lambda key: key.name not in free or not key.quantity.startswith("mimic"))
+    dof = float(len(tree.moving_joints) + (6 if tree.base == "floating" else 0))
+    return expected | Table({Key("robot", "", "newton:dof"): dof})
+
+
+def newton_table(
+    reading: Mapping[str, Any], bodies: Mapping[str, str], joints: Mapping[str, str], like: Table
+) -> Table:  # Any: JSON
+    """What Newton holds of a file. bodies, joints: the robot's names by the file's.
+
+    like: what is expected; gains of drives that it does not state are left out.
+    """
+    book = Writer()
+    book.put("robot", "", {"newton:dof": float(reading["dof"])})
+    for kind, rows, names in (
+        ("body", reading["bodies"], bodies), ("joint", reading["joints"], joints)
+    ):  # fmt: skip
+        for name, facts in rows.items():
+            said: dict[str, Value] = {
+                q: tuple(v) if isinstance(v, list) else v for q, v in facts.items()
+            }
+            known = like.of(kind, names.get(name, name))
+            if kind == "joint" and "kp" not in known:
+                said = {q: v for q, v in said.items() if q not in OF_DRIVES}
+            if isinstance(leader := said.get("mimics"), str):
+                said["mimics"] = names.get(leader, leader)
+            if known:
+                book.put(kind, names.get(name, name), said)
+    return book.table()

@@ -1,0 +1,145 @@
+"""What PhysX and Newton must hold follows from the robot; what PhysX moves shows what it holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tiny import TinyRobot, pendulum, tiny_quadruped, with_mimic
+
+from assetbuild.facts.compare import differences, equality_findings
+from assetbuild.facts.held import (
+    NEWTON_LACKS,
+    PHYSX,
+    PHYSX_LACKS,
+    _motion,
+    as_physx,
+    holds,
+    newton_expected,
+    physx_expected,
+)
+from assetbuild.facts.reference import Assets, Reference
+from assetbuild.facts.table import Key, Table, Value
+from assetbuild.facts.vocabulary import VOCABULARY
+from assetbuild.report.summary import WITHHELD, public_message
+from assetbuild.robot.model import Limits
+from assetbuild.robot.pose import Pose, quat_of
+from assetbuild.simulators import physx
+from assetbuild.simulators.experiments import Motion
+from assetbuild.simulators.physx_couplings import Coupling, experiments, measurable, measured
+
+LED = with_mimic(tiny_quadruped(), "FR_calf_joint", "FR_thigh_joint", -1.0, -0.8)
+
+
+def reference(robot: TinyRobot) -> Reference:
+    solid = replace(robot.shapes, shapes=tuple(robot.shapes.of("collision")))
+    return Reference(robot.links, robot.tree, solid, robot.control, Assets(), {})
+
+
+def expected(robot: TinyRobot, drive_type: str = "force", mimics: bool = True) -> Table:
+    return physx_expected(reference(robot), drive_type=drive_type, mimics=mimics)
+
+
+def newton(robot: TinyRobot) -> Table:
+    return newton_expected(reference(robot), coupled=lambda joint: True)
+
+
+@pytest.mark.parametrize("lacks", [PHYSX_LACKS, NEWTON_LACKS], ids=["physx", "newton"])
+def test_a_simulator_s_quantities_are_expected_or_it_says_why_not(lacks: Mapping[str, str]) -> None:
+    tables = [
+        make(robot) for robot in (pendulum(), LED)
+        for make in ([expected] if lacks is PHYSX_LACKS else [newton])
+    ]  # fmt: skip
+    stated = {(key.kind, key.quantity) for table in tables for key in table.facts}
+    known = {(k, q) for k, q in VOCABULARY if holds(lacks, Key(k, "", q))}
+    assert known - stated == {("joint", "anchor")} & known, "0, where a joint is no other"
+    kinds = {kind for kind, _ in VOCABULARY}
+    for lacking, why in lacks.items():
+        assert (tuple(lacking.split(" ", 1)) in VOCABULARY or lacking in kinds) and why
+
+
+@pytest.mark.parametrize(
+    ("stated", "held"), [(6.28, 6.28), (6.28319, 6.28319), (12.6, 2 * math.pi)]
+)
+def test_physx_clamps_a_limit_to_a_turn_but_not_one_that_was_rounded_up(
+    stated: float, held: float
+) -> None:
+    """As UR's ±6.28319 of MuJoCo's Menagerie: PhysX holds it as it is."""
+    robot = pendulum()
+    joints = tuple(replace(j, limits=Limits(-stated, stated)) for j in robot.tree.joints)
+    facts = expected(replace(robot, tree=replace(robot.tree, joints=joints))).facts
+    name = robot.tree.moving_joints[0].name
+    ends = tuple(facts[Key("joint", name, end)] for end in ("lower", "upper"))
+    assert ends == (-held, held)
+
+
+@pytest.mark.parametrize(
+    ("model", "gains", "drive"),
+    [("pd", True, "force"), ("ideal_pd", False, "force"), ("passive", False, "none")],
+)
+def test_physx_has_gains_where_it_integrates_the_drive(model: str, gains: bool, drive: str) -> None:
+    said: dict[str, Value] = {"type": "rotary", "axis": (1.0, 0.0, 0.0), "model": model,
+                              "kp": 8.0, "kd": 1.0, "effort": 5.0}  # fmt: skip
+    facts = as_physx(Table({Key("joint", "a", q): v for q, v in said.items()})).of("joint", "a")
+    assert (facts["kp"], facts["kd"]) == ((8.0, 1.0) if gains else (0.0, 0.0))
+    assert facts["physx:drive"] == drive
+    assert facts["effort"] == (None if model == "passive" else 5.0)
+
+
+def test_mimics_are_expected_where_the_recipe_couples_them() -> None:
+    key = Key("joint", "FR_calf_joint", "mimic multiplier")
+    assert expected(LED).facts[key] == -1.0
+    assert key not in expected(LED, mimics=False).facts
+
+
+def test_a_motion_shows_kind_axis_and_anchor() -> None:
+    half = physx.TURN / 2
+    turn = (math.cos(half), 0.0, 0.0, -math.sin(half))
+    assert _motion(Pose((0.0, 0.0, 0.0), turn)) == {
+        "type": "rotary", "axis": pytest.approx((0.0, 0.0, -1.0)),
+    }  # fmt: skip
+    slid = _motion(Pose((0.0, -physx.TURN, 0.0)))
+    assert slid == {"type": "linear", "axis": (0.0, -1.0, 0.0)}
+    about = Pose((0.1, 0.0, 0.0)) @ Pose((0.0, 0.0, 0.0), turn) @ Pose((-0.1, 0.0, 0.0))
+    assert _motion(about)["anchor"] == pytest.approx((0.1, 0.0, 0.0))
+    assert quat_of(about.rotation) == pytest.approx(turn)
+
+
+def coupled(multiplier: float, offset: float) -> dict[str, physx.Outcome]:
+    """Both experiments under a coupling."""
+    outcomes = {}
+    for experiment in experiments(LED.tree, LED.control):
+        assert experiment.start is not None
+        lead = np.full(5, experiment.start["FR_thigh_joint"])
+        joints = {"FR_thigh_joint": lead, "FR_calf_joint": multiplier * lead + offset}
+        zeros = np.zeros((5, 3))
+        motion = Motion(np.arange(5.0), joints, zeros, np.zeros((5, 4)), zeros)
+        outcomes[experiment.name] = physx.Outcome(None, motion)
+    return outcomes
+
+
+def test_a_coupling_is_measured_as_physx_moves_it() -> None:
+    found = measured(LED.tree, coupled(0.5, -1.0))["FR_calf_joint"]
+    assert found.leader == "FR_thigh_joint"
+    assert (found.multiplier, found.offset) == pytest.approx((0.5, -1.0))
+    exact = measured(LED.tree, coupled(2.0, 1e-6))["FR_calf_joint"]
+    assert exact == Coupling("FR_thigh_joint", pytest.approx(2.0), 0.0)
+
+
+def test_a_leader_stays_where_its_follower_can_follow() -> None:
+    (low, high) = measurable(LED.tree)["FR_calf_joint"]
+    thigh, calf = (LED.tree.by_joint[f"FR_{name}_joint"].limits for name in ("thigh", "calf"))
+    assert thigh.lower is not None and calf.lower is not None and calf.upper is not None
+    assert thigh.lower <= low < high
+    assert calf.lower <= -high - 0.8 < -low - 0.8 <= calf.upper
+
+
+def test_figures_of_physx_stay_out_of_public_pages() -> None:
+    table = expected(pendulum())
+    heavier = Table({k: 3.0 if k.quantity == "mass" else v for k, v in table.facts.items()})
+    (found,) = equality_findings(differences(table, heavier, PHYSX), "physx", "PhysX", {})
+    assert found.rule == "equal.physx.mass"
+    assert public_message(found) == WITHHELD
