@@ -307,9 +307,7 @@ def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tup
             yield first, second
 
 
-def _rigid_pieces(
-    tree: Tree, between: Collection[str]
-) -> tuple[dict[str, str], dict[str, str]]:
+def _rigid_pieces(tree: Tree, between: Collection[str]) -> tuple[dict[str, str], dict[str, str]]:
     """(body -> its piece, piece -> the piece above): bodies that fixed joints hold together.
 
     A piece is named by its topmost body, that of the world "". between: massless links in a row
