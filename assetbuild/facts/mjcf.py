@@ -10,14 +10,9 @@ import numpy as np
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import EXACT, Precision
-from assetbuild.facts.mjcf_expected import (
-    Opaque,
-    free_joint,
-    opaque_of,
-    opaque_option,
-    shown_pictures,
-)
+from assetbuild.facts.mjcf_expected import shown_pictures
 from assetbuild.facts.mjcf_model import pose_of, read_model
+from assetbuild.facts.mjcf_opaque import Opaque, free_joint, opaque_of, opaque_option
 from assetbuild.facts.mjcf_words import NEVER_ALONE, Spec, is_covered, words
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
@@ -125,7 +120,8 @@ class MjcfReader(Reader):
         }
         facts[Key("model", "", "mjcf:name")] = self.robot
         for frame in table.names("frame"):
-            facts[Key("frame", frame, "mjcf:group")] = 4.0
+            if (group := Key("frame", frame, "mjcf:group")) not in opaque.touched:
+                facts[group] = 4.0
         for asset in reference.shapes.meshes:
             facts[Key("mesh", asset.name, "mjcf:inertia")] = "mjMESH_INERTIA_SHELL"
         for index in range(len(shown_pictures(reference))):

@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
-from assetbuild.facts.mjcf_model import simulation_facts
-from assetbuild.facts.mjcf_words import words
+from assetbuild.facts.mjcf_opaque import attributes_of, mjcf_names, source_commands
 from assetbuild.facts.reference import Reference, pose_value, robot_table
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.robot.chains import axis_in_body, find_chains
-from assetbuild.robot.model import Actuator, Joint, MjcfOnly, Tree
+from assetbuild.robot.model import Actuator, Joint, Tree
 from assetbuild.robot.pose import quat_between, rotation_of
 
 MOTORS = ("ideal_pd", "dc_motor", "motor")
@@ -24,147 +22,6 @@ AT_SITE = ("accelerometer", "gyro", "velocimeter", "magnetometer", "force", "tor
            "rangefinder")  # fmt: skip
 """Sensors that MuJoCo has on a site alone."""
 DEFAULT_PRM = (1.0, *(0.0,) * 9)
-OWNERS = {"joint": "joint", "shape": "shape", "frame": "frame", "camera": "camera",
-          "material": "material", "body": "body", "root": "body", "drive": "actuator",
-          "mimic": "equality"}  # fmt: skip
-"""Place of `MjcfOnly` whose attributes belong on an element of the robot -> its kind."""
-TAGS = {"frame": "site", "shape": "geom", "actuator": "general", "equality": "joint"}
-MEANS: Mapping[str, tuple[str, ...]] = {
-    "ctrlrange": ("command range",), "inheritrange": ("command range",),
-    "ctrllimited": ("command range",), "forcerange": ("effort",), "forcelimited": ("effort",),
-    "resolution": ("resolution",), "polycoef": ("mimic multiplier", "mimic offset"),
-    "stiffness": ("stiffness", "spring reference"),
-    "springref": ("spring reference",), "group": ("role",), "gear": ("gear", "kp", "kd", "effort"),
-}  # fmt: skip
-"""Attribute that only MJCF says -> quantities of the owner that it changes."""
-
-
-@dataclass(frozen=True)
-class Opaque:
-    """What only MJCF says: subjects of its own, and attributes of the robot's.
-
-    subjects: (kind, name). words: every word expected. touched: quantities that these attributes
-    change, so that the robot does not know them.
-    """
-
-    subjects: frozenset[tuple[str, str]]
-    words: Mapping[Key, Value]
-    touched: frozenset[Key]
-
-
-def opaque_of(items: tuple[MjcfOnly, ...], reference: Reference) -> Opaque:
-    """Read by MuJoCo's own parser, each element in a document of its own."""
-    subjects: dict[tuple[str, str], None] = {}
-    found: dict[Key, Value] = {}
-    touched: set[Key] = set()
-    names = mjcf_names(reference.tree)
-    for item in items:
-        kind = OWNERS.get(item.place)
-        if item.place in ("option", "keyframe", "freejoint"):
-            continue
-        if kind is None or (item.place == "body" and not item.element.startswith("<body")):
-            own = _parsed(_document(item, names))
-            own = {key: v for key, v in own.items() if key.kind not in ("body", "model")}
-            for key, value in _numbered(own, subjects).items():
-                subjects[key.kind, key.name] = None
-                found[key] = value
-            if item.place == "tendon":  # whose path names nothing in a document of its own
-                found |= _path(item.element)
-            continue
-        owner = names.get(item.owner, item.owner) if kind == "body" else item.owner
-        stated = _attributes(item.element)
-        of = "joint" if kind in ("actuator", "equality") else kind
-        touched |= {Key(of, owner, q) for name in stated for q in MEANS.get(name, ())}
-        plain = " ".join(f'{name}="{value}"' for name, value in stated.items() if value)
-        for key, value in _owned(kind, plain).items():
-            found[Key(kind, owner, key.quantity)] = value
-    return Opaque(frozenset(subjects), found, frozenset(touched))
-
-
-def _document(item: MjcfOnly, names: Mapping[str, str]) -> str:
-    """The sections of a document with one whole element, where it stands."""
-    if item.place != "body":
-        return f"<{item.place}>{item.element}</{item.place}>"
-    if not item.owner:
-        return f"<worldbody>{item.element}</worldbody>"
-    body = names.get(item.owner, item.owner)
-    return f'<worldbody><body name="{body}">{item.element}</body></worldbody>'
-
-
-def _numbered(own: Mapping[Key, Value], known: Mapping[tuple[str, str], None]) -> dict[Key, Value]:
-    """Subjects without a name are counted through the whole file."""
-    count: dict[str, int] = {}
-    for kind, name in known:
-        count[kind] = count.get(kind, 0) + name.startswith("#")
-    return {
-        key._replace(name=f"#{count.get(key.kind, 0) + int(key.name[1:])}")
-        if key.name.startswith("#")
-        else key: value
-        for key, value in own.items()
-    }
-
-
-def _path(element: str) -> dict[Key, Value]:
-    """What a tendon runs over, as `mjcf_words` tells it."""
-    from defusedxml.ElementTree import fromstring
-
-    tendon, found = fromstring(element), []
-    for part in tendon:
-        said = (part.get(name) for name in ("coef", "divisor"))
-        numbers = [str(float(text)) for text in said if text]
-        names = [part.get(part.tag), part.get("sidesite")]
-        found.append(" ".join([part.tag, *filter(None, names), *numbers]))
-    return {Key("tendon", str(tendon.get("name")), "mjcf:path"): tuple(found)}
-
-
-def _owned(kind: str, attributes: str) -> dict[Key, Value]:
-    """Words of one element that has nothing but these attributes."""
-    needed = {"actuator": ' joint="j"', "equality": ' joint1="j"', "material": ' name="m"',
-              "shape": "", "body": "", "joint": "", "frame": "", "camera": ""}[kind]  # fmt: skip
-    text = f"<{TAGS.get(kind, kind)}{needed} {attributes}/>"
-    section = {"actuator": "actuator", "equality": "equality", "material": "asset"}.get(kind)
-    if section:
-        parsed = _parsed(f"<{section}>{text}</{section}>")
-    elif kind == "body":
-        parsed = _parsed(f"<worldbody>{text}</worldbody>")
-    else:
-        parsed = _parsed(f"<worldbody><body>{text}</body></worldbody>")
-    stated = {name.split("=")[0] for name in attributes.split() if "=" in name}
-    aliases = {"solreflimit": "solref_limit", "solimplimit": "solimp_limit",
-               "solreffriction": "solref_friction", "solimpfriction": "solimp_friction",
-               "user": "userdata", "mesh": "meshname"}  # fmt: skip
-    wanted = {aliases.get(name, name) for name in stated}
-    return {
-        key: value
-        for key, value in parsed.items()
-        if key.kind == kind and key.quantity.removeprefix("mjcf:").split(".")[0] in wanted
-    }
-
-
-def _attributes(element: str) -> dict[str, str]:
-    from defusedxml.ElementTree import fromstring
-
-    return dict(fromstring(element).attrib)
-
-
-def _parsed(inside: str) -> dict[Key, Value]:
-    """Words of a document; the angles of the build's MJCFs are radians."""
-    import mujoco
-
-    text = f'<mujoco><compiler angle="radian" autolimits="true"/>{inside}</mujoco>'
-    found = words(mujoco.MjSpec.from_string(text))
-    return {key: value for key, value in found.items() if key.kind != "model"}
-
-
-# --- the robot in MuJoCo's structure --------------------------------------------------------
-
-
-def mjcf_names(tree: Tree) -> dict[str, str]:
-    """Name in MJCF by name of a body: `world` is MuJoCo's own."""
-    taken, written = {body.name for body in tree.bodies}, "world_body"
-    while written in taken:
-        written += "_"
-    return {name: written if name == "world" else name for name in taken}
 
 
 def mjcf_table(reference: Reference) -> Table:
@@ -176,6 +33,7 @@ def mjcf_table(reference: Reference) -> Table:
         joint = tree.by_joint.get(actuator.joint)
         if joint is not None:
             _drive(actuator, joint, facts)
+    facts = {key: value for key, value in facts.items() if key.quantity != "drive name"}
     for joint_name, name in _drive_names(reference).items():
         facts[Key("joint", joint_name, "drive name")] = name
     _limits(tree, facts)
@@ -244,7 +102,7 @@ def _resting_pose(reference: Reference) -> Value:
     """Of a floating root before any keyframe: at the height of the initial one."""
     for item in reference.control.mjcf_only:
         if item.place == "root":
-            said = _attributes(item.element)
+            said = attributes_of(item.element)
             xyz = tuple(float(v) for v in said.get("pos", "0 0 0").split())
             quat = tuple(float(v) for v in said.get("quat", "1 0 0 0").split())
             return (*xyz, *quat)
@@ -378,12 +236,13 @@ def _senses(reference: Reference, facts: dict[Key, Value]) -> None:
         if kind in AT_SITE and place.kind == "frame" and place.name in tree.by_body:
             put_site(place.name, facts)
     known = {row.joint: row for row in control.actuators}
-    by_source = any(item.place == "keyframe" for item in control.mjcf_only)
+    commands = dict(source_commands(control.mjcf_only))
     for key in control.keyframes:
         for joint, value in key.joints:
             row = known.get(joint)
-            if row is not None and row.model != "passive" and not by_source:
+            if row is not None and row.model != "passive":
                 aimed = value if row.model == "pd" else 0.0
+                aimed = commands.get((key.name, drives.get(joint, joint)), aimed)
                 facts[Key("keyframe", f"{key.name}/{joint}", "target")] = aimed
         for joint_ in tree.joints:
             if joint_.kind == "planar":
@@ -434,41 +293,3 @@ def solver_facts(reference: Reference, section: str) -> dict[str, Value]:
         "impratio": float(impratio),
     }
     return found
-
-
-ATTRIBUTE_OF = {
-    "integrator": "integrator", "cone": "cone", "solver": "solver", "iterations": "iterations",
-    "ls_iterations": "line search iterations", "impratio": "impratio",
-}  # fmt: skip
-
-
-def opaque_option(reference: Reference) -> tuple[dict[str, Value], dict[Key, Value]]:
-    """(solver facts, words of the section `option`) that the source's MJCF states."""
-    import mujoco
-
-    found: dict[str, Value] = {}
-    other: dict[Key, Value] = {}
-    for item in reference.control.mjcf_only:
-        if item.place == "option":
-            spec = mujoco.MjSpec.from_string(f"<mujoco>{item.element}</mujoco>")
-            facts, stated = simulation_facts(spec.option), _attributes(item.element)
-            found |= {q: facts[q] for name, q in ATTRIBUTE_OF.items() if name in stated}
-            other |= {k: v for k, v in words(spec).items() if k.kind == "simulation"}
-    return found, other
-
-
-def free_joint(reference: Reference) -> dict[Key, Value]:
-    """Words of the joint of a floating base, and what the source's MJCF says of it."""
-    tree = reference.tree
-    if tree.base != "floating":
-        return {}
-    stated: dict[str, str] = {}
-    for item in reference.control.mjcf_only:
-        if item.place == "freejoint":
-            stated |= _attributes(item.element)
-    name = stated.pop("name", "floating_base_joint")
-    root = mjcf_names(tree)[tree.root]
-    said = " ".join(f'{word}="{value}"' for word, value in stated.items() if value)
-    text = f'<worldbody><body name="{root}"><joint name="{name}" type="free" {said}/></body>'
-    parsed = _parsed(f"{text}</worldbody>")
-    return {key: value for key, value in parsed.items() if key.kind == "joint"}

@@ -61,7 +61,7 @@ def read_model(
     for geom in range(model.ngeom):
         if int(model.geom_bodyid[geom]):
             book.put("shape", _name(model, "geom", geom), _geom(model, geom, surfaces))
-    for pair in _filtered(model):
+    for pair in _filtered(model, opaque):
         book.put("pair", " ".join(pair), {"filtered": True})
     _senses(model, book)
     for key in range(model.nkey):
@@ -315,12 +315,16 @@ def contact_facts(model: Model, geom: int) -> dict[str, Value]:
     }
 
 
-def _filtered(model: Model) -> Iterator[tuple[str, str]]:
+def _filtered(
+    model: Model, opaque: Collection[tuple[str, str]] = frozenset()
+) -> Iterator[tuple[str, str]]:
     """Pairs of bodies (sorted names) that both have collision geoms and never meet."""
     said = {(int(pair) >> 16, int(pair) & 0xFFFF) for pair in model.exclude_signature}
     masks: dict[int, list[tuple[int, int]]] = {}
     solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0) | (model.geom_group == 3)
     for geom in np.flatnonzero(solid):
+        if ("shape", _name(model, "geom", int(geom))) in opaque:
+            continue
         bits = int(model.geom_contype[geom]), int(model.geom_conaffinity[geom])
         masks.setdefault(int(model.geom_bodyid[geom]), []).append(bits)
     masks.pop(0, None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 from assetbuild.errors import UsageError
 from assetbuild.facts.surface import Surface
 from assetbuild.facts.table import Table, Value, Writer
+from assetbuild.robot.chains import find_chains
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import (
@@ -290,7 +291,8 @@ def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tup
     for shape in shapes.of("collision"):
         body = tree.placement(shape.link)[0]
         solid.setdefault(body, []).append(own.get(shape.name, control.contact))
-    piece, above = _rigid_pieces(tree)
+    chains = find_chains(tree, {shape.link for shape in shapes.shapes})
+    piece, above = _rigid_pieces(tree, {link for chain in chains for link in chain.between})
     excluded = {frozenset(pair) for pair in control.excludes}
     parents = not any("filterparent" in item.element for item in control.mjcf_only)
     for first, second in itertools.combinations(sorted(solid), 2):
@@ -305,18 +307,21 @@ def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tup
             yield first, second
 
 
-def _rigid_pieces(tree: Tree) -> tuple[dict[str, str], dict[str, str]]:
+def _rigid_pieces(tree: Tree, between: Collection[str]) -> tuple[dict[str, str], dict[str, str]]:
     """(body -> its piece, piece -> the piece above): bodies that fixed joints hold together.
 
-    A piece is named by its topmost body, that of the world "".
+    A piece is named by its topmost body, that of the world "". between: massless links in a row
+    of joints, which are one joint to the bodies at its ends.
     """
-    piece, above = {tree.root: "" if tree.base == "fixed" else tree.root}, {}
+    piece = {tree.root: "" if tree.base == "fixed" else tree.root}
+    above: dict[str, str] = {}
     for joint in tree.joints:  # parents first
         if joint.kind == "fixed":
             piece[joint.child] = piece[joint.parent]
         else:
             piece[joint.child] = joint.child
-            above[joint.child] = piece[joint.parent]
+            over = piece[joint.parent]
+            above[joint.child] = above[over] if over in between else over
     return piece, above
 
 

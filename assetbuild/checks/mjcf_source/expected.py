@@ -279,6 +279,7 @@ def _is_stated(
         "actuators": kind == "actuator" or drive or commands or watches,
         "base": quantity in BASE or free or root,
         "collision": kind == "pair" or (shape and touches(own)),
+        "merge": kind == "pair",
         "contact": shape and quantity.removeprefix("mjcf:") in SURFACE,
         "decimated": shape and not touches(own) and quantity in MESH,
         f"keyframe {name.split('/')[0]}": kind == "keyframe",

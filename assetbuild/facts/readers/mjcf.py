@@ -8,7 +8,8 @@ from pydantic import Field
 
 from assetbuild.facts.compare import EXACT, Precision
 from assetbuild.facts.mjcf import LACKS, MjcfReader
-from assetbuild.facts.mjcf_expected import mjcf_table, opaque_option, solver_facts
+from assetbuild.facts.mjcf_expected import mjcf_table, solver_facts
+from assetbuild.facts.mjcf_opaque import opaque_option
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Key, Table
 from assetbuild.quantities import Positive
@@ -17,7 +18,7 @@ from assetbuild.quantities import Positive
 class MjcfFacts(MjcfReader):
     """Every fact of the robot, in `<robot>.xml`."""
 
-    version = "4"
+    version = "5"
     needs = ("mjcf",)
     form = "mjcf"
     called = "the MJCF"
