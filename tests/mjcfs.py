@@ -144,7 +144,7 @@ def _assemble(reading: Reading, folder: Path, ports: Path) -> None:
     for number, shape in enumerate(reading.shapes.shapes):
         mesh = None
         if isinstance(shape.geometry, MeshFile):
-            step = ConvertMesh(format=shape.geometry.path[-3:], scale=shape.geometry.scale)
+            step = ConvertMesh(format=shape.geometry.path[-3:].lower(), scale=shape.geometry.scale)
             source = {"mesh": reading.files / shape.geometry.path}
             made = _run(step, folder / f"mesh{number}", source)
             mesh = f"mesh/{number}"

@@ -220,9 +220,16 @@ def group(found: Sequence[Difference]) -> list[Group]:
 
 
 def equality_findings(
-    found: Sequence[Difference], form: str, subject: str, places: Mapping[tuple[str, str], str]
+    found: Sequence[Difference],
+    form: str,
+    subject: str,
+    places: Mapping[tuple[str, str], str],
+    model: str = "the robot",
 ) -> Iterator[Finding]:
-    """One finding `equal.<form>.<quantity>` for each group. subject: what the file is called."""
+    """One finding `equal.<form>.<quantity>` for each group.
+
+    subject: what the file is called; model: what it is compared with.
+    """
     for same in group(found):
         first, keys = same.one, same.keys
         quantity = first.key.quantity.rsplit(":", 1)[-1] if first.what == "value" else first.what
@@ -234,7 +241,7 @@ def equality_findings(
             data["subjects"] = tuple(key.subject for key in keys)
         yield EQUAL.named(f"{form}.{slug(quantity)}")(
             keys[0].subject,
-            f"{_sentence(first, subject)}{_others(keys)}",
+            f"{_sentence(first, subject, model)}{_others(keys)}",
             data=data
             if first.what == "value"
             else {k: data[k] for k in ("subjects",) if k in data},
@@ -242,16 +249,16 @@ def equality_findings(
         )
 
 
-def _sentence(one: Difference, subject: str) -> str:
+def _sentence(one: Difference, subject: str, model: str) -> str:
     if one.what == "missing":
         return f"{subject} lacks it"
     if one.what == "extra":
-        return f"{subject} has it, the robot does not"
+        return f"{subject} has it, {model} does not"
     unit = one.quantity.unit if one.quantity else ""
     before, after = shown(one.before, unit), shown(one.after, unit)
     if before == after:
         before, after = shown(one.before, unit, 17), shown(one.after, unit, 17)
-    return f"{one.key.quantity} is {after} in {subject}, {before} in the robot"
+    return f"{one.key.quantity} is {after} in {subject}, {before} in {model}"
 
 
 def _others(keys: Sequence[Key]) -> str:

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
+
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import EXACT, Precision
 from assetbuild.facts.mjcf_expected import (
@@ -15,12 +17,14 @@ from assetbuild.facts.mjcf_expected import (
     opaque_option,
     shown_pictures,
 )
-from assetbuild.facts.mjcf_model import read_model
-from assetbuild.facts.mjcf_words import NEVER_ALONE, is_covered, words
+from assetbuild.facts.mjcf_model import pose_of, read_model
+from assetbuild.facts.mjcf_words import NEVER_ALONE, Spec, is_covered, words
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
+from assetbuild.facts.surface import measure
 from assetbuild.facts.table import Key, Table, Value, Writer
-from assetbuild.simulators.mujoco import caught_warnings
+from assetbuild.robot.shapes import Mesh
+from assetbuild.simulators.mujoco import Model, caught_warnings, name_of
 
 LACKS: Mapping[str, str] = {
     "robot articulation root": "MJCF has a tree of bodies, which needs no such mark",
@@ -44,9 +48,43 @@ LACKS: Mapping[str, str] = {
 STRONGEST = (3.0, 2.0, 1.0)
 """Of a contact sensor: found and force, of one contact, the strongest."""
 MESHES = Precision(
-    {**EXACT, "length": 1e-6}, {("shape", "texture corners"): 1e-6, ("shape", "rgba"): 1e-6}
+    {**EXACT, "length": 1e-6},
+    {("shape", "texture corners"): 1e-6, ("shape", "rgba"): 1e-6, ("shape", "mjcf:normals"): 1e-5},
 )
 """MuJoCo keeps vertices, texture coordinates and colours as float32."""
+
+
+NOTHING = Opaque(frozenset(), {}, frozenset())
+
+
+def read_spec(spec: Spec, opaque: Opaque = NOTHING) -> tuple[Model, Table]:
+    """A specification compiled, and as facts; MuJoCo's ValueError where it refuses it."""
+    book = Writer()
+    said = words(spec)
+    model = spec.compile()
+    told = read_model(model, book, opaque.subjects)
+    return model, _known(Table({**book.facts, **said}), opaque, told)
+
+
+def _known(table: Table, opaque: Opaque, told: frozenset[tuple[str, str]]) -> Table:
+    """Without the words that the vocabulary says too, and what opaque words say instead.
+
+    told: subjects that the vocabulary tells whole.
+    """
+    roles = {k.name: v for k, v in table.facts.items() if (k.kind, k.quantity) == ("shape", "role")}
+    owned = {(key.kind, key.name, key.quantity) for key in opaque.words}
+
+    def holds(key: Key) -> bool:
+        subject = (key.kind, key.name)
+        if not key.is_foreign:
+            return subject not in opaque.subjects and key not in opaque.touched
+        if subject in opaque.subjects or tuple(key) in owned:
+            return True
+        if key.kind not in NEVER_ALONE and subject not in told:
+            return True
+        return not is_covered(key, str(roles.get(key.name, "")))
+
+    return table.only(holds)
 
 
 class MjcfReader(Reader):
@@ -58,49 +96,26 @@ class MjcfReader(Reader):
 
     def read(self, path: Path) -> Table:
         """Of any MJCF; UsageError where MuJoCo refuses it."""
-        return self._read(path, Opaque(frozenset(), {}, frozenset()))
+        return self._read(path, NOTHING)
 
     def _read(self, path: Path, opaque: Opaque) -> Table:
         import mujoco
 
-        book = Writer()
         with caught_warnings():
             try:
                 spec = mujoco.MjSpec.from_file(str(path))
-                said = words(spec)
-                model = spec.compile()
+                model, table = read_spec(spec, opaque)
             except ValueError as error:
                 text = " ".join(str(error).replace(f"{path.parent}/", "").split())
                 raise UsageError(f"MuJoCo refuses it: {text}") from None
-        told = read_model(model, book, opaque.subjects)
-        return self._known(Table({**book.facts, **said}), opaque, told)
+        book = Writer()
+        _normals(model, spec, path.parent, book)
+        return table | book.table()
 
     def found(self, path: Path, reference: Reference) -> Table:
         """What only MJCF can say is compared word by word."""
         opaque = opaque_of(reference.control.mjcf_only, reference)
         return self._read(path, opaque).only(self.holds)
-
-    def _known(self, table: Table, opaque: Opaque, told: frozenset[tuple[str, str]]) -> Table:
-        """Without the words that the vocabulary says too, and what opaque words say instead.
-
-        told: subjects that the vocabulary tells whole.
-        """
-        roles = {
-            k.name: v for k, v in table.facts.items() if (k.kind, k.quantity) == ("shape", "role")
-        }
-        owned = {(key.kind, key.name, key.quantity) for key in opaque.words}
-
-        def holds(key: Key) -> bool:
-            subject = (key.kind, key.name)
-            if not key.is_foreign:
-                return subject not in opaque.subjects and key not in opaque.touched
-            if subject in opaque.subjects or tuple(key) in owned:
-                return True
-            if key.kind not in NEVER_ALONE and subject not in told:
-                return True
-            return not is_covered(key, str(roles.get(key.name, "")))
-
-        return table.only(holds)
 
     def complete(self, table: Table, reference: Reference) -> Table:
         """With the words that MJCF alone has: of the source, and those of Menagerie's style."""
@@ -108,6 +123,7 @@ class MjcfReader(Reader):
         facts: dict[Key, Value] = {
             key: value for key, value in table.facts.items() if key not in opaque.touched
         }
+        facts[Key("model", "", "mjcf:name")] = self.robot
         for frame in table.names("frame"):
             facts[Key("frame", frame, "mjcf:group")] = 4.0
         for asset in reference.shapes.meshes:
@@ -117,5 +133,31 @@ class MjcfReader(Reader):
         for sensor in reference.control.sensors:
             if sensor.kind == "contact":
                 facts[Key("sensor", sensor.name, "mjcf:intprm")] = STRONGEST
+        surfaces = dict(reference.assets.surfaces)
+        for shape in reference.shapes.shapes:
+            if isinstance(shape.geometry, Mesh) and surfaces[shape.geometry.mesh].normals:
+                turned = surfaces[shape.geometry.mesh].moved(
+                    reference.tree.shape_placement(shape)[1]
+                )
+                facts[Key("shape", shape.name, "mjcf:normals")] = turned.normals
         facts |= opaque_option(reference)[1] | free_joint(reference)
         return Table({**facts, **opaque.words}).only(self.holds)
+
+
+def _normals(model: Model, spec: Spec, folder: Path, book: Writer) -> None:
+    """Words for the normals at the corners of meshes whose files state any."""
+    stated = set()
+    for mesh in spec.meshes:
+        file = folder / str(spec.meshdir) / str(mesh.file)
+        if file.suffix.lower() == ".obj" and file.is_file() and b"\nvn " in file.read_bytes():
+            stated.add(str(mesh.name) or file.stem)
+    for geom in range(model.ngeom):
+        mesh_id = int(model.geom_dataid[geom])
+        if mesh_id < 0 or name_of(model, "mesh", mesh_id) not in stated:
+            continue
+        first, count = int(model.mesh_faceadr[mesh_id]), int(model.mesh_facenum[mesh_id])
+        faces = model.mesh_facenormal[first : first + count]
+        normals = model.mesh_normal[int(model.mesh_normaladr[mesh_id]) :][faces]
+        pose = pose_of(model.geom_pos[geom], model.geom_quat[geom])
+        turned = measure(np.zeros((1, 3, 3)), None, normals).moved(pose)
+        book.put("shape", name_of(model, "geom", geom), {"mjcf:normals": turned.normals})

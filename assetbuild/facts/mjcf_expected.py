@@ -34,7 +34,7 @@ MEANS: Mapping[str, tuple[str, ...]] = {
     "ctrllimited": ("command range",), "forcerange": ("effort",), "forcelimited": ("effort",),
     "resolution": ("resolution",), "polycoef": ("mimic multiplier", "mimic offset"),
     "stiffness": ("stiffness", "spring reference"),
-    "springref": ("spring reference",), "gear": ("gear", "kp", "kd", "effort"),
+    "springref": ("spring reference",), "group": ("role",), "gear": ("gear", "kp", "kd", "effort"),
 }  # fmt: skip
 """Attribute that only MJCF says -> quantities of the owner that it changes."""
 
@@ -64,10 +64,12 @@ def opaque_of(items: tuple[MjcfOnly, ...], reference: Reference) -> Opaque:
             continue
         if kind is None or (item.place == "body" and not item.element.startswith("<body")):
             own = _parsed(_document(item, names))
-            own = {key: value for key, value in own.items() if key.kind != "body"}
+            own = {key: v for key, v in own.items() if key.kind not in ("body", "model")}
             for key, value in _numbered(own, subjects).items():
                 subjects[key.kind, key.name] = None
                 found[key] = value
+            if item.place == "tendon":  # whose path names nothing in a document of its own
+                found |= _path(item.element)
             continue
         owner = names.get(item.owner, item.owner) if kind == "body" else item.owner
         stated = _attributes(item.element)
@@ -100,6 +102,19 @@ def _numbered(own: Mapping[Key, Value], known: Mapping[tuple[str, str], None]) -
         else key: value
         for key, value in own.items()
     }
+
+
+def _path(element: str) -> dict[Key, Value]:
+    """What a tendon runs over, as `mjcf_words` tells it."""
+    from defusedxml.ElementTree import fromstring
+
+    tendon, found = fromstring(element), []
+    for part in tendon:
+        said = (part.get(name) for name in ("coef", "divisor"))
+        numbers = [str(float(text)) for text in said if text]
+        names = [part.get(part.tag), part.get("sidesite")]
+        found.append(" ".join([part.tag, *filter(None, names), *numbers]))
+    return {Key("tendon", str(tendon.get("name")), "mjcf:path"): tuple(found)}
 
 
 def _owned(kind: str, attributes: str) -> dict[Key, Value]:
@@ -137,7 +152,8 @@ def _parsed(inside: str) -> dict[Key, Value]:
     import mujoco
 
     text = f'<mujoco><compiler angle="radian" autolimits="true"/>{inside}</mujoco>'
-    return words(mujoco.MjSpec.from_string(text))
+    found = words(mujoco.MjSpec.from_string(text))
+    return {key: value for key, value in found.items() if key.kind != "model"}
 
 
 # --- the robot in MuJoCo's structure --------------------------------------------------------

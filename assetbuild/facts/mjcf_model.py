@@ -276,17 +276,16 @@ def _geom(model: Model, geom: int, surfaces: _Surfaces) -> dict[str, Value]:
         facts |= surfaces.of(int(model.geom_dataid[geom])).moved(pose).facts()
     else:
         facts |= {"size": _size(kind, model.geom_size[geom]), "pose": (*pose.xyz, *pose.quat)}
-    if role != "visual":
+    if role == "collision" or facts["mask"] or facts["partners"]:
         facts |= contact_facts(model, geom)
     material = int(model.geom_matid[geom])
     rgba = _numbers(np.float32(model.geom_rgba[geom]))
+    own = rgba != (0.5, 0.5, 0.5, 1.0)  # MuJoCo draws it rather than the material's
+    if material >= 0 or own:
+        facts["rgba"] = rgba if own else _numbers(model.mat_rgba[material])
     if material >= 0:
-        facts["rgba"] = _numbers(model.mat_rgba[material])
         textures = [int(t) for t in np.ravel(model.mat_texid[material]) if int(t) >= 0]
-        if textures:
-            facts["texture"] = surfaces.pixels(textures[0])
-    elif rgba != (0.5, 0.5, 0.5, 1.0):
-        facts["rgba"] = rgba
+        facts |= {"texture": surfaces.pixels(textures[0])} if textures else {}
     return facts
 
 
@@ -320,7 +319,8 @@ def _filtered(model: Model) -> Iterator[tuple[str, str]]:
     """Pairs of bodies (sorted names) that both have collision geoms and never meet."""
     said = {(int(pair) >> 16, int(pair) & 0xFFFF) for pair in model.exclude_signature}
     masks: dict[int, list[tuple[int, int]]] = {}
-    for geom in np.flatnonzero(model.geom_group == 3):
+    solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0) | (model.geom_group == 3)
+    for geom in np.flatnonzero(solid):
         bits = int(model.geom_contype[geom]), int(model.geom_conaffinity[geom])
         masks.setdefault(int(model.geom_bodyid[geom]), []).append(bits)
     masks.pop(0, None)

@@ -93,6 +93,7 @@ class SceneReader(Reader):
         facts: dict[Key, Value] = {
             _key(subject, word): value for (subject, word), value in LOOKS.items()
         }
+        facts[Key("model", "", "mjcf:name")] = f"{self.robot} scene"
         points = _origins(reference)
         lower, upper = points.min(axis=0), points.max(axis=0)
         middle = tuple(round(float(v), 2) for v in (lower + upper) / 2)

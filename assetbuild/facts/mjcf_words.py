@@ -82,7 +82,7 @@ SURFACE = frozenset({"condim", "priority", "friction", "solref", "solimp", "marg
 
 def words(spec: Spec) -> dict[Key, Value]:
     """Every attribute that is not MuJoCo's default, as `mjcf:<attribute>` of its subject."""
-    found: dict[Key, Value] = {}
+    found: dict[Key, Value] = {Key("model", "", "mjcf:name"): str(spec.modelname)}
     for listed, (kind, _) in KINDS.items():
         unnamed = 0
         for item in getattr(spec, listed, ()):
@@ -92,6 +92,8 @@ def words(spec: Spec) -> dict[Key, Value]:
             if not name:
                 name, unnamed = f"#{unnamed}", unnamed + 1
             own = dict(_stated(item, _blank(listed)))
+            if kind == "tendon":
+                own["path"] = _path(item.path)
             if kind in BELOW_BODY and kind != "body":
                 above = str(item.parent.name)
                 own["body"] = "" if above == "world" else above
@@ -105,12 +107,23 @@ def words(spec: Spec) -> dict[Key, Value]:
     return found
 
 
+def _path(path: Any) -> tuple[str, ...]:  # Any: MuJoCo's MjsTendonPath
+    """What a tendon runs over, in order: `joint knee 2.0`, `site hook`, `geom drum beside`."""
+    found = []
+    for wrap in (path[i] for i in range(len(path))):
+        kind = wrap.type.name.removeprefix("mjWRAP_").lower()
+        said = (wrap.target, wrap.sidesite, wrap.coef, wrap.divisor)
+        shown = [str(getattr(v, "name", v)) for v in said if v is not None]
+        found.append(" ".join(["geom" if kind in ("sphere", "cylinder") else kind, *shown]))
+    return tuple(found)
+
+
 def is_covered(key: Key, role: str = "") -> bool:
     """Whether the vocabulary says the same of a robot's own subject. role: of a shape."""
-    attribute = key.quantity.removeprefix("mjcf:")
+    attribute = key.quantity.removeprefix("mjcf:").split(".")[0]
     if attribute in ("there", "body") or attribute in COVERED.get(key.kind, ()):
         return True
-    return key.kind == "shape" and role == "collision" and attribute in SURFACE
+    return key.kind == "shape" and role != "visual" and attribute in SURFACE
 
 
 @functools.cache

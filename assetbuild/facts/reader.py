@@ -34,6 +34,10 @@ UNREAD = Rule(
 )
 
 
+BROKEN = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RuntimeError)
+"""What a reader runs into where a file is not of its format at all."""
+
+
 @dataclass(frozen=True)
 class Proof:
     """What the comparison of one file with the robot gave."""
@@ -120,10 +124,13 @@ class Reader(Check):
         """Compares a file with the robot."""
         try:
             known = self.found(path, reference)
+            expected = self.expected(reference)
         except AssetBuildError as error:
             unreadable = UNREADABLE("robot", f"{self.called}: {error.message}", error.hint)
             return Proof(Table({}), (), (unreadable,), 0)
-        expected = self.expected(reference)
+        except BROKEN as error:  # a file may hold anything
+            text = f"{self.called}: {type(error).__name__}: {error}"
+            return Proof(Table({}), (), (UNREADABLE("robot", text),), 0)
         different = differences(expected, known, self.exactness)
         findings = [*equality_findings(different, self.form, self.called, known.places)]
         findings += [

@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
@@ -79,6 +80,31 @@ class Prim:
             for key, value in prop.GetAllAuthoredMetadata().items()
             if key not in PLAIN
         }
+
+        self._declarations()
+
+    def _declarations(self) -> None:
+        """Words for properties that are declared otherwise than their schema does.
+
+        A runtime that asks for a float finds nothing in a double of the same name. Of a schema
+        that USD does not know, numbers are single precision; places are double.
+        """
+        known = self.prim.GetPrimDefinition()
+        for name, prop in self.left.items():
+            if prop.IsCustom():
+                self.book.put("prim", self.path, {f"usd:{name} is custom": True})
+            if not isinstance(prop, Usd.Attribute):
+                continue
+            spec, kind = known.GetSchemaAttributeSpec(name), str(prop.GetTypeName())
+            wanted = str(spec.typeName) if spec else ""
+            if name.startswith("xformOp:"):
+                wanted = "double" if kind.rstrip("23df4h") in ("float", "half") else ""
+                wanted = "quatd" if kind in ("quatf", "quath") else wanted
+            elif not spec and kind in ("double", "half", "int64"):
+                wanted = "float"
+            if wanted and wanted != kind:
+                said = f"{kind}, where {wanted} is meant"
+                self.book.put("prim", self.path, {f"usd:type of {name}": said})
 
     @property
     def type(self) -> str:
@@ -174,13 +200,20 @@ class Prim:
 
     def placed(self) -> None:
         """Takes what the transform of the prim says, which its pose holds."""
-        order = self.take("xformOpOrder") or ()
-        for op in order:  # type: ignore[attr-defined] # an array of tokens
-            name = str(op).removeprefix("!invert!")
+        taken: Any = self.take("xformOpOrder")  # Any: an array of tokens
+        order = [str(op) for op in taken or ()]
+        ops = [f"xformOp:{op}" for op in ("translate", "orient", "scale")]
+        stated = [op for op in ops if op in self.left]
+        if order != stated and set(order) <= set(ops):
+            self.book.put("prim", self.path, {"usd:xformOpOrder": " ".join(order)})
+        for op in order:
+            name = op.removeprefix("!invert!")
             value = self.take(name)
+            if value is None:
+                self.book.put("prim", self.path, {f"usd:{name}": "no value"})
             # USD turns by the angle of its real part alone, other runtimes make it a unit first.
             if isinstance(value, QUATERNIONS) and abs(value.GetLength() - 1.0) > LENGTH:
-                self.book.skip(self.path, name, f"{value}, which is no unit quaternion")
+                self.book.put("prim", self.path, {f"usd:length of {name}": value.GetLength()})
         for name in ("visibility", "purpose"):  # both are inherited: see the shapes
             self.take(name)
 

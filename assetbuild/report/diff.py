@@ -287,10 +287,7 @@ def _files(
         lines = [*_differing(path, contents[0], contents[1], whole=bool(behind))]
         if not lines:
             rewritten.append(path)
-        found += [
-            Change("LOW", (f"file {path}",), where, first, second)
-            for where, first, second in lines[:SHOWN_LINES]
-        ]
+        found += [_change_of(path, *line) for line in lines[:SHOWN_LINES]]
         if len(lines) > SHOWN_LINES:
             more = f"{len(lines) - SHOWN_LINES} more places"
             found.append(Change("LOW", (f"file {path}",), "and", more, "differ"))
@@ -301,6 +298,14 @@ def _files(
         for where, first, second in _differing("manifest.json", *contents, whole=False):
             found.append(Change("LOW", ("file manifest.json",), where, first, second))
     return found, (*rewritten, *(derived if alone and not found else ()))
+
+
+def _change_of(path: str, where: str, before: str, after: str) -> Change:
+    """Of a file's line, or of what a JSON file says of something."""
+    subject, _, quantity = where.rpartition(".")
+    if path.endswith(".json") and subject:
+        return Change("LOW", (f"{path} {subject}",), quantity, before, after)
+    return Change("LOW", (f"file {path}",), where, before, after)
 
 
 def _differing(path: str, old: bytes, new: bytes, *, whole: bool) -> Iterator[tuple[str, str, str]]:
@@ -376,7 +381,8 @@ def _leaves(value: object, path: str = "") -> Iterator[tuple[str, object]]:
             yield from _leaves(item, f"{path}.{key}" if path else str(key))
     elif isinstance(value, list):
         for index, item in enumerate(value):
-            yield from _leaves(item, f"{path}[{index}]")
+            named = item.get("name", item.get("joint")) if isinstance(item, Mapping) else None
+            yield from _leaves(item, f"{path}.{named}" if named else f"{path}[{index}]")
     else:
         yield path, value
 

@@ -14,7 +14,7 @@ from assetbuild.engine.digest import digest_file
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import AssetBuildError, UsageError
 from assetbuild.facts.compare import EXACT, FLOAT32, Precision
-from assetbuild.facts.reader import Reader
+from assetbuild.facts.reader import BROKEN, Reader
 from assetbuild.facts.reference import Assets, Reference, robot_table
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.plugins import load_plugin, plugin_names
@@ -134,6 +134,9 @@ def _read(reader: Reader, file: Path, bundle: Path) -> Table:
     except AssetBuildError as error:
         inside = file.relative_to(bundle)
         raise UsageError(f"{inside}: {error.message}", hint=error.hint) from None
+    except BROKEN as error:  # a file may hold anything
+        inside = file.relative_to(bundle)
+        raise UsageError(f"{inside}: {type(error).__name__}: {error}") from None
 
 
 def _json(file: Path, bundle: Path) -> dict[str, Any]:  # Any: plain JSON

@@ -4,7 +4,7 @@
 
 FOLDER: mjlab's wheel, unpacked. Each MJCF of its zoo is built with its collision shapes as they
 are; the check `mjcf_source` compares what compiles from it with what compiles from ours: bodies,
-joints, geoms, sites, sensors, tendons, equalities, options, and both in motion. The table says how
+joints, shapes, sites, sensors, tendons, equalities, options, and both in motion. The table says how
 many of each were compared, how many the source has, and every finding.
 """
 
@@ -24,7 +24,7 @@ collision: {{default: {{method: keep, from: collision}}}}
 visual: {{max_faces: 1000000}}
 targets: [mjcf]
 """
-KINDS = ("body", "joint", "geom", "site", "sensor", "actuator", "tendon", "equality", "camera")
+KINDS = ("body", "joint", "shape", "frame", "sensor", "actuator", "tendon", "equality", "camera")
 
 
 def main(wheel: str) -> int:

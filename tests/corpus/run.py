@@ -177,8 +177,7 @@ def compared(checks: dict[str, dict]) -> dict[str, object]:
         return {"errors": errors}
     worst = same.get("worst_relative_error", {})
     parts = {
-        "inertia": ("mass", "com", "inertia"),
-        "kinematics": ("pose", "axis", "anchor", "site"),
+        "kinematics": ("axis", "anchor"),
         "mass_matrix": ("mass_matrix",),
         "gravity": ("forces",),
     }

@@ -614,4 +614,5 @@ def test_a_quaternion_that_runtimes_read_differently_is_reported(tmp_path: Path)
             Gf.Quatd(1.0, 0.05, 0.0, 0.0)
         ),
     )
-    assert rules(findings) == {("equal.unread", "/robot/trunk")}
+    assert {finding.subject for finding in findings} == {"prim /robot/trunk"}
+    assert "length" in findings[0].message

@@ -1,8 +1,9 @@
 """Is the MJCF that we write the MJCF that we read: moving alike, pulling alike, sensing alike?
 
-Both are compiled and held together by name. Poses of bodies, shapes, sites and joints, the mass
-matrix, the forces of drives, springs and dampers, and all sensors are compared in several
-positions; what does not move is compared as it is. The reader of the source is not asked.
+Both become tables of facts, read alike: every quantity of the compiled models and every word of
+the files. What the build changes by rule is changed in the source's table too (`expected`), and
+what the recipe states is not compared. Then both move: axes, mass matrix, the forces of drives,
+springs and dampers, and all sensors in several positions. The reader of the source is not asked.
 """
 
 from __future__ import annotations
@@ -12,18 +13,16 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from assetbuild.checks.mjcf_source.compare import ROUGH
-from assetbuild.checks.mjcf_source.constants import Constants
+from assetbuild.checks.mjcf_source.expected import compare
 from assetbuild.checks.mjcf_source.motion import Motion
+from assetbuild.checks.mjcf_source.tables import read_side
 from assetbuild.engine.step import Files
-from assetbuild.errors import StepError
+from assetbuild.facts.compare import equality_findings
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, RecipeView, write_figures
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Tree
 from assetbuild.simulators import mujoco
-
-SHOWN = 12
-"""Most findings of one rule."""
 
 LOAD = Rule(
     "equal.source.load", "error", "MuJoCo refuses our MJCF or the source's", "see `mjcf.load`"
@@ -33,10 +32,11 @@ LOAD = Rule(
 class MjcfSource(Check):
     """Findings `equal.source.<what>`; all are errors and carry both values.
 
-    What the recipe itself says (`stated`) is not compared.
+    What the recipe itself says (`stated`) is not compared here; the readers of
+    facts compare it with the robot.
     """
 
-    version = "7"
+    version = "8"
     isolated = True
     preload = ("mujoco",)
     tools = ("mujoco",)
@@ -45,7 +45,8 @@ class MjcfSource(Check):
 
     robot: str
     stated: tuple[str, ...] = ()
-    """Of actuators, base, collision, contact, decimated, merge, and names of options."""
+    """Of actuators, base, collision, contact, decimated, exclude, merge, senses, `keyframe <name>`,
+    and names of options."""
 
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
@@ -62,31 +63,44 @@ class MjcfSource(Check):
             ),
             "contact": bool(recipe.stated("contact")),
             "decimated": recipe.value("visual.max_faces") is not None,
+            "exclude": bool(recipe.stated("collision.exclude")),
             "merge": "merge" in recipe.stated("fixed_joints"),
+            "senses": any(map(recipe.states, ("feet", "imu", "sensors", "cameras"))),
         }
         stated = {key for key, value in said.items() if value}
+        stated |= {f"keyframe {name}" for name in recipe.value("keyframes")}
         stated |= {*recipe.stated("simulation"), *recipe.stated("mjcf")}
         return {"robot": recipe.value("robot"), "stated": tuple(sorted(stated))}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `source.xml`, `files/` and `mjcf/<robot>.xml`."""
-        tree = RobotFiles(files.inputs).tree
+        import mujoco as mj
+
+        tree, stated = RobotFiles(files.inputs).tree, frozenset(self.stated)
+        flat = ElementTree.fromstring((files.inputs / "source.xml").read_bytes())  # noqa: S314 # `flatten_mjcf` wrote it
+        rough = is_rough(flat)
+        if tree.root != "world":
+            _clear_scenery(flat)
         try:
-            flat = ElementTree.fromstring((files.inputs / "source.xml").read_bytes())  # noqa: S314 # `flatten_mjcf` wrote it
-            if tree.root != "world":
-                _clear_scenery(flat)
-            source = compile_flat(flat, files.inputs / "files")
-            ours = mujoco.load(files.inputs / "mjcf" / f"{self.robot}.xml").model
-        except StepError as error:
-            write_figures(files, {"skipped": error.message})
-            message = f"nothing to compare: {error.message}"
-            yield LOAD("robot", message)
+            with mujoco.caught_warnings():
+                source = read_side(source_spec(flat, files.inputs / "files", tree))
+                path = files.inputs / "mjcf" / f"{self.robot}.xml"
+                ours = read_side(mj.MjSpec.from_file(str(path)))
+        except ValueError as error:
+            write_figures(files, {"skipped": str(error)})
+            yield LOAD("robot", f"nothing to compare: {error}")
             return
-        comparison = _Whole(source, ours, tree, frozenset(self.stated))
-        if is_rough(flat):
-            comparison.tolerance = ROUGH
-        yield from comparison.findings()
-        write_figures(files, comparison.figures())
+        compared = compare(source, ours, tree, stated, rough=rough)
+        motion = Motion(source.model, ours.model, stated, rough=rough)
+        yield from equality_findings(compared.different, "source", "our MJCF", {}, "the source")
+        yield from motion.findings()
+        figures = {
+            "facts": compared.facts,
+            "compared": compared.counts,
+            "not_compared": sorted(stated),
+            "worst_relative_error": motion.worst,
+        }
+        write_figures(files, figures)
 
 
 def is_rough(root: ElementTree.Element) -> bool:
@@ -109,8 +123,11 @@ def _clear_scenery(root: ElementTree.Element) -> None:
             world.remove(geom)
 
 
-def compile_flat(root: ElementTree.Element, folder: Path) -> mujoco.Model:
-    """The source without its pictures; StepError when MuJoCo refuses it."""
+def source_spec(root: ElementTree.Element, folder: Path, tree: Tree) -> Any:  # Any: MjSpec
+    """The source without its pictures; ValueError when MuJoCo refuses it.
+
+    A world that is the robot's root is a body of our MJCF, so its contents become one here too.
+    """
     import mujoco as mj
 
     for parent in list(root.iter()):
@@ -123,19 +140,11 @@ def compile_flat(root: ElementTree.Element, folder: Path) -> mujoco.Model:
         if parent.tag == "compiler":
             parent.attrib.pop("discardvisual", None)
             parent.attrib.pop("fusestatic", None)
+    world = root.find("worldbody")
+    if tree.root == "world" and world is not None:
+        whole = ElementTree.Element("body", {"name": mujoco.body_names(tree)["world"]})
+        whole[:] = [child for child in world if child.get("mocap") != "true"]
+        world[:] = [whole, *(child for child in world if child.get("mocap") == "true")]
     meshes = [str(mesh.get("file")) for mesh in root.iterfind("asset/mesh")]
     assets = {name: (folder / name).read_bytes() for name in meshes}
-    with mujoco.caught_warnings():
-        try:
-            return mj.MjModel.from_xml_string(ElementTree.tostring(root, "unicode"), assets)
-        except ValueError as error:
-            raise StepError(f"the source does not compile: {error}") from None
-
-
-class _Whole(Constants, Motion):
-    def findings(self) -> Iterator[Finding]:
-        """Counts and constants first, then motion."""
-        for found in (*self.constants(), *self.motion()):
-            self.shown[found.rule] = self.shown.get(found.rule, 0) + 1
-            if self.shown[found.rule] <= SHOWN:
-                yield found
+    return mj.MjSpec.from_string(ElementTree.tostring(root, "unicode"), assets=assets)

@@ -5,220 +5,182 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from assetbuild.checks.mjcf_source.compare import FREE, MESH, ROUNDING, Comparison, Side
-from assetbuild.findings import Finding
+from assetbuild.checks.mjcf_source.expected import ROUGH, rest_of
+from assetbuild.findings import Finding, Rule
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
-from assetbuild.simulators.joint_drives import read_drive
+from assetbuild.simulators.joint_drives import read_drive, read_drives
 
 POSITIONS = 6
-SAME_FRAME = 2e-6
-"""Two frames that differ by less count as one in MuJoCo's compiler, in each of the two files."""
-MESH_TOLERANCE = 2e-6
-"""Relative to a mesh's size: MuJoCo keeps vertices as float32."""
+TOLERANCE = 1e-9
+"""Relative to the size of what is compared; sums of sines and cosines round to about 1e-15."""
+SOLVED = 1e-5
+"""Contacts and constraints are solved to the solver's tolerance, not to rounding."""
+ROUNDING = 1e-11
+"""Absolute, SI units."""
+FREE = 0
+
+MOVES = Rule(
+    "equal.source.*",
+    "error",
+    "our MJCF differs from the MJCF that it was read from, at rest or moving",
+    "report it with both numbers: this is a bug",
+)
 
 
-class Motion(Comparison):
-    """Poses, forces and readings."""
+class Motion:
+    """A source and our MJCF, moved alike. stated: what the recipe says, see `MjcfSource`."""
 
-    def motion(self) -> Iterator[Finding]:
-        """Both in the same positions, at the same speeds, under the same commands."""
+    def __init__(
+        self, source: mujoco.Model, ours: mujoco.Model, stated: frozenset[str], *, rough: bool
+    ) -> None:
+        import mujoco as mj
+
+        self.a, self.b = source, ours
+        self.data = mj.MjData(source), mj.MjData(ours)
+        self.stated, self.tolerance = stated, ROUGH if rough else TOLERANCE
+        self.worst: dict[str, float] = {}
+        self.told: set[tuple[str, str]] = set()
+        self.joints = self._both("joint", source.njnt, ours.njnt)
+        free = [i for i in range(source.njnt) if int(source.jnt_type[i]) == FREE]
+        if free and ours.njnt and int(ours.jnt_type[0]) == FREE:
+            self.joints = {"free joint": (free[0], 0)} | {
+                name: pair for name, pair in self.joints.items() if pair[0] != free[0]
+            }
+        self.drives = self._both("actuator", source.nu, ours.nu)
+        self.rest = rest_of(source)
+        self.commands = {  # of drives that hold positions, at `ref`
+            mujoco.name_of(source, "actuator", one.index): one.command(self.rest[one.joint_name])
+            for one in read_drives(source)
+            if one.joint_name in self.rest and one.kind == "servo" and not one.filtered
+        }
+
+    def _both(self, kind: str, count: int, here: int) -> dict[str, tuple[int, int]]:
+        """Numbers in both models of all that has a name in both, in the source's order."""
+        there = {mujoco.name_of(self.b, kind, j): j for j in range(here)}
+        names = [mujoco.name_of(self.a, kind, i) for i in range(count)]
+        return {name: (i, there[name]) for i, name in enumerate(names) if name in there}
+
+    def findings(self) -> Iterator[Finding]:
+        """Axes of joints, mass matrix, forces, tendons and sensors in several positions."""
+        if "base" in self.stated:
+            return  # it stands elsewhere
         random = np.random.default_rng(1)
         for number in range(POSITIONS):
             self._move(random, still=number == 0)
-            yield from self._poses()
-            if "base" not in self.stated:
-                yield from self._forces()
-        yield from self._keys()
+            yield from self._places()
+            yield from self._forces()
+            yield from self._readings()
 
     def _move(self, random: np.random.Generator, *, still: bool) -> None:
         import mujoco as mj
 
-        for side in (self.a, self.b):
-            mj.mj_resetData(side.model, side.data)
-        a, b = self.a, self.b
-        for name, i in a.ids["joint"].items():
-            here = self.here("joint", name)
-            if here is None:
-                continue
-            j = b.ids["joint"][here]
-            q, p = int(a.model.jnt_qposadr[i]), int(b.model.jnt_qposadr[j])
-            u, v = int(a.model.jnt_dofadr[i]), int(b.model.jnt_dofadr[j])
-            if a.model.jnt_type[i] == FREE:
+        for model, data in zip((self.a, self.b), self.data, strict=True):
+            mj.mj_resetData(model, data)
+        a, b = self.data
+        for name, (i, j) in self.joints.items():
+            q, p = int(self.a.jnt_qposadr[i]), int(self.b.jnt_qposadr[j])
+            u, v = int(self.a.jnt_dofadr[i]), int(self.b.jnt_dofadr[j])
+            if int(self.a.jnt_type[i]) == FREE:
                 turn = random.normal(size=4)
                 base = [*random.normal(size=3), *(turn / np.linalg.norm(turn))]
-                base = [float(x) for x in a.model.qpos0[q : q + 7]] if still else base
-                a.data.qpos[q : q + 7] = b.data.qpos[p : p + 7] = base
-                a.data.qvel[u : u + 6] = b.data.qvel[v : v + 6] = random.normal(size=6)
+                base = [float(x) for x in self.a.qpos0[q : q + 7]] if still else base
+                a.qpos[q : q + 7] = b.qpos[p : p + 7] = base
+                a.qvel[u : u + 6] = b.qvel[v : v + 6] = random.normal(size=6)
                 continue
             value = 0.0 if still else float(random.uniform(-1.0, 1.0))
-            a.data.qpos[q], b.data.qpos[p] = a.model.qpos0[q] + value, value
-            a.data.qvel[u] = b.data.qvel[v] = float(random.normal())
-        for _, i, j in self.pairs("actuator"):
+            a.qpos[q], b.qpos[p] = self.rest.get(name, 0.0) + value, value
+            a.qvel[u] = b.qvel[v] = float(random.normal())
+        for name, (i, j) in self.drives.items():
             command = float(random.uniform(-0.2, 0.2))
-            a.data.ctrl[i], b.data.ctrl[j] = command + self._rest(i), command
-        for side in (a, b):
-            mj.mj_forward(side.model, side.data)
+            a.ctrl[i], b.ctrl[j] = command + self.commands.get(name, 0.0), command
+        mj.mj_forward(self.a, a)
+        mj.mj_forward(self.b, b)
 
-    def _rest(self, actuator: int) -> float:
-        """`ref` of the joint of a position drive, from which its commands count here."""
-        model = self.a.model
-        drive = read_drive(model, actuator)
-        if drive is None or drive.kind != "servo" or drive.filtered:
-            return 0.0
-        return drive.command(float(model.qpos0[model.jnt_qposadr[drive.joint]]))
-
-    def _poses(self) -> Iterator[Finding]:
-        a, b = self.a.data, self.b.data
-        if "merge" not in self.stated:
-            for name, i, j in self.pairs("body", expected=self.robot_bodies()):
-                subject = f"link {name}"
-                yield from self.same("pose", subject, "axes", a.xmat[i], b.xmat[j])
-                if self.a.model.body_mass[i]:
-                    yield from self.same("com", subject, "centre (m)", a.xipos[i], b.xipos[j])
-                    tensors = _tensor(self.a, i), _tensor(self.b, j)
-                    yield from self.same("inertia", subject, "inertia (kg m2)", *tensors)
-        for name, i, j in self.pairs(
-            "joint", expected=self.on_robot("joint", self.a.model.jnt_bodyid)
-        ):
-            if self.a.model.jnt_type[i] != FREE:
-                yield from self.same("axis", f"joint {name}", "axis", a.xaxis[i], b.xaxis[j])
-            yield from self.same(
-                "anchor", f"joint {name}", "anchor (m)", a.xanchor[i], b.xanchor[j]
-            )
-        for name, i, j in self.pairs(
-            "site", expected=self.on_robot("site", self.a.model.site_bodyid)
-        ):
-            slack = self._shared("site", i, j)
-            yield from self.same(
-                "site", f"link {name}", "place (m)", a.site_xpos[i], b.site_xpos[j], absolute=slack
-            )
-            yield from self.same(
-                "site", f"link {name}", "axes", a.site_xmat[i], b.site_xmat[j], absolute=slack
-            )
-        for name, i, j in self.pairs("camera"):
-            yield from self.same(
-                "camera", f"camera {name}", "place (m)", a.cam_xpos[i], b.cam_xpos[j]
-            )
-            yield from self.same("camera", f"camera {name}", "axes", a.cam_xmat[i], b.cam_xmat[j])
-        yield from self._shape_poses()
-
-    def _shared(self, kind: str, i: int, j: int) -> float:
-        """Absolute slack: MuJoCo takes the body's or the inertia's frame for one that is close."""
-        shared = (getattr(s.model, f"{kind}_sameframe")[n] for s, n in ((self.a, i), (self.b, j)))
-        return SAME_FRAME if any(shared) else ROUNDING
-
-    def _shape_poses(self) -> Iterator[Finding]:
-        a, b = self.a, self.b
-        for name, i, j in self.pairs("geom", expected=self.on_robot("geom", a.model.geom_bodyid)):
-            subject = f"shape {name}"
-            if a.model.geom_type[i] != b.model.geom_type[j]:
-                continue
-            if a.model.geom_type[i] == MESH:
-                if "decimated" not in self.stated:
-                    before, now = _bounds(a, i), _bounds(b, j)
-                    slack = MESH_TOLERANCE * float(np.linalg.norm(before[1] - before[0]))
-                    yield from self.same(
-                        "mesh", subject, "bounds (m)", before, now, tolerance=0.0, absolute=slack
-                    )
-                continue
-            slack, x, y = self._shared("geom", i, j), a.data, b.data
-            yield from self.same(
-                "geom", subject, "place (m)", x.geom_xpos[i], y.geom_xpos[j], absolute=slack
-            )
-            yield from self.same(
-                "geom", subject, "axes", x.geom_xmat[i], y.geom_xmat[j], absolute=slack
-            )
+    def _places(self) -> Iterator[Finding]:
+        a, b = self.data
+        for name, (i, j) in self.joints.items():
+            if int(self.a.jnt_type[i]) != FREE:
+                yield from self._same("axis", f"joint {name}", "axis", a.xaxis[i], b.xaxis[j])
+            anchors = a.xanchor[i], b.xanchor[j]
+            yield from self._same("anchor", f"joint {name}", "anchor (m)", *anchors)
+        for name, (i, j) in self._both("tendon", self.a.ntendon, self.b.ntendon).items():
+            lengths = a.ten_length[i], b.ten_length[j]
+            yield from self._same("tendon", f"tendon {name}", "length", *lengths)
 
     def _forces(self) -> Iterator[Finding]:
-        """Inertia, gravity and speeds, springs and dampers, drives; and what sensors see."""
-        rows = [self._dofs(side) for side in (self.a, self.b)]
-        if len(rows[0]) != len(rows[1]):
-            yield from self.same("dofs", "robot", "degrees of freedom", len(rows[0]), len(rows[1]))
-            return
-        u, v = rows
-        if "actuators" not in self.stated:
-            M = mujoco.mass_matrix(self.a.model, self.a.data)[np.ix_(u, u)]
-            N = mujoco.mass_matrix(self.b.model, self.b.data)[np.ix_(v, v)]
-            yield from self.same("mass_matrix", "robot", "mass matrix", M, N)
+        """Inertia, gravity and speeds, springs and dampers, drives."""
+        u, v = (self._dofs(side) for side in (0, 1))
+        a, b = self.data
         names = ["qfrc_bias"] if "gravity" not in self.stated else []
         if "actuators" not in self.stated:
+            M = mujoco.mass_matrix(self.a, a)[np.ix_(u, u)]
+            N = mujoco.mass_matrix(self.b, b)[np.ix_(v, v)]
+            yield from self._same("mass_matrix", "robot", "mass matrix", M, N)
             names += ["qfrc_passive", "qfrc_actuator"]
         for name in names:
-            x, y = getattr(self.a.data, name)[u], getattr(self.b.data, name)[v]
-            yield from self.same("forces", "robot", f"{name} (N or N m)", x, y)
-        for name, i, j in self.pairs("tendon"):
-            lengths = self.a.data.ten_length[i], self.b.data.ten_length[j]
-            yield from self.same("tendon", f"tendon {name}", "length", *lengths)
+            x, y = getattr(a, name)[u], getattr(b, name)[v]
+            yield from self._same("forces", "robot", f"{name} (N or N m)", x, y)
+
+    def _dofs(self, side: int) -> list[int]:
+        """Degrees of freedom in the order of the source's joints."""
+        model = (self.a, self.b)[side]
+        found: list[int] = []
+        for pair in self.joints.values():
+            first, joint = int(model.jnt_dofadr[pair[side]]), pair[side]
+            found += range(first, first + (6 if int(model.jnt_type[joint]) == FREE else 1))
+        return found
+
+    def _readings(self) -> Iterator[Finding]:
         if self.stated & {"actuators", "gravity", "collision", "contact", "merge"}:
             return  # accelerations and touches differ then, and they should
-        for name, i, j in self.pairs("sensor"):
-            x, y = _reading(self.a, i) - self._offset(i), _reading(self.b, j)
-            # Contacts and constraints are solved to the solver's tolerance, not to rounding.
-            yield from self.same("sensor", f"sensor {name}", "reading", x, y, tolerance=1e-5)
+        for name, (i, j) in self._both("sensor", self.a.nsensor, self.b.nsensor).items():
+            x, y = (
+                np.array(d.sensordata[int(m.sensor_adr[n]) :][: int(m.sensor_dim[n])])
+                for m, d, n in zip((self.a, self.b), self.data, (i, j), strict=True)
+            )
+            x = x - self._offset(i)
+            yield from self._same("sensor", f"sensor {name}", "reading", x, y, SOLVED)
 
     def _offset(self, sensor: int) -> float:
         """What a position of a joint with `ref` reads in the source where it reads 0 here."""
         import mujoco as mj
 
-        model, watched = self.a.model, int(self.a.model.sensor_objid[sensor])
-        gear, joint = 1.0, watched
-        if model.sensor_type[sensor] == mj.mjtSensor.mjSENS_ACTUATORPOS:
-            drive = read_drive(model, watched)
-            if drive is None:
-                return 0.0
-            gear, joint = drive.gear, drive.joint
-        elif model.sensor_type[sensor] != mj.mjtSensor.mjSENS_JOINTPOS:
-            return 0.0
-        return gear * float(model.qpos0[model.jnt_qposadr[joint]])
+        watched, kind = int(self.a.sensor_objid[sensor]), self.a.sensor_type[sensor]
+        if kind == mj.mjtSensor.mjSENS_ACTUATORPOS:
+            drive = read_drive(self.a, watched)
+            return drive.gear * self.rest.get(drive.joint_name, 0.0) if drive else 0.0
+        if kind == mj.mjtSensor.mjSENS_JOINTPOS:
+            return self.rest.get(mujoco.name_of(self.a, "joint", watched), 0.0)
+        return 0.0
 
-    def _dofs(self, side: Side) -> list[int]:
-        """Degrees of freedom in the order of the source's joints."""
-        found: list[int] = []
-        for name, i in self.a.ids["joint"].items():
-            here = self.here("joint", name)
-            if here is not None:
-                joint = i if side is self.a else self.b.ids["joint"][here]
-                width = 6 if side.model.jnt_type[joint] == FREE else 1
-                first = int(side.model.jnt_dofadr[joint])
-                found += range(first, first + width)
-        return found
-
-    def _keys(self) -> Iterator[Finding]:
-        a, b = self.a.model, self.b.model
-        yield from self.missing("key", self.a.ids["key"])
-        for name, i, j in self.pairs("key"):
-            for joint, u, v in self.pairs("joint"):
-                q, p = int(a.jnt_qposadr[u]), int(b.jnt_qposadr[v])
-                width = 7 if a.jnt_type[u] == FREE else 1
-                x = a.key_qpos[i][q : q + width] - (a.qpos0[q] if width == 1 else 0.0)
-                if width == 7:
-                    x[3:] /= np.linalg.norm(x[3:])
-                y = b.key_qpos[j][p : p + width]
-                yield from self.same("key", f"keyframe {name}", f"position of {joint}", x, y)
-            for actuator, u, v in self.pairs("actuator") if "actuators" not in self.stated else ():
-                x, y = a.key_ctrl[i][u] - self._rest(u), b.key_ctrl[j][v]
-                yield from self.same("key", f"keyframe {name}", f"command of {actuator}", x, y)
+    def _same(
+        self,
+        what: str,
+        subject: str,
+        words: str,
+        expected: ArrayLike,
+        found: ArrayLike,
+        tolerance: float = 0.0,
+    ) -> Iterator[Finding]:
+        """A finding when two arrays differ by more than the tolerance, relative to their norm."""
+        a, b = (np.atleast_1d(np.asarray(v, dtype=np.float64)).ravel() for v in (expected, found))
+        distance = float(np.linalg.norm(a - b)) if a.shape == b.shape else np.inf
+        size = float(np.linalg.norm(a))
+        if size > 0.0:
+            self.worst[what] = max(distance / size, self.worst.get(what, 0.0))
+        same = distance <= max(tolerance, self.tolerance) * size + ROUNDING
+        if not same and (what, subject) not in self.told:
+            self.told.add((what, subject))
+            yield MOVES.named(what)(
+                subject,
+                f"{words}: the source has {_shown(a)}, our MJCF {_shown(b)}",
+                hint="the robot lost something on the way from MJCF to MJCF: please report it",
+                data={"expected": tuple(a[:16].tolist()), "found": tuple(b[:16].tolist())},
+            )
 
 
-def _tensor(side: Side, body: int) -> Array:
-    """(3, 3) about the centre of mass, in world axes."""
-    R = np.array(side.data.xmat[body]).reshape(3, 3)
-    tensor: Array = R @ mujoco.inertia_of(side.model, body) @ R.T
-    return tensor
-
-
-def _bounds(side: Side, geom: int) -> Array:
-    """(2, 3): lowest and highest corner of a mesh in the world, m."""
-    model = side.model
-    mesh = int(model.geom_dataid[geom])
-    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-    R = np.array(side.data.geom_xmat[geom]).reshape(3, 3)
-    points = model.mesh_vert[first : first + count] @ R.T + side.data.geom_xpos[geom]
-    return np.stack((points.min(axis=0), points.max(axis=0)))
-
-
-def _reading(side: Side, sensor: int) -> Array:
-    first, width = int(side.model.sensor_adr[sensor]), int(side.model.sensor_dim[sensor])
-    return np.array(side.data.sensordata[first : first + width])
+def _shown(values: Array) -> str:
+    return " ".join(f"{v:.9g}" for v in values[:16]) + (" ..." if len(values) > 16 else "")

@@ -27,7 +27,7 @@ BROUGHT = ("actuator", "option", "keyframe", "drive")
 class BareFacts(MjcfReader):
     """Bodies, joints without drives, shapes, sites and the sensors of mjlab's tasks."""
 
-    version = "2"
+    version = "4"
     needs = ("mjlab",)
     form = "bare"
     called = "the bare MJCF"

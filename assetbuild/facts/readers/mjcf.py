@@ -17,7 +17,7 @@ from assetbuild.quantities import Positive
 class MjcfFacts(MjcfReader):
     """Every fact of the robot, in `<robot>.xml`."""
 
-    version = "2"
+    version = "4"
     needs = ("mjcf",)
     form = "mjcf"
     called = "the MJCF"

@@ -181,7 +181,12 @@ class _Reader:
         if look is not None and known.rgba == colour:
             return known.name
         name = "_".join((known.name, *(f"{round(v * 255):d}" for v in colour)))
-        self.geoms.materials.setdefault(name, replace(known, name=name, rgba=colour))
+        if name not in self.geoms.materials:
+            self.geoms.materials[name] = replace(known, name=name, rgba=colour)
+            stated = [
+                i for i in self.geoms.mjcf_only if (i.place, i.owner) == ("material", known.name)
+            ]
+            self.geoms.mjcf_only += [replace(item, owner=name) for item in stated]
         return name
 
     def _look(self, look: _Element, name: str) -> Material:

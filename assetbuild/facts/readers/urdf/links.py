@@ -95,6 +95,8 @@ class Links:
         if element is not None:
             xx, yy, zz, xy, xz, yz = (value or 0.0 for value in said)
             tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            if None in said:  # which urdfdom refuses
+                facts["urdf:inertia"] = "with fewer than six numbers"
             turned = pose.rotation @ tensor @ pose.rotation.T
             at = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
             facts["inertia"] = tuple(float(turned[i]) for i in at)
