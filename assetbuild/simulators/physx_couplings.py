@@ -92,11 +92,15 @@ def experiments(tree: Tree, control: Control) -> tuple[physx.Experiment, ...]:
 
 
 def measured(tree: Tree, outcomes: Mapping[str, physx.Outcome]) -> dict[str, Coupling]:
-    """Of each follower; a line that does not show is left out, and so are all after a failure."""
+    """Of each follower, once the solver has settled.
+
+    A line that does not show is left out, and so are all after a failure.
+    """
     done = outcomes.get(NAME)
     if done is None or done.motion is None or not done.finite:
         return {}
-    found, joints = {}, done.motion.joints
+    half = len(done.motion.time) // 2
+    found, joints = {}, {name: track[half:] for name, track in done.motion.joints.items()}
     for name in measurable(tree):
         leader = _leader(tree, name)
         way = float(np.ptp(joints[leader]))
