@@ -282,10 +282,11 @@ def shown(value: Value, unit: str = "", digits: int = 6) -> str:
         return "yes" if value else "no"
     if isinstance(value, str):
         return f"`{value}`" if value else "none"
+    unit = "" if " or " in unit or "," in unit else unit
     if isinstance(value, tuple):
         text = " ".join(f"{v:.{digits}g}" if isinstance(v, float) else str(v) for v in value)
         return f"({text})" + (f" {unit}" if unit else "")
-    return f"{value:.{digits}g}" + (f" {unit}" if unit and " or " not in unit else "")
+    return f"{value:.{digits}g}" + (f" {unit}" if unit else "")
 
 
 def _data(value: Value) -> Scalar | tuple[Scalar, ...]:

@@ -76,8 +76,7 @@ def validate(path: Path, wish: Wish) -> list[Validated]:
         for name, one in looked.items():
             own = proved.pop(name, None)
             if own is not None:
-                both = worst_first([*own.findings, *one.findings])
-                looked[name] = replace(one, findings=tuple(both))
+                looked[name] = replace(one, findings=(*own.findings, *one.findings))
         return [*looked.values(), *proved.values()]
     if not path.is_file():
         raise UsageError(f"no such file or folder: `{path}`")
@@ -96,7 +95,7 @@ def _proved(bundle: Path) -> dict[str, Validated]:
             finding if finding.where else finding.at(name)
             for finding in reader.prove(reference, file).findings
         ]
-        found[name] = Validated(name, form, tuple(worst_first(findings)))
+        found[name] = Validated(name, form, tuple(findings))
     for name in manifest_of(bundle):
         if not (bundle / name).is_file():
             lost = LOST("robot", "the manifest lists it, and it is not there", where=name)
