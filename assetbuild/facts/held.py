@@ -91,9 +91,6 @@ OF_DRIVES = frozenset({"kp", "kd", "effort", "damping"})
 WEIGHT = ("mass", "centre of mass", "inertia")
 SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """xx, yy, zz, xy, xz, yz of a matrix."""
-FULL_TURN = 2.0 * math.pi
-ROUNDED_UP = math.radians(1e-3)
-"""PhysX holds 6.28319, which many write for 2π; `usd.limit_clamped` starts beyond."""
 STILL_M = 2e-6
 """A body that turns about its own origin stays within this of it."""
 
@@ -136,13 +133,13 @@ def _moves(table: Table, joint: str) -> bool:
 
 
 def _physx_joint(said: Mapping[str, Value], drive_type: str) -> dict[str, Value]:
-    model, turns = said.get("model", "passive"), said["type"] == "rotary"
+    model = said.get("model", "passive")
     driven = model != "passive"
-    ends = {end: said.get(end) for end in ("lower", "upper")}
     return {
         "type": said["type"],
         "axis": said["axis"],
-        **({end: _within_a_turn(value) for end, value in ends.items()} if turns else ends),
+        "lower": said.get("lower"),
+        "upper": said.get("upper"),
         "kp": said.get("kp", 0.0) if model == "pd" else 0.0,
         "kd": said.get("kd", 0.0) if model in ("pd", "velocity") else 0.0,
         # Where there is no drive there is no effort to limit.
@@ -154,13 +151,6 @@ def _physx_joint(said: Mapping[str, Value], drive_type: str) -> dict[str, Value]
         "physx:dynamic friction": said.get("friction", 0.0),
         "physx:drive": (drive_type if driven else "none"),
     }
-
-
-def _within_a_turn(limit: Value) -> Value:
-    """rad; PhysX clamps there. A limit of 2π that was rounded up stays as it is."""
-    if not isinstance(limit, float | int) or abs(limit) <= FULL_TURN + ROUNDED_UP:
-        return limit
-    return math.copysign(FULL_TURN, limit)
 
 
 def _surfaces(static: list[float], dynamic: list[float]) -> dict[str, Value]:

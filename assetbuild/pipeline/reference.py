@@ -42,10 +42,10 @@ comes first.
   URDF with the recipe that `init` would write, its meshes as hulls; a USD in PhysX, where
   `assetbuild[physx]` is installed. `--static` only reads the file.
 - `assetbuild sample` reports `randomize.*`; `assetbuild smoke` and `validate.smoke` report
-  `smoke.*`, after another program has tried the bundle.
+  `smoke.*` and `equal.newton.*`, after another program has tried the bundle.
 - Robots are never quite symmetric, so `mirror.*` findings are information; a difference that looks
   like a mistake is a warning.
-- `physx.*` and `alignment.physx.*` need `validate.simulators: [mujoco, physx]` and
+- `physx.*`, `equal.physx.*` and `alignment.physx.*` need `validate.simulators: [mujoco, physx]` and
   `pip install 'assetbuild[physx]'`. Their messages stay out of job summaries and of what is printed
   in CI: the licence of PhysX does not allow its figures to be published.
 

@@ -31,7 +31,8 @@ class Setting:
     at: X_world_robot of the whole asset, None = where it stands. floor_friction: None = no floor.
     contacts: False switches every collider off. rubbing: False takes joint friction and damping.
     limited: False takes the limits of effort and speed. drives: gains to write over the asset's
-    own, by joint name. unhurried: joints whose limit of speed is taken.
+    own, by joint name; drive_type: of these, per unit of inertia where it is `acceleration`.
+    unhurried: joints whose limit of speed is taken.
     """
 
     timestep: float
@@ -44,6 +45,7 @@ class Setting:
     limited: bool = True
     drives: Mapping[str, Actuator] | None = None
     unhurried: tuple[str, ...] = ()
+    drive_type: Literal["force", "acceleration"] = "force"
 
 
 @dataclass(frozen=True)
@@ -196,7 +198,7 @@ def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:
         per = math.pi / 180.0 if name in names.angular else 1.0
         kind = "angular" if name in names.angular else "linear"
         drive = UsdPhysics.DriveAPI.Apply(prim, kind)
-        drive.CreateTypeAttr(UsdPhysics.Tokens.force)
+        drive.CreateTypeAttr(setting.drive_type)
         drive.CreateStiffnessAttr(actuator.kp * per)
         drive.CreateDampingAttr(actuator.kd * per)
 

@@ -12,7 +12,7 @@ import numpy as np
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.pose import Array
 from assetbuild.simulators.experiments import Motion, Sine
-from assetbuild.simulators.joint_drives import Drive, drives_of, read_drives
+from assetbuild.simulators.joint_drives import Drive, read_drives
 from assetbuild.simulators.mujoco import (
     Data,
     Model,
@@ -133,20 +133,6 @@ def keyframe_motion(
     with caught_warnings():
         mujoco.mj_forward(model, data)
         return _track(model, data, steps, every, None)
-
-
-def joint_numbers(model: Model, joint: str) -> dict[str, float]:
-    """kp, kd, damping, effort, armature, friction of a joint; an infinite effort = no limit."""
-    index = int(model.joint(joint).id)
-    dof, found = int(model.jnt_dofadr[index]), drives_of(model, index)
-    return {
-        "kp": found.kp,
-        "kd": found.kd,
-        "damping": float(model.dof_damping[dof]) + sum(d.damping for d in found.drives),
-        "effort": found.effort,
-        "armature": float(model.dof_armature[dof]) + sum(d.armature for d in found.drives),
-        "friction": float(model.dof_frictionloss[dof]),
-    }
 
 
 def drive_as(model: Model, gains: Mapping[str, Actuator]) -> None:

@@ -1,27 +1,32 @@
 """How PhysX couples joints that mimic others, which its interface does not tell.
 
-Without gravity, contacts, friction and drives the leader starts at two places, its followers
-where the robot starts. PhysX pulls both onto the line that it holds: two points of it are its
-multiplier and its offset, whatever the robot has in mind.
+Without gravity, contacts and friction a drive swings each leader about the middle of its range.
+The line on which its followers move is the multiplier and the offset that PhysX holds. All start
+where the robot's own coupling wants them: light links on a line of PhysX's far from there are
+thrown to infinity, and nothing is measured, which is a difference too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Actuator, Control, Joint, Tree
 from assetbuild.simulators import physx
-from assetbuild.simulators.experiments import Motion
+from assetbuild.simulators.experiments import Sine
 
-SHARES = (0.35, 0.65)
-"""Of the leader's range: where it starts."""
 NARROW, WIDE = 1e-4, 0.5
 """rad or m: least range of a leader that shows a line; the range of one without limits."""
-STEP_S, STEPS, SETTLED = 0.001, 200, 0.5
+SHARE = 0.3
+"""Of the leader's range: how far it swings to one side of the middle."""
+FREQUENCY_HZ, STEP_S, STEPS = 2.5, 0.001, 200
+KP, KD = 2500.0, 100.0
+"""Per unit of inertia: 1/s2 and 1/s."""
+NAME = "coupling"
 ZERO = 5e-3
 """Share of the leader's way: a smaller offset is none."""
 
@@ -48,7 +53,7 @@ def measurable(tree: Tree) -> Mapping[str, tuple[float, float]]:
         low, high = ranges.get(leader.name, _range(leader))
         ends = [(end - joint.mimic.offset) / joint.mimic.multiplier for end in _range(joint)]
         ranges[leader.name] = max(low, min(ends)), min(high, max(ends))
-    found = {j.name: ranges[j.mimic.joint] for j in followers if j.mimic is not None}
+    found = {joint.name: ranges[_leader(tree, joint.name)] for joint in followers}
     return {name: (low, high) for name, (low, high) in found.items() if high - low > NARROW}
 
 
@@ -68,42 +73,45 @@ def _range(joint: Joint) -> tuple[float, float]:
 
 
 def experiments(tree: Tree, control: Control) -> tuple[physx.Experiment, ...]:
-    """Two, or none where nothing mimics."""
+    """One, or none where nothing mimics."""
     ranges = measurable(tree)
     if not ranges:
         return ()
-    leaders = {tree.by_joint[name].mimic.joint: ends for name, ends in ranges.items()}  # type: ignore[union-attr] # followers
-    limp = {name: Actuator(name, "pd") for name in {*leaders, *ranges}}
+    leaders = {_leader(tree, name): ends for name, ends in ranges.items()}
+    drives = {name: Actuator(name, "pd") for name in ranges}
+    drives |= {name: Actuator(name, "pd", kp=KP, kd=KD) for name in leaders if name not in ranges}
+    middle = {name: (low + high) / 2.0 for name, (low, high) in leaders.items()}
+    swing = {name: SHARE * (high - low) for name, (low, high) in leaders.items()}
+    start = with_mimics(tree, {**dict(initial_pose(tree, control).joints), **middle})
     setting = physx.Setting(
-        STEP_S, (0.0, 0.0, 0.0), contacts=False, rubbing=False, limited=False, drives=limp
-    )
-    start = dict(initial_pose(tree, control).joints)
-    one = physx.Experiment("", setting, steps=STEPS, every=10)
-    return tuple(
-        replace(one, name=f"coupling_{number}", start={
-            **start, **{name: low + share * (high - low) for name, (low, high) in leaders.items()}
-        })
-        for number, share in enumerate(SHARES)
+        STEP_S, (0.0, 0.0, 0.0), contacts=False, rubbing=False, limited=False, drives=drives,
+        drive_type="acceleration",
     )  # fmt: skip
+    sine = Sine(middle, swing, FREQUENCY_HZ, STEPS * STEP_S)
+    return (physx.Experiment(NAME, setting, STEPS, every=5, start=start, sine=sine),)
 
 
 def measured(tree: Tree, outcomes: Mapping[str, physx.Outcome]) -> dict[str, Coupling]:
-    """Of each follower; a line that does not show is left out, and so is one after a failure."""
-    motions = [o.motion for n, o in outcomes.items() if n.startswith("coupling_") and o.finite]
-    done = [motion for motion in motions if motion is not None]
-    found = {}
-    for name in measurable(tree) if len(done) == len(SHARES) else ():
-        mimic = tree.by_joint[name].mimic
-        assert mimic is not None  # noqa: S101 # a follower
-        leader, follower = _settled(done, mimic.joint), _settled(done, name)
-        way = float(np.ptp(leader))
-        if way <= NARROW * ZERO:
-            continue
-        multiplier, offset = (float(v) for v in np.polyfit(leader, follower, 1))
-        found[name] = Coupling(mimic.joint, multiplier, offset if abs(offset) > ZERO * way else 0.0)
+    """Of each follower, once the solver has settled.
+
+    A line that does not show is left out, and so are all after a failure.
+    """
+    done = outcomes.get(NAME)
+    if done is None or done.motion is None or not done.finite:
+        return {}
+    half = len(done.motion.time) // 2
+    found, joints = {}, {name: track[half:] for name, track in done.motion.joints.items()}
+    for name in measurable(tree):
+        leader = _leader(tree, name)
+        way = float(np.ptp(joints[leader]))
+        if way > NARROW * ZERO:
+            multiplier, offset = (float(v) for v in np.polyfit(joints[leader], joints[name], 1))
+            offset = offset if abs(offset) > ZERO * way else 0.0
+            found[name] = Coupling(leader, multiplier, offset)
     return found
 
 
-def _settled(motions: list[Motion], joint: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    parts = [m.joints[joint][int(SETTLED * len(m.time)) :] for m in motions]
-    return np.concatenate(parts)
+def _leader(tree: Tree, follower: str) -> str:
+    mimic = tree.by_joint[follower].mimic
+    assert mimic is not None  # noqa: S101 # a follower
+    return mimic.joint

@@ -213,7 +213,11 @@ def physics(report: Json, findings: Sequence[Finding]) -> tuple[str, ...]:
         return ("skipped",) * 6
     held = checks["physx_readback"]["figures"]
     motion = ("physx.free_fall", "physx.finite", "physx.drift")
-    of_robot = [f for f in findings if f.rule.startswith("physx.") and f.rule not in motion]
+    of_robot = [
+        f
+        for f in findings
+        if f.rule.startswith(("physx.", "equal.physx.")) and f.rule not in motion
+    ]
     rows = checks["alignment"]["figures"].get("rows", [])
     fixed = bool(held.get("fixed_base"))
     finite = held.get("finite_alone") and held.get("finite_on_floor")
@@ -229,7 +233,11 @@ def physics(report: Json, findings: Sequence[Finding]) -> tuple[str, ...]:
 
 HELD_ROWS = tuple(
     f"alignment.physx.{row}"
-    for row in ("base", "mass", "dof", "kp", "kd_plus_damping", "effort", "armature", "friction")
+    for row in (
+        *("missing", "base", "base_pose", "mass", "centre_of_mass", "inertia", "pose", "dof"),
+        *("type", "axis", "lower", "upper", "kp", "kd", "damping", "effort", "armature"),
+        *("friction", "static_friction", "dynamic_friction", "shapes"),
+    )
 )
 
 

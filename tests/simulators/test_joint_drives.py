@@ -138,13 +138,6 @@ def test_a_joint_without_drives_is_limited_by_its_own_range_alone() -> None:
 # --- what the experiments make of it ------------------------------------------------------------
 
 
-def test_numbers_of_a_joint_fold_the_gear_and_both_limits() -> None:
-    text = '<position joint="elbow" kp="10" kv="2" gear="3" forcerange="-5 5"/>'
-    model = arm(text + '<position tendon="cable" kp="7"/>', 'actuatorfrcrange="-6 6" damping="0.1"')
-    numbers = mujoco_motion.joint_numbers(model, "elbow")
-    assert (numbers["kp"], numbers["kd"], numbers["effort"]) == (90.0, 18.0, 6.0)
-
-
 def test_a_geared_servo_is_told_to_swing_in_its_own_units() -> None:
     swung = [mujoco_trials.answers(arm(text))["elbow"] for text in (
         '<position joint="elbow" kp="900" kv="18"/>',

@@ -192,7 +192,7 @@ def _contact(control: Control) -> Iterator[Finding]:
             yield CONTACT(
                 "robot",
                 f"{name} {', '.join(values[:4])} is not in the USD: {why}",
-                hint="compare `contact_friction` and the standing height in the alignment form",
+                hint="compare `static_friction` and the standing height in the alignment form",
                 data={"value": name, "surfaces": len(values)},
             )
 
