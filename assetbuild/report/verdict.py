@@ -137,7 +137,7 @@ def judge(
         for name, check in sorted(checks.items())
         if check.status == "skip" and not name.startswith(TRAINER_CHECKS)
     }
-    formats, physics = _formats(findings), _physics(checks)
+    formats, physics = _formats(findings, checks), _physics(checks)
     return Verdict(not blocked_by, blocked_by, next_step, formats, physics, trainers, skipped)
 
 
@@ -169,7 +169,7 @@ def _blocks(finding: Finding) -> bool:
 # --- formats ----------------------------------------------------------------------------------
 
 
-def _formats(findings: Sequence[Finding]) -> Formats:
+def _formats(findings: Sequence[Finding], checks: Mapping[str, CheckResult]) -> Formats:
     """By the rules `equal.<format>.<quantity>`, waived ones included."""
     equality = [f for f in findings if f.rule.startswith("equal.")]
     unreadable = [f for f in equality if f.rule.endswith(".load")]
@@ -185,7 +185,11 @@ def _formats(findings: Sequence[Finding]) -> Formats:
         return Formats("differ", sentence, len(different), left)
     if left:
         return Formats("not compared", f"no check compares {', '.join(left)}", 0, left)
-    return Formats("agree", "no equality check found a difference")
+    read = [c.figures.get("facts") for n, c in checks.items() if n.endswith("_equal") and c.figures]
+    facts = sum(count for count in read if isinstance(count, int))
+    if not facts:
+        return Formats("agree", "no equality check found a difference")
+    return Formats("agree", f"{facts:,} facts in {len(read)} files compared, none differs")
 
 
 def _targets_of(finding: Finding) -> tuple[str, ...]:
