@@ -14,7 +14,7 @@ import numpy as np
 
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Value, Writer
-from assetbuild.facts.usd_prims import Places, Prim, Units, pose_of
+from assetbuild.facts.usd_prims import LENGTH, QUATERNIONS, Places, Prim, Units, pose_of
 from assetbuild.robot.pose import Array, Pose, rotation_of
 
 TYPES = {
@@ -56,6 +56,9 @@ class JointPrim:
         )
         position = self.prim.take(f"physics:localPos{side}")
         turn = self.prim.take(f"physics:localRot{side}")
+        if isinstance(turn, QUATERNIONS) and abs(turn.GetLength() - 1.0) > LENGTH:
+            length = {f"usd:length of physics:localRot{side}": turn.GetLength()}
+            self.prim.book.put("prim", self.prim.path, length)
         return pose_of(position, turn, scale * places.units.metre)
 
     @property

@@ -88,8 +88,9 @@ def _measure(prim: Usd.Prim, units: Units) -> Measured:
     if not sound:
         where = where[:0]
     corners = points[indices[where]] * units.metre
-    uv = _texture_corners(prim, indices, where)
-    whose, normals = _normals(mesh, points, indices, where, counts)
+    uv = _texture_corners(prim, indices, where) if sound else None
+    fits = _normals(mesh, points, indices, where, counts) if sound else ("unknown", None)
+    whose, normals = fits
     words: dict[str, Value] = {
         "usd:extent": _extent(mesh, points),
         "usd:normals": whose,
