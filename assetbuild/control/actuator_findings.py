@@ -11,9 +11,8 @@ from assetbuild.robot.model import Actuator, Joint, Tree
 
 NO_ACTUATOR = Rule(
     "actuator.none",
-    ("error", "warning"),
-    "all moving joints are passive: nothing drives the robot (a warning where drives of the source "
-    "exist in the MJCF alone)",
+    "warning",
+    "all moving joints are passive: nothing drives the robot, which is not ready for training",
     "add `actuators` with `effort` and gains; where nothing is meant to drive it, state "
     "`actuators: []` and give the reason as `because` of this rule in `rules`",
 )
@@ -139,8 +138,7 @@ def _nothing_drives(joints: int, *, has_table: bool, only_mjcf: int) -> Iterator
             f"no actuator table: the source's drives ({only_mjcf}) exist in the MJCF alone, in all "
             f"other formats the {joints} moving joints are passive",
             hint="add `actuators:` to the recipe",
-            severity="warning",
-            data=data,
+            data=data | {"in_mjcf": only_mjcf},
         )
     elif has_table:
         message = f"all {joints} moving joints are passive: nothing drives the robot"

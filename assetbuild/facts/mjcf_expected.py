@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from assetbuild.facts.mjcf_opaque import attributes_of, mjcf_names, source_commands
+from assetbuild.facts.mjcf_words import SURFACE
 from assetbuild.facts.reference import Reference, pose_value, robot_table
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.robot.chains import axis_in_body, find_chains
@@ -202,6 +203,10 @@ def _limits(tree: Tree, facts: dict[Key, Value]) -> None:
 def _shapes(reference: Reference, facts: dict[Key, Value]) -> None:
     pictures = {material.name: material.texture or "" for material in reference.shapes.materials}
     for shape in reference.shapes.shapes:
+        meets = [facts.get(Key("shape", shape.name, bits)) for bits in ("mask", "partners")]
+        if shape.role == "collision" and not any(meets):
+            for quantity in SURFACE:  # of what touches nothing
+                facts.pop(Key("shape", shape.name, quantity), None)
         if shape.role == "visual":
             facts[Key("shape", shape.name, "mask")] = 0.0
             facts[Key("shape", shape.name, "partners")] = 0.0

@@ -276,7 +276,7 @@ def _geom(model: Model, geom: int, surfaces: _Surfaces) -> dict[str, Value]:
         facts |= surfaces.of(int(model.geom_dataid[geom])).moved(pose).facts()
     else:
         facts |= {"size": _size(kind, model.geom_size[geom]), "pose": (*pose.xyz, *pose.quat)}
-    if role == "collision" or facts["mask"] or facts["partners"]:
+    if facts["mask"] or facts["partners"]:
         facts |= contact_facts(model, geom)
     material = int(model.geom_matid[geom])
     rgba = _numbers(np.float32(model.geom_rgba[geom]))
@@ -321,7 +321,7 @@ def _filtered(
     """Pairs of bodies (sorted names) that both have collision geoms and never meet."""
     said = {(int(pair) >> 16, int(pair) & 0xFFFF) for pair in model.exclude_signature}
     masks: dict[int, list[tuple[int, int]]] = {}
-    solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0) | (model.geom_group == 3)
+    solid = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     for geom in np.flatnonzero(solid):
         if ("shape", _name(model, "geom", int(geom))) in opaque:
             continue

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Literal, get_args
 
+from assetbuild.control.actuator_findings import NO_ACTUATOR
 from assetbuild.findings import Finding, Rule, is_consequence
 
 Status = Literal["pass", "fail", "skip"]
@@ -161,9 +162,14 @@ def _blocked(
 
 
 def _blocks(finding: Finding) -> bool:
-    return finding.severity == "error" or (
-        finding.rule in (NOT_RUN.id, NOT_COMPARED.id) and finding.severity != "info"
-    )
+    """Errors, and warnings of what makes a robot useless for training though its files are right.
+
+    A robot that nothing drives is none of these where its source's MJCF has drives of its own.
+    """
+    if finding.severity == "error":
+        return True
+    useless = finding.rule in (NOT_RUN.id, NOT_COMPARED.id, NO_ACTUATOR.id)
+    return useless and finding.severity == "warning" and "in_mjcf" not in finding.data
 
 
 # --- formats ----------------------------------------------------------------------------------

@@ -73,9 +73,12 @@ def answers(model: Model) -> Mapping[str, Answer]:
     with caught_warnings():
         hold_base(model)
         model.opt.gravity[:] = 0.0
+        # A joint that follows another cannot answer alone.
+        coupled = (model.eq_type == mujoco.mjtEq.mjEQ_JOINT) & (model.eq_obj2id >= 0)
+        led = {int(joint) for joint in model.eq_obj1id[coupled]}
         steps = max(4, round(1.0 / FREQUENCY_HZ / model.opt.timestep))
         for drive in read_drives(model):
-            if not drive.holds_position:
+            if not drive.holds_position or drive.joint in led:
                 continue
             data = at_key(model)
             asked = _swing(model, drive.joint)

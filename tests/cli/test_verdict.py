@@ -31,7 +31,7 @@ def verdict(legs: Legs, expected_code: int) -> dict[str, Any]:
 def test_a_robot_that_nothing_drives_is_not_ready(warm_legs: Legs, rows: str):
     """Not by passive rows, not by a waiver alone, and not by an empty table alone."""
     warm_legs.edit(TABLE, rows)
-    told = verdict(warm_legs, 1)
+    told = verdict(warm_legs, 0)
     assert not told["ready"]
     assert told["blocked_by"] == ["actuator.none"]
     assert "`actuators: []`" in told["next_step"]

@@ -353,7 +353,7 @@ def test_without_a_table_all_is_passive_and_it_is_said(run):
     control, findings = run(quadruped(), feet(), recipe(actuators=()))
     assert {a.model for a in control.actuators} == {"passive"}
     assert findings["actuator.none"].data == {"joints": 8}
-    assert findings["actuator.none"].severity == "error"
+    assert findings["actuator.none"].severity == "warning"
     assert "`actuators: []`" in findings["actuator.none"].hint
 
 
@@ -363,7 +363,7 @@ def test_a_table_of_passive_rows_drives_nothing_and_it_is_said(run):
         quadruped(), feet(), recipe(actuators=({"joints": ".*", "model": "passive"},))
     )
     assert (findings["actuator.none"].severity, findings["actuator.none"].data) == (
-        "error",
+        "warning",
         {"joints": 8},
     )
 
