@@ -12,7 +12,7 @@ from typing import Any
 
 from assetbuild.facts.mjcf_opaque import attributes_of, mjcf_names, source_commands
 from assetbuild.facts.mjcf_words import SURFACE
-from assetbuild.facts.reference import Reference, pose_value, robot_table
+from assetbuild.facts.reference import Reference, filtered_pairs, pose_value, robot_table
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.robot.chains import axis_in_body, find_chains
 from assetbuild.robot.model import Actuator, Joint, Tree
@@ -200,7 +200,19 @@ def _limits(tree: Tree, facts: dict[Key, Value]) -> None:
             facts[Key("joint", joint.name, "upper")] = None
 
 
+def _touching(reference: Reference) -> set[str]:
+    """Bodies of which any shape may touch something."""
+    own, tree = dict(reference.control.contacts), reference.tree
+    surfaces = [(s, own.get(s.name, reference.control.contact))
+                for s in reference.shapes.of("collision")]  # fmt: skip
+    return {tree.placement(s.link)[0] for s, said in surfaces if said.mask or said.partners}
+
+
 def _shapes(reference: Reference, facts: dict[Key, Value]) -> None:
+    touching = _touching(reference)
+    for pair in filtered_pairs(reference.tree, reference.shapes, reference.control):
+        if not set(pair) <= touching:
+            del facts[Key("pair", " ".join(pair), "filtered")]  # masks say it
     pictures = {material.name: material.texture or "" for material in reference.shapes.materials}
     for shape in reference.shapes.shapes:
         meets = [facts.get(Key("shape", shape.name, bits)) for bits in ("mask", "partners")]

@@ -289,9 +289,8 @@ def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tup
     own = dict(control.contacts)
     solid: dict[str, list[Contact]] = {}
     for shape in shapes.of("collision"):
-        surface = own.get(shape.name, control.contact)
-        if surface.mask or surface.partners:
-            solid.setdefault(tree.placement(shape.link)[0], []).append(surface)
+        body = tree.placement(shape.link)[0]
+        solid.setdefault(body, []).append(own.get(shape.name, control.contact))
     chains = find_chains(tree, {shape.link for shape in shapes.shapes})
     piece, above = _rigid_pieces(tree, {link for chain in chains for link in chain.between})
     excluded = {frozenset(pair) for pair in control.excludes}

@@ -197,8 +197,6 @@ def pair_facts(
             if colliders[a].touches and colliders[b].touches
         ]
         kept = [frozenset(pair) in never for pair in pairs]
-        if not pairs:
-            continue  # one of them touches nothing at all
         if all(kept):
             book.put(
                 "pair", f"{names.get(left, left)} {names.get(right, right)}", {"filtered": True}
