@@ -138,8 +138,8 @@ class Reader(Check):
         findings += [
             UNREAD(
                 item.where,
-                f"{self.called} says {item.attribute} {item.text}, which nothing compares",
-                data={"attribute": item.attribute, "found": item.text},
+                f"{item.attribute} is {item.text} in {self.called}; nothing in the robot says so",
+                data={"attribute": item.attribute, "expected": None, "found": item.text},
             )
             for item in known.unread
         ]
