@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -44,7 +43,8 @@ def kill_after(place: Workplace, seconds: float) -> bool:
     )
     time.sleep(seconds)
     killed = child.poll() is None
-    os.kill(child.pid, signal.SIGKILL)
+    if killed:
+        child.kill()
     child.wait()
     return killed
 
