@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
-
-import numpy as np
+from typing import ClassVar
 
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import EXACT, Precision
@@ -16,11 +14,11 @@ from assetbuild.facts.reader import Proof, Reader
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.vocabulary import VOCABULARY
-from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.tree import forward_kinematics
+from assetbuild.robot.floor import floor_of, starting_origins
 from assetbuild.simulators.mujoco import caught_warnings
 
 LOOKS: Mapping[tuple[str, str], Value] = {
+    ("light", "body"): "",
     ("light", "pos"): (0.0, 0.0, 2.5),
     ("light", "type"): "mjLIGHT_DIRECTIONAL",
     ("sky", "builtin"): "mjBUILTIN_GRADIENT",
@@ -52,7 +50,6 @@ LOOKS: Mapping[tuple[str, str], Value] = {
 }
 """What every scene of ours looks like: the same light and ground in all bundles."""
 SMALLEST_M = 0.5
-BELOW_M = 0.01
 
 
 class SceneReader(Reader):
@@ -85,7 +82,7 @@ class SceneReader(Reader):
         robot, scene = _words(_robot_file(path, self.robot)), _words(path)
         facts: dict[Key, Value] = {}
         facts |= {k: v for k, v in scene.items() if repr(robot.get(k)) != repr(v)}
-        facts |= {key: None for key in robot if key not in scene}
+        facts |= {key: "MuJoCo's default" for key in robot if key not in scene}
         return Table(_named(facts))
 
     def expected(self, reference: Reference) -> Table:
@@ -94,7 +91,7 @@ class SceneReader(Reader):
             _key(subject, word): value for (subject, word), value in LOOKS.items()
         }
         facts[Key("model", "", "mjcf:name")] = f"{self.robot} scene"
-        points = _origins(reference)
+        points = starting_origins(reference.tree, reference.control)
         lower, upper = points.min(axis=0), points.max(axis=0)
         middle = tuple(round(float(v), 2) for v in (lower + upper) / 2)
         facts[Key("statistic", "", "mjcf:center")] = middle
@@ -102,12 +99,9 @@ class SceneReader(Reader):
         facts[Key("statistic", "", "mjcf:extent")] = extent
         if _brings_a_floor(reference):
             return Table(facts)
-        lowest = float(points[:, 2].min())
-        height = 0.0
-        if reference.tree.base == "fixed" and lowest <= -BELOW_M:
-            height = math.floor((lowest - math.dist(lower, upper) / 2) * 10) / 10
-        facts[Key("floor", "", "height")] = height
-        facts[Key("floor", "", "friction")] = _friction(reference)
+        floor = floor_of(reference.tree, reference.control)
+        facts[Key("floor", "", "height")] = floor.height_m
+        facts[Key("floor", "", "friction")] = floor.friction
         facts[Key("floor", "", "mjcf:type")] = "mjGEOM_PLANE"
         facts[Key("floor", "", "mjcf:size")] = (0.0, 0.0, 0.05)
         facts[Key("floor", "", "mjcf:material")] = "the ground"
@@ -152,8 +146,6 @@ def _named(facts: Mapping[Key, Value]) -> dict[Key, Value]:
             shown = [str(v) for v in value if v]
             key = key._replace(quantity="mjcf:texture")
             value = "the ground" if shown and set(shown) <= grounds else " ".join(shown)
-        if key.quantity in ("mjcf:there", "mjcf:body"):
-            continue
         found[key] = value
     if planes and not any(k.quantity == "height" for k in found):
         found[Key("floor", "", "height")] = 0.0
@@ -173,24 +165,6 @@ def _floor(key: Key, value: Value, grounds: set[str]) -> dict[Key, Value]:
     if word == "material":
         value = "the ground" if value in grounds else value
     return {Key("floor", "", f"mjcf:{word}"): value}
-
-
-def _friction(reference: Reference) -> tuple[float, ...]:
-    """The robot's smallest, because MuJoCo takes the larger one of two that touch."""
-    control = reference.control
-    surfaces = [control.contact, *(own for _, own in control.contacts if not own.priority)]
-    rows: Any = [surface.friction for surface in surfaces]  # Any: as zip has it
-    return tuple(float(min(values)) for values in zip(*rows, strict=True))
-
-
-def _origins(reference: Reference) -> np.ndarray[Any, np.dtype[np.float64]]:  # Any: its shape
-    """(n, 3) world positions of bodies and frames in the initial pose, m."""
-    tree = reference.tree
-    start = initial_pose(tree, reference.control)
-    X_root = forward_kinematics(tree, dict(start.joints))
-    points = [X.xyz for X in X_root.values()]
-    points += [tuple(X_root[f.body].apply(f.X_body_frame.xyz)) for f in tree.frames]
-    return tree.root_pose(start).apply(np.array(points))
 
 
 def _brings_a_floor(reference: Reference) -> bool:

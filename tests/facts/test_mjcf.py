@@ -158,6 +158,9 @@ def test_a_planted_change_is_found(
         ("bare", "axis", "joint lift", r'axis="0 0 -1"', 'axis="0 0 1"'),
         ("scene", "friction", "floor", r' friction="[^"]*"', ' friction="3 0 0"'),
         ("scene", "pos", "light #0", r'<light pos="0 0 2.5"', '<light pos="0 0 1"'),
+        ("scene", "integrator", "simulation", r"<statistic",
+         '<option integrator="Euler"/><statistic'),
+        ("scene", "body", "light #1", r"(<light[^>]*/>)", r"\1<light/>"),
         ("scene", "timestep", "simulation", r"<statistic", '<option timestep="0.1"/><statistic'),
     ],
 )  # fmt: skip

@@ -32,7 +32,7 @@ SCENE = frozenset({"simulation", "floor"})
 
 
 def held_rows(model: Any, held: physx.Held, tree: Tree) -> Iterator[Row]:  # Any: mujoco.MjModel
-    """Of the robot as both hold it."""
+    """Return the rows that compare what both engines hold of the robot."""
     ours = as_physx(mujoco_table(model, tree)).only(
         lambda key: f"{key.kind} {key.quantity}" not in LACKS and key.quantity != "physx:drive"
     )

@@ -10,7 +10,7 @@ from assetbuild.simulators import mujoco, usd_pairs
 
 SHOWN = 3
 Pairs = set[frozenset[str]]
-"""Of names of bodies."""
+"""A pair of bodies, by name."""
 
 
 def touching_row(model: mujoco.Model, stage: Any, tree: Tree) -> Row:  # Any: Usd.Stage

@@ -45,7 +45,7 @@ class MjcfSource(Check):
 
     robot: str
     stated: tuple[str, ...] = ()
-    """Of actuators, base, collision, contact, decimated, exclude, merge, senses, `keyframe <name>`,
+    """The keys that the recipe states: actuators, base, collision, contact, decimated, exclude, merge, senses, `keyframe <name>`,
     and names of options."""
 
     @classmethod

@@ -231,7 +231,7 @@ def compare(
 
 
 def _as_wholes(found: list[Difference], before: Table, after: Table) -> list[Difference]:
-    """Of what only MJCF has and one file lacks, one difference instead of one for each word."""
+    """Report an element that one file lacks as one difference instead of one for each word."""
     told: dict[Key, Difference] = {}
     for one in found:
         for table, lack in ((before, "extra"), (after, "missing")):

@@ -36,7 +36,7 @@ WORDS = {
     "tendon": {"mjcf:material"},
     "actuator": {f"mjcf:{name}" for name in COVERED["actuator"] - {"target"}},  # as compiled
 }  # fmt: skip
-"""Words that are told otherwise, or that the build leaves out (`mjcf.dropped`), by kind."""
+"""Words that another fact covers, or that the build leaves out (`mjcf.dropped`), by kind."""
 OF_FREE = frozenset(f"mjcf:{name}" for name in (
     "type", "damping", "armature", "frictionloss", "stiffness", "group", "userdata"))  # fmt: skip
 """What a free joint has; a class may give it what belongs to limits."""
