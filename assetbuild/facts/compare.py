@@ -164,7 +164,7 @@ def _same(
 
 
 def _guessed(key: Key, value: object) -> Comparison:
-    """Of a word of a format: its name says whether it is a pose."""
+    """Return how a word of a format is compared; its name says whether it is a pose."""
     if key.quantity.endswith(" pose"):
         return "pose"
     return "vector" if isinstance(value, tuple) else "number"

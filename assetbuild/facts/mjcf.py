@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import ClassVar
 
@@ -41,7 +41,7 @@ LACKS: Mapping[str, str] = {
     "floor": "the scene has one",
 }
 STRONGEST = (3.0, 2.0, 1.0)
-"""Of a contact sensor: found and force, of one contact, the strongest."""
+"""Parameters of a contact sensor: it reports `found` and `force` of the strongest contact."""
 MESHES = Precision(
     {**EXACT, "length": 1e-6},
     {("shape", "texture corners"): 1e-6, ("shape", "rgba"): 1e-6, ("shape", "mjcf:normals"): 1e-5},
@@ -90,27 +90,26 @@ class MjcfReader(Reader):
     precision: ClassVar[Precision] = MESHES
 
     def read(self, path: Path) -> Table:
-        """Of any MJCF; UsageError where MuJoCo refuses it."""
-        return self._read(path, NOTHING)
+        """Read any MJCF; UsageError where MuJoCo refuses it."""
+        return self._read(path, NOTHING)[1]
 
-    def _read(self, path: Path, opaque: Opaque) -> Table:
+    def _read(self, path: Path, opaque: Opaque) -> tuple[Model, Table]:
         import mujoco
 
         with caught_warnings():
             try:
                 spec = mujoco.MjSpec.from_file(str(path))
-                model, table = read_spec(spec, opaque)
+                return read_spec(spec, opaque)
             except ValueError as error:
                 text = " ".join(str(error).replace(f"{path.parent}/", "").split())
                 raise UsageError(f"MuJoCo refuses it: {text}") from None
-        book = Writer()
-        _normals(model, spec, path.parent, book)
-        return table | book.table()
 
     def found(self, path: Path, reference: Reference) -> Table:
         """What only MJCF can say is compared word by word."""
         opaque = opaque_of(reference.control.mjcf_only, reference)
-        return self._read(path, opaque).only(self.holds)
+        model, table = self._read(path, opaque)
+        stated = {name for name, surface in reference.assets.surfaces if surface.normals}
+        return (table | _normals(model, stated)).only(self.holds)
 
     def complete(self, table: Table, reference: Reference) -> Table:
         """With the words that MJCF alone has: of the source, and those of Menagerie's style."""
@@ -140,13 +139,12 @@ class MjcfReader(Reader):
         return Table({**facts, **opaque.words}).only(self.holds)
 
 
-def _normals(model: Model, spec: Spec, folder: Path, book: Writer) -> None:
-    """Words for the normals at the corners of meshes whose files state any."""
-    stated = set()
-    for mesh in spec.meshes:
-        file = folder / str(spec.meshdir) / str(mesh.file)
-        if file.suffix.lower() == ".obj" and file.is_file() and b"\nvn " in file.read_bytes():
-            stated.add(str(mesh.name) or file.stem)
+def _normals(model: Model, stated: Collection[str]) -> Table:
+    """Words for the normals at the corners of meshes. stated: meshes whose files have any.
+
+    Of the others MuJoCo makes its own.
+    """
+    book = Writer()
     for geom in range(model.ngeom):
         mesh_id = int(model.geom_dataid[geom])
         if mesh_id < 0 or name_of(model, "mesh", mesh_id) not in stated:
@@ -157,3 +155,4 @@ def _normals(model: Model, spec: Spec, folder: Path, book: Writer) -> None:
         pose = pose_of(model.geom_pos[geom], model.geom_quat[geom])
         turned = measure(np.zeros((1, 3, 3)), None, normals).moved(pose)
         book.put("shape", name_of(model, "geom", geom), {"mjcf:normals": turned.normals})
+    return book.table()

@@ -100,7 +100,7 @@ def _joints(joint: Joint, place: Mapping[str, Value]) -> Iterator[tuple[str, dic
 
 
 def _resting_pose(reference: Reference) -> Value:
-    """Of a floating root before any keyframe: at the height of the initial one."""
+    """Return where a floating root rests before any keyframe: at the height of the initial one."""
     for item in reference.control.mjcf_only:
         if item.place == "root":
             said = attributes_of(item.element)

@@ -80,7 +80,7 @@ def _body_name(model: Model, index: int) -> str:
 
 
 def pose_of(xyz: object, quat: object) -> Pose:
-    """Of MuJoCo's arrays."""
+    """Return the pose that MuJoCo's arrays hold."""
     w, x, y, z = (float(v) for v in np.asarray(quat, dtype=np.float64))
     return Pose(vec3(np.asarray(xyz, dtype=np.float64)), normalised_quat((w, x, y, z)))
 
@@ -171,7 +171,7 @@ def _drive(model: Model, drive: Drive, book: Writer) -> None:
 
 
 def _as_words(facts: dict[str, Value]) -> dict[str, Value]:
-    """Of a second drive on one joint, which no other format has."""
+    """Return the words of a second drive on one joint, which no other format has."""
     return {f"mjcf:{name.removeprefix('mjcf:')}": value for name, value in facts.items()}
 
 
@@ -303,7 +303,7 @@ def _size(kind: str, half: object) -> tuple[float, ...]:
 
 
 def contact_facts(model: Model, geom: int) -> dict[str, Value]:
-    """Of a surface that may touch something."""
+    """Return the facts of a surface that may touch something."""
     return {
         "friction": _numbers(model.geom_friction[geom]),
         "condim": float(model.geom_condim[geom]),

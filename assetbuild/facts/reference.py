@@ -63,7 +63,7 @@ class Reference:
 
     @classmethod
     def of_ports(cls, folder: Path, options: Mapping[str, Any]) -> Reference:  # Any: as above
-        """Of the ports of a step; of one that reads `ratings.json`, these are all its control."""
+        """Read the ports of a step; `ratings.json` stands for the control where it has no other."""
         files = RobotFiles(folder)
         assets = decode(Assets, (folder / "assets.json").read_bytes())
         rated = (folder / "ratings.json").is_file() and not (folder / "control.json").is_file()
@@ -83,7 +83,7 @@ class Reference:
 
     @classmethod
     def of_bundle(cls, bundle: Path) -> Reference:
-        """Of `report/robot.json`; UsageError where it is missing or not readable."""
+        """Read `report/robot.json`; UsageError where it is missing or not readable."""
         file = bundle / "report" / "robot.json"
         try:
             raw = json.loads(file.read_bytes())
@@ -179,7 +179,7 @@ def inertial_facts(inertial: Inertial | None) -> dict[str, Value]:
 
 
 def joint_facts(joint: Joint) -> dict[str, Value]:
-    """Of the joint itself, in the frame of its child body, which is the joint's at q = 0."""
+    """Return the facts of a joint in the frame of its child body, the joint's own at q = 0."""
     facts: dict[str, Value] = {
         "type": TYPES.get(joint.kind, joint.kind),
         "body": joint.child,
@@ -204,7 +204,7 @@ def joint_facts(joint: Joint) -> dict[str, Value]:
 
 
 def drive_facts(joint: Joint, control: Control) -> dict[str, Value]:
-    """Of what drives, brakes and limits a joint."""
+    """Return what drives, brakes and limits a joint."""
     row = control.by_joint.get(joint.name) or Actuator(
         joint.name, "passive", damping=joint.damping or 0.0, friction=joint.friction or 0.0,
         effort=joint.limits.effort, velocity=joint.limits.velocity,
@@ -266,7 +266,7 @@ def size_of(geometry: Box | Sphere | Cylinder | Capsule) -> tuple[float, ...]:
 
 
 def surface_facts(contact: Contact) -> dict[str, Value]:
-    """Of a surface that may touch something."""
+    """Return the facts of a surface that may touch something."""
     return {
         "friction": tuple(contact.friction),
         "condim": float(contact.condim),

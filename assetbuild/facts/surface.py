@@ -74,7 +74,7 @@ class Surface:
 def measure(
     corners: ArrayLike, uv: ArrayLike | None = None, normals: ArrayLike | None = None
 ) -> Surface:
-    """Of (n, 3, 3) corners of triangles, m, (n, 3, 2) texture coordinates, (n, 3, 3) normals."""
+    """Measure (n, 3, 3) corners, m, with (n, 3, 2) texture coordinates and (n, 3, 3) normals."""
     points: Array = np.asarray(corners, dtype=np.float64).reshape(-1, 3, 3)
     a, b, c = points[:, 0], points[:, 1], points[:, 2]
     across = np.cross(b - a, c - a)

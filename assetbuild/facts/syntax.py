@@ -72,7 +72,7 @@ class Module:
 
     @classmethod
     def parsed(cls, text: str | bytes, name: str = "module.py") -> Module:
-        """Of a text; UsageError where it is no Python."""
+        """Parse a text; UsageError where it is no Python."""
         try:
             tree = ast.parse(text, name)
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
@@ -81,7 +81,7 @@ class Module:
 
     @classmethod
     def of_file(cls, path: Path) -> Module:
-        """Of a file in `python/` of a bundle, or anywhere; UsageError where it is not readable."""
+        """Parse a file in `python/` of a bundle, or anywhere; UsageError where it is not readable."""
         try:
             text = path.read_bytes()
         except OSError as error:

@@ -6,7 +6,7 @@ import difflib
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from assetbuild.errors import UsageError
 from assetbuild.facts.compare import Difference, Precision, differences, shown
 from assetbuild.facts.table import Key, Table
 from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Rank, Required
-from assetbuild.report.sides import DERIVED, ROBOT, Side
+from assetbuild.report.sides import DERIVED, ROBOT, Side, leaves
 from assetbuild.report.tables import markdown_table, table
 from assetbuild.simulators.readings import FALL, HEIGHT
 
@@ -55,7 +55,7 @@ class Changes:
 
 
 def changes(before: Side, after: Side) -> Changes:
-    """All that differs; subjects with the same change are told together."""
+    """All that differs; subjects with the same change share a row."""
     facts, telling = _facts(before, after)
     found = [*_verdict(before, after), *_findings(before, after), *facts]
     found += _figures(before, after)
@@ -301,7 +301,7 @@ def _files(
 
 
 def _change_of(path: str, where: str, before: str, after: str) -> Change:
-    """Of a file's line, or of what a JSON file says of something."""
+    """Return the change of one line of a file, or of one value in a JSON file."""
     subject, _, quantity = where.rpartition(".")
     if path.endswith(".json") and subject:
         return Change("LOW", (f"{path} {subject}",), quantity, before, after)
@@ -366,25 +366,13 @@ def _cut(text: str) -> str:
 
 def _differing_json(old: bytes, new: bytes) -> Iterator[tuple[str, str, str]]:
     try:
-        a, b = dict(_leaves(json.loads(old))), dict(_leaves(json.loads(new)))
+        a, b = dict(leaves(json.loads(old))), dict(leaves(json.loads(new)))
     except (ValueError, RecursionError):
         yield "text", f"{len(old)} bytes", f"{len(new)} bytes"
         return
     for key in dict.fromkeys((*a, *b)):
         if a.get(key, "-") != b.get(key, "-"):
             yield key, _cut(str(a.get(key, "-"))), _cut(str(b.get(key, "-")))
-
-
-def _leaves(value: object, path: str = "") -> Iterator[tuple[str, object]]:
-    if isinstance(value, Mapping):
-        for key, item in value.items():
-            yield from _leaves(item, f"{path}.{key}" if path else str(key))
-    elif isinstance(value, list):
-        for index, item in enumerate(value):
-            named = item.get("name", item.get("joint")) if isinstance(item, Mapping) else None
-            yield from _leaves(item, f"{path}.{named}" if named else f"{path}[{index}]")
-    else:
-        yield path, value
 
 
 def _same_picture(old: bytes, new: bytes) -> bool:

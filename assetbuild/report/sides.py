@@ -74,7 +74,7 @@ def bundle_side(bundle: Path, name: str = "") -> Side:
     try:
         found = {(f["rule"], f["subject"]): f["severity"] for f in report["findings"]}
         ready = bool(report["verdict"]["ready"])
-        figures = dict(_leaves({n: c.get("figures") for n, c in report["checks"].items()}))
+        figures = dict(_numbers({n: c.get("figures") for n, c in report["checks"].items()}))
     except (KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"`{bundle}` has no readable report: {error}") from None
     return Side(
@@ -103,29 +103,30 @@ def _whole_robot(reference: Reference, report: Mapping[str, Any]) -> Table:  # A
         for key, value in links.facts.items()
         if key.kind in ("body", "joint")
     }
-    for path, value in _words(dict(reference.options)):
+    for path, value in leaves(dict(reference.options)):
         facts[Key("recipe", "", f"recipe:{path}")] = value
     return Table({**merged.facts, **facts, **_motion(report, reference)})
 
 
-def _words(value: object, path: str = "") -> Iterator[tuple[str, Value]]:
-    """(path, value) of all leaves of plain JSON."""
+def leaves(value: object, path: str = "") -> Iterator[tuple[str, Value]]:
+    """(path, value) of all leaves of plain JSON; items of a list go by their names."""
     if isinstance(value, Mapping):
         for key, item in value.items():
-            yield from _words(item, f"{path}.{key}" if path else str(key))
+            yield from leaves(item, f"{path}.{key}" if path else str(key))
     elif isinstance(value, list | tuple):
         for index, item in enumerate(value):
-            yield from _words(item, f"{path}[{index}]")
+            named = item.get("name", item.get("joint")) if isinstance(item, Mapping) else None
+            yield from leaves(item, f"{path}.{named}" if named else f"{path}[{index}]")
     elif isinstance(value, bool | str) or value is None:
         yield path, value
     else:
         yield path, float(str(value))
 
 
-def _leaves(value: object, path: str = "") -> Iterator[tuple[str, float]]:
-    for leaf, found in _words(value, path):
+def _numbers(value: object) -> Iterator[tuple[str, float]]:
+    for path, found in leaves(value):
         if isinstance(found, float) and not isinstance(found, bool) and math.isfinite(found):
-            yield leaf, found
+            yield path, found
 
 
 def _read(reader: Reader, file: Path, bundle: Path) -> Table:

@@ -88,6 +88,15 @@ def test_its_reader_finds_an_edited_file_and_what_it_does_not_know(site: Path):
     assert "equal.unread" in done.stdout
 
 
+def test_a_target_without_a_reader_builds_and_is_not_ready(site: Path):
+    (points,) = site.glob("*.dist-info/entry_points.txt")
+    points.write_text(points.read_text().replace("[assetbuild.facts.readers]", "[nobody.reads]"))
+    done = run(site, "build", "crate.yaml", "-o", "out")
+    verdict = json.loads((site.parent / "out/report/report.json").read_bytes())["verdict"]
+    assert (done.returncode, verdict["ready"]) == (0, False)
+    assert verdict["formats"]["not_compared"] == ["sdf"]
+
+
 def test_its_keys_are_checked_and_described_like_all_others(site: Path):
     recipe = site.parent / "crate.yaml"
     recipe.write_text(recipe.read_text().replace("grow: 2 mm", "gorw: 2 mm"))

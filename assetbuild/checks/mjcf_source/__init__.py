@@ -45,8 +45,8 @@ class MjcfSource(Check):
 
     robot: str
     stated: tuple[str, ...] = ()
-    """The keys that the recipe states: actuators, base, collision, contact, decimated, exclude, merge, senses, `keyframe <name>`,
-    and names of options."""
+    """What the recipe states itself: actuators, base, collision, contact, decimated, exclude,
+    merge, senses, `keyframe <name>`, and names of options."""
 
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields

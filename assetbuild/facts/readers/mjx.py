@@ -14,7 +14,7 @@ from assetbuild.robot.model import Contact
 from assetbuild.robot.shapes import Mesh
 
 DEFAULTS = {"iterations": 4, "ls_iterations": 8, "cone": "pyramidal"}
-"""Of the recipe's `mjx`, where an old bundle does not state them."""
+"""Defaults of the recipe's `mjx`, for a bundle that does not state them."""
 
 
 class MjxFacts(MjcfReader):

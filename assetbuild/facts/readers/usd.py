@@ -80,7 +80,7 @@ class UsdReader(Reader):
         return path if path.exists() else None
 
     def read(self, path: Path) -> Table:
-        """Of any USD; UsageError where it does not open, or names no default prim."""
+        """Read any USD; UsageError where it does not open, or names no default prim."""
         from assetbuild.facts.usd_robot import read_robot
 
         return read_robot(path)
