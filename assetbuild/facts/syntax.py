@@ -81,7 +81,7 @@ class Module:
 
     @classmethod
     def of_file(cls, path: Path) -> Module:
-        """Parse a file in `python/` of a bundle, or anywhere; UsageError where it is not readable."""
+        """Parse a file of a bundle, or any other; UsageError where it is not readable."""
         try:
             text = path.read_bytes()
         except OSError as error:
