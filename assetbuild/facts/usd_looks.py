@@ -40,7 +40,10 @@ class Looks:
         owner = next((p for p in self.names if prim.path.startswith(f"{p}/")), "")
         name = self.names.get(owner, prim.path)
         kind = prim.text("info:id") or prim.path
-        inputs = [key for key in prim.left if key.startswith("inputs:")]
+        ports = [key for key in prim.left if key.startswith(("inputs:", "outputs:"))]
+        inputs = [key for key in ports if key.startswith("inputs:")]
+        types = {key: str(prim.left[key].GetMetadata("typeName")) for key in ports}
+        self.book.put("material", name, {f"usd:{kind}:type of {k}": t for k, t in types.items()})
         values: dict[str, object] = {}
         for key in inputs:
             source = prim.source(key)
