@@ -32,6 +32,9 @@ SURFACE = ("PhysicsMaterialAPI", "NewtonMaterialAPI")
 MESH = ("PhysicsMeshCollisionAPI", "PhysxConvexHullCollisionAPI")
 LAW = "PhysxMimicJointAPI"
 """Applied once for an axis, whose name the facts of the joint hold."""
+BOUND = frozenset({"PhysicsCollisionAPI", "MaterialBindingAPI"})
+STRENGTH = "usd:material:binding:physics bindMaterialAs"
+"""Of what collides: how its physics material is bound."""
 JOINT_TYPES = {"fixed": "PhysicsFixedJoint", "prismatic": "PhysicsPrismaticJoint"}
 
 Row = tuple[str, str, Iterable[str]]
@@ -70,6 +73,8 @@ def inventory(
         rows += [(f"{surfaces}/{name}", "Material", SURFACE) for name in _surfaces(reference)]
     for row in rows:
         yield from prim_facts(*row)
+        if set(row[2]) >= BOUND:
+            yield Key("prim", row[0], STRENGTH), "weakerThanDescendants"
     for name, short in joint_identifiers(tree).items():
         if facts.get(Key("joint", name, "velocity"), 0.0) is None:
             for attribute in _velocities(tree.by_joint[name]):

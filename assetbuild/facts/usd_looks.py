@@ -100,7 +100,9 @@ def take_bindings(prim: Prim) -> None:
     """What a prim binds: the materials that shapes end up with are compared."""
     for name in ("material:binding", "material:binding:physics"):
         prim.targets(name, BINDING)
-        prim.note(name, "bindMaterialAs")
+        strength = prim.note(name, "bindMaterialAs")
+        if strength is not None:
+            prim.book.put("prim", prim.path, {f"usd:{name} bindMaterialAs": strength})
 
 
 def _strength(relation: Usd.Relationship) -> object:

@@ -94,18 +94,19 @@ class Prim:
             if prop.IsCustom():
                 self.book.put("prim", self.path, {f"usd:{name} is custom": True})
             spec = known.GetSchemaPropertySpec(name)
-            varies = str(prop.GetMetadata("variability")).removeprefix("Sdf.Variability")
             uniform = spec.variability == Sdf.VariabilityUniform if spec else is_uniform(prop)
-            meant = "Uniform" if uniform else "Varying"
-            if varies != meant:
-                said = f"{varies.lower()}, where {meant.lower()} is meant"
-                self.book.put("prim", self.path, {f"usd:variability of {name}": said})
-            if isinstance(prop, Usd.Attribute):
-                kind = str(prop.GetMetadata("typeName"))
-                wanted = str(spec.typeName) if spec else type_meant(name, kind)
-                if wanted != kind:
-                    said = f"{kind}, where {wanted} is meant"
-                    self.book.put("prim", self.path, {f"usd:type of {name}": said})
+            meant = "uniform" if uniform else "varying"
+            for stated in prop.GetPropertyStack():  # what composes is the schema's declaration
+                varies = str(stated.variability).removeprefix("Sdf.Variability").lower()
+                self._declared(f"variability of {name}", varies, meant)
+                if isinstance(prop, Usd.Attribute):
+                    kind = str(stated.GetInfo("typeName"))
+                    wanted = str(spec.typeName) if spec else type_meant(name, kind)
+                    self._declared(f"type of {name}", kind, wanted)
+
+    def _declared(self, word: str, said: str, meant: str) -> None:
+        if said != meant:
+            self.book.put("prim", self.path, {f"usd:{word}": f"{said}, where {meant} is meant"})
 
     @property
     def type(self) -> str:
@@ -141,16 +142,18 @@ class Prim:
         if schema and not self.has(schema):
             return None
         found = self.left.get(name)
+        has_value = isinstance(found, Usd.Attribute) and found.HasAuthoredValue()
+        known = self.prim.GetPrimDefinition().GetSchemaPropertySpec(name)
+        if schema and not has_value and not known:
+            self.book.put("prim", self.path, {f"usd:{name}": "not stated"})
         if not isinstance(found, Usd.Attribute):
-            if schema and not self.prim.GetPrimDefinition().GetSchemaPropertySpec(name):
-                self.book.put("prim", self.path, {f"usd:{name}": "not stated"})
             return None
         del self.left[name]
         if found.GetNumTimeSamples() > 0:
             self.book.skip(self.path, f"{name} over time", found.GetTimeSamples())
         if found.HasAuthoredConnections() and name not in self.connected:
             self.book.skip(self.path, f"{name}.connect", found.GetConnections())
-        return found.Get() if found.HasAuthoredValue() else None
+        return found.Get() if has_value else None
 
     def number(self, name: str, schema: str = "", unit: float = 1.0) -> float | None:
         """A number in SI units; None where it is unlimited or not stated."""

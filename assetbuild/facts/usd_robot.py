@@ -212,14 +212,17 @@ def _mass(prim: Prim, places: Places) -> dict[str, Value]:
     center = prim.take("physics:centerOfMass", schema)
     moments = prim.take("physics:diagonalInertia", schema)
     name = "physics:principalAxes"
-    axes = quat_of_gf(prim.turned(name, prim.take(name, schema)))
+    axes = prim.turned(name, prim.take(name, schema))
     if center is not None:
         point = np.array(center, dtype=np.float64) * scale * units.metre
         facts["centre of mass"] = tuple(float(v) for v in point)
     if moments is not None:
         unit = units.inertia(True)
         xx, yy, zz = (float(v) * unit for v in moments)  # type: ignore[attr-defined] # a Gf vector
-        facts["inertia"] = tuple(rotate_tensor((xx, yy, zz, 0.0, 0.0, 0.0), axes))
+        diagonal = (xx, yy, zz, 0.0, 0.0, 0.0)
+        facts["inertia"] = tuple(rotate_tensor(diagonal, quat_of_gf(axes)))
+        if axes is None:  # which runtimes take for no turn, though USD's own is no rotation at all
+            facts["usd:principalAxes"] = "not stated"
         if not np.allclose(scale, 1.0):
             prim.book.skip(prim.path, "physics:diagonalInertia", f"of a body scaled by {scale}")
     return facts

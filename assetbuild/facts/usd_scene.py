@@ -10,7 +10,7 @@ from pxr import Gf, Sdf, Usd, UsdPhysics, UsdShade
 
 from assetbuild.facts.reference import Reference, pose_value
 from assetbuild.facts.table import Table, Value, Writer
-from assetbuild.facts.usd_inventory import SURFACE, prim_facts
+from assetbuild.facts.usd_inventory import STRENGTH, SURFACE, prim_facts
 from assetbuild.facts.usd_looks import Looks, take_bindings
 from assetbuild.facts.usd_meshes import extent_text
 from assetbuild.facts.usd_prims import LENGTH, PLAIN, Places, Prim, acts, listed
@@ -139,6 +139,8 @@ def _physics(prim: Prim, places: Places, book: Writer) -> None:
     strength = 9.81 if not isinstance(magnitude, float) or magnitude < 0.0 else magnitude
     unit = 1.0 if strength == 9.81 else places.units.metre
     length = float(np.linalg.norm(direction)) or 1.0
+    if abs(length - 1.0) > LENGTH:
+        book.put("simulation", "", {"usd:length of gravityDirection": length})
     gravity = direction / length * strength * unit
     rate = prim.number("physxScene:timeStepsPerSecond", "PhysxSceneAPI")
     book.put("simulation", "", {
@@ -227,4 +229,5 @@ def scene_table(robot: str, reference: Reference) -> Table:
     for body, pose in forward_kinematics(tree, dict(initial.joints)).items():
         book.put("start", body, {"usd:initial pose": pose_value(start @ pose)})
     book.facts |= {key: value for row in PRIMS for key, value in prim_facts(*row)}
+    book.put("prim", "/World/floor", {STRENGTH: "weakerThanDescendants"})
     return book.table()
