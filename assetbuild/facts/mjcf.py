@@ -12,7 +12,12 @@ from assetbuild.errors import UsageError
 from assetbuild.facts.compare import EXACT, Precision
 from assetbuild.facts.mjcf_expected import shown_pictures
 from assetbuild.facts.mjcf_model import pose_of, read_model
-from assetbuild.facts.mjcf_opaque import Opaque, free_joint, opaque_of, opaque_option
+from assetbuild.facts.mjcf_opaque import (
+    Opaque,
+    free_joint,
+    opaque_of,
+    opaque_option,
+)
 from assetbuild.facts.mjcf_words import NEVER_ALONE, Spec, is_covered, words
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference
