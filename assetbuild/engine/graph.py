@@ -84,7 +84,6 @@ class Graph:
                 {
                     "label": node.label,
                     "step": node.step.step_name(),
-                    "version": node.step.version,
                     "outputs": list(node.step.outputs),
                     "inputs": {name: str(ref) for name, ref in sorted(node.inputs.items())},
                 }

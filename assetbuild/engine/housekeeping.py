@@ -21,7 +21,7 @@ from assetbuild.engine.store import BEGAN, LAYOUT, LostObjectError, Store
 UNITS = {"": 1, "K": 1000, "M": 1000**2, "G": 1000**3, "T": 1000**4}
 UNITS |= {"KI": 1024, "MI": 1024**2, "GI": 1024**3, "TI": 1024**4}
 
-NOTES = ("logs", "journal", "null")
+NOTES = ("logs", "journal", "null", "code")
 """Folders of small files that only spare work or explain; a tenth of the limit is theirs."""
 CLOCK_TICK_S = 0.05
 """Stamps of files may lie this much behind the clock."""

@@ -115,6 +115,7 @@ class Processes:
             if trace:
                 (folder / "log").write_text(trace, encoding="utf-8", errors="backslashreplace")
         check_untouched(self._session, staged, node.label)
+        self._session.code.check(type(node.step))
         if "error" in result:
             check_present(staged)
             raise error_from_json(result["error"])

@@ -30,7 +30,7 @@ class Resolver:
                 if digest is None:
                     return None
                 inputs[name] = digest
-            parts = key_parts(node.step, inputs)
+            parts = key_parts(node.step, inputs, self._session.code)
             self._keys[label] = (key_of(parts), parts)
         return self._keys[label]
 

@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
+from assetbuild.engine.code import Code
 from assetbuild.engine.digest import StatCache, digest_bytes
 from assetbuild.engine.journal import Journal
 from assetbuild.engine.made import Made, made_from_json, missing_output
@@ -49,6 +50,7 @@ class Session:
         self.remote = remote
         self.journal = Journal(store.root, builds or {"": build})
         self.sources = Sources(StatCache(store.root / "stat.json", rehash=rehash))
+        self.code = Code(store.root / "code")
         self._logs = store.root / "logs" / digest_bytes(os.fsencode(self.journal.name))[:12]
         self._known: dict[str, Made] = {}
         self._listings: dict[str, Listing] = {}
@@ -65,8 +67,8 @@ class Session:
         self.store.close()
 
     def save(self) -> None:
-        """Write stat cache and journal; a full disk or missing permission costs only speed."""
-        for part in (self.sources.stat_cache, self.journal):
+        """Write what was learnt and the journal; a full disk costs only speed."""
+        for part in (self.sources.stat_cache, self.code, self.journal):
             with suppress(OSError):
                 part.save()
 

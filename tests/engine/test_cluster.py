@@ -12,6 +12,7 @@ import pytest
 from servers_for_tests import serving
 from steps_for_tests import Misbehave, MixInChild, Slow, Split
 
+from assetbuild.engine.code import Code
 from assetbuild.engine.execute import NodeResult, execute
 from assetbuild.engine.keys import key_parts
 from assetbuild.engine.planner import Planner
@@ -143,7 +144,7 @@ def test_a_cache_that_fails_is_told(tmp_path, robot, workers, server):
 def test_a_worker_with_other_versions_refuses_and_names_them(tmp_path, monkeypatch, server):
     monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "store"))
     step = MixInChild()
-    parts = key_parts(step, {}) | {"tools": {"mujoco": "3.0"}}
+    parts = key_parts(step, {}, Code()) | {"libraries": {"mujoco": "3.0"}}
     spec = {
         "label": "it",
         "key": "0" * 64,

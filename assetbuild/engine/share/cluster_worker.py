@@ -56,10 +56,10 @@ def _make(spec: Mapping[str, Any]) -> None:  # Any: JSON
     The machine that plans looks after sources, and holds the turn of the action.
     """
     step = step_from_json(spec["step"])
-    _check_same_key(step, spec)
     # Its address may hold credentials, so that of a worker's own environment comes first.
     address = os.environ.get("ASSETBUILD_REMOTE") or spec["remote"]
     session, remote, processes = _place(address, sandbox=spec["sandbox"])
+    _check_same_key(step, spec, session)
     made = _made(spec, step, session, remote, processes)
     session.store.put_action(spec["key"], made.to_json())
     if not remote.put(spec["key"], made, session.store):
@@ -84,13 +84,13 @@ def _made(
     raise StepError(f"the store of a worker keeps losing what step `{spec['label']}` reads")
 
 
-def _check_same_key(step: Step, spec: Mapping[str, Any]) -> None:  # Any: JSON
-    """A worker with other versions would make other bytes under the same key."""
-    ours = key_parts(step, spec["inputs"])
+def _check_same_key(step: Step, spec: Mapping[str, Any], session: Session) -> None:  # Any: JSON
+    """A worker with other code or libraries would make other bytes under the same key."""
+    ours = key_parts(step, spec["inputs"], session.code)
     if ours != spec["parts"]:
         changed = changes_text(changes_between(spec["parts"], ours))
         worker = os.uname().nodename
         raise MachineError(
             f"worker {worker} is not installed like the machine that builds: {changed}",
-            hint="install the same versions on both",
+            hint="install the same versions on both, then start the worker again",
         )
