@@ -9,12 +9,14 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from assetbuild.cli.parser import WHICH_CHECK
 from assetbuild.cli.recipes import Recipes
 
 if TYPE_CHECKING:
     from assetbuild.engine.store import Store
 
 HELP = "look after the store: stats, check, gc, push, pull"
+EPILOG = WHICH_CHECK
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,8 +53,9 @@ def _size(text: str) -> int:
 
     try:
         return size_of_text(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
+    except ValueError:
+        message = f"must be a size such as `500MB`, `5GB` or `2GiB`, not `{text}`"
+        raise argparse.ArgumentTypeError(message) from None
 
 
 def run(arguments: argparse.Namespace) -> int:
