@@ -16,7 +16,7 @@ from assetbuild.engine.publish import check_replaceable
 from assetbuild.engine.rebuild import Difference, run_again
 from assetbuild.engine.rounds import Settled, settle_all
 from assetbuild.engine.session import Session
-from assetbuild.engine.store import LostObjectError
+from assetbuild.engine.store import OUT_OPTION, LostObjectError, machine_errors
 from assetbuild.errors import AssetBuildError, MachineError, UsageError
 from assetbuild.lock import Lock, lock_path
 from assetbuild.pipeline.bundling import bundle_files, files_read, publish_bundle
@@ -250,4 +250,5 @@ def _write_run_log(outcome: Outcome, out: Path) -> None:
         "edited": list(outcome.edited),
         "steps": steps,
     }
-    out.with_name(f"{out.name}.run.json").write_text(json_text(log), encoding="utf-8")
+    with machine_errors(out.parent, OUT_OPTION):
+        out.with_name(f"{out.name}.run.json").write_text(json_text(log), encoding="utf-8")

@@ -25,7 +25,7 @@ from assetbuild.engine.publish import (
     publish,
 )
 from assetbuild.engine.session import Session
-from assetbuild.engine.store import Listing, machine_error
+from assetbuild.engine.store import OUT_OPTION, Listing, machine_error
 from assetbuild.errors import StepError, UsageError
 from assetbuild.facts.reader import asked_sections, stated_options
 from assetbuild.facts.reference import Assets, Reference
@@ -234,10 +234,10 @@ def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tupl
     staging = new_staging(out)
     try:
         for file in files:
-            _place(file, staging / file.path, session)
+            _place(file, staging / file.path, out, session)
         published = publish(staging, out, _manifest_or_none(out))
     except OSError as error:
-        raise machine_error(error, out) from error
+        raise machine_error(error, out, OUT_OPTION) from error
     finally:
         discard(staging)
     return (*published.edited, *published.added)
@@ -258,13 +258,13 @@ def _lies_there(files: list[BundleFile], out: Path, session: Session) -> bool:
     return lies_there(out, wanted, session.sources.stat_cache.digest)
 
 
-def _place(file: BundleFile, path: Path, session: Session) -> None:
+def _place(file: BundleFile, path: Path, out: Path, session: Session) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     if file.content is not None:
         path.write_bytes(file.content)
     else:
         session.object(file.sha256)  # a source comes into the store first
-        session.store.restore(file.sha256, path)
+        session.store.restore(file.sha256, path, out)
 
 
 def manifest_of(bundle: Path) -> dict[str, str]:

@@ -61,3 +61,24 @@ def test_a_dry_run_says_by_its_exit_code_whether_something_would_run(legs: Legs)
     assert legs.build("-n").returncode == 0
     legs.edit("kp: 20", "kp: 21")
     assert legs.build("-n").returncode == 3
+
+
+@pytest.mark.parametrize("line", ["build legs.yaml", "bench legs.yaml", "sample legs.yaml"])
+@pytest.mark.parametrize("out", ["file/x", "file/x/y", "file"])
+def test_a_file_where_a_folder_has_to_be_is_named(legs: Legs, line: str, out: str):
+    (legs.folder / "file").touch()
+    legs.edit("targets:", 'randomize: {links: {".*": {density: [0.9, 1.1]}}}\ntargets:')
+    done = legs.run(*line.split(), "-o", out)
+    assert done.returncode == 2, done.stderr
+    assert "`file` is not a folder" in done.stderr
+    assert "hint: choose another folder with `-o`" in done.stderr
+    assert done.stderr.count("error: ") == 1
+    assert " ran " not in done.stderr  # it is seen before anything is built
+    assert (legs.folder / "file").read_bytes() == b""
+
+
+def test_a_report_below_a_file_is_a_wrong_command(legs: Legs):
+    (legs.folder / "file").touch()
+    done = legs.run("report", "file/x")
+    assert done.returncode == 2
+    assert "a folder that `build` wrote" in done.stderr
