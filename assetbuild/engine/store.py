@@ -25,7 +25,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from assetbuild.engine.claims import Turns, claim_new_folder, remove_abandoned
+from assetbuild.engine.claims import Turns, claim_new_folder, release, remove_abandoned
 from assetbuild.engine.digest import (
     CHUNK,
     Signature,
@@ -40,7 +40,7 @@ from assetbuild.errors import MachineError
 
 LAYOUT = "v1"
 BEGAN = "began"
-"""A file in the private folder of a build: its stamp says when the build began."""
+"""Files in the private folder of a process: their stamps say when what it builds now began."""
 ACTION_FORMAT = 1
 Listing = dict[str, tuple[str, int]]
 """A tree: relative path -> (digest, size in bytes)."""
@@ -71,15 +71,13 @@ class Store:
         with machine_errors(self.root.parent):
             for name in ("cas", "ac", "quarantine", "tmp", "journal", "logs"):
                 (self.root / name).mkdir(parents=True, exist_ok=True)
-            self._tmp, self._claim = claim_new_folder(self.root / "tmp")
-            (self._tmp / BEGAN).touch()
+            self._tmp = claim_new_folder(self.root / "tmp")
+            self._began = self._tmp / BEGAN
+            self._began.touch()
 
     def close(self) -> None:
         """Remove this process's private folder, and those of builds that were killed."""
-        shutil.rmtree(self._tmp, ignore_errors=True)
-        if self._claim >= 0:
-            os.close(self._claim)
-            self._claim = -1
+        release(self._tmp)
         remove_abandoned((self.root / "tmp").iterdir())
         if self.is_temporary:
             shutil.rmtree(self.root.parent, ignore_errors=True)
@@ -90,6 +88,18 @@ class Store:
         with machine_errors(self.root.parent):
             folder.mkdir()
         return folder
+
+    @contextmanager
+    def busy(self) -> Iterator[None]:
+        """One of many builds of a process that lives long, and spares nothing between them."""
+        self._began.unlink(missing_ok=True)
+        mark = self._tmp / f"{BEGAN}-{secrets.token_hex(6)}"
+        with machine_errors(self.root.parent):
+            mark.touch()
+        try:
+            yield
+        finally:
+            mark.unlink(missing_ok=True)
 
     # -- objects in
 
@@ -218,12 +228,14 @@ class Store:
             with machine_errors(self.root.parent):
                 dest.parent.mkdir(parents=True, exist_ok=True)
                 try:
-                    source = self._object(digest).open("rb", buffering=0)
-                except FileNotFoundError:
+                    with self._object(digest).open("rb", buffering=0) as source:
+                        found = _copy(source, beside)
+                except OSError as error:
+                    if error.errno not in (errno.ENOENT, errno.ESTALE):
+                        raise
                     raise LostObjectError(digest, "it is not there") from None
-                with source:
-                    if _copy(source, beside) != digest:
-                        self._quarantine(digest)
+                if found != digest:
+                    self._quarantine(digest)
                 beside.replace(dest)
         finally:
             beside.unlink(missing_ok=True)
