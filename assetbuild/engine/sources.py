@@ -7,7 +7,8 @@ from pathlib import Path
 
 from assetbuild.engine.digest import StatCache
 from assetbuild.engine.graph import Node, Ref
-from assetbuild.engine.store import Listing, is_plain_path
+from assetbuild.engine.step import is_plain_path
+from assetbuild.engine.store import Listing
 from assetbuild.errors import SourceError
 
 

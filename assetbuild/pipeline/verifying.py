@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild.engine.digest import digest_file
+from assetbuild.engine.planner import nothing, settle
 from assetbuild.engine.publish import OWN_FILES
-from assetbuild.engine.rounds import nothing, settle
 from assetbuild.errors import OutOfDateError
 from assetbuild.pipeline.bundling import bundle_files, manifest_of
 from assetbuild.pipeline.judging import judged
