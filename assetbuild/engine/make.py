@@ -132,7 +132,8 @@ class Maker:
                 self._heal(node.label)
                 continue
             finally:
-                self.session.sources.check(node)
+                refs = node.inputs.values()
+                self.session.world.check(ref.output for ref in refs if not ref.node)
             self.session.learn(key, made)
             self.session.journal.ran(node.label, parts, [c.to_json() for c in changes])
             return made
