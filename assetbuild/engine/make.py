@@ -131,7 +131,8 @@ class Maker:
                 self._heal(action.label)
                 continue
             finally:
-                self.session.sources.check(self.graph.nodes[action.label])
+                refs = self.graph.nodes[action.label].inputs.values()
+                self.session.world.check(ref.output for ref in refs if not ref.node)
             self.session.actions.learn(action.key, made)
             self.session.journal.ran(action.label, action.parts, [c.to_json() for c in changes])
             return made

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -34,11 +34,13 @@ T = TypeVar("T")
 class Planner:
     """Collects nodes; answers what the store knows already.
 
+    world: what the plan asks about files, folders and this machine goes through it.
     questions: references that `ask` could not answer yet: build, then plan again.
     """
 
     def __init__(self, session: Session) -> None:
         self.session = session
+        self.world = session.world.part()
         self.questions: list[Ref] = []
         self._nodes: dict[str, Node] = {}
         self._sources: dict[Ref, None] = {}
@@ -53,14 +55,8 @@ class Planner:
 
     def source(self, path: Path) -> Ref:
         """A file outside the store. SourceError when it cannot be read."""
-        self.session.sources.digest(path)
-        return self._remember(Ref("", str(path.absolute())))
-
-    def source_tree(self, folder: Path, members: Iterable[str]) -> Ref:
-        """Named files below a folder outside the store, as one folder. SourceError."""
-        return self._remember(Ref("", self.session.source_tree(folder, members)))
-
-    def _remember(self, ref: Ref) -> Ref:
+        self.world.digest(path)
+        ref = Ref("", str(path.absolute()))
         self._sources[ref] = None
         return ref
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 from assetbuild.engine.actions import Action, Made
 from assetbuild.engine.graph import Node, Ref
@@ -45,7 +46,7 @@ class Resolver:
     def digest(self, ref: Ref) -> str | None:
         """Digest of a reference; None while it is not built. StepError on an unknown member."""
         if not ref.node:
-            whole = self._session.sources.digest_of(ref.output)
+            whole = self._session.world.digest(Path(ref.output))
         else:
             made = self.made(ref.node)
             if made is None:

@@ -1,24 +1,24 @@
-"""One build's view of the world: the store, the sources as first seen, what is known by key."""
+"""What one build works with: the store, the world as first seen, what is known by key."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
 from assetbuild.engine.actions import Actions, SharedCache
 from assetbuild.engine.digest import StatCache
 from assetbuild.engine.journal import Journal
-from assetbuild.engine.sources import Sources, edited
 from assetbuild.engine.store import Listing, LostObjectError, Store
+from assetbuild.engine.world import World, edited
 
 
 class Session:
-    """Store, sources, actions and journal of one build; a context manager.
+    """Store, world, actions and journal of one build; a context manager.
 
     build: names the build in the journal, so that `explain` finds its last run; the path of the
     recipe is a good one. builds: the same for graphs that are `joined`, by their names.
-    remote: asked for what the store lacks.
+    remote: asked for what the store lacks. world: what was asked before the store was opened.
     """
 
     def __init__(
@@ -29,11 +29,13 @@ class Session:
         builds: Mapping[str, str] | None = None,
         rehash: bool = False,
         remote: SharedCache | None = None,
+        world: World | None = None,
     ) -> None:
         self.store = store
         self.actions = Actions(store, remote)
         self.journal = Journal(store.root, builds or {"": build})
-        self.sources = Sources(StatCache(store.root / "stat.json", rehash=rehash))
+        self.world = (world or World()).whole
+        self.world.stat_cache = StatCache(store.root / "stat.json", rehash=rehash)
         self._listings: dict[str, Listing] = {}
 
     def __enter__(self) -> Session:
@@ -45,14 +47,9 @@ class Session:
 
     def save(self) -> None:
         """Write stat cache and journal; a full disk or missing permission costs only speed."""
-        for part in (self.sources.stat_cache, self.journal):
+        for part in (self.world.stat_cache, self.journal):
             with suppress(OSError):
                 part.save()
-
-    def source_tree(self, folder: Path, members: Iterable[str]) -> str:
-        """Files below a folder outside the store as one tree: its name among the sources."""
-        listing = self.sources.listing(folder, members)
-        return self.sources.remember(folder, listing, self.store.put_listing(listing))
 
     def object(self, digest: str) -> Path:
         """A verified object's file; a source comes into the store when first needed.
@@ -62,7 +59,7 @@ class Session:
         try:
             return self.store.path(digest)
         except LostObjectError:
-            source = self.sources.file_of(digest)
+            source = self.world.file_of(digest)
             if source is None:
                 raise
         if not source.is_file() or self.store.put_file(source) != digest:
