@@ -181,7 +181,6 @@ class Turns:
         """What the link says that is ours now; nothing when we go on without."""
         pause = 0.005
         me = claimed_name()
-        path.parent.mkdir(exist_ok=True)
         while True:
             try:
                 path.symlink_to(me)

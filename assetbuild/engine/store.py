@@ -69,7 +69,7 @@ class Store:
         self.root = Path(os.path.abspath(root)) / LAYOUT  # noqa: PTH100 - keeps symlinks
         self._verified: dict[str, Signature] = {}
         with machine_errors(self.root.parent):
-            for name in ("cas", "ac", "quarantine", "tmp", "journal", "logs"):
+            for name in ("cas", "ac", "quarantine", "tmp", "turns", "journal", "logs"):
                 (self.root / name).mkdir(parents=True, exist_ok=True)
             self._tmp = claim_new_folder(self.root / "tmp")
             self._began = self._tmp / BEGAN
