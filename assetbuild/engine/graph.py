@@ -10,8 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
-from assetbuild.engine.step import Step
-from assetbuild.engine.store import is_plain_path
+from assetbuild.engine.step import Step, is_plain_path
 from assetbuild.errors import did_you_mean
 
 

@@ -22,10 +22,10 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
-from assetbuild.engine.claims import Turns, claim_new_folder, remove_abandoned
+from assetbuild.engine.claims import claim_new_folder, release, remove_abandoned
 from assetbuild.engine.digest import (
     CHUNK,
     Signature,
@@ -36,13 +36,14 @@ from assetbuild.engine.digest import (
     replace_file,
     signature_of,
 )
+from assetbuild.engine.step import is_plain_path
 from assetbuild.errors import MachineError
 
 LAYOUT = "v1"
 STORE_OPTION, OUT_OPTION = "ASSETBUILD_CACHE", "`-o`"
 """How a user chooses another folder for the store, and for what a command writes."""
 BEGAN = "began"
-"""A file in the private folder of a build: its stamp says when the build began."""
+"""Files in the private folder of a process: their stamps say when what it builds now began."""
 ACTION_FORMAT = 1
 Listing = dict[str, tuple[str, int]]
 """A tree: relative path -> (digest, size in bytes)."""
@@ -68,20 +69,17 @@ class Store:
         self.notice = notice
         self.is_temporary = bool(notice)
         self.root = Path(os.path.abspath(root)) / LAYOUT  # noqa: PTH100 - keeps symlinks
-        self.turns = Turns(self.root / "turns")
         self._verified: dict[str, Signature] = {}
         with machine_errors(self.root.parent):
-            for name in ("cas", "ac", "quarantine", "tmp", "journal", "logs"):
+            for name in ("cas", "ac", "quarantine", "tmp", "turns", "journal", "logs"):
                 (self.root / name).mkdir(parents=True, exist_ok=True)
-            self._tmp, self._claim = claim_new_folder(self.root / "tmp")
-            (self._tmp / BEGAN).touch()
+            self._tmp = claim_new_folder(self.root / "tmp")
+            self._began = self._tmp / BEGAN
+            self._began.touch()
 
     def close(self) -> None:
         """Remove this process's private folder, and those of builds that were killed."""
-        shutil.rmtree(self._tmp, ignore_errors=True)
-        if self._claim >= 0:
-            os.close(self._claim)
-            self._claim = -1
+        release(self._tmp)
         remove_abandoned((self.root / "tmp").iterdir())
         if self.is_temporary:
             shutil.rmtree(self.root.parent, ignore_errors=True)
@@ -92,6 +90,18 @@ class Store:
         with machine_errors(self.root.parent):
             folder.mkdir()
         return folder
+
+    @contextmanager
+    def busy(self) -> Iterator[None]:
+        """One of many builds of a process that lives long, and spares nothing between them."""
+        self._began.unlink(missing_ok=True)
+        mark = self._tmp / f"{BEGAN}-{secrets.token_hex(6)}"
+        with machine_errors(self.root.parent):
+            mark.touch()
+        try:
+            yield
+        finally:
+            mark.unlink(missing_ok=True)
 
     # -- objects in
 
@@ -217,19 +227,20 @@ class Store:
         names, of a `dest` that the user knows by another name; default: where `dest` lies.
         """
         beside = dest.with_name(f".{dest.name[:200]}.{secrets.token_hex(4)}.tmp")
-        ours = dest.is_relative_to(self.root.parent)
-        place, option = (
-            (self.root.parent, STORE_OPTION) if ours else (out or dest.parent, OUT_OPTION)
-        )
+        place, option = out or dest.parent, OUT_OPTION
+        if dest.is_relative_to(self.root.parent):
+            place, option = self.root.parent, STORE_OPTION
         try:
-            with machine_errors(self.root.parent):
-                try:
-                    source = self._object(digest).open("rb", buffering=0)
-                except FileNotFoundError:
-                    raise LostObjectError(digest, "it is not there") from None
-            with source, machine_errors(place, option):
+            with machine_errors(place, option):
                 dest.parent.mkdir(parents=True, exist_ok=True)
-                if _copy(source, beside) != digest:
+                try:
+                    with self._object(digest).open("rb", buffering=0) as source:
+                        found = _copy(source, beside)
+                except OSError as error:
+                    if error.errno not in (errno.ENOENT, errno.ESTALE):
+                        raise
+                    raise LostObjectError(digest, "it is not there") from None
+                if found != digest:
                     self._quarantine(digest)
                 beside.replace(dest)
         finally:
@@ -339,17 +350,6 @@ def files_below(folder: Path) -> list[Path]:
         if path.is_file():
             found.append(path)
     return sorted(found)
-
-
-def is_plain_path(name: str) -> bool:
-    """A relative path of ordinary parts: no `..`, no leading slash, no empty part."""
-    parts = name.split("/")
-    return (
-        bool(name)
-        and "\0" not in name
-        and PurePosixPath(name).parts == tuple(parts)
-        and (not {"..", "."} & set(parts))
-    )
 
 
 def _is_digest(text: str) -> bool:

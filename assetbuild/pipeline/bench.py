@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild.engine.execute import Listener
+from assetbuild.engine.planner import Settled, settle
 from assetbuild.engine.processes import Processes
 from assetbuild.engine.publish import check_folder
-from assetbuild.engine.rounds import Settled, settle
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import OUT_OPTION, machine_errors
 from assetbuild.errors import AssetBuildError, StepError

@@ -84,7 +84,7 @@ def bundle_files(
         "assetbuild_python": platform.python_version(),
     }
     parameters = {"recipe": loaded.path.name, "variant": loaded.variant}
-    recipe_digest = session.sources.digest(loaded.path)
+    recipe_digest = session.world.digest(loaded.path)
     files.append(provenance(files, recipe_digest, parameters, materials, run))
     return files
 
@@ -94,7 +94,7 @@ def files_read(loaded: LoadedRecipe, graph: Graph, session: Session) -> dict[str
     paths = [*loaded.files, *(Path(ref.output) for ref in graph.sources if not ref.is_tree)]
     pinned = [each for each in (loaded, *loaded.parts) if each.recipe.source.moving]
     paths += [lock_path(each.path) for each in pinned]
-    return {str(path): session.sources.digest(path) for path in paths}
+    return {str(path): session.world.digest(path) for path in paths}
 
 
 def _tools(graph: Graph) -> list[dict[str, object]]:
@@ -175,7 +175,7 @@ class _Built:
                 digest, size = self.listing(ref)[ref.member]
             else:
                 file = Path(ref.output)
-                digest, size = self.session.sources.digest(file), file.stat().st_size
+                digest, size = self.session.world.digest(file), file.stat().st_size
             yield BundleFile(f"LICENSES/{path}", "licence", digest, size)
 
     def others(self) -> Iterator[BundleFile]:
@@ -255,7 +255,7 @@ def _lies_there(files: list[BundleFile], out: Path, session: Session) -> bool:
         if not same_provenance(ours, theirs):
             return False
         wanted[PROVENANCE] = digest_bytes(theirs)
-    return lies_there(out, wanted, session.sources.stat_cache.digest)
+    return lies_there(out, wanted, session.world.stat_cache.digest)
 
 
 def _place(file: BundleFile, path: Path, out: Path, session: Session) -> None:

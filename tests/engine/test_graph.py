@@ -117,10 +117,4 @@ def test_a_question_is_open_until_the_file_is_built(session, tmp_path):
 
 def test_a_source_can_be_asked_at_once(planner, tmp_path):
     (tmp_path / "in").write_text("text")
-    (tmp_path / "sub").mkdir()
-    (tmp_path / "sub/a").write_text("A")
     assert planner.ask(planner.source(tmp_path / "in")) == b"text"
-    tree = planner.source_tree(tmp_path, ["in", "sub/a"])
-    assert planner.ask(tree / "sub/a") == b"A"
-    with pytest.raises(SourceError, match="does not lie below"):
-        planner.source_tree(tmp_path, ["../x"])
