@@ -15,12 +15,12 @@ from typing import Any
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.planner import Settled, settle
 from assetbuild.engine.processes import Processes
-from assetbuild.engine.publish import check_folder
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import OUT_OPTION, machine_errors
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.pipeline.bench_plan import LEVELS, LevelOutline, Source, plan_level, with_level
 from assetbuild.pipeline.opening import open_session, pin
+from assetbuild.pipeline.publish import check_folder
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.bundle import json_text

@@ -13,7 +13,6 @@ from assetbuild.engine.execute import Listener
 from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Settled, settle_all
 from assetbuild.engine.processes import Processes
-from assetbuild.engine.publish import check_replaceable
 from assetbuild.engine.rebuild import Difference, run_again
 from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
@@ -23,6 +22,7 @@ from assetbuild.lock import Lock, lock_path
 from assetbuild.pipeline.bundling import bundle_files, files_read, publish_bundle
 from assetbuild.pipeline.judging import judged, located, where_of
 from assetbuild.pipeline.opening import open_session, pin, remote_cache
+from assetbuild.pipeline.publish import check_replaceable
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.pipeline.smoking import asking
 from assetbuild.plan import Outline, plan

@@ -16,7 +16,13 @@ from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.graph import Graph, Ref
 from assetbuild.engine.keys import tool_version
 from assetbuild.engine.make import NodeResult
-from assetbuild.engine.publish import (
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import OUT_OPTION, Listing, machine_error
+from assetbuild.errors import StepError, UsageError
+from assetbuild.facts.reader import asked_sections, stated_options
+from assetbuild.facts.reference import Assets, Reference
+from assetbuild.lock import GitPin, Lock, Pin, lock_path
+from assetbuild.pipeline.publish import (
     PROVENANCE,
     discard,
     heal,
@@ -24,12 +30,6 @@ from assetbuild.engine.publish import (
     new_staging,
     publish,
 )
-from assetbuild.engine.session import Session
-from assetbuild.engine.store import OUT_OPTION, Listing, machine_error
-from assetbuild.errors import StepError, UsageError
-from assetbuild.facts.reader import asked_sections, stated_options
-from assetbuild.facts.reference import Assets, Reference
-from assetbuild.lock import GitPin, Lock, Pin, lock_path
 from assetbuild.plan import Outline, part_lock
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe

@@ -19,10 +19,10 @@ from assetbuild.cli import main
 from assetbuild.engine.execute import execute, first_error
 from assetbuild.engine.housekeeping import check
 from assetbuild.engine.planner import Planner
-from assetbuild.engine.publish import discard, new_staging, publish
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store, machine_error
 from assetbuild.errors import AssetBuildError, MachineError
+from assetbuild.pipeline.publish import discard, new_staging, publish
 
 LEGS = Path(__file__).parents[1] / "robots/four_legs.urdf"
 
