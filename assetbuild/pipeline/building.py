@@ -11,17 +11,18 @@ from typing import TYPE_CHECKING, Literal
 
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.make import NodeResult
+from assetbuild.engine.planner import Settled, settle_all
 from assetbuild.engine.processes import Processes
-from assetbuild.engine.publish import check_replaceable
 from assetbuild.engine.rebuild import Difference, run_again
-from assetbuild.engine.rounds import Settled, settle_all
+from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
-from assetbuild.engine.store import LostObjectError
+from assetbuild.engine.store import OUT_OPTION, LostObjectError, machine_errors
 from assetbuild.errors import AssetBuildError, MachineError, UsageError
 from assetbuild.lock import Lock, lock_path
 from assetbuild.pipeline.bundling import bundle_files, files_read, publish_bundle
 from assetbuild.pipeline.judging import judged, located, where_of
 from assetbuild.pipeline.opening import open_session, pin, remote_cache
+from assetbuild.pipeline.publish import check_replaceable
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.pipeline.smoking import asking
 from assetbuild.plan import Outline, plan
@@ -149,7 +150,7 @@ def _jobs(requests: Sequence[Request], say: Callable[[str], None]) -> list[_Job]
 def _build(
     jobs: Sequence[_Job],
     session: Session,
-    runner: Processes,
+    runner: Runner,
     request: Request,
     on_event: Listener,
     say: Callable[[str], None],
@@ -172,8 +173,8 @@ def _build(
                 done.graph,
                 session,
                 done.results,
+                runner,
                 keep,
-                runner=runner,
                 jobs=request.jobs,
                 on_event=on_event,
             )
@@ -212,7 +213,7 @@ def default_out(loaded: LoadedRecipe) -> Path:
     return Path("build") / f"{loaded.recipe.robot}{suffix}"
 
 
-def _runner(request: Request, session: Session, remote: Remote | None) -> Processes:
+def _runner(request: Request, session: Session, remote: Remote | None) -> Runner:
     """Where the steps run. UsageError; MachineError when this machine or the cluster cannot."""
     sandbox = request.sandbox != "off"
     if sandbox:
@@ -250,4 +251,5 @@ def _write_run_log(outcome: Outcome, out: Path) -> None:
         "edited": list(outcome.edited),
         "steps": steps,
     }
-    out.with_name(f"{out.name}.run.json").write_text(json_text(log), encoding="utf-8")
+    with machine_errors(out.parent, OUT_OPTION):
+        out.with_name(f"{out.name}.run.json").write_text(json_text(log), encoding="utf-8")

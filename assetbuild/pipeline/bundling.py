@@ -15,7 +15,13 @@ from assetbuild import __version__
 from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.graph import Graph, Ref
 from assetbuild.engine.make import NodeResult
-from assetbuild.engine.publish import (
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import OUT_OPTION, Listing, machine_error
+from assetbuild.errors import StepError, UsageError
+from assetbuild.facts.reader import asked_sections, stated_options
+from assetbuild.facts.reference import Assets, Reference
+from assetbuild.lock import GitPin, Lock, Pin, lock_path
+from assetbuild.pipeline.publish import (
     PROVENANCE,
     discard,
     heal,
@@ -23,12 +29,6 @@ from assetbuild.engine.publish import (
     new_staging,
     publish,
 )
-from assetbuild.engine.session import Session
-from assetbuild.engine.store import Listing, machine_error
-from assetbuild.errors import StepError, UsageError
-from assetbuild.facts.reader import asked_sections, stated_options
-from assetbuild.facts.reference import Assets, Reference
-from assetbuild.lock import GitPin, Lock, Pin, lock_path
 from assetbuild.plan import Outline, part_lock
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
@@ -86,7 +86,7 @@ def bundle_files(
         "assetbuild_python": platform.python_version(),
     }
     parameters = {"recipe": loaded.path.name, "variant": loaded.variant}
-    recipe_digest = session.sources.digest(loaded.path)
+    recipe_digest = session.world.digest(loaded.path)
     files.append(provenance(files, recipe_digest, parameters, materials, run))
     return files
 
@@ -96,7 +96,7 @@ def files_read(loaded: LoadedRecipe, graph: Graph, session: Session) -> dict[str
     paths = [*loaded.files, *(Path(ref.output) for ref in graph.sources if not ref.is_tree)]
     pinned = [each for each in (loaded, *loaded.parts) if each.recipe.source.moving]
     paths += [lock_path(each.path) for each in pinned]
-    return {str(path): session.sources.digest(path) for path in paths}
+    return {str(path): session.world.digest(path) for path in paths}
 
 
 def _libraries(graph: Graph, session: Session) -> list[dict[str, object]]:
@@ -178,7 +178,7 @@ class _Built:
                 digest, size = self.listing(ref)[ref.member]
             else:
                 file = Path(ref.output)
-                digest, size = self.session.sources.digest(file), file.stat().st_size
+                digest, size = self.session.world.digest(file), file.stat().st_size
             yield BundleFile(f"LICENSES/{path}", "licence", digest, size)
 
     def others(self) -> Iterator[BundleFile]:
@@ -237,10 +237,10 @@ def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tupl
     staging = new_staging(out)
     try:
         for file in files:
-            _place(file, staging / file.path, session)
+            _place(file, staging / file.path, out, session)
         published = publish(staging, out, _manifest_or_none(out))
     except OSError as error:
-        raise machine_error(error, out) from error
+        raise machine_error(error, out, OUT_OPTION) from error
     finally:
         discard(staging)
     return (*published.edited, *published.added)
@@ -258,16 +258,16 @@ def _lies_there(files: list[BundleFile], out: Path, session: Session) -> bool:
         if not same_provenance(ours, theirs):
             return False
         wanted[PROVENANCE] = digest_bytes(theirs)
-    return lies_there(out, wanted, session.sources.stat_cache.digest)
+    return lies_there(out, wanted, session.world.stat_cache.digest)
 
 
-def _place(file: BundleFile, path: Path, session: Session) -> None:
+def _place(file: BundleFile, path: Path, out: Path, session: Session) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     if file.content is not None:
         path.write_bytes(file.content)
     else:
         session.object(file.sha256)  # a source comes into the store first
-        session.store.restore(file.sha256, path)
+        session.store.restore(file.sha256, path, out)
 
 
 def manifest_of(bundle: Path) -> dict[str, str]:
