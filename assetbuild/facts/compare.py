@@ -143,8 +143,10 @@ def _same(
 ) -> bool:
     if isinstance(old, Required) or isinstance(new, Required):
         return old is new
+    if old == new:
+        return True
     if old is None or new is None or isinstance(old, bool | str) or isinstance(new, bool | str):
-        return old == new
+        return False
     quantity = VOCABULARY.get((key.kind, key.quantity))
     comparison: Comparison = quantity.comparison if quantity else _guessed(key, old)
     if comparison == "names":
