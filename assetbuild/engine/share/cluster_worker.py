@@ -54,10 +54,10 @@ def _make(spec: Mapping[str, Any]) -> dict[str, object]:  # Any: JSON
     for granted that an earlier action saw: this process may have run for a week.
     """
     action = Action.of(spec["label"], step_from_json(spec["step"]), spec["parts"])
-    _check_same_key(action)
     # Its address may hold credentials, so that of a worker's own environment comes first.
     address = os.environ.get("ASSETBUILD_REMOTE") or spec["remote"]
     session, remote, processes = _place(address, sandbox=spec["sandbox"])
+    _check_same_key(action, session)
     store = session.store
     with store.busy():
         remote.forget()
@@ -82,13 +82,13 @@ def _make(spec: Mapping[str, Any]) -> dict[str, object]:  # Any: JSON
     raise StepError(f"the store of a worker keeps losing what step `{action.label}` reads")
 
 
-def _check_same_key(action: Action) -> None:
-    """A worker with other versions would make other bytes under the same key."""
-    ours = key_parts(action.step, action.inputs)
+def _check_same_key(action: Action, session: Session) -> None:
+    """A worker with other code or libraries would make other bytes under the same key."""
+    ours = key_parts(action.step, action.inputs, session.code)
     if ours != action.parts:
         changed = changes_text(changes_between(action.parts, ours))
         worker = os.uname().nodename
         raise MachineError(
             f"worker {worker} is not installed like the machine that builds: {changed}",
-            hint="install the same versions on both",
+            hint="install the same versions on both, then start the worker again",
         )
