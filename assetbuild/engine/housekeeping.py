@@ -16,7 +16,7 @@ from assetbuild.engine.actions import made_from_json, missing_output
 from assetbuild.engine.claims import is_claimed, remove_abandoned
 from assetbuild.engine.store import BEGAN, LAYOUT, LostObjectError, Store
 
-NOTES = ("logs", "journal", "null")
+NOTES = ("logs", "journal", "null", "code")
 """Folders of small files that only spare work or explain; a tenth of the limit is theirs."""
 CLOCK_TICK_S = 0.05
 """Stamps of files may lie this much behind the clock."""

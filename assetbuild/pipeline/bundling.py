@@ -14,7 +14,6 @@ from typing import Any
 from assetbuild import __version__
 from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.graph import Graph, Ref
-from assetbuild.engine.keys import tool_version
 from assetbuild.engine.make import NodeResult
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import OUT_OPTION, Listing, machine_error
@@ -76,7 +75,10 @@ def bundle_files(
     ]
     files += [notice(told), *built.others()]
     files.append(manifest(recipe.robot, files))
-    materials = [*_tools(graph), *(material for pin in pins for material in _material(*pin))]
+    materials = [
+        *_libraries(graph, session),
+        *(material for pin in pins for material in _material(*pin)),
+    ]
     materials += _named(loaded, files_read(loaded, graph, session))
     run = {
         "finishedOn": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
@@ -97,10 +99,11 @@ def files_read(loaded: LoadedRecipe, graph: Graph, session: Session) -> dict[str
     return {str(path): session.world.digest(path) for path in paths}
 
 
-def _tools(graph: Graph) -> list[dict[str, object]]:
+def _libraries(graph: Graph, session: Session) -> list[dict[str, object]]:
     """assetbuild, and the libraries whose versions are part of the steps' keys."""
-    names = {name for node in graph.nodes.values() for name in node.step.tools}
-    versions = {name: tool_version(name) for name in names} | {"assetbuild": __version__}
+    versions = {"assetbuild": __version__}
+    for kind in {type(node.step) for node in graph.nodes.values()}:
+        versions |= session.code.of(kind).libraries
     return [{"uri": package_url(*pair)} for pair in sorted(versions.items())]
 
 
