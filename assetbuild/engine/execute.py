@@ -11,11 +11,10 @@ from typing import Literal
 from assetbuild.engine.graph import Graph
 from assetbuild.engine.make import Maker, NodeResult
 from assetbuild.engine.processes import Processes
+from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step
 from assetbuild.errors import AssetBuildError
-
-__all__ = ["Event", "NodeResult", "execute", "first_error"]
 
 
 @dataclass(frozen=True)
@@ -41,13 +40,13 @@ Listener = Callable[[Event], None]
 def execute(
     graph: Graph,
     session: Session,
-    runner: Processes | None = None,
+    runner: Runner | None = None,
     *,
     jobs: int | None = None,
     keep_going: bool = False,
     memory_mb: int | None = None,
     on_event: Listener | None = None,
-    maker: Callable[[Processes], Maker] | None = None,
+    maker: Maker | None = None,
 ) -> dict[str, NodeResult]:
     """Make every node; a result for each, in the order of the graph.
 
@@ -63,7 +62,7 @@ def execute(
     place = runner or Processes(session)
     schedule = _Schedule(
         graph,
-        maker(place) if maker else Maker(graph, session, place),
+        maker or Maker(graph, session, place),
         places=jobs if jobs and jobs > 0 else place.places,
         memory_mb=place.memory_mb if memory_mb is None else memory_mb,
         keep_going=keep_going,

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Literal
 
+from assetbuild.engine.actions import Action, made_from_json, missing_output
 from assetbuild.engine.graph import Graph
 from assetbuild.engine.keys import Parts
-from assetbuild.engine.made import made_from_json, missing_output
 from assetbuild.engine.resolver import Resolver
 from assetbuild.engine.session import Session
 
@@ -127,12 +127,12 @@ def changes_text(changes: tuple[Change, ...]) -> str:
     return "; ".join(shown)
 
 
-def why_it_runs(session: Session, label: str, key: str, parts: Parts) -> tuple[Change, ...]:
-    """Why a node with this key is not simply taken from the store."""
-    changes = changes_between(session.journal.parts(label), parts)
+def why_it_runs(session: Session, action: Action) -> tuple[Change, ...]:
+    """Why what the action makes is not simply taken from the store."""
+    changes = changes_between(session.journal.parts(action.label), action.parts)
     if changes and changes[0].part != "first":
         return changes
-    made = made_from_json(session.store.action(key))
+    made = made_from_json(session.store.action(action.key))
     if made is not None:
         lost = missing_output(session.store, made) or ", ".join(made.outputs)
         return (Change("lost", lost),)
@@ -197,19 +197,19 @@ def explain(graph: Graph, session: Session, label: str) -> Explanation:
     """Why the node would run now, and why it last ran. KeyError on an unknown label."""
     node = graph.nodes[label]
     resolver = Resolver(graph.nodes, session)
-    key = resolver.key(label)
+    action = resolver.action(label)
     last = session.journal.last_run(label)
     last_at, last_changes = last if last else ("", [])
     changes: tuple[Change, ...] = ()
     waits: tuple[str, ...] = ()
-    if key is None:
+    if action is None:
         state: State = "waits"
         waits = tuple(p for p in graph.predecessors(label) if resolver.made(p) is None)
     elif resolver.made(label) is not None:
         state = "up to date"
     else:
         state = "would run"
-        changes = why_it_runs(session, label, *key)
+        changes = why_it_runs(session, action)
     return Explanation(
         label=label,
         state=state,

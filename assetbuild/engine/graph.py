@@ -10,8 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
-from assetbuild.engine.step import Step
-from assetbuild.engine.store import is_plain_path
+from assetbuild.engine.step import Step, is_plain_path
 from assetbuild.errors import did_you_mean
 
 
@@ -71,7 +70,6 @@ class Graph:
     """Checked nodes by label, each after the nodes it reads."""
 
     nodes: Mapping[str, Node]
-    sources: tuple[Ref, ...] = ()
 
     def predecessors(self, label: str) -> tuple[str, ...]:
         """Labels of the nodes whose outputs this node reads, sorted."""
@@ -101,7 +99,7 @@ class Graph:
         return "\n".join(lines)
 
 
-def checked_graph(nodes: Iterable[Node], sources: Iterable[Ref] = ()) -> Graph:
+def checked_graph(nodes: Iterable[Node]) -> Graph:
     """Order the nodes; GraphError on duplicate labels, unknown steps or outputs, and cycles."""
     by_label: dict[str, Node] = {}
     for node in nodes:
@@ -110,7 +108,7 @@ def checked_graph(nodes: Iterable[Node], sources: Iterable[Ref] = ()) -> Graph:
         by_label[node.label] = node
     for node in by_label.values():
         check_inputs(node, by_label)
-    return Graph(_in_order(by_label), tuple(sources))
+    return Graph(_in_order(by_label))
 
 
 def joined(graphs: Mapping[str, Graph]) -> Graph:
@@ -128,7 +126,7 @@ def joined(graphs: Mapping[str, Graph]) -> Graph:
                 for key, ref in node.inputs.items()
             }
             nodes[f"{name}:{node.label}"] = Node(f"{name}:{node.label}", node.step, inputs)
-    return Graph(nodes, tuple(ref for graph in graphs.values() for ref in graph.sources))
+    return Graph(nodes)
 
 
 def _in_order(by_label: Mapping[str, Node]) -> dict[str, Node]:

@@ -14,8 +14,8 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from assetbuild.engine.actions import made_from_json, missing_output
 from assetbuild.engine.claims import is_claimed, remove_abandoned
-from assetbuild.engine.made import made_from_json, missing_output
 from assetbuild.engine.store import BEGAN, LAYOUT, LostObjectError, Store
 
 UNITS = {"": 1, "K": 1000, "M": 1000**2, "G": 1000**3, "T": 1000**4}

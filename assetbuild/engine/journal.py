@@ -1,4 +1,4 @@
-"""The journal: what each step of a build was made from when it was last seen, and why it ran.
+"""The journal: what each step of a build was made from when it was last seen, why it ran, its log.
 
 One small file per build in the store; without it only `explain` knows less.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -30,6 +31,7 @@ class Journal:
     def __init__(self, store_root: Path, builds: Mapping[str, str]) -> None:
         self.name = "\n".join(builds.values())
         self._folder = store_root / "journal"
+        self._logs = store_root / "logs" / digest_bytes(os.fsencode(self.name))[:12]
         self._builds = builds
         self._steps = {part: self._read(build) for part, build in builds.items()}
         self._changed: set[str] = set()
@@ -61,6 +63,11 @@ class Journal:
         part, own = self._place(label)
         self._steps[part][own] = entry
         self._changed.add(part)
+
+    def log_path(self, label: str) -> Path:
+        """Where the log of a node of this build lies, if its last run left one."""
+        name = re.sub(r"[^\w.-]+", "_", label, flags=re.ASCII)[:80]
+        return self._logs / f"{name}-{digest_bytes(label.encode())[:6]}.log"
 
     def parts(self, label: str) -> Parts | None:
         """The key parts of the node when it was last built or found in the store."""

@@ -35,6 +35,11 @@ class Limits:
     cpus: int = 1
 
 
+def is_plain_path(name: str) -> bool:
+    """A relative path of ordinary parts: no `..`, no leading slash, no empty part."""
+    return "\0" not in name and not {"", ".", ".."} & set(name.split("/"))
+
+
 class Step(BaseModel):
     """Base of all steps. The fields of a subclass are its parameters and part of its key.
 

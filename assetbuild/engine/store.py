@@ -22,10 +22,10 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
-from assetbuild.engine.claims import Turns, claim_new_folder, remove_abandoned
+from assetbuild.engine.claims import claim_new_folder, remove_abandoned
 from assetbuild.engine.digest import (
     CHUNK,
     Signature,
@@ -36,6 +36,7 @@ from assetbuild.engine.digest import (
     replace_file,
     signature_of,
 )
+from assetbuild.engine.step import is_plain_path
 from assetbuild.errors import MachineError
 
 LAYOUT = "v1"
@@ -66,7 +67,6 @@ class Store:
         self.notice = notice
         self.is_temporary = bool(notice)
         self.root = Path(os.path.abspath(root)) / LAYOUT  # noqa: PTH100 - keeps symlinks
-        self.turns = Turns(self.root / "turns")
         self._verified: dict[str, Signature] = {}
         with machine_errors(self.root.parent):
             for name in ("cas", "ac", "quarantine", "tmp", "journal", "logs"):
@@ -332,17 +332,6 @@ def files_below(folder: Path) -> list[Path]:
         if path.is_file():
             found.append(path)
     return sorted(found)
-
-
-def is_plain_path(name: str) -> bool:
-    """A relative path of ordinary parts: no `..`, no leading slash, no empty part."""
-    parts = name.split("/")
-    return (
-        bool(name)
-        and "\0" not in name
-        and PurePosixPath(name).parts == tuple(parts)
-        and (not {"..", "."} & set(parts))
-    )
 
 
 def _is_digest(text: str) -> bool:

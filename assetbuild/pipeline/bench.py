@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild.engine.execute import Listener
+from assetbuild.engine.planner import Settled, settle
 from assetbuild.engine.processes import Processes
-from assetbuild.engine.rounds import Settled, settle
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.pipeline.bench_plan import LEVELS, LevelOutline, Source, plan_level, with_level

@@ -6,7 +6,7 @@ import functools
 from pathlib import Path
 
 from assetbuild.engine.graph import Node
-from assetbuild.engine.rounds import settle
+from assetbuild.engine.planner import settle
 from assetbuild.findings import Finding
 from assetbuild.kinds import Edit
 from assetbuild.pipeline.judging import findings_of, located, locator, where_of

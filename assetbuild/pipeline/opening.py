@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from assetbuild.engine.actions import SharedCache
 from assetbuild.engine.folders import cache_root
-from assetbuild.engine.rounds import Settled, planned
-from assetbuild.engine.session import Session, SharedCache
+from assetbuild.engine.planner import Settled, planned
+from assetbuild.engine.session import Session
 from assetbuild.engine.store import open_store
 from assetbuild.errors import LockError, OutOfDateError, Where
 from assetbuild.lock import (
@@ -36,11 +37,13 @@ if TYPE_CHECKING:
     from assetbuild.engine.share.remote import Remote
 
 
-def opened(recipe: Path, variant: str | None) -> tuple[LoadedRecipe, Lock | None, Session]:
+def opened(
+    recipe: Path, variant: str | None, remote: SharedCache | None = None
+) -> tuple[LoadedRecipe, Lock | None, Session]:
     """A recipe, its lock and a session, for verbs that only look; the caller closes it."""
     loaded = load_recipe(recipe, variant)
     lock = pin(loaded, frozen=True, say=lambda _: None)
-    return loaded, lock, open_session(loaded)
+    return loaded, lock, open_session(loaded, remote=remote)
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild.engine.execute import Listener
+from assetbuild.engine.planner import Settled, settle
 from assetbuild.engine.publish import check_replaceable
-from assetbuild.engine.rounds import Settled, settle
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError
 from assetbuild.findings import Finding

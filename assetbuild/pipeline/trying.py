@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from assetbuild.engine.execute import Listener
-from assetbuild.engine.rounds import settle
+from assetbuild.engine.planner import settle
 from assetbuild.engine.world import World
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import lacking

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from assetbuild.engine.graph import Graph, Ref
-from assetbuild.engine.rounds import planned
+from assetbuild.engine.planner import planned
 from assetbuild.engine.step import Step
 from assetbuild.errors import AssetBuildError, RecipeError, UsageError
 from assetbuild.pipeline.opening import Look

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild.engine.digest import digest_file
+from assetbuild.engine.planner import nothing, settle
 from assetbuild.engine.publish import OWN_FILES
-from assetbuild.engine.rounds import nothing, settle
 from assetbuild.errors import OutOfDateError
 from assetbuild.pipeline.bundling import bundle_files, manifest_of
 from assetbuild.pipeline.judging import judged
@@ -79,7 +79,7 @@ def against_recipe(bundle: Path, recipe: Path, variant: str | None) -> Iterator[
                 hint="run `assetbuild build` first, or `assetbuild cache pull`",
             )
         report = judged(loaded, done.outline, done.results, session)
-        files = bundle_files(loaded, lock, done.outline, report, session, done.results, done.graph)
+        files = bundle_files(loaded, lock, done, report, session)
         made = {file.path: file.sha256 for file in files if file.path != "provenance.json"}
         wanted = session.world.digest(loaded.path)
     statement = json.loads((bundle / "provenance.json").read_bytes())

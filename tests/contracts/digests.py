@@ -13,8 +13,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from assetbuild.engine.planner import settle
 from assetbuild.engine.resolver import Resolver
-from assetbuild.engine.rounds import settle
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 from assetbuild.pipeline.recipes import load_recipe
@@ -48,14 +48,13 @@ def build(folder: Path) -> dict[str, dict[str, Any]]:  # Any: JSON
         resolver = Resolver(done.graph.nodes, session)
         found = {}
         for label, result in done.results.items():
-            key = resolver.key(label)
-            if label in UNTOLD or key is None or result.outputs is None:
+            action = resolver.action(label)
+            if label in UNTOLD or action is None or result.outputs is None:
                 continue
-            parts = key[1]
             found[label] = {
-                "key": key[0],
-                "tools": parts["tools"],
-                "platform": parts["platform"],
+                "key": action.key,
+                "tools": action.parts["tools"],
+                "platform": action.parts["platform"],
                 "outputs": result.outputs,
             }
         return found

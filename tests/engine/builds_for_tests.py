@@ -8,8 +8,9 @@ from typing import Any
 
 from steps_for_tests import Mix, Split
 
-from assetbuild.engine.execute import NodeResult, execute
+from assetbuild.engine.execute import execute
 from assetbuild.engine.graph import Graph
+from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.share.remote import Remote

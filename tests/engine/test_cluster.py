@@ -12,8 +12,9 @@ import pytest
 from servers_for_tests import serving
 from steps_for_tests import Misbehave, MixInChild, Slow, Split
 
-from assetbuild.engine.execute import NodeResult, execute
+from assetbuild.engine.execute import execute
 from assetbuild.engine.keys import key_parts
+from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.share import cluster as cluster_module
@@ -49,9 +50,9 @@ def server():
 def build(folder: Path, source: Path, workers=None, server=None, width: int = 4, **options):
     """`width` slow steps on one source, and one that reads them all: results, and contents."""
     with ExitStack() as stack:
-        session = stack.enter_context(Session(Store(folder)))
-        if workers is not None:
-            remote = session.remote = Remote(server.url, key="k", write=True)
+        remote = Remote(server.url, key="k", write=True) if workers is not None else None
+        session = stack.enter_context(Session(Store(folder), remote=remote))
+        if remote is not None:
             options["runner"] = stack.enter_context(Cluster(workers.executor, remote, session))
         planner = Planner(session)
         split = planner.add("split", Split(), {"in": planner.source(source)})
@@ -146,10 +147,8 @@ def test_a_worker_with_other_versions_refuses_and_names_them(tmp_path, monkeypat
     parts = key_parts(step, {}) | {"tools": {"mujoco": "3.0"}}
     spec = {
         "label": "it",
-        "key": "0" * 64,
         "parts": parts,
         "step": step_to_json(step),
-        "inputs": {},
         "objects": {},
         "remote": server.url,
         "sandbox": False,

@@ -19,7 +19,8 @@ from steps_for_tests import (
 
 from assetbuild.engine import make
 from assetbuild.engine.children import CancelledError
-from assetbuild.engine.execute import Event, NodeResult, execute, first_error
+from assetbuild.engine.execute import Event, execute, first_error
+from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store

@@ -10,7 +10,7 @@ import pytest
 from builds_for_tests import Machine
 from servers_for_tests import CacheServer, serving
 
-from assetbuild.engine.execute import NodeResult
+from assetbuild.engine.make import NodeResult
 from assetbuild.engine.share.remote import Budget, Remote
 from assetbuild.engine.store import Store
 from assetbuild.errors import UsageError

@@ -10,16 +10,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from assetbuild.engine.actions import Action, Made
 from assetbuild.engine.explain import changes_between, changes_text
 from assetbuild.engine.folders import cache_root
-from assetbuild.engine.graph import Node
 from assetbuild.engine.keys import key_parts
-from assetbuild.engine.made import Made
 from assetbuild.engine.make import HEALING_ROUNDS
 from assetbuild.engine.processes import Processes
 from assetbuild.engine.session import Session
 from assetbuild.engine.share.remote import Budget, Remote
-from assetbuild.engine.step import Step
 from assetbuild.engine.store import LostObjectError, open_store
 from assetbuild.engine.wire import error_to_json, step_from_json
 from assetbuild.errors import AssetBuildError, MachineError, StepError
@@ -55,40 +53,39 @@ def _make(spec: Mapping[str, Any]) -> None:  # Any: JSON
 
     The machine that plans looks after sources, and holds the turn of the action.
     """
-    step = step_from_json(spec["step"])
-    _check_same_key(step, spec)
+    action = Action.of(spec["label"], step_from_json(spec["step"]), spec["parts"])
+    _check_same_key(action)
     # Its address may hold credentials, so that of a worker's own environment comes first.
     address = os.environ.get("ASSETBUILD_REMOTE") or spec["remote"]
     session, remote, processes = _place(address, sandbox=spec["sandbox"])
-    made = _made(spec, step, session, remote, processes)
-    session.store.put_action(spec["key"], made.to_json())
-    if not remote.put(spec["key"], made, session.store):
+    made = _made(action, spec["objects"], session, remote, processes)
+    session.store.put_action(action.key, made.to_json())
+    if not remote.put(action.key, made, session.store):
         raise MachineError("a worker cannot write its results to the shared cache")
 
 
 def _made(
-    spec: Mapping[str, Any],  # Any: JSON
-    step: Step,
+    action: Action,
+    objects: Mapping[str, int],
     session: Session,
     remote: Remote,
     processes: Processes,
 ) -> Made:
     for _ in range(HEALING_ROUNDS):
-        if not remote.fetch(spec["objects"], session.store):
+        if not remote.fetch(objects, session.store):
             raise MachineError("a worker cannot get its inputs from the shared cache")
         try:
-            known = session.known(spec["key"])
-            return known or processes.run(Node(spec["label"], step, {}), spec["parts"])
+            return session.actions.known(action.key) or processes.run(action)
         except LostObjectError:  # corrupt, or evicted: fetched again
             session.forget()
-    raise StepError(f"the store of a worker keeps losing what step `{spec['label']}` reads")
+    raise StepError(f"the store of a worker keeps losing what step `{action.label}` reads")
 
 
-def _check_same_key(step: Step, spec: Mapping[str, Any]) -> None:  # Any: JSON
+def _check_same_key(action: Action) -> None:
     """A worker with other versions would make other bytes under the same key."""
-    ours = key_parts(step, spec["inputs"])
-    if ours != spec["parts"]:
-        changed = changes_text(changes_between(spec["parts"], ours))
+    ours = key_parts(action.step, action.inputs)
+    if ours != action.parts:
+        changed = changes_text(changes_between(action.parts, ours))
         worker = os.uname().nodename
         raise MachineError(
             f"worker {worker} is not installed like the machine that builds: {changed}",

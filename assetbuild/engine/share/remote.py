@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
+from assetbuild.engine.actions import Made, made_from_json
 from assetbuild.engine.digest import canonical_json
-from assetbuild.engine.made import Made, made_from_json
 from assetbuild.engine.store import LostObjectError, Store
 from assetbuild.errors import UsageError
 
