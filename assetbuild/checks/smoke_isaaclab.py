@@ -16,6 +16,7 @@ from assetbuild.kinds import write_figures
 from assetbuild.simulators.consumers import FAILED, NOT_FINITE, SINKS, ConsumerCheck, SmokeBounds
 from assetbuild.simulators.environments import Environment
 
+BEYOND_IMPORTS = ("assetbuild.simulators._isaaclab_child",)
 VARIABLE = "ASSETBUILD_ISAACLAB"
 
 
@@ -31,7 +32,6 @@ class Installed(Environment):
 class SmokeIsaacLab(ConsumerCheck):
     """Spawns `python/<robot>_isaaclab_<2|3>.py`, steps it, looks at heights and numbers."""
 
-    version = "2"
     needs: ClassVar[tuple[str, ...]] = ("isaaclab", "usd")
     reads: ClassVar[tuple[str, ...]] = ()
     sections: ClassVar[Mapping[str, str]] = {"validate.smoke_bounds": "bounds"}

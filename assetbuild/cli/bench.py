@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from assetbuild.cli.parser import whole_number
+
 if TYPE_CHECKING:
     from assetbuild.pipeline.bench import Level
 
@@ -24,7 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="auto",
         help="the meshes to work on; default: collision, else visual",
     )
-    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="default: all cores")
+    parser.add_argument(
+        "-j", "--jobs", type=whole_number(1), metavar="N", help="default: all cores"
+    )
     parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
 
 

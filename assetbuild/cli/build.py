@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from assetbuild.cli.cache import add_remote
+from assetbuild.cli.parser import whole_number
 from assetbuild.cli.recipes import Recipes
 from assetbuild.errors import AssetBuildError
 
@@ -25,7 +26,12 @@ HELP = "build the bundle; only stale steps run"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     add_plain_arguments(parser)
-    parser.add_argument("-n", "--dry-run", action="store_true", help="say what would run")
+    parser.add_argument(
+        "-n",
+        "--dry-run",
+        action="store_true",
+        help="say what would run; exit code 3 where something would",
+    )
     parser.add_argument("--rehash", action="store_true", help="read every source file again")
     parser.add_argument(
         "--rebuild-check", action="store_true", help="run every step twice and compare"
@@ -38,7 +44,9 @@ def add_plain_arguments(parser: argparse.ArgumentParser) -> None:
     """Those that `watch` takes too."""
     parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE", action=Recipes)
     parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="default: build/<robot>")
-    parser.add_argument("-j", "--jobs", type=_positive, metavar="N", help="default: all cores")
+    parser.add_argument(
+        "-j", "--jobs", type=whole_number(1), metavar="N", help="default: all cores"
+    )
     parser.add_argument("-k", "--keep-going", action="store_true", help="build what still can be")
     parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
     parser.add_argument("--frozen", action="store_true", help="fail rather than write a lock")
@@ -59,13 +67,6 @@ def add_plain_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--fail-on", choices=("error", "warning", "never"), default="error", help="default: error"
     )
-
-
-def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError("must be at least 1")
-    return value
 
 
 def run(arguments: argparse.Namespace) -> int:

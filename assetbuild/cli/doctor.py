@@ -16,7 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from assetbuild.cli.parser import WHICH_CHECK
+
 HELP = "say what this machine has and lacks, and how to get it"
+EPILOG = WHICH_CHECK
 
 Level = Literal["ok", "optional", "missing", "broken"]
 CORE = (

@@ -14,9 +14,9 @@ from pathlib import Path
 from assetbuild.engine import null
 from assetbuild.engine.digest import digest_file
 from assetbuild.engine.folders import cache_root
-from assetbuild.engine.publish import OWN_FILES
 from assetbuild.engine.world import World
 from assetbuild.pipeline.bundling import manifest_of
+from assetbuild.pipeline.publish import OWN_FILES
 
 
 def remember(

@@ -75,29 +75,6 @@ class Graph:
         """Labels of the nodes whose outputs this node reads, sorted."""
         return tuple(sorted({r.node for r in self.nodes[label].inputs.values() if r.node}))
 
-    def to_json(self) -> dict[str, object]:
-        """The graph as plain data, for `plan --json`."""
-        return {
-            "nodes": [
-                {
-                    "label": node.label,
-                    "step": node.step.step_name(),
-                    "version": node.step.version,
-                    "outputs": list(node.step.outputs),
-                    "inputs": {name: str(ref) for name, ref in sorted(node.inputs.items())},
-                }
-                for node in self.nodes.values()
-            ]
-        }
-
-    def to_text(self) -> str:
-        """One line per node in the order of building: its label and what it reads."""
-        lines = []
-        for node in self.nodes.values():
-            reads = ", ".join(str(ref) for _, ref in sorted(node.inputs.items()))
-            lines.append(f"{node.label} <- {reads}" if reads else node.label)
-        return "\n".join(lines)
-
 
 def checked_graph(nodes: Iterable[Node]) -> Graph:
     """Order the nodes; GraphError on duplicate labels, unknown steps or outputs, and cycles."""

@@ -13,17 +13,17 @@ from assetbuild.engine.execute import Listener
 from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Settled, settle_all
 from assetbuild.engine.processes import Processes
-from assetbuild.engine.publish import check_replaceable
 from assetbuild.engine.rebuild import Difference, run_again
 from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
-from assetbuild.engine.store import LostObjectError
+from assetbuild.engine.store import OUT_OPTION, LostObjectError, machine_errors
 from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, MachineError, UsageError
 from assetbuild.lock import Lock
 from assetbuild.pipeline.bundling import bundle_files, publish_bundle
 from assetbuild.pipeline.judging import judged, located, where_of
 from assetbuild.pipeline.opening import open_session, pin, remote_cache
+from assetbuild.pipeline.publish import check_replaceable
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.pipeline.smoking import asking
 from assetbuild.plan import Outline, plan
@@ -249,4 +249,5 @@ def _write_run_log(outcome: Outcome, out: Path) -> None:
         "edited": list(outcome.edited),
         "steps": steps,
     }
-    out.with_name(f"{out.name}.run.json").write_text(json_text(log), encoding="utf-8")
+    with machine_errors(out.parent, OUT_OPTION):
+        out.with_name(f"{out.name}.run.json").write_text(json_text(log), encoding="utf-8")

@@ -11,12 +11,12 @@ from typing import Any
 
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.planner import Settled, settle
-from assetbuild.engine.publish import check_replaceable
 from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError
 from assetbuild.findings import Finding
 from assetbuild.pipeline.bundling import publish_bundle
 from assetbuild.pipeline.opening import open_session, pin
+from assetbuild.pipeline.publish import check_replaceable
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.pipeline.sampling_plan import SamplesOutline, plan_samples
 from assetbuild.recipe.loader import LoadedRecipe

@@ -10,11 +10,11 @@ from typing import Any
 
 from assetbuild.engine.digest import digest_file
 from assetbuild.engine.planner import nothing, settle
-from assetbuild.engine.publish import OWN_FILES
 from assetbuild.errors import OutOfDateError
 from assetbuild.pipeline.bundling import bundle_files, manifest_of
 from assetbuild.pipeline.judging import judged
 from assetbuild.pipeline.opening import opened
+from assetbuild.pipeline.publish import OWN_FILES
 from assetbuild.plan import plan
 
 STATEMENT, PREDICATE = "https://in-toto.io/Statement/v1", "https://slsa.dev/provenance/v1"

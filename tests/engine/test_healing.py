@@ -130,7 +130,7 @@ def test_two_builds_at_once_share_a_store(tmp_path, source):
 def test_the_engine_loads_nothing_heavy():
     program = (
         "import sys, assetbuild.engine.execute, assetbuild.engine.explain, "
-        "assetbuild.engine.publish; print(sorted(set(sys.modules) & "
+        "assetbuild.pipeline.publish; print(sorted(set(sys.modules) & "
         "{'numpy', 'networkx', 'mujoco', 'pxr', 'trimesh', 'yaml'}))"
     )
     import subprocess
