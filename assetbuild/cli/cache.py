@@ -111,7 +111,7 @@ def _share(arguments: argparse.Namespace) -> int:
     from assetbuild.pipeline.sharing import pull, push
 
     faults: list[str] = []
-    remote = remote_cache(arguments.remote, faults.append, write=True)
+    remote = remote_cache(arguments.remote, faults.append, write=arguments.what == "push")
     if remote is None:
         raise UsageError("no cache is named", hint="say `--remote URL`, or set ASSETBUILD_REMOTE")
     verb, said = (push, "sent") if arguments.what == "push" else (pull, "in the store")

@@ -78,7 +78,6 @@ class ControlStep(Step):
     `source_control.json`, whose words hold where the recipe has none.
     """
 
-    version = "10"
     outputs = ("control.json",)
 
     rows: tuple[ActuatorRow, ...] = ()
