@@ -197,11 +197,11 @@ def _trim(home: Path, names: tuple[str, ...], allowed: int) -> None:
 def _live(home: Path) -> list[float]:
     """When the builds that run now began."""
     found = []
-    for mark in (home / "tmp").glob(f"*/{BEGAN}*"):
+    for folder in tuple((home / "tmp").glob("*")):
         with suppress(OSError):  # it ends just now
-            began = mark.stat().st_ctime
-            if is_claimed(mark.parent):
-                found.append(began)
+            began = [mark.stat().st_ctime for mark in folder.iterdir() if BEGAN in mark.name]
+            if is_claimed(folder):
+                found += began
     return found
 
 

@@ -65,7 +65,7 @@ class Outcome:
     aside. errors: of the failed steps, in the order of the graph.
     read: path -> sha256 of every file outside the store that decided the result; absent: paths
     that would have, had they existed; began_ns: when the first was read. differences: what the
-    second run of `--rebuild-check` found.
+    second run of `--rebuild-check` found. is_shared: all was sent that a shared cache lacked.
     """
 
     loaded: LoadedRecipe
@@ -80,6 +80,7 @@ class Outcome:
     absent: tuple[Path, ...] = ()
     began_ns: int = 0
     differences: tuple[Difference, ...] = ()
+    is_shared: bool = True
 
 
 @dataclass(frozen=True)
@@ -105,9 +106,9 @@ def build_all(
     Raises AssetBuildError for wrong input; failed steps are in the outcomes.
     """
     started, began_ns = time.monotonic(), time.time_ns()
-    jobs = _jobs(requests, say)
     request = requests[0]
     remote = remote_cache(request.remote, say, write=request.cache_write)
+    jobs = _jobs(requests, say)
     with (
         open_session(
             *(job.loaded for job in jobs), rehash=request.rehash, remote=remote
@@ -126,6 +127,7 @@ def build_all(
                     raise
     for job, outcome in zip(jobs, outcomes, strict=True):
         outcome.seconds, outcome.began_ns = time.monotonic() - started, began_ns
+        outcome.is_shared = remote is None or remote.is_complete
         if outcome.report is not None:
             _write_run_log(outcome, job.out)
     return outcomes
