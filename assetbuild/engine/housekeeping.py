@@ -197,11 +197,10 @@ def _trim(home: Path, names: tuple[str, ...], allowed: int) -> None:
 def _live(home: Path) -> list[float]:
     """When the builds that run now began."""
     found = []
-    for folder in tuple((home / "tmp").glob("*")):
+    for folder in (home / "tmp").glob("*"):
         with suppress(OSError):  # it ends just now
-            began = [mark.stat().st_ctime for mark in folder.iterdir() if BEGAN in mark.name]
-            if is_claimed(folder):
-                found += began
+            began = [mark.stat().st_ctime for mark in folder.glob(f"{BEGAN}*")]
+            found += began if is_claimed(folder) else []
     return found
 
 

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal, Union
 from pydantic import BaseModel, Discriminator, Field, Tag, create_model
 
 from assetbuild.collision import CollisionMethod
+from assetbuild.engine.world import World
 from assetbuild.errors import RecipeError, did_you_mean
 from assetbuild.facts.reader import Reader
 from assetbuild.geometry.jobs import BUILT_IN
@@ -32,12 +33,14 @@ from assetbuild.recipe.yaml_tree import Node
 Fields = dict[str, Any]  # Any: what create_model takes
 
 
-def load_recipe(path: Path | str, variant: str | None = None) -> LoadedRecipe:
+def load_recipe(
+    path: Path | str, variant: str | None = None, world: World | None = None
+) -> LoadedRecipe:
     """Read, check and (with `variant`) patch one recipe; raises RecipeError, never anything else.
 
-    All variants are checked, also those that nobody asked for.
+    All variants are checked, also those that nobody asked for. world: where it is read from.
     """
-    return load(Path(path), variant, model_of, whole_model)
+    return load(Path(path), variant, model_of, whole_model, world or World())
 
 
 def schema_text() -> str:

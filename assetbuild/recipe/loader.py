@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, RecipeError, Where, did_you_mean
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import Key, locate, shown, validated
@@ -17,10 +18,10 @@ from assetbuild.recipe.yaml_tree import MAX_BYTES, MAX_COST, Entry, Node, descri
 
 @dataclass(frozen=True)
 class LoadedRecipe:
-    """A valid recipe, the place of each of its keys, and the files it was read from.
+    """A valid recipe, the place of each of its keys, and the world it was read from.
 
     path: absolute. file: the name for people, relative to the working folder when below it.
-    variant: the one that was applied, or None. files: all that was read, absolute.
+    variant: the one that was applied, or None. world: what was asked to read it.
     parts: the recipes that `compose` names, in its order; those of a `source` are made of this one
     and `inline`.
     """
@@ -29,8 +30,8 @@ class LoadedRecipe:
     path: Path
     file: str
     variant: str | None
-    files: tuple[Path, ...]
     tree: Node = field(repr=False)
+    world: World = field(repr=False, compare=False)
     parts: tuple[LoadedRecipe, ...] = ()
     inline: bool = False
 
@@ -57,7 +58,9 @@ ModelOf = Callable[[Node], type[Recipe]]
 Whole = Callable[[], type[Recipe]]
 
 
-def load(path: Path, variant: str | None, model_of: ModelOf, whole: Whole) -> LoadedRecipe:
+def load(
+    path: Path, variant: str | None, model_of: ModelOf, whole: Whole, world: World
+) -> LoadedRecipe:
     """Read, check and (with `variant`) patch one recipe; raises RecipeError, never anything else.
 
     model_of: the recipe with the keys that a tree may have; whole: with all that there are, to
@@ -65,23 +68,26 @@ def load(path: Path, variant: str | None, model_of: ModelOf, whole: Whole) -> Lo
     """
 
     def one(path: Path, variant: str | None) -> LoadedRecipe:
-        return _load(
-            path, variant, lambda root: validated(model_of(root), root, RecipeError, whole)
-        )
+        def check(root: Node) -> Recipe:
+            return validated(model_of(root), root, RecipeError, whole)
+
+        return _load(path, variant, check, world)
 
     return _with_parts(one(path, variant), one)
 
 
-def _load(path: Path, variant: str | None, check: Callable[[Node], Recipe]) -> LoadedRecipe:
+def _load(
+    path: Path, variant: str | None, check: Callable[[Node], Recipe], world: World
+) -> LoadedRecipe:
     """One recipe without its parts."""
     file = shown_path(path)
-    root = parse(read_small_file(path, file, RecipeError), file, RecipeError)
+    root = parse(read_small_file(path, file, RecipeError, world), file, RecipeError)
     if not isinstance(root.value, dict):
         found = described(root)
         hint = "a recipe begins with `schema: assetbuild/v1`"
         raise RecipeError(f"expected a map at the top, found {found}", where=root.where, hint=hint)
     absolute = Path(os.path.abspath(path))  # noqa: PTH100 # resolve() would follow links
-    root, library = with_motor_file(root, absolute)
+    root = with_motor_file(root, absolute, world)
     recipe = check(root)
     names = variant_names(root)
     if root.cost * (1 + len(names)) > MAX_COST:
@@ -93,7 +99,7 @@ def _load(path: Path, variant: str | None, check: Callable[[Node], Recipe]) -> L
     if variant is not None:
         tree = trees[variant] if variant in trees else patched(root, variant)
         recipe = recipes[variant]
-    return LoadedRecipe(recipe, absolute, file, variant, (absolute, *library), tree)
+    return LoadedRecipe(recipe, absolute, file, variant, tree, world)
 
 
 One = Callable[[Path, str | None], LoadedRecipe]
@@ -107,8 +113,7 @@ def _with_parts(loaded: LoadedRecipe, load_one: One) -> LoadedRecipe:
         else _inline_part(loaded, index)
         for index, part in enumerate(loaded.recipe.compose)
     ]
-    files = dict.fromkeys((*loaded.files, *(file for part in parts for file in part.files)))
-    return replace(loaded, parts=tuple(parts), files=tuple(files))
+    return replace(loaded, parts=tuple(parts))
 
 
 def _part_of(
@@ -116,9 +121,10 @@ def _part_of(
 ) -> LoadedRecipe:
     key = ("compose", index, "recipe")
     path = Path(os.path.normpath(loaded.path.parent / name))
-    if path in loaded.files or not path.is_file():
-        problem = "is this recipe itself" if path in loaded.files else "there is no such file"
-        near = sorted(one.name for one in path.parent.glob("*.yaml") if one not in loaded.files)
+    if path == loaded.path or not loaded.world.is_file(path):
+        problem = "is this recipe itself" if path == loaded.path else "there is no such file"
+        beside = loaded.world.names(path.parent, ends=(".yaml",))
+        near = [one for one in beside if path.parent / one != loaded.path]
         raise loaded.error(key, f"`{name}`: {problem}", did_you_mean(path.name, near))
     part = load_one(path, variant)
     if part.recipe.compose:
@@ -137,21 +143,21 @@ def _inline_part(loaded: LoadedRecipe, index: int) -> LoadedRecipe:
     assert isinstance(entries, dict)  # noqa: S101 # it is a valid recipe
     rows = entries["compose"].node.value
     assert isinstance(rows, tuple | list)  # noqa: S101 # as above
-    return replace(loaded, recipe=recipe, files=(), tree=rows[index], parts=(), inline=True)
+    return replace(loaded, recipe=recipe, tree=rows[index], parts=(), inline=True)
 
 
-def with_motor_file(root: Node, recipe: Path) -> tuple[Node, tuple[Path, ...]]:
-    """The recipe's tree with the motors of its `motor_file` below its own, and that file.
+def with_motor_file(root: Node, recipe: Path, world: World) -> Node:
+    """The recipe's tree with the motors of its `motor_file` below its own.
 
     Each motor keeps the line it came from. RecipeError for a file that is no map of motors.
     """
     entries = dict(root.value) if isinstance(root.value, dict) else {}
     named = entries.get("motor_file")
     if named is None or not isinstance(named.node.value, str):
-        return root, ()  # a wrong type is told with all other errors of the recipe
+        return root  # a wrong type is told with all other errors of the recipe
     path = Path(os.path.normpath(recipe.parent / named.node.value))
     file = shown_path(path)
-    motors = parse(read_small_file(path, file, RecipeError), file, RecipeError)
+    motors = parse(read_small_file(path, file, RecipeError, world), file, RecipeError)
     if not isinstance(motors.value, dict):
         hint = "a motor file is a map of motors: `go1_hip: {gear: 6, effort: 23.7}`"
         found = described(motors)
@@ -162,7 +168,7 @@ def with_motor_file(root: Node, recipe: Path) -> tuple[Node, tuple[Path, ...]]:
     elif isinstance(own.node.value, dict):
         merged = Node(own.node.where, {**motors.value, **own.node.value})
         entries["motors"] = Entry(own.where, merged)
-    return Node(root.where, entries, cost=root.cost + motors.cost, height=root.height), (path,)
+    return Node(root.where, entries, cost=root.cost + motors.cost, height=root.height)
 
 
 def shown_path(path: Path) -> str:
@@ -175,9 +181,15 @@ def shown_path(path: Path) -> str:
     return path.as_posix()
 
 
-def read_small_file(path: Path, file: str, error: type[AssetBuildError]) -> bytes:
-    """The bytes of a regular file; `error` for one that is missing, no file, or too long."""
-    where = Where(file)
+def read_small_file(
+    path: Path, file: str, error: type[AssetBuildError], world: World | None = None
+) -> bytes:
+    """The bytes of a regular file; `error` for one that is missing, no file, or too long.
+
+    world: of a build, which notes that it asked.
+    """
+    where, world = Where(file), world or World()
+    world.is_file(path)
     try:
         status = path.stat()
         if stat.S_ISDIR(status.st_mode):
@@ -186,7 +198,9 @@ def read_small_file(path: Path, file: str, error: type[AssetBuildError]) -> byte
             raise error("this is not a regular file", where=where)
         if status.st_size > MAX_BYTES:
             raise error(f"the file is longer than {MAX_BYTES >> 20} MB", where=where)
-        return path.read_bytes()
+        data = path.read_bytes()
+        world.saw(path, data)
+        return data
     except FileNotFoundError:
         raise error("there is no such file", where=where) from None
     except (OSError, ValueError) as problem:

@@ -9,6 +9,7 @@ import sys
 import pytest
 import yaml
 
+from assetbuild.engine.world import files_in
 from assetbuild.errors import RecipeError, Where
 from assetbuild.pipeline.recipes import load_recipe
 
@@ -192,7 +193,7 @@ def test_what_is_no_readable_file_is_refused_without_waiting(tmp_path, monkeypat
 
 def test_the_files_read_are_listed_for_the_stat_record(load, tmp_path):
     loaded = load(GOOD)
-    assert loaded.files == (tmp_path / "recipes/r.yaml",)
+    assert list(files_in(loaded.world.record)) == [str(tmp_path / "recipes/r.yaml")]
     assert loaded.path == tmp_path / "recipes/r.yaml"
 
 
