@@ -64,7 +64,7 @@ class Outcome:
 
     out: where the bundle lies, None when a step failed. edited: files of the user that were set
     aside. errors: of the failed steps, in the order of the graph. differences: what the second
-    run of `--rebuild-check` found.
+    run of `--rebuild-check` found. is_shared: all was sent that a shared cache lacked.
     """
 
     loaded: LoadedRecipe
@@ -76,6 +76,7 @@ class Outcome:
     edited: tuple[str, ...] = ()
     errors: tuple[AssetBuildError, ...] = ()
     differences: tuple[Difference, ...] = ()
+    is_shared: bool = True
 
 
 @dataclass(frozen=True)
@@ -105,9 +106,9 @@ def build_all(
     Raises AssetBuildError for wrong input; failed steps are in the outcomes.
     """
     started = time.monotonic()
-    jobs = _jobs(requests, world or World(), say)
     request = requests[0]
     remote = remote_cache(request.remote, say, write=request.cache_write)
+    jobs = _jobs(requests, world or World(), say)
     with (
         open_session(
             *(job.loaded for job in jobs), rehash=request.rehash, remote=remote
@@ -126,6 +127,7 @@ def build_all(
                     raise
     for job, outcome in zip(jobs, outcomes, strict=True):
         outcome.seconds = time.monotonic() - started
+        outcome.is_shared = remote is None or remote.is_complete
         if outcome.report is not None:
             _write_run_log(outcome, job.out)
     return outcomes
