@@ -50,7 +50,6 @@ class Counts(Check):
     asks for collision.
     """
 
-    tools: ClassVar = ("defusedxml", "lxml", "numpy")
     isolated: ClassVar = True
     preload: ClassVar = ("lxml.etree", "numpy")
     needs: ClassVar = ("source", "mjcf")

@@ -31,8 +31,6 @@ class Textures(Check):
     name of the picture that each link's materials state, which the robot's file names keep.
     """
 
-    version = "1"
-    tools = ("mujoco", "usd-core", "defusedxml")
     isolated = True
     preload = ("mujoco", "pxr.Usd", "pxr.UsdShade")
     needs = ("source",)

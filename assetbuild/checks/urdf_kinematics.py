@@ -29,7 +29,6 @@ class UrdfKinematics(Check):
     and direction cosines.
     """
 
-    tools: ClassVar = ("yourdfpy", "trimesh")
     isolated: ClassVar = True
     preload: ClassVar = ("yourdfpy",)
     needs: ClassVar = ("urdf",)

@@ -40,6 +40,8 @@ from assetbuild.engine.step import is_plain_path
 from assetbuild.errors import MachineError
 
 LAYOUT = "v1"
+STORE_OPTION, OUT_OPTION = "ASSETBUILD_CACHE", "`-o`"
+"""How a user chooses another folder for the store, and for what a command writes."""
 BEGAN = "began"
 """Files in the private folder of a process: their stamps say when what it builds now began."""
 ACTION_FORMAT = 1
@@ -218,14 +220,18 @@ class Store:
                 found |= dict(self.tree(digest).values())
         return found
 
-    def restore(self, digest: str, dest: Path) -> None:
+    def restore(self, digest: str, dest: Path, out: Path | None = None) -> None:
         """Copy an object to `dest`, verified on the way; `dest` is replaced at once.
 
-        Never a hard link: an edit in place would poison the store.
+        Never a hard link: an edit in place would poison the store. out: the folder that an error
+        names, of a `dest` that the user knows by another name; default: where `dest` lies.
         """
         beside = dest.with_name(f".{dest.name[:200]}.{secrets.token_hex(4)}.tmp")
+        place, option = out or dest.parent, OUT_OPTION
+        if dest.is_relative_to(self.root.parent):
+            place, option = self.root.parent, STORE_OPTION
         try:
-            with machine_errors(self.root.parent):
+            with machine_errors(place, option):
                 dest.parent.mkdir(parents=True, exist_ok=True)
                 try:
                     with self._object(digest).open("rb", buffering=0) as source:
@@ -312,25 +318,25 @@ def open_store(root: Path) -> Store:
 
 
 @contextmanager
-def machine_errors(place: Path) -> Iterator[None]:
-    """Failed writes below `place` as MachineError."""
+def machine_errors(place: Path, option: str = STORE_OPTION) -> Iterator[None]:
+    """Failed writes below `place` as MachineError; `option` chooses another place."""
     try:
         yield
     except OSError as error:
-        raise machine_error(error, place) from error
+        raise machine_error(error, place, option) from error
 
 
-def machine_error(error: OSError, place: Path) -> MachineError:
-    """The sentence for a failed write below `place`."""
+def machine_error(error: OSError, place: Path, option: str = STORE_OPTION) -> MachineError:
+    """The sentence for a failed write below `place`; `option` chooses another place."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return MachineError(
             f"no space left on the disk that holds {place}",
-            hint="free some space, or choose another folder by ASSETBUILD_CACHE; nothing is lost",
+            hint=f"free some space, or choose another folder with {option}; nothing is lost",
         )
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return MachineError(
             f"no permission for `{error.filename or place}`",
-            hint="choose another store folder by ASSETBUILD_CACHE",
+            hint=f"choose another folder with {option}",
         )
     return MachineError(f"{error.strerror or error}: `{error.filename or place}`")
 

@@ -95,7 +95,6 @@ class MjcfReader(Reader):
     """Reads the compiled model, and by MuJoCo's parser all attributes beyond the vocabulary."""
 
     preload: ClassVar[tuple[str, ...]] = ("mujoco",)
-    tools: ClassVar[tuple[str, ...]] = ("mujoco",)
     precision: ClassVar[Precision] = MESHES
     knows_copies: ClassVar[bool] = True
     """Whether copies of the robot's own files need not be compiled: see `mjcf_copies`."""

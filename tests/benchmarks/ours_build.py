@@ -14,11 +14,11 @@ from assetbuild.engine.execute import execute, first_error
 from assetbuild.engine.folders import cache_root
 from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
-from assetbuild.engine.publish import lies_there, new_staging, publish
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Files, Step
 from assetbuild.engine.store import Store
 from assetbuild.findings import Finding
+from assetbuild.pipeline.publish import lies_there, new_staging, publish
 from tests.benchmarks.graph import tasks
 
 OUT = Path("out")

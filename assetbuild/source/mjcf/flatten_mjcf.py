@@ -38,8 +38,6 @@ class FlattenMjcf(Step):
     comments or the order of attributes' blanks changes `lines.json` and `source_map.json` alone.
     """
 
-    version = "2"
-    tools = ("lxml",)
     outputs = ("source.xml", "lines.json", "meshes.json", "source_map.json")
     isolated = True
     preload = ("lxml.etree",)

@@ -52,8 +52,6 @@ class ReadUrdf(Step):
     Raises SourceError with `file:line`; of several mistakes the first in the file is told.
     """
 
-    tools = ("lxml",)
-    version = "6"
     outputs = ("links.json", "shapes.json", "meshes.json", "source_map.json", "source.urdf")
     isolated = True
     preload = ("lxml.etree",)

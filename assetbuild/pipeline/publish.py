@@ -26,7 +26,7 @@ from assetbuild.engine.claims import (
     remove_abandoned,
 )
 from assetbuild.engine.digest import digest_file
-from assetbuild.engine.store import machine_error
+from assetbuild.engine.store import OUT_OPTION, machine_error
 from assetbuild.errors import MachineError, UsageError
 
 MARK = "manifest.json"
@@ -63,7 +63,7 @@ def new_staging(out_dir: Path) -> Path:
     try:
         return claim_new_folder(out.parent, f"{out.name}.new-")
     except OSError as error:
-        raise machine_error(error, out.parent) from error
+        raise machine_error(error, out.parent, OUT_OPTION) from error
 
 
 def discard(staging: Path) -> None:
@@ -72,16 +72,25 @@ def discard(staging: Path) -> None:
 
 
 def check_replaceable(out_dir: Path) -> None:
-    """UsageError when `out_dir` holds something that is not a bundle."""
+    """UsageError when `out_dir` holds something that is not a bundle, or cannot be a folder."""
+    check_folder(out_dir)
     if not out_dir.exists() and not out_dir.is_symlink():
         return
-    if not out_dir.is_dir():
-        raise UsageError(f"`{out_dir}` is not a folder", hint="choose another folder with `-o`")
     if not (out_dir / MARK).is_file() and any(out_dir.iterdir()):
         raise UsageError(
             f"`{out_dir}` holds files and no {MARK}: it is not a bundle, so it stays",
             hint="choose another folder with `-o`, or move its content away",
         )
+
+
+def check_folder(path: Path) -> None:
+    """UsageError when a file stands where a folder has to be."""
+    for each in (path, *path.parents):
+        if (each.exists() or each.is_symlink()) and not each.is_dir():
+            message = f"`{each}` is not a folder"
+            if each != path:
+                message = f"`{path}` cannot be a folder: {message}"
+            raise UsageError(message, hint="choose another folder with `-o`")
 
 
 def heal(out_dir: Path) -> None:
@@ -116,7 +125,7 @@ def publish(staging: Path, out_dir: Path, manifest: Mapping[str, str] | None = N
         _at("kept the user's files")
         _swap(staging, out)
     except OSError as error:
-        raise machine_error(error, out.parent) from error
+        raise machine_error(error, out.parent, OUT_OPTION) from error
     finally:
         release(staging)
     return found
