@@ -130,7 +130,8 @@ def build_and_print(
         try:
             outcomes = _build_shown(requests, world, log)
         except AssetBuildError as error:
-            log.write("error", message=str(error), exit_code=error.exit_code)
+            errors = [str(each) for each in error.each()]
+            log.write("error", message=str(error), errors=errors, exit_code=error.exit_code)
             failure = error
         for outcome in outcomes:
             log.on_outcome(outcome)

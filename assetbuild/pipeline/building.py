@@ -18,7 +18,7 @@ from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import OUT_OPTION, LostObjectError, machine_errors
 from assetbuild.engine.world import World
-from assetbuild.errors import AssetBuildError, MachineError, UsageError
+from assetbuild.errors import AssetBuildError, Gather, MachineError, RecipeError, UsageError
 from assetbuild.lock import Lock
 from assetbuild.pipeline.bundling import bundle_files, publish_bundle
 from assetbuild.pipeline.judging import judged, located, where_of
@@ -136,8 +136,13 @@ def build_all(
 def _jobs(requests: Sequence[Request], world: World, say: Callable[[str], None]) -> list[_Job]:
     """Read and pin every recipe before any is built."""
     jobs: list[_Job] = []
+    recipes: list[LoadedRecipe] = []
+    wrong = Gather(RecipeError)
     for request in requests:
-        loaded = load_recipe(request.recipe, request.variant, world.part())
+        with wrong:
+            recipes.append(load_recipe(request.recipe, request.variant, world.part()))
+    wrong.stop()
+    for request, loaded in zip(requests, recipes, strict=True):
         if request.smoke:
             loaded = asking(loaded, request.smoke)
         out = request.out or default_out(loaded)
