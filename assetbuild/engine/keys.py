@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import functools
 import json
-import platform
-import sys
 from collections.abc import Mapping
 from typing import Any
 
+from assetbuild.engine.cpu import cpu_model, platform_tag
 from assetbuild.engine.digest import canonical_json, digest_bytes
 from assetbuild.engine.step import Step
 
@@ -32,7 +31,7 @@ def key_parts(step: Step, inputs: Mapping[str, str]) -> Parts:
         "order": digest_bytes(json.dumps(fields).encode())[:16],
         "inputs": dict(sorted(inputs.items())),
         "outputs": list(step.outputs),
-        "platform": platform_tag(),
+        "platform": f"{platform_tag()} {cpu_model()}" if step.cpu_bound else platform_tag(),
     }
 
 
@@ -50,9 +49,3 @@ def tool_version(distribution: str) -> str:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:
         return "not installed"
-
-
-@functools.cache
-def platform_tag() -> str:
-    """`linux-x86_64`: floating-point results may differ between two of them."""
-    return f"{sys.platform}-{platform.machine()}"
