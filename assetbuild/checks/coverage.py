@@ -78,8 +78,6 @@ class Fit:
 class Coverage(Check):
     """Findings `coverage.*`; figures: a row for each body with both kinds of geometry."""
 
-    version = "5"
-    tools = ("numpy", "scipy", "embreex")
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")
     reads = ("tree.json", "shapes.json", "meshes/")

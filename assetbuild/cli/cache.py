@@ -43,6 +43,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         add_remote(verb)
 
 
+def add_sharing(parser: argparse.ArgumentParser) -> None:
+    """Declare what every verb that builds takes: `--remote` and `--cache-write`."""
+    add_remote(parser)
+    parser.add_argument("--cache-write", action="store_true", help="also write to that cache")
+
+
 def add_remote(parser: argparse.ArgumentParser) -> None:
     """Declare `--remote`."""
     parser.add_argument(
@@ -111,7 +117,7 @@ def _share(arguments: argparse.Namespace) -> int:
     from assetbuild.pipeline.sharing import pull, push
 
     faults: list[str] = []
-    remote = remote_cache(arguments.remote, faults.append, write=True)
+    remote = remote_cache(arguments.remote, faults.append, write=arguments.what == "push")
     if remote is None:
         raise UsageError("no cache is named", hint="say `--remote URL`, or set ASSETBUILD_REMOTE")
     verb, said = (push, "sent") if arguments.what == "push" else (pull, "in the store")

@@ -71,7 +71,15 @@ class SharedCache(Protocol):
         ...
 
     def put(self, key: str, made: Made, store: Store) -> bool:
-        """Offer what a step with this key made. Is it there?"""
+        """Send what a step with this key made. Is it there?"""
+        ...
+
+    def offer(self, key: str, made: Made, store: Store) -> None:
+        """Send what the store has known for long, beside the build."""
+        ...
+
+    def close(self) -> None:
+        """End what goes on beside the build."""
         ...
 
 
@@ -90,6 +98,8 @@ class Actions:
             made = self._stored(key)
             if made is not None:
                 self._store.touch_action(key)
+                if self._shared is not None:
+                    self._shared.offer(key, made, self._store)
             elif (made := self._fetched(key)) is not None:
                 self._store.put_action(key, made.to_json())
             else:
@@ -102,7 +112,7 @@ class Actions:
         return self._stored(key) or self._fetched(key, again=True)
 
     def learn(self, key: str, made: Made) -> None:
-        """Remember what a step made, in the store and here; offer it to the shared cache."""
+        """Remember what a step made, in the store, here and in the shared cache."""
         self._store.put_action(key, made.to_json())
         self._known[key] = made
         if self._shared is not None:
@@ -111,6 +121,11 @@ class Actions:
     def forget(self) -> None:
         """An object was lost: look again which results are whole."""
         self._known.clear()
+
+    def close(self) -> None:
+        """Give what is offered to the shared cache a moment more."""
+        if self._shared is not None:
+            self._shared.close()
 
     def _stored(self, key: str) -> Made | None:
         return self._whole(made_from_json(self._store.action(key)))

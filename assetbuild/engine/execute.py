@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from queue import SimpleQueue
@@ -14,7 +15,10 @@ from assetbuild.engine.processes import Processes
 from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step
-from assetbuild.errors import AssetBuildError
+from assetbuild.errors import AssetBuildError, StepError
+
+HEALING_ROUNDS = 3
+"""How often what one step reads may be lost and made again."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,7 @@ class Event:
 
 
 Listener = Callable[[Event], None]
+_Message = NodeResult | BaseException | Literal["started", "lost"]
 
 
 def execute(
@@ -57,19 +62,27 @@ def execute(
     where that is `all_told`.
     memory_mb: the memory that child processes may declare together; one always runs.
     None = what the runner has left. maker: makes the nodes; None = from the store or freshly run.
+    What the store turns out to have lost is made again.
     Errors of steps are in the results. KeyboardInterrupt passes, with all children killed.
     """
     place = runner or Processes(session)
-    schedule = _Schedule(
-        graph,
-        maker or Maker(graph, session, place),
-        places=jobs if jobs and jobs > 0 else place.places,
-        memory_mb=place.memory_mb if memory_mb is None else memory_mb,
-        keep_going=keep_going,
-        tell=on_event or (lambda _: None),
-    )
+    maker = maker or Maker(graph, session, place)
+    results: dict[str, NodeResult] = {}
+    losses: Counter[str] = Counter()
     try:
-        return schedule.run()
+        while True:
+            schedule = _Schedule(
+                graph,
+                maker,
+                places=jobs if jobs and jobs > 0 else place.places,
+                memory_mb=place.memory_mb if memory_mb is None else memory_mb,
+                keep_going=keep_going,
+                tell=on_event or (lambda _: None),
+                losses=losses,
+            )
+            results = with_earlier(schedule.run(), results)
+            if results.keys() == graph.nodes.keys():
+                return results
     except BaseException:
         place.close()
         raise
@@ -84,6 +97,18 @@ def first_error(results: Mapping[str, NodeResult]) -> AssetBuildError | None:
     return next((r.error for r in results.values() if r.error is not None), None)
 
 
+def with_earlier(
+    now: Mapping[str, NodeResult], earlier: Mapping[str, NodeResult]
+) -> dict[str, NodeResult]:
+    """What ran in an earlier round is found in the store in this one; it still has run."""
+    return {
+        label: earlier[label]
+        if result.status == "cached" and label in earlier and earlier[label].status == "ran"
+        else result
+        for label, result in now.items()
+    }
+
+
 class _Schedule:
     """The state of one execution; only the calling thread touches it."""
 
@@ -96,12 +121,15 @@ class _Schedule:
         memory_mb: int,
         keep_going: bool,
         tell: Listener,
+        losses: Counter[str],
     ) -> None:
         self.graph = graph
         self.maker = maker
         self.places = places
         self.keep_going = keep_going
         self.tell = tell
+        self.losses = losses
+        self.lost = False
         self.results: dict[str, NodeResult] = {}
         self.free = places
         self.memory_mb = memory_mb
@@ -115,10 +143,14 @@ class _Schedule:
                 self.readers[each].append(label)
         self.ready = [label for label, needed in self.missing.items() if not needed]
         self.work: SimpleQueue[str | None] = SimpleQueue()
-        self.inbox: SimpleQueue[tuple[str, NodeResult | BaseException | None]] = SimpleQueue()
+        self.inbox: SimpleQueue[tuple[str, _Message]] = SimpleQueue()
 
     def run(self) -> dict[str, NodeResult]:
-        """The story: start what may start, take what is done, until nothing runs."""
+        """The story: start what may start, take what is done, until nothing runs.
+
+        Where the store lost something, the nodes before it must be made again: then some are
+        missing in the results.
+        """
         count = min(self.places, len(self.graph.nodes))
         for _ in range(count):
             threading.Thread(target=self._serve, daemon=True).start()
@@ -131,20 +163,21 @@ class _Schedule:
         finally:
             for _ in range(count):
                 self.work.put(None)
-        self.results |= self.maker.healed
-        self._block_the_rest()
-        return {label: self.results[label] for label in self.graph.nodes}
+        if self.stopping or not self.lost:
+            self._block_the_rest()
+        return {label: self.results[label] for label in self.graph.nodes if label in self.results}
 
     def _serve(self) -> None:
         """One slot: a thread that makes one node after the other."""
         while (label := self.work.get()) is not None:
             try:
-                self.inbox.put((label, self.maker.make(label, self._tell_started)))
+                result = self.maker.make(label, self._tell_started)
+                self.inbox.put((label, result or "lost"))
             except BaseException as error:
                 self.inbox.put((label, error))
 
     def _tell_started(self, label: str) -> None:
-        self.inbox.put((label, None))
+        self.inbox.put((label, "started"))
 
     def _start_what_fits(self) -> None:
         for label in list(self.ready):
@@ -167,14 +200,21 @@ class _Schedule:
         step = self.graph.nodes[label].step
         return step.limits.memory_mb if step.isolated else 0
 
-    def _take(self, label: str, message: NodeResult | BaseException | None) -> None:
-        if message is None:
+    def _take(self, label: str, message: _Message) -> None:
+        if message == "started":
             self._say("started", label, waiting=len(self._behind(label)))
             return
         if isinstance(message, BaseException):
             raise message
         self.free += self._need(label)
         self.declared_mb -= self._memory_mb(label)
+        if message == "lost":
+            self.losses[label] += 1
+            if self.losses[label] <= HEALING_ROUNDS:
+                self.lost = True
+                return
+            error = StepError(f"the store keeps losing what step `{label}` reads")
+            message = NodeResult(label=label, status="failed", error=error)
         self.results[label] = message
         self._say("finished", label, message)
         if message.status == "failed":

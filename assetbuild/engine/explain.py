@@ -15,6 +15,14 @@ from assetbuild.engine.session import Session
 
 SHOWN_CHANGES = 12
 SHOWN_CHARACTERS = 60
+NAMED_PARTS = {
+    "code": "code",
+    "library": "libraries",
+    "kernel": "kernels",
+    "field": "fields",
+    "input": "inputs",
+}
+"""Kind of change -> the part of a key that it is in, by name."""
 State = Literal["up to date", "would run", "waits"]
 
 
@@ -22,10 +30,10 @@ State = Literal["up to date", "would run", "waits"]
 class Change:
     """One reason to run.
 
-    part: `first`, `step`, `version`, `tool`, `field`, `input`, `outputs`, `platform`, `format`,
-        `order` (of the entries in the fields), `lost` (an output is missing or corrupt) or
-        `forgotten` (the store has no result).
-    name: of the tool, field, input or output. old, new: JSON data; None = absent.
+    part: `first`, `step`, `code`, `library`, `kernel` (a variable that pins CPU kernels), `python`,
+        `field`, `input`, `outputs`, `platform`, `format`, `order` (of the entries in the fields),
+        `lost` (an output is missing or corrupt) or `forgotten` (the store has no result).
+    name: of the module, library, variable, field, input or output. old, new: JSON data; None = absent.
     """
 
     part: str
@@ -43,19 +51,20 @@ class Change:
                 return "the order of the entries in its fields"
             case "forgotten":
                 return "the store does not hold its result"
-            case "input":
-                return self._input_text()
+            case "code" | "input":
+                return self._digest_text()
         name = f"{self.part} {self.name}" if self.name else self.part
-        if self.part in ("step", "version"):
-            name = "step version" if self.part == "version" else "step"
         return f"{name}: {_shown(self.old)} -> {_shown(self.new)}"
 
-    def _input_text(self) -> str:
+    def _digest_text(self) -> str:
+        name = f"{self.part} {self.name}"
         if self.old is None:
-            return f"input {self.name} is new"
+            return f"{name} is new"
         if self.new is None:
-            return f"input {self.name} is gone"
-        return f"input {self.name} changed ({str(self.old)[:8]} -> {str(self.new)[:8]})"
+            return f"{name} is gone"
+        if self.part == "code":
+            return f"{name} changed"
+        return f"{name} changed ({str(self.old)[:8]} -> {str(self.new)[:8]})"
 
     def to_json(self) -> dict[str, object]:
         """Plain data: part, name, old, new, text."""
@@ -77,15 +86,14 @@ def changes_between(old: Parts | None, new: Parts) -> tuple[Change, ...]:
 
 
 def _changes(old: Parts, new: Parts) -> Iterator[Change]:
-    for part in ("step", "version"):
-        if old.get(part) != new.get(part):
-            yield Change(part, "", old.get(part), new.get(part))
-    for part, key in (("tool", "tools"), ("field", "fields"), ("input", "inputs")):
+    if old.get("step") != new.get("step"):
+        yield Change("step", "", old.get("step"), new.get("step"))
+    for part, key in NAMED_PARTS.items():
         before, after = _flat(old.get(key), part), _flat(new.get(key), part)
         for name in sorted(before.keys() | after.keys()):
             if before.get(name) != after.get(name):
                 yield Change(part, name, before.get(name), after.get(name))
-    for part in ("outputs", "platform", "format"):
+    for part in ("outputs", "python", "platform", "format"):
         if old.get(part) != new.get(part):
             yield Change(part, "", old.get(part), new.get(part))
     if old.get("order") != new.get("order") and old.get("fields") == new.get("fields"):
@@ -93,7 +101,7 @@ def _changes(old: Parts, new: Parts) -> Iterator[Change]:
 
 
 def _flat(value: object, part: str) -> dict[str, object]:
-    """Leaves of nested data by their path, `actuators[2].kp`; inputs and tools are flat."""
+    """Leaves of nested data by their path, `actuators[2].kp`; all but fields are flat."""
     if part != "field":
         return dict(value) if isinstance(value, dict) else {}
     leaves: dict[str, object] = {}

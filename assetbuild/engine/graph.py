@@ -70,14 +70,13 @@ class Graph:
     """Checked nodes by label, each after the nodes it reads."""
 
     nodes: Mapping[str, Node]
-    sources: tuple[Ref, ...] = ()
 
     def predecessors(self, label: str) -> tuple[str, ...]:
         """Labels of the nodes whose outputs this node reads, sorted."""
         return tuple(sorted({r.node for r in self.nodes[label].inputs.values() if r.node}))
 
 
-def checked_graph(nodes: Iterable[Node], sources: Iterable[Ref] = ()) -> Graph:
+def checked_graph(nodes: Iterable[Node]) -> Graph:
     """Order the nodes; GraphError on duplicate labels, unknown steps or outputs, and cycles."""
     by_label: dict[str, Node] = {}
     for node in nodes:
@@ -86,7 +85,7 @@ def checked_graph(nodes: Iterable[Node], sources: Iterable[Ref] = ()) -> Graph:
         by_label[node.label] = node
     for node in by_label.values():
         check_inputs(node, by_label)
-    return Graph(_in_order(by_label), tuple(sources))
+    return Graph(_in_order(by_label))
 
 
 def joined(graphs: Mapping[str, Graph]) -> Graph:
@@ -104,7 +103,7 @@ def joined(graphs: Mapping[str, Graph]) -> Graph:
                 for key, ref in node.inputs.items()
             }
             nodes[f"{name}:{node.label}"] = Node(f"{name}:{node.label}", node.step, inputs)
-    return Graph(nodes, tuple(ref for graph in graphs.values() for ref in graph.sources))
+    return Graph(nodes)
 
 
 def _in_order(by_label: Mapping[str, Node]) -> dict[str, Node]:

@@ -16,7 +16,7 @@ from assetbuild.engine.actions import made_from_json, missing_output
 from assetbuild.engine.claims import is_claimed, remove_abandoned
 from assetbuild.engine.store import BEGAN, LAYOUT, LostObjectError, Store
 
-NOTES = ("logs", "journal", "null")
+NOTES = ("logs", "journal", "null", "code")
 """Folders of small files that only spare work or explain; a tenth of the limit is theirs."""
 CLOCK_TICK_S = 0.05
 """Stamps of files may lie this much behind the clock."""
@@ -197,11 +197,10 @@ def _trim(home: Path, names: tuple[str, ...], allowed: int) -> None:
 def _live(home: Path) -> list[float]:
     """When the builds that run now began."""
     found = []
-    for mark in (home / "tmp").glob(f"*/{BEGAN}*"):
+    for folder in (home / "tmp").glob("*"):
         with suppress(OSError):  # it ends just now
-            began = mark.stat().st_ctime
-            if is_claimed(mark.parent):
-                found.append(began)
+            began = [mark.stat().st_ctime for mark in folder.glob(f"{BEGAN}*")]
+            found += began if is_claimed(folder) else []
     return found
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from assetbuild.engine.execute import Listener, execute, first_error
+from assetbuild.engine.execute import Listener, execute, first_error, with_earlier
 from assetbuild.engine.graph import (
     Graph,
     GraphError,
@@ -26,6 +26,7 @@ from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step
 from assetbuild.engine.store import LostObjectError
+from assetbuild.engine.world import Record
 from assetbuild.errors import AssetBuildError
 
 T = TypeVar("T")
@@ -43,7 +44,6 @@ class Planner:
         self.world = session.world.part()
         self.questions: list[Ref] = []
         self._nodes: dict[str, Node] = {}
-        self._sources: dict[Ref, None] = {}
         self._resolver = Resolver(self._nodes, session)
         self._scope = ""
 
@@ -56,9 +56,7 @@ class Planner:
     def source(self, path: Path) -> Ref:
         """A file outside the store. SourceError when it cannot be read."""
         self.world.digest(path)
-        ref = Ref("", str(path.absolute()))
-        self._sources[ref] = None
-        return ref
+        return Ref("", str(path.absolute()))
 
     def add(self, label: str, step: Step, inputs: Mapping[str, Ref] | None = None) -> Node:
         """A node that reads the given references under the given names. GraphError.
@@ -91,7 +89,7 @@ class Planner:
 
     def graph(self) -> Graph:
         """The checked graph of what was added so far."""
-        return checked_graph(self._nodes.values(), self._sources)
+        return checked_graph(self._nodes.values())
 
 
 def _holds_set(value: object) -> bool:
@@ -106,12 +104,13 @@ def _holds_set(value: object) -> bool:
 class Settled(Generic[T]):
     """The last plan, and what became of its steps; of a failed round what there was.
 
-    whole: the plan has all its answers.
+    whole: the plan has all its answers. asked: what it asked of the world, with the answers.
     """
 
     outline: T
     graph: Graph
     whole: bool
+    asked: Record
     results: dict[str, NodeResult] = field(default_factory=dict)
 
     @property
@@ -127,7 +126,7 @@ def planned(add: Callable[[Planner], T], session: Session) -> Settled[T]:
     """
     planner = Planner(session)
     outline = add(planner)
-    return Settled(outline, planner.graph(), whole=not planner.questions)
+    return Settled(outline, planner.graph(), not planner.questions, planner.world.record)
 
 
 def settle(
@@ -173,24 +172,12 @@ def settle_all(
                 on_event=on_event,
             )
             is_stuck = may_run is not None and now.keys() <= results.keys()
-            results = _with_earlier(now, results)
+            results = with_earlier(now, results)
             is_whole = all(each.whole for each in done.values())
             if is_whole or is_stuck or first_error(results):
                 break
     return {
         name: replace(each, results=_own(results, name, len(plans))) for name, each in done.items()
-    }
-
-
-def _with_earlier(
-    now: Mapping[str, NodeResult], earlier: Mapping[str, NodeResult]
-) -> dict[str, NodeResult]:
-    """What ran in an earlier round is found in the store in this one; it still has run."""
-    return {
-        label: earlier[label]
-        if result.status == "cached" and label in earlier and earlier[label].status == "ran"
-        else result
-        for label, result in now.items()
     }
 
 
@@ -215,4 +202,4 @@ def _part(graph: Graph, session: Session, may_run: Callable[[Node], bool]) -> Gr
             may_run(node) or resolver.made(label) is not None
         ):
             kept[label] = node
-    return Graph(kept, graph.sources)
+    return Graph(kept)

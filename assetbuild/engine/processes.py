@@ -98,6 +98,7 @@ class Processes(Runner):
             if trace:
                 (folder / "log").write_text(trace, encoding="utf-8", errors="backslashreplace")
         check_untouched(self._session, staged, action.label)
+        self._session.code.check(type(action.step))
         if "error" in result:
             check_present(staged)
             raise error_from_json(result["error"])

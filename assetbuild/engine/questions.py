@@ -5,7 +5,7 @@ A question is (kind, subject, detail), its answer a text:
     bytes     path             SHA-256 of the file, behind all links
     kind      path             `file`, `folder` or `other`, behind all links; "" = nothing is there
     link      path             where the link leads, as it says; "" = no link
-    names     folder, pattern  names in the folder that match, see `names_in`
+    names     folder, pattern  names in the folder that match, see `names_text`
     variable  name             `=` and the value of the environment variable; "" = not set
     stamp     path             what `stat` says of a file that nobody reads; "" = nothing is there
 
@@ -28,7 +28,7 @@ BYTES, KIND, LINK, NAMES, VARIABLE, STAMP = (
     "stamp",
 )
 DEEP = "/"
-"""Begins a pattern that every folder matches which is not hidden."""
+"""Begins a pattern that all folders match, but for hidden ones."""
 BETWEEN = "\0"
 """Between the names of an answer: no name holds it."""
 
@@ -43,7 +43,7 @@ def answer(question: Question) -> str:
     if kind == LINK:
         return link_of(subject)
     if kind == NAMES:
-        return BETWEEN.join(names_in(subject, detail))
+        return names_text(subject, detail)
     if kind == VARIABLE:
         return variable(subject)
     if kind == STAMP:
@@ -91,15 +91,16 @@ def signature_text(found: os.stat_result) -> str:
 def pattern_of(starts: tuple[str, ...], ends: tuple[str, ...], *, deep: bool = False) -> str:
     """Names that begin with one of `starts` and end with one of `ends`, in whatever case.
 
-    () = any. Give both in lower case. deep: and every folder that is not hidden.
+    () = any. Give both in lower case. deep: and all folders.
     """
     return f"{DEEP if deep else ''}{'|'.join(starts)}*{'|'.join(ends)}"
 
 
-def names_in(folder: str, pattern: str) -> list[str]:
+def names_text(folder: str, pattern: str) -> str:
     """Names in a folder that match, sorted; a folder's ends in a slash.
 
-    A link is no folder, wherever it leads. A folder that cannot be read holds nothing.
+    A link is no folder, wherever it leads. Hidden folders match nothing, nor do those that Python
+    fills. A folder that cannot be read holds nothing.
     """
     deep = pattern.startswith(DEEP)
     first, _, last = pattern.removeprefix(DEEP).partition("*")
@@ -110,10 +111,10 @@ def names_in(folder: str, pattern: str) -> list[str]:
             for entry in entries:
                 name, lower = entry.name, entry.name.lower()
                 is_folder = entry.is_dir(follow_symlinks=False)
-                if (is_folder and deep and name[0] != ".") or (
-                    lower.startswith(starts) and lower.endswith(ends)
-                ):
+                if is_folder and (name[0] == "." or name == "__pycache__"):
+                    continue
+                if (is_folder and deep) or (lower.startswith(starts) and lower.endswith(ends)):
                     found.append(f"{name}/" if is_folder else name)
     except (OSError, ValueError):
-        return []
-    return sorted(found)
+        return ""
+    return BETWEEN.join(sorted(found))

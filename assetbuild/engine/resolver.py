@@ -31,7 +31,7 @@ class Resolver:
                 if digest is None:
                     return None
                 inputs[name] = digest
-            parts = key_parts(node.step, inputs)
+            parts = key_parts(node.step, inputs, self._session.code)
             self._actions[label] = Action.of(label, node.step, parts)
         return self._actions[label]
 

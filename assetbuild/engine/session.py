@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from assetbuild.engine.actions import Actions, SharedCache
+from assetbuild.engine.code import Code
 from assetbuild.engine.digest import StatCache
 from assetbuild.engine.journal import Journal
 from assetbuild.engine.store import Listing, LostObjectError, Store
@@ -34,6 +35,7 @@ class Session:
         self.store = store
         self.actions = Actions(store, remote)
         self.journal = Journal(store.root, builds or {"": build})
+        self.code = Code(store.root / "code")
         self.world = (world or World()).whole
         self.world.stat_cache = StatCache(store.root / "stat.json", rehash=rehash)
         self._listings: dict[str, Listing] = {}
@@ -41,13 +43,15 @@ class Session:
     def __enter__(self) -> Session:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self.actions.close()
         self.save()
         self.store.close()
 
     def save(self) -> None:
-        """Write stat cache and journal; a full disk or missing permission costs only speed."""
-        for part in (self.world.stat_cache, self.journal):
+        """Write what was learnt and the journal; a full disk costs only speed."""
+        for part in (self.world.stat_cache, self.code, self.journal):
             with suppress(OSError):
                 part.save()
 

@@ -49,10 +49,10 @@ class Step(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    version: ClassVar[str] = "1"
-    """Raised when the same inputs give other bytes; part of the key."""
+    version: ClassVar[str] = ""
+    """Plug-ins for assetbuild 0.1 state it. It decides nothing: the key holds their code."""
     tools: ClassVar[tuple[str, ...]] = ()
-    """Distributions whose version decides the output (`trimesh`); part of the key."""
+    """As above: libraries, which the key now finds by the imports; those named here count too."""
     outputs: ClassVar[tuple[str, ...]] = ()
     """Files to write; one that ends in a slash is a folder whose content the data decide."""
     isolated: ClassVar[bool] = False

@@ -86,7 +86,6 @@ class MjcfReader(Reader):
     """Reads the compiled model, and by MuJoCo's parser all attributes beyond the vocabulary."""
 
     preload: ClassVar[tuple[str, ...]] = ("mujoco",)
-    tools: ClassVar[tuple[str, ...]] = ("mujoco",)
     precision: ClassVar[Precision] = MESHES
 
     def read(self, path: Path) -> Table:

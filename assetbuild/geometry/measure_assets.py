@@ -17,9 +17,7 @@ from assetbuild.robot.files import RobotFiles
 class MeasureAssets(Step):
     """`shapes.json`, `meshes/` -> `assets.json`: surface of every mesh, pixels of every picture."""
 
-    version = "3"
     outputs = ("assets.json",)
-    tools = ("numpy", "pillow")
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads each file of `meshes/` that the robot names."""

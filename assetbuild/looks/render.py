@@ -67,8 +67,6 @@ class Render(Step):
     the renderer is part of the key, so a later driver makes them.
     """
 
-    version = "6"
-    tools = ("mujoco", "pillow")
     outputs = ("images/", "pictures.json")
     isolated = True
     cpu_bound = True  # Mesa compiles its shaders for the CPU that it finds

@@ -14,14 +14,15 @@ from typing import Any
 from assetbuild import __version__
 from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.graph import Graph, Ref
-from assetbuild.engine.keys import tool_version
 from assetbuild.engine.make import NodeResult
+from assetbuild.engine.planner import Settled
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import OUT_OPTION, Listing, machine_error
+from assetbuild.engine.world import files_in
 from assetbuild.errors import StepError, UsageError
 from assetbuild.facts.reader import asked_sections, stated_options
 from assetbuild.facts.reference import Assets, Reference
-from assetbuild.lock import GitPin, Lock, Pin, lock_path
+from assetbuild.lock import GitPin, Lock, Pin
 from assetbuild.pipeline.publish import (
     PROVENANCE,
     discard,
@@ -55,14 +56,12 @@ from assetbuild.robot.shapes import Shapes
 def bundle_files(
     loaded: LoadedRecipe,
     lock: Lock | None,
-    outline: Outline,
+    done: Settled[Outline],
     report: Report,
     session: Session,
-    results: Mapping[str, NodeResult],
-    graph: Graph,
 ) -> list[BundleFile]:
     """Everything that the bundle of one recipe holds, manifest and provenance last."""
-    recipe, built = loaded.recipe, _Built(outline, results, session)
+    recipe, built = loaded.recipe, _Built(done.outline, done.results, session)
     locks = [(recipe, lock), *((part.recipe, part_lock(part)) for part in loaded.parts)]
     pins = [(each, held.pin_of(each.source) if held else None) for each, held in locks]
     told = [(each, dict(pin.model_dump()) if pin else {}) for each, pin in pins]
@@ -76,8 +75,11 @@ def bundle_files(
     ]
     files += [notice(told), *built.others()]
     files.append(manifest(recipe.robot, files))
-    materials = [*_tools(graph), *(material for pin in pins for material in _material(*pin))]
-    materials += _named(loaded, files_read(loaded, graph, session))
+    materials = [
+        *_libraries(done.graph, session),
+        *(material for pin in pins for material in _material(*pin)),
+    ]
+    materials += _named(loaded, files_in(loaded.world.record | done.asked))
     run = {
         "finishedOn": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "assetbuild_host": platform.node(),
@@ -89,18 +91,11 @@ def bundle_files(
     return files
 
 
-def files_read(loaded: LoadedRecipe, graph: Graph, session: Session) -> dict[str, str]:
-    """Path -> SHA-256 of every file outside the store that decided the result."""
-    paths = [*loaded.files, *(Path(ref.output) for ref in graph.sources if not ref.is_tree)]
-    pinned = [each for each in (loaded, *loaded.parts) if each.recipe.source.moving]
-    paths += [lock_path(each.path) for each in pinned]
-    return {str(path): session.world.digest(path) for path in paths}
-
-
-def _tools(graph: Graph) -> list[dict[str, object]]:
+def _libraries(graph: Graph, session: Session) -> list[dict[str, object]]:
     """assetbuild, and the libraries whose versions are part of the steps' keys."""
-    names = {name for node in graph.nodes.values() for name in node.step.tools}
-    versions = {name: tool_version(name) for name in names} | {"assetbuild": __version__}
+    versions = {"assetbuild": __version__}
+    for kind in {type(node.step) for node in graph.nodes.values()}:
+        versions |= session.code.of(kind).libraries
     return [{"uri": package_url(*pair)} for pair in sorted(versions.items())]
 
 
@@ -174,8 +169,8 @@ class _Built:
             if ref.node:
                 digest, size = self.listing(ref)[ref.member]
             else:
-                file = Path(ref.output)
-                digest, size = self.session.world.digest(file), file.stat().st_size
+                digest = self.session.world.digest(Path(ref.output))
+                size = self.session.object(digest).stat().st_size
             yield BundleFile(f"LICENSES/{path}", "licence", digest, size)
 
     def others(self) -> Iterator[BundleFile]:

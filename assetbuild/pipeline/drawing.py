@@ -27,7 +27,6 @@ def to_data(graph: Graph) -> dict[str, object]:
             {
                 "label": node.label,
                 "step": node.step.step_name(),
-                "version": node.step.version,
                 "outputs": list(node.step.outputs),
                 "inputs": {name: str(ref) for name, ref in sorted(node.inputs.items())},
             }

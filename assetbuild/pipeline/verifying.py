@@ -79,7 +79,7 @@ def against_recipe(bundle: Path, recipe: Path, variant: str | None) -> Iterator[
                 hint="run `assetbuild build` first, or `assetbuild cache pull`",
             )
         report = judged(loaded, done.outline, done.results, session)
-        files = bundle_files(loaded, lock, done.outline, report, session, done.results, done.graph)
+        files = bundle_files(loaded, lock, done, report, session)
         made = {file.path: file.sha256 for file in files if file.path != "provenance.json"}
         wanted = session.world.digest(loaded.path)
     statement = json.loads((bundle / "provenance.json").read_bytes())

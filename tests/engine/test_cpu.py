@@ -16,12 +16,14 @@ from builds_for_tests import one
 from kernels_for_tests import Kernels
 
 from assetbuild.engine import cpu
+from assetbuild.engine.code import Code
 from assetbuild.engine.cpu import UNKNOWN, X86_CLASSES, cpu_class, platform_tag, x86_class
 from assetbuild.engine.keys import key_parts
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 
 V3 = "avx avx2 fma bmi1 bmi2 f16c abm movbe ssse3 sse4_1 sse4_2 popcnt"
+CODE = Code()
 IS_V3 = cpu_class().name == "v3"
 USERS = (
     {"OPENBLAS_CORETYPE": "Haswell"},
@@ -102,10 +104,10 @@ def test_the_class_of_a_cpu_follows_from_what_it_can_do(flags, name):
 
 
 def test_only_a_step_that_cannot_be_pinned_has_the_model_in_its_key(monkeypatch):
-    pinned = key_parts(Kernels(), {})
+    pinned = key_parts(Kernels(), {}, CODE)
     assert pinned["platform"] == platform_tag()
     monkeypatch.setattr(Kernels, "cpu_bound", True)
-    assert key_parts(Kernels(), {})["platform"] == f"{platform_tag()} {cpu.cpu_model()}"
+    assert key_parts(Kernels(), {}, CODE)["platform"] == f"{platform_tag()} {cpu.cpu_model()}"
 
 
 @pytest.mark.slow

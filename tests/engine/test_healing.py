@@ -83,8 +83,8 @@ def test_a_step_that_gives_other_bytes_each_time_is_told_on(tmp_path, session, m
         MixInParent, "run", lambda self, files: _write(files.outputs / "out", "new")
     )
     monkeypatch.setattr(session, "object", _lost_once(session, digest))
-    error = execute(planner.graph(), session)["second"].error
-    assert "gave other bytes when it was run again" in str(error)
+    error = execute(planner.graph(), session)["first"].error
+    assert "step `first` gave other bytes when it was run again" in str(error)
 
 
 def _write(path: Path, text: str) -> tuple[()]:

@@ -23,6 +23,8 @@ from assetbuild.engine.wire import error_from_json, step_to_json
 from assetbuild.errors import MachineError, UsageError
 
 CONNECT_S = 10.0
+TRIES = 4
+"""How often a step is given to the workers before it is run here, if the cache evicts so fast."""
 SCHEMES = {"dask": "tcp", "dask+tls": "tls"}
 
 
@@ -91,29 +93,37 @@ class Cluster(Runner):
         step = action.step
         if step.network or step.cpu_bound or not step.isolated:
             return self._here.run(action)
-        session, inputs = self._session, action.inputs
-        for digest in inputs.values():
-            session.object(digest)  # a source comes into the store first
-        objects = session.store.sizes(inputs)
+        for _ in range(TRIES):  # the cache may evict inputs and results at any moment
+            objects = self._objects(action)
+            if not self._remote.send(objects, self._session.store):
+                raise _cache_failed(action)
+            spec = {
+                "label": action.label,
+                "parts": action.parts,
+                "step": step_to_json(action.step),
+                "objects": objects,
+                "remote": self._remote.address,
+                "sandbox": self._here.sandbox,
+            }
+            answer = self._answer(action, json.dumps(spec))
+            if "error" in answer:
+                raise error_from_json(answer["error"])
+            if lost := answer.get("lost"):
+                self._remote.lost(lost)
+            elif made := self._session.actions.made_elsewhere(action.key):
+                return made
+        if self._remote.is_given_up:
+            raise _cache_failed(action)
+        return self._here.run(action)
+
+    def _objects(self, action: Action) -> dict[str, int]:
+        """Size in bytes by digest of all that the action reads, now in the store."""
+        for digest in action.inputs.values():
+            self._session.object(digest)  # a source comes into the store first
+        objects = self._session.store.sizes(action.inputs)
         for digest in objects:
-            session.object(digest)
-        if not self._remote.send(objects, session.store):
-            raise _cache_failed(action)
-        spec = {
-            "label": action.label,
-            "parts": action.parts,
-            "step": step_to_json(action.step),
-            "objects": objects,
-            "remote": self._remote.address,
-            "sandbox": self._here.sandbox,
-        }
-        answer = self._answer(action, json.dumps(spec))
-        if "error" in answer:
-            raise error_from_json(answer["error"])
-        made = session.actions.made_elsewhere(action.key)
-        if made is None:
-            raise _cache_failed(action)
-        return made
+            self._session.object(digest)
+        return objects
 
     def _answer(self, action: Action, spec: str) -> dict[str, Any]:  # Any: JSON
         from distributed import CancelledError as FutureCancelledError

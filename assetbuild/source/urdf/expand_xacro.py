@@ -22,6 +22,7 @@ PROGRAM = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from assetbuild.source.urdf import xacro_child; xacro_child.main()"
 )
+BEYOND_IMPORTS = ("assetbuild.source.urdf.xacro_child",)
 INCLUDED = (".xacro", ".urdf", ".xml", ".yaml", ".yml", ".txt")
 """Suffixes of the files that a xacro may read."""
 
@@ -41,7 +42,6 @@ class ExpandXacro(Step):
     relative. SourceError names the file, and what it wanted.
     """
 
-    tools = ("xacro", "pyyaml", "defusedxml")
     outputs = ("robot.urdf", "used.json")
     isolated = True
     limits: ClassVar[Limits] = Limits(wall_s=SECONDS + 30, memory_mb=4096)
