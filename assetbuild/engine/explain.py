@@ -33,7 +33,8 @@ class Change:
     part: `first`, `step`, `code`, `library`, `kernel` (a variable that pins CPU kernels), `python`,
         `field`, `input`, `outputs`, `platform`, `format`, `order` (of the entries in the fields),
         `lost` (an output is missing or corrupt) or `forgotten` (the store has no result).
-    name: of the module, library, variable, field, input or output. old, new: JSON data; None = absent.
+    name: of the module, library, variable, field, input or output. old, new: JSON data; None =
+        absent.
     """
 
     part: str

@@ -1,4 +1,4 @@
-"""What holds for every step: it knows no recipe, and computes nothing in the process that builds."""
+"""Every step knows no recipe, and computes nothing in the process that builds."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from assetbuild.pipeline.reference import package_modules
 from assetbuild.simulators.consumers import ConsumerCheck
 
 NUMERIC = frozenset(
-    ("numpy", "scipy", "mujoco", "trimesh", "usd-core", "coacd", "vhacdx", "manifold3d", "embreex")
-    + ("fast-simplification", "pillow", "pycollada", "yourdfpy", "pin", "networkx")
+    "coacd embreex fast-simplification manifold3d mujoco networkx numpy pillow pin pycollada scipy "
+    "trimesh usd-core vhacdx yourdfpy".split()
 )
 
 

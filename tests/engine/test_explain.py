@@ -8,10 +8,10 @@ import pytest
 from steps_for_tests import Mix, MixInChild, Write, flip
 
 from assetbuild.engine.code import PYTHON, Code
+from assetbuild.engine.cpu import platform_tag
 from assetbuild.engine.execute import execute
 from assetbuild.engine.explain import Change, changes_between, explain
 from assetbuild.engine.graph import Graph
-from assetbuild.engine.cpu import platform_tag
 from assetbuild.engine.keys import key_of, key_parts
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
