@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import Literal
@@ -66,23 +66,16 @@ def execute(
     Errors of steps are in the results. KeyboardInterrupt passes, with all children killed.
     """
     place = runner or Processes(session)
-    maker = maker or Maker(graph, session, place)
-    results: dict[str, NodeResult] = {}
-    losses: Counter[str] = Counter()
+    schedule = _Schedule(
+        graph,
+        maker or Maker(graph, session, place),
+        places=jobs if jobs and jobs > 0 else place.places,
+        memory_mb=place.memory_mb if memory_mb is None else memory_mb,
+        keep_going=keep_going,
+        tell=on_event or (lambda _: None),
+    )
     try:
-        while True:
-            schedule = _Schedule(
-                graph,
-                maker,
-                places=jobs if jobs and jobs > 0 else place.places,
-                memory_mb=place.memory_mb if memory_mb is None else memory_mb,
-                keep_going=keep_going,
-                tell=on_event or (lambda _: None),
-                losses=losses,
-            )
-            results = with_earlier(schedule.run(), results)
-            if results.keys() == graph.nodes.keys():
-                return results
+        return schedule.run()
     except BaseException:
         place.close()
         raise
@@ -97,18 +90,6 @@ def first_error(results: Mapping[str, NodeResult]) -> AssetBuildError | None:
     return next((r.error for r in results.values() if r.error is not None), None)
 
 
-def with_earlier(
-    now: Mapping[str, NodeResult], earlier: Mapping[str, NodeResult]
-) -> dict[str, NodeResult]:
-    """What ran in an earlier round is found in the store in this one; it still has run."""
-    return {
-        label: earlier[label]
-        if result.status == "cached" and label in earlier and earlier[label].status == "ran"
-        else result
-        for label, result in now.items()
-    }
-
-
 class _Schedule:
     """The state of one execution; only the calling thread touches it."""
 
@@ -121,51 +102,45 @@ class _Schedule:
         memory_mb: int,
         keep_going: bool,
         tell: Listener,
-        losses: Counter[str],
     ) -> None:
         self.graph = graph
         self.maker = maker
         self.places = places
         self.keep_going = keep_going
         self.tell = tell
-        self.losses = losses
-        self.lost = False
         self.results: dict[str, NodeResult] = {}
         self.free = places
         self.memory_mb = memory_mb
         self.declared_mb = 0
         self.stopping = False
         self.told: set[type[Step]] = set()
-        self.missing = {label: set(graph.predecessors(label)) for label in graph.nodes}
+        self.losses: Counter[str] = Counter()
+        self.makers = {label: graph.predecessors(label) for label in graph.nodes}
         self.readers: dict[str, list[str]] = {label: [] for label in graph.nodes}
-        for label, needed in self.missing.items():
-            for each in needed:
+        for label, makers in self.makers.items():
+            for each in makers:
                 self.readers[each].append(label)
-        self.ready = [label for label, needed in self.missing.items() if not needed]
+        self.waiting = {label: set(makers) for label, makers in self.makers.items()}
+        self.running: set[str] = set()
         self.work: SimpleQueue[str | None] = SimpleQueue()
         self.inbox: SimpleQueue[tuple[str, _Message]] = SimpleQueue()
 
     def run(self) -> dict[str, NodeResult]:
-        """The story: start what may start, take what is done, until nothing runs.
-
-        Where the store lost something, the nodes before it must be made again: then some are
-        missing in the results.
-        """
+        """The story: start what may start, take what is done, until nothing runs."""
         count = min(self.places, len(self.graph.nodes))
         for _ in range(count):
             threading.Thread(target=self._serve, daemon=True).start()
         self._say("planned")
         try:
             self._start_what_fits()
-            while self.free < self.places:
+            while self.running:
                 self._take(*self.inbox.get())
                 self._start_what_fits()
         finally:
             for _ in range(count):
                 self.work.put(None)
-        if self.stopping or not self.lost:
-            self._block_the_rest()
-        return {label: self.results[label] for label in self.graph.nodes if label in self.results}
+        self._block_the_rest()
+        return {label: self.results[label] for label in self.graph.nodes}
 
     def _serve(self) -> None:
         """One slot: a thread that makes one node after the other."""
@@ -180,14 +155,15 @@ class _Schedule:
         self.inbox.put((label, "started"))
 
     def _start_what_fits(self) -> None:
-        for label in list(self.ready):
+        for label in [label for label, missing in self.waiting.items() if not missing]:
             if self.stopping and type(self.graph.nodes[label].step) not in self.told:
                 continue
             need = self._need(label)
             memory_mb = self._memory_mb(label)
             has_memory = not self.declared_mb or self.declared_mb + memory_mb <= self.memory_mb
             if need <= self.free and (has_memory or not memory_mb):
-                self.ready.remove(label)
+                del self.waiting[label]
+                self.running.add(label)
                 self.free -= need
                 self.declared_mb += memory_mb
                 self.work.put(label)
@@ -202,45 +178,40 @@ class _Schedule:
 
     def _take(self, label: str, message: _Message) -> None:
         if message == "started":
-            self._say("started", label, waiting=len(self._behind(label)))
+            self._say("started", label, waiting=len(_reached(label, self.readers)))
             return
         if isinstance(message, BaseException):
             raise message
+        self.running.remove(label)
         self.free += self._need(label)
         self.declared_mb -= self._memory_mb(label)
         if message == "lost":
             self.losses[label] += 1
             if self.losses[label] <= HEALING_ROUNDS:
-                self.lost = True
+                self._look_again(label)
                 return
             error = StepError(f"the store keeps losing what step `{label}` reads")
             message = NodeResult(label=label, status="failed", error=error)
-        self.results[label] = message
-        self._say("finished", label, message)
+        if label not in self.results or message.status != "cached":  # else it was looked for again
+            self.results[label] = message
+            self._say("finished", label, message)
         if message.status == "failed":
             self.stopping = self.stopping or not self.keep_going
             step = type(self.graph.nodes[label].step)
             if step.all_told:
                 self.told.add(step)
-            for reader in self._behind(label):
+            for reader in _reached(label, self.readers):
                 if reader not in self.results:
                     self._block(reader, f"`{label}` failed")
             return
         for reader in self.readers[label]:
-            self.missing[reader].discard(label)
-            if not self.missing[reader] and reader not in self.results:
-                self.ready.append(reader)
+            self.waiting.get(reader, set()).discard(label)
 
-    def _behind(self, label: str) -> dict[str, None]:
-        """All that reads what this node makes, and so on; each once."""
-        found: dict[str, None] = {}
-        waiting = list(self.readers[label])
-        while waiting:
-            reader = waiting.pop()
-            if reader not in found:
-                found[reader] = None
-                waiting += self.readers[reader]
-        return found
+    def _look_again(self, label: str) -> None:
+        """What the node reads was lost: whatever lies before it is looked for, or made, again."""
+        for each in (label, *_reached(label, self.makers)):
+            if each not in self.running:
+                self.waiting.setdefault(each, set(self.makers[each]))
 
     def _block_the_rest(self) -> None:
         for label in self.graph.nodes:
@@ -261,3 +232,15 @@ class _Schedule:
     ) -> None:
         done, total = len(self.results), len(self.graph.nodes)
         self.tell(Event(kind, done, total, label, result, waiting))
+
+
+def _reached(label: str, edges: Mapping[str, Sequence[str]]) -> dict[str, None]:
+    """All nodes that edges lead to from this one, and so on; each once."""
+    found: dict[str, None] = {}
+    waiting = list(edges[label])
+    while waiting:
+        each = waiting.pop()
+        if each not in found:
+            found[each] = None
+            waiting += edges[each]
+    return found

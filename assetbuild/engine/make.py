@@ -65,7 +65,7 @@ class Maker:
     ) -> NodeResult | None:
         """The node, from the store or freshly run; its errors are in the result.
 
-        None when the store has lost what the node reads: the nodes before it must be made again.
+        None when the store has lost what it reads: the nodes before it must be looked for again.
         `started` is called when the step really runs.
         """
         began = time.monotonic()

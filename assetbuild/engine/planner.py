@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from assetbuild.engine.execute import Listener, execute, first_error, with_earlier
+from assetbuild.engine.execute import Listener, execute, first_error
 from assetbuild.engine.graph import (
     Graph,
     GraphError,
@@ -172,12 +172,24 @@ def settle_all(
                 on_event=on_event,
             )
             is_stuck = may_run is not None and now.keys() <= results.keys()
-            results = with_earlier(now, results)
+            results = _with_earlier(now, results)
             is_whole = all(each.whole for each in done.values())
             if is_whole or is_stuck or first_error(results):
                 break
     return {
         name: replace(each, results=_own(results, name, len(plans))) for name, each in done.items()
+    }
+
+
+def _with_earlier(
+    now: Mapping[str, NodeResult], earlier: Mapping[str, NodeResult]
+) -> dict[str, NodeResult]:
+    """What ran in an earlier round is found in the store in this one; it still has run."""
+    return {
+        label: earlier[label]
+        if result.status == "cached" and label in earlier and earlier[label].status == "ran"
+        else result
+        for label, result in now.items()
     }
 
 

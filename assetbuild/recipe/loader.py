@@ -11,6 +11,7 @@ from pathlib import Path
 
 from assetbuild.engine.world import World
 from assetbuild.errors import AssetBuildError, Gather, RecipeError, Where, did_you_mean
+from assetbuild.lfs import refuse_pointer
 from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import Key, Misnamed, locate, shown, validated
 from assetbuild.recipe.variants import patched, variant_names
@@ -85,6 +86,7 @@ def _load(
     """One recipe without its parts."""
     file = shown_path(path)
     data = read_small_file(path, file, RecipeError, world)
+    refuse_pointer(data, where=Where(file))
     _refuse_robot(data, file)
     root = parse(data, file, RecipeError)
     if not isinstance(root.value, dict):
