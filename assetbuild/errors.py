@@ -38,10 +38,16 @@ class AssetBuildError(Exception):
         self.message = message
         self.where = where
         self.hint = hint
+        self.also: tuple[AssetBuildError, ...] = ()
+        self.uncounted = 0
 
     def __str__(self) -> str:
         text = f"{self.where}: {self.message}" if self.where else self.message
         return f"{text}\nhint: {self.hint}" if self.hint else text
+
+    def each(self) -> tuple[AssetBuildError, ...]:
+        """This error and those that `Gather` found with it; `uncounted` more were left out."""
+        return (self, *self.also)
 
     def __reduce__(self) -> tuple[object, ...]:
         return _rebuild, (type(self), self.message, self.where, self.hint)
@@ -101,15 +107,101 @@ class MachineError(AssetBuildError):
     exit_code = 1
 
 
+MOST_EDITS = 0.3
+"""Edits per letter up to which a name counts as misspelt; from there on it is another name."""
+SWAP = 0.8
+"""Two exchanged letters count less than one edit: `uds` is `usd`, but `pk` is no `kp`."""
+
+
+class Gather:
+    """Collects what independent checks raise, so that one run names every mistake.
+
+    `with wrong: check()` for each of them, then `wrong.stop()`.
+    """
+
+    def __init__(self, kind: type[AssetBuildError]) -> None:
+        self._kind = kind
+        self.found: list[AssetBuildError] = []
+        self._uncounted = 0
+
+    def __enter__(self) -> None:
+        """Nothing is needed to begin."""
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
+        """Keep an error of the kind that is collected; others pass."""
+        if not isinstance(error, self._kind):
+            return False
+        self.found += error.each()
+        self._uncounted = max(self._uncounted, error.uncounted)  # variants repeat each other
+        return True
+
+    def stop(self, uncounted: int = 0) -> None:
+        """Raise the first error in file order, with the others in `also`; none, if there is none.
+
+        uncounted: errors that were found and are not worth a sentence each.
+        """
+        files = list(dict.fromkeys(error.where.file if error.where else "" for error in self.found))
+
+        def place(error: AssetBuildError) -> tuple[int, int, int]:
+            at = error.where or Where("")
+            return files.index(at.file), at.line, at.column
+
+        ordered = sorted({str(error): error for error in self.found}.values(), key=place)
+        if ordered:
+            first, *others = ordered
+            first.also = tuple(others)
+            first.uncounted = max(self._uncounted, uncounted)
+            raise first
+
+
 def did_you_mean(wrong: str, known: Iterable[str]) -> str:
-    """A hint that names the nearest of `known`, or lists them when none is near."""
+    """A hint that names what was meant, or lists `known` when no name is near."""
     names = sorted(set(known))
-    near = [name for name in names if name.lower() == wrong.lower()]
-    near = near or difflib.get_close_matches(wrong, names, n=1, cutoff=0.6)
-    if near:
-        return f"did you mean `{near[0]}`?"
+    near = nearest(wrong, names)
+    if near is not None:
+        return f"did you mean `{near}`?"
     shown = ", ".join(f"`{name}`" for name in names[:12])
     return f"known: {shown}{', ...' if len(names) > 12 else ''}" if names else ""
+
+
+def nearest(wrong: str, known: Iterable[str]) -> str | None:
+    """The one of `known` that `wrong` misspells, shortens, or names in another folder."""
+    names = sorted(set(known))
+    word = wrong.lower()
+    same = [name for name in names if name.lower() == word]
+    same = same or [name for name in names if word and _file(name) == _file(word)]
+    close = difflib.get_close_matches(word, [name.lower() for name in names], n=20, cutoff=0.5)
+    share = {
+        name: edits(word, name.lower()) / max(len(word), len(name), 1)
+        for name in names
+        if name.lower() in close
+    }
+    spelt = sorted((value, name) for name, value in share.items() if value <= MOST_EDITS)
+    longer = [name for name in names if len(word) > 2 and name.lower().startswith(word)]
+    if same or spelt:
+        return same[0] if same else spelt[0][1]
+    return longer[0] if len(longer) == 1 else None
+
+
+def edits(one: str, other: str) -> float:
+    """Letters to insert, remove or replace to turn `one` into `other`; a swap counts `SWAP`.
+
+    Optimal string alignment (Damerau and Levenshtein without edits inside a swap).
+    """
+    before: list[float] = []
+    above = [float(column) for column in range(len(other) + 1)]
+    for i, a in enumerate(one, 1):
+        row = [float(i)]
+        for j, b in enumerate(other, 1):
+            row.append(min(above[j] + 1, row[j - 1] + 1, above[j - 1] + (a != b)))
+            if i > 1 and j > 1 and a == other[j - 2] and one[i - 2] == b:
+                row[j] = min(row[j], before[j - 2] + SWAP)
+        before, above = above, row
+    return above[-1]
+
+
+def _file(path: str) -> str:
+    return path.rpartition("/")[2].lower()
 
 
 def one_line(error: object, most: int = 200) -> str:

@@ -19,7 +19,6 @@ untouched description (but for comments) as `source.urdf` when `needs` says "sou
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -30,6 +29,7 @@ from pydantic import ConfigDict
 from pydantic.fields import FieldInfo
 
 from assetbuild.engine.step import Files, Step
+from assetbuild.engine.world import World
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
@@ -290,15 +290,15 @@ class Check(Plugin):
         """Its name in `listed_in`."""
         return cls.step_name()
 
-    def missing(self) -> str:
+    def missing(self, world: World) -> str:
         """What else this machine lacks for it, and how to get it; "" = nothing."""
         return ""
 
 
-def lacking(requires: Mapping[str, str]) -> str:
+def lacking(requires: Mapping[str, str], world: World) -> str:
     """What is not installed and how to get it; "" = all is there. requires: module -> extra."""
     for module, extra in requires.items():
-        if importlib.util.find_spec(module) is None:
+        if not world.has_module(module):
             return f"needs `{module}`: pip install 'assetbuild[{extra}]'"
     return ""
 

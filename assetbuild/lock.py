@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 from packaging.utils import canonicalize_name
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from assetbuild.engine.world import World
 from assetbuild.errors import LockError, MachineError, Where
 from assetbuild.recipe.loader import read_small_file, shown_path
 from assetbuild.recipe.models import PYPI_PATTERN, Model, Sha256, Source
@@ -90,12 +91,16 @@ def lock_path(recipe: Path) -> Path:
     return recipe.with_name(f"{recipe.stem}.lock.yaml")
 
 
-def read_lock(path: Path) -> Lock | None:
-    """The lock in a file, None when there is none; LockError with file and line when it is bad."""
-    if not os.path.lexists(path):
+def read_lock(path: Path, world: World | None = None) -> Lock | None:
+    """The lock in a file, None when there is none; LockError with file and line when it is bad.
+
+    world: of a build, which notes that it asked.
+    """
+    world = world or World()
+    if not world.exists(path):
         return None
     file = shown_path(path)
-    root = parse(read_small_file(path, file, LockError), file, LockError)
+    root = parse(read_small_file(path, file, LockError, world), file, LockError)
     if not isinstance(root.value, dict):
         hint = "write it anew with `assetbuild lock`"
         message = f"expected a map at the top, found {described(root)}"

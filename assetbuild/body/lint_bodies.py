@@ -15,8 +15,6 @@ from assetbuild.robot.inertia import InertiaBounds
 class LintBodies(Step):
     """`tree.json`, `shapes.json` -> findings only, by the same rules as `lint_links`."""
 
-    version = "6"
-
     bounds: InertiaBounds = InertiaBounds()
 
     def run(self, files: Files) -> Iterator[Finding]:

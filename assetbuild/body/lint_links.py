@@ -65,8 +65,6 @@ class LintLinks(Step):
     joints a placeholder, and `lint_bodies` judges what will be simulated.
     """
 
-    version = "9"
-
     bounds: InertiaBounds = InertiaBounds()
 
     def run(self, files: Files) -> Iterator[Finding]:

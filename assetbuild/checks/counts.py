@@ -50,9 +50,7 @@ class Counts(Check):
     asks for collision.
     """
 
-    tools: ClassVar = ("defusedxml", "lxml", "numpy")
     isolated: ClassVar = True
-    preload: ClassVar = ("lxml.etree", "numpy")
     needs: ClassVar = ("source", "mjcf")
     reads: ClassVar = ("links.json", "shapes.json")
 

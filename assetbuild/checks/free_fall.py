@@ -26,10 +26,8 @@ FIXED_BASE = Rule("free_fall.fixed_base", "info", "a fixed base is not dropped",
 class FreeFall(Check):
     """Compares the drop of the centre of mass in MuJoCo with g/2 t (t + dt)."""
 
-    version = "4"
     isolated = True
     preload = ("mujoco",)
-    tools = ("mujoco",)
     needs = ("mjcf",)
     reads = ("tree.json",)
 

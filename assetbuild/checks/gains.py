@@ -105,7 +105,6 @@ class Effective:
 class Gains(Check):
     """Findings `gains.<what>`; figures: `Effective` by joint. Reads no simulator."""
 
-    version = "3"
     reads = ("tree.json", "shapes.json", "control.json")
 
     section = "validate.gains"

@@ -77,7 +77,6 @@ class Filled:
 class Mass(Check):
     """Findings `mass.total`, `mass.density`, `mass.center`, `mass.axes`."""
 
-    tools = ("numpy", "scipy")
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")
     reads = ("tree.json", "shapes.json", "meshes/")

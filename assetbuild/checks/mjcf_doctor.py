@@ -12,6 +12,7 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.kinds import Check, write_figures
 
+BEYOND_IMPORTS = ("mjcf_doctor",)
 LEVELS: dict[str, Severity] = {"ERROR": "error", "WARN": "warning", "INFO": "info"}
 
 FOUND = Rule(
@@ -28,7 +29,6 @@ class MjcfDoctor(Check):
 
     listed_in = "validate.linters"
     isolated = True
-    tools = ("mjcf-doctor", "mujoco")
     needs = ("mjcf",)
     reads = ()
     requires: ClassVar = {"mjcf_doctor": "lint"}

@@ -41,9 +41,7 @@ class MjlabContract(Check):
     """One finding per broken promise."""
 
     isolated = True
-    version = "3"
     preload = ("mujoco",)
-    tools = ("mujoco",)
     needs = ("mjlab",)
     reads = ("tree.json", "control.json")
 

@@ -60,10 +60,8 @@ OPTION = Rule("mjx.option", "error", "MJX does not have this option", "change it
 class MjxPairs(Check):
     """Findings `mjx.<what>`; figures: pairs by kinds, and how many are fast."""
 
-    version = "2"
     isolated = True
     preload = ("mujoco",)
-    tools = ("mujoco",)
     needs = ("mjx",)
     reads = ()
 

@@ -19,7 +19,6 @@ class PhysxFreeFall(Check):
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
-    tools: ClassVar[tuple[str, ...]] = physx.TOOLS
     isolated: ClassVar[bool] = True
     preload: ClassVar[tuple[str, ...]] = physx.PRELOAD
     limits: ClassVar[Limits] = Limits(wall_s=600.0, memory_mb=16384)

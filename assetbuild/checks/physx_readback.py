@@ -39,12 +39,10 @@ DRIFT = Rule("physx.drift", "error", "a fixed base moved", "report it: this is a
 class PhysxReadback(Check):
     """`usd/<robot>.usda` in PhysX: bodies, joints, gains, limits; then 5 s on a floor."""
 
-    version: ClassVar[str] = "6"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     also: ClassVar[tuple[str, ...]] = ("mjcf",)
     reads: ClassVar[tuple[str, ...]] = Reader.reads
     requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
-    tools: ClassVar[tuple[str, ...]] = (*physx.TOOLS, "mujoco")
     isolated: ClassVar[bool] = True
     preload: ClassVar[tuple[str, ...]] = physx.PRELOAD
     limits: ClassVar[Limits] = Limits(wall_s=600.0, memory_mb=16384)

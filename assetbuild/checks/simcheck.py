@@ -12,6 +12,7 @@ from assetbuild.engine.step import Files, Limits
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.kinds import Check, write_figures
 
+BEYOND_IMPORTS = ("simcheck",)
 LEVELS: dict[str, Severity] = {"error": "error", "warning": "warning", "info": "info"}
 
 FOUND = Rule(
@@ -28,7 +29,6 @@ class Simcheck(Check):
 
     listed_in = "validate.linters"
     isolated = True
-    tools = ("simcheck", "mujoco", "trimesh")
     needs = ("mjcf",)
     reads = ()
     requires: ClassVar = {"simcheck": "lint"}

@@ -5,34 +5,33 @@ Only where the user has Isaac Lab; pip cannot make its environment without Isaac
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
 from assetbuild.engine.step import Files
+from assetbuild.engine.world import World
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import write_figures
 from assetbuild.simulators.consumers import FAILED, NOT_FINITE, SINKS, ConsumerCheck, SmokeBounds
 from assetbuild.simulators.environments import Environment
 
+BEYOND_IMPORTS = ("assetbuild.simulators._isaaclab_child",)
 VARIABLE = "ASSETBUILD_ISAACLAB"
 
 
 class Installed(Environment):
     """The user's own installation, by an environment variable."""
 
-    @property
-    def python(self) -> Path | None:
+    def python(self, world: World) -> Path | None:
         """None where the variable is unset or names nothing."""
-        named = os.environ.get(VARIABLE)
-        return Path(named) if named and Path(named).exists() else None
+        named = world.variable(VARIABLE)
+        return Path(named) if named and world.is_file(Path(named)) else None
 
 
 class SmokeIsaacLab(ConsumerCheck):
     """Spawns `python/<robot>_isaaclab_<2|3>.py`, steps it, looks at heights and numbers."""
 
-    version = "2"
     needs: ClassVar[tuple[str, ...]] = ("isaaclab", "usd")
     reads: ClassVar[tuple[str, ...]] = ()
     sections: ClassVar[Mapping[str, str]] = {"validate.smoke_bounds": "bounds"}

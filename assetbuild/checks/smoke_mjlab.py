@@ -27,12 +27,12 @@ WEIGHTS = Rule("smoke.weights", "error", "training changes no weight", "check th
 INERTIA = Rule(
     "smoke.inertia", "error", "no real body can have a randomized inertia", "narrow `randomize`"
 )
+BEYOND_IMPORTS = ("assetbuild.simulators._mjlab_child",)
 
 
 class SmokeMjlab(ConsumerCheck):
     """Loads `python/<robot>_mjlab.py`, stands for a second, trains two iterations (GPU: 200)."""
 
-    version = "2"
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)
     reads: ClassVar[tuple[str, ...]] = ()
     sections: ClassVar[Mapping[str, str]] = {"validate.smoke_bounds": "bounds"}

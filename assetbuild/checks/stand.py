@@ -80,10 +80,8 @@ TORQUE = Rule(
 class Stand(Check):
     """Simulates `mjcf/scene.xml` in MuJoCo; a fixed base only has its joints judged."""
 
-    version = "6"
     isolated = True
     preload = ("mujoco",)
-    tools = ("mujoco",)
     needs = ("mjcf",)
     reads = ("tree.json", "shapes.json", "control.json")
 

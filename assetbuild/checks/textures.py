@@ -31,10 +31,8 @@ class Textures(Check):
     name of the picture that each link's materials state, which the robot's file names keep.
     """
 
-    version = "1"
-    tools = ("mujoco", "usd-core", "defusedxml")
     isolated = True
-    preload = ("mujoco", "pxr.Usd", "pxr.UsdShade")
+    preload = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
     needs = ("source",)
     also: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
     reads = ("shapes.json", "meshes/")

@@ -121,10 +121,8 @@ class _Row(NamedTuple):
 class Trials(Check):
     """Findings `trials.<what>`; one compilation of `mjcf/scene.xml` serves all experiments."""
 
-    version = "10"
     isolated = True
     preload = ("mujoco",)
-    tools = ("mujoco",)
     needs = ("mjcf",)
     reads = ("control.json",)
 

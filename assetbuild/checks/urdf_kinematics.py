@@ -29,9 +29,14 @@ class UrdfKinematics(Check):
     and direction cosines.
     """
 
-    tools: ClassVar = ("yourdfpy", "trimesh")
     isolated: ClassVar = True
-    preload: ClassVar = ("yourdfpy",)
+    preload: ClassVar = (
+        "numpy",
+        "trimesh",
+        "collada",
+        "lxml.etree",
+        "PIL.Image",
+    )  # as convert_mesh
     needs: ClassVar = ("urdf",)
     reads: ClassVar = ("links.json",)
 

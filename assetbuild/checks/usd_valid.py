@@ -82,7 +82,6 @@ class UsdValid(Check):
 
     needs: ClassVar[tuple[str, ...]] = ("usd",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json")
-    tools: ClassVar[tuple[str, ...]] = ("usd-core",)
     isolated: ClassVar[bool] = True
     preload: ClassVar[tuple[str, ...]] = (
         "pxr.Usd",

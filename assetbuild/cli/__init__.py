@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import io
 import signal
@@ -14,24 +13,28 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from assetbuild import __version__
+from assetbuild.cli.parser import Parser
 from assetbuild.errors import AssetBuildError
 
 VERBS = (
     "bench", "build", "cache", "check", "completion", "diff", "doctor", "explain", "init", "lock",
     "plan", "report", "sample", "schema", "smoke", "validate", "verify", "watch",
 )  # fmt: skip
-"""Each is a module of this package with `HELP`, `add_arguments(parser)` and `run(arguments)`."""
+"""Each is a module of this package with `HELP`, `add_arguments(parser)` and `run(arguments)`; the
+help ends with its `EPILOG` where it has one."""
+MOST_ERRORS = 20
+"""So many errors are shown; a recipe that is no recipe has thousands."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
+    _print_any_name()
     parser = _parser()
     arguments = parser.parse_args(argv)
     if arguments.verb is None:
         parser.print_help()
         return 0
     _end_as_by_ctrl_c()
-    _print_any_name()
     try:
         return int(module_of(arguments.verb).run(arguments))
     except AssetBuildError as error:
@@ -105,12 +108,17 @@ def _print_any_name() -> None:
 
 
 def print_error(error: AssetBuildError) -> None:
-    """What, where, next move; on stderr."""
-    print(f"error: {error}", file=sys.stderr)
+    """What, where, next move, of each error that was found; on stderr."""
+    found = error.each()
+    for each in found[:MOST_ERRORS]:
+        print(f"error: {each}", file=sys.stderr)
+    more = len(found[MOST_ERRORS:]) + error.uncounted
+    if more:
+        print(f"and {more} more errors", file=sys.stderr)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> Parser:
+    parser = Parser(
         prog="assetbuild",
         description="A declarative build system for robot assets",
         epilog="exit codes: 0 ok, 1 a step or check failed, 2 wrong input, 3 out of date, "
@@ -120,7 +128,8 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(dest="verb", metavar="VERB")
     for verb in VERBS:
         module = module_of(verb)
-        sub = verbs.add_parser(verb, help=module.HELP, description=module.HELP)
+        epilog = getattr(module, "EPILOG", None)
+        sub = verbs.add_parser(verb, help=module.HELP, description=module.HELP, epilog=epilog)
         module.add_arguments(sub)
     return parser
 

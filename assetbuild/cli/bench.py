@@ -6,6 +6,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from assetbuild.cli.cache import add_sharing
+from assetbuild.cli.parser import whole_number
+
 if TYPE_CHECKING:
     from assetbuild.pipeline.bench import Level
 
@@ -24,8 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="auto",
         help="the meshes to work on; default: collision, else visual",
     )
-    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="default: all cores")
+    parser.add_argument(
+        "-j", "--jobs", type=whole_number(1), metavar="N", help="default: all cores"
+    )
     parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
+    add_sharing(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -49,6 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
         levels=levels,
         source=arguments.source,
         jobs=arguments.jobs,
+        remote=arguments.remote,
+        cache_write=arguments.cache_write,
     )
     with progress(arguments.recipe.name) as shown:
         found = bench(request, shown.on_event, shown.say)

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from assetbuild.cli.cache import add_remote
+from assetbuild.cli.cache import add_sharing
+from assetbuild.cli.parser import whole_number
 from assetbuild.cli.recipes import Recipes
 from assetbuild.errors import AssetBuildError
 
 if TYPE_CHECKING:
     from assetbuild.cli.outputs import EventLog
     from assetbuild.engine.execute import Event
+    from assetbuild.engine.world import World
     from assetbuild.pipeline.building import Outcome, Request
 
 HELP = "build the bundle; only stale steps run"
@@ -23,7 +26,12 @@ HELP = "build the bundle; only stale steps run"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     add_plain_arguments(parser)
-    parser.add_argument("-n", "--dry-run", action="store_true", help="say what would run")
+    parser.add_argument(
+        "-n",
+        "--dry-run",
+        action="store_true",
+        help="say what would run; exit code 3 where something would",
+    )
     parser.add_argument("--rehash", action="store_true", help="read every source file again")
     parser.add_argument(
         "--rebuild-check", action="store_true", help="run every step twice and compare"
@@ -36,18 +44,19 @@ def add_plain_arguments(parser: argparse.ArgumentParser) -> None:
     """Those that `watch` takes too."""
     parser.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE", action=Recipes)
     parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="default: build/<robot>")
-    parser.add_argument("-j", "--jobs", type=_positive, metavar="N", help="default: all cores")
+    parser.add_argument(
+        "-j", "--jobs", type=whole_number(1), metavar="N", help="default: all cores"
+    )
     parser.add_argument("-k", "--keep-going", action="store_true", help="build what still can be")
     parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
     parser.add_argument("--frozen", action="store_true", help="fail rather than write a lock")
-    add_remote(parser)
+    add_sharing(parser)
     parser.add_argument(
         "--executor",
         default="local",
         metavar="WHERE",
         help="local, or dask://HOST:PORT: run steps on the workers of that scheduler",
     )
-    parser.add_argument("--cache-write", action="store_true", help="also write to that cache")
     parser.add_argument(
         "--sandbox",
         choices=("off", "strict"),
@@ -59,15 +68,10 @@ def add_plain_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError("must be at least 1")
-    return value
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Build the recipes as one graph; the worst exit code of all."""
+    from assetbuild.engine.world import World
+
     requests = requests_of(arguments)
     if arguments.dry_run:
         return max(_dry_run(request) for request in requests)
@@ -75,9 +79,10 @@ def run(arguments: argparse.Namespace) -> int:
         replace(request, rehash=arguments.rehash, rebuild_check=arguments.rebuild_check)
         for request in requests
     ]
-    outcomes = build_and_print(requests, arguments.log_json, arguments.report_junit)
+    world, began_ns = World(), time.time_ns()
+    outcomes = build_and_print(requests, world, arguments.log_json, arguments.report_junit)
     if not (arguments.rebuild_check or arguments.log_json or arguments.report_junit):
-        _remember(outcomes)
+        _remember(outcomes, world, began_ns)
     return max(outcome.exit_code for outcome in outcomes)
 
 
@@ -86,8 +91,6 @@ def requests_of(arguments: argparse.Namespace) -> list[Request]:
     from assetbuild.errors import UsageError
     from assetbuild.pipeline.building import Request
 
-    if arguments.cache_write and not arguments.remote:
-        raise UsageError("`--cache-write` needs `--remote`: where to?")
     if arguments.out is not None and len(arguments.recipes) > 1:
         raise UsageError("`-o` names one bundle, but several recipes were given")
     return [
@@ -109,9 +112,15 @@ def requests_of(arguments: argparse.Namespace) -> list[Request]:
 
 
 def build_and_print(
-    requests: list[Request], log_json: Path | None = None, report_junit: Path | None = None
+    requests: list[Request],
+    world: World,
+    log_json: Path | None = None,
+    report_junit: Path | None = None,
 ) -> list[Outcome]:
-    """Build with progress, and print what came of it. AssetBuildError for wrong input."""
+    """Build with progress, and print what came of it. AssetBuildError for wrong input.
+
+    world: its record tells afterwards what was asked.
+    """
     from assetbuild.cli.outputs import append_step_summary, event_log, write_junit
     from assetbuild.cli.summary import print_differences, print_summary
 
@@ -119,9 +128,10 @@ def build_and_print(
     failure: AssetBuildError | None = None
     with event_log(log_json) as log:
         try:
-            outcomes = _build_shown(requests, log)
+            outcomes = _build_shown(requests, world, log)
         except AssetBuildError as error:
-            log.write("error", message=str(error), exit_code=error.exit_code)
+            errors = [str(each) for each in error.each()]
+            log.write("error", message=str(error), errors=errors, exit_code=error.exit_code)
             failure = error
         for outcome in outcomes:
             log.on_outcome(outcome)
@@ -137,7 +147,7 @@ def build_and_print(
     return outcomes
 
 
-def _build_shown(requests: list[Request], log: EventLog) -> list[Outcome]:
+def _build_shown(requests: list[Request], world: World, log: EventLog) -> list[Outcome]:
     from assetbuild.cli.progress import progress
     from assetbuild.pipeline.building import build_all
 
@@ -152,17 +162,18 @@ def _build_shown(requests: list[Request], log: EventLog) -> list[Outcome]:
             shown.say(text)
             log.write("message", text=text)
 
-        return build_all(requests, on_event, say)
+        return build_all(requests, on_event, say, world)
 
 
-def _remember(outcomes: list[Outcome]) -> None:
+def _remember(outcomes: list[Outcome], world: World, began_ns: int) -> None:
     """Leave a record with which the same command is answered by `stat` alone."""
     from assetbuild.cli.null import remember
     from assetbuild.cli.summary import null_summary
 
-    if all(outcome.exit_code == 0 and outcome.report for outcome in outcomes):
-        summaries = [null_summary(o, o.report) for o in outcomes if o.report is not None]
-        remember(sys.argv[1:], outcomes, "".join(summaries))
+    if all(outcome.exit_code == 0 and outcome.report and outcome.is_shared for outcome in outcomes):
+        summary = "".join(null_summary(o, o.report) for o in outcomes if o.report is not None)
+        bundles = [outcome.out for outcome in outcomes if outcome.out is not None]
+        remember(sys.argv[1:], bundles, world, summary, began_ns)
 
 
 def _dry_run(request: Request) -> int:

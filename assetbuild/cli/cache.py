@@ -5,16 +5,22 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from assetbuild.cli.parser import WHICH_CHECK
 from assetbuild.cli.recipes import Recipes
 
 if TYPE_CHECKING:
     from assetbuild.engine.store import Store
 
+UNITS = {"": 1, "K": 1000, "M": 1000**2, "G": 1000**3, "T": 1000**4}
+UNITS |= {"KI": 1024, "MI": 1024**2, "GI": 1024**3, "TI": 1024**4}
+
 HELP = "look after the store: stats, check, gc, push, pull"
+EPILOG = WHICH_CHECK
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     stats.add_argument("--json", action="store_true", help="print data")
     verbs.add_parser("check", help="verify every object; corrupt ones are set aside")
     gc = verbs.add_parser("gc", help="remove what was used least lately")
-    gc.add_argument("--max-size", required=True, type=_size, metavar="SIZE", help="as 5GB or 500MB")
+    gc.add_argument(
+        "--max-size", required=True, type=size_of_text, metavar="SIZE", help="as 5GB or 500MB"
+    )
     for name, text in (
         ("push", "send what is built of recipes to a cache that machines share"),
         ("pull", "fetch what other machines built of recipes"),
@@ -33,6 +41,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         verb.add_argument("recipes", nargs="+", type=Path, metavar="RECIPE", action=Recipes)
         verb.add_argument("--variant", metavar="NAME", help="a variant of the recipes")
         add_remote(verb)
+
+
+def add_sharing(parser: argparse.ArgumentParser) -> None:
+    """Declare what every verb that builds takes: `--remote` and `--cache-write`."""
+    add_remote(parser)
+    parser.add_argument("--cache-write", action="store_true", help="also write to that cache")
 
 
 def add_remote(parser: argparse.ArgumentParser) -> None:
@@ -46,13 +60,13 @@ def add_remote(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _size(text: str) -> int:
-    from assetbuild.engine.housekeeping import size_of_text
-
-    try:
-        return size_of_text(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
+def size_of_text(text: str) -> int:
+    """Bytes of `5GB`, `500 MB`, `2GiB` or `1000`."""
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([KMGT]?I?)B?", text.strip().upper())
+    if found is None or found[2] not in UNITS:
+        message = f"must be a size such as `500MB`, `5GB` or `2GiB`, not `{text}`"
+        raise argparse.ArgumentTypeError(message)
+    return int(float(found[1]) * UNITS[found[2]])
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -103,7 +117,7 @@ def _share(arguments: argparse.Namespace) -> int:
     from assetbuild.pipeline.sharing import pull, push
 
     faults: list[str] = []
-    remote = remote_cache(arguments.remote, faults.append, write=True)
+    remote = remote_cache(arguments.remote, faults.append, write=arguments.what == "push")
     if remote is None:
         raise UsageError("no cache is named", hint="say `--remote URL`, or set ASSETBUILD_REMOTE")
     verb, said = (push, "sent") if arguments.what == "push" else (pull, "in the store")

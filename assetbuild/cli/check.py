@@ -6,10 +6,12 @@ import argparse
 from pathlib import Path
 
 from assetbuild.cli import print_error
+from assetbuild.cli.parser import WHICH_CHECK
 from assetbuild.cli.recipes import recipes_of
 from assetbuild.errors import AssetBuildError, UsageError
 
 HELP = "check recipes: schema, paths, static lints, lock up to date; runs nothing heavy"
+EPILOG = WHICH_CHECK
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -16,7 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from assetbuild.cli.parser import WHICH_CHECK
+
 HELP = "say what this machine has and lacks, and how to get it"
+EPILOG = WHICH_CHECK
 
 Level = Literal["ok", "optional", "missing", "broken"]
 CORE = (
@@ -138,10 +141,11 @@ def _program(name: str, use: str) -> Row:
 
 
 def _pictures() -> Iterator[Row]:
+    from assetbuild.engine.world import World
     from assetbuild.looks.viewer import three_js
     from assetbuild.simulators.offscreen import renderer
 
-    kind = renderer()
+    kind = renderer(World())
     if kind == "none":
         told = "no EGL and no OSMesa, or MUJOCO_GL=disable: reports have no pictures"
         yield Row("pictures", "missing", told, APT)

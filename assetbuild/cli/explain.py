@@ -55,8 +55,9 @@ def told_of_all(found: Sequence[Explanation]) -> list[str]:
 
 
 def print_stale(recipe: Path, variant: str | None) -> int:
-    """What a build would run, and why; nothing is run."""
+    """What a build would run, and why; nothing is run. 3 when something would run, else 0."""
     from assetbuild.engine.explain import explain
+    from assetbuild.errors import OutOfDateError
     from assetbuild.pipeline.opening import looked_at
 
     with looked_at(recipe, variant) as look:
@@ -67,4 +68,4 @@ def print_stale(recipe: Path, variant: str | None) -> int:
         print(explanation.to_text())
     more = "" if look.done.whole else ", and what follows from them"
     print(f"{recipe}: {len(stale)} of {len(found)} steps would run{more}")
-    return 0
+    return OutOfDateError.exit_code if stale or more else 0

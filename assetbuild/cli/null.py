@@ -14,28 +14,32 @@ from pathlib import Path
 from assetbuild.engine import null
 from assetbuild.engine.digest import digest_file
 from assetbuild.engine.folders import cache_root
-from assetbuild.engine.publish import OWN_FILES
-from assetbuild.pipeline.building import Outcome
+from assetbuild.engine.world import World
 from assetbuild.pipeline.bundling import manifest_of
+from assetbuild.pipeline.publish import OWN_FILES
 
 
-def remember(argv: Sequence[str], outcomes: Sequence[Outcome], summary: str) -> None:
-    """Record finished builds; a store that cannot be written to costs only speed."""
-    files: dict[str, str] = {}
-    for outcome in outcomes:
-        files |= outcome.read
-        files |= {} if outcome.out is None else _bundle_files(outcome.out)
+def remember(
+    argv: Sequence[str], bundles: Sequence[Path], world: World, summary: str, began_ns: int
+) -> None:
+    """Record finished builds; a store that cannot be written to costs only speed.
+
+    world: all that they asked. began_ns: before the first question.
+    """
+    made: dict[str, str] = {}
+    for bundle in bundles:
+        made |= _bundle_files(bundle)
     options = options_of(argv)
     with contextlib.suppress(OSError):
         null.write(
             null.record_file(cache_root(), options),
             options=options,
-            files=files,
-            folders=[str(outcome.out) for outcome in outcomes],
-            absent=[str(path) for outcome in outcomes for path in outcome.absent],
+            asked=world.record,
+            made=made,
+            folders=[str(bundle) for bundle in bundles],
             exit_code=0,
             summary=summary,
-            began_ns=min(outcome.began_ns for outcome in outcomes),
+            began_ns=began_ns,
         )
 
 

@@ -33,14 +33,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the graph as far as it is known."""
+    from assetbuild.pipeline import drawing
     from assetbuild.pipeline.opening import looked_at
 
     with looked_at(arguments.recipe, arguments.variant) as look:
         asked = arguments.stale is not None or arguments.critical
         if arguments.format == "json" and not asked:
-            print(json.dumps(look.done.graph.to_json(), indent=2, sort_keys=True))
+            print(json.dumps(drawing.to_data(look.done.graph), indent=2, sort_keys=True))
         elif arguments.format == "text" and not asked:
-            print(look.done.graph.to_text())
+            print(drawing.to_text(look.done.graph))
         else:
             _answer(arguments, look)
     if not look.done.whole:

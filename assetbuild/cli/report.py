@@ -28,7 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
     path: Path = arguments.bundle / "report" / "report.json"
     try:
         report = json.loads(path.read_bytes())
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         raise UsageError(f"no `{path}`", hint="give a folder that `build` wrote") from None
     except ValueError as error:
         raise UsageError(f"{path}: not a report: {error}") from None

@@ -7,6 +7,9 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from assetbuild.cli.cache import add_sharing
+from assetbuild.cli.parser import whole_number
+
 if TYPE_CHECKING:
     from assetbuild.pipeline.sampling import Sampled
 
@@ -17,40 +20,31 @@ MOST = 1000
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument("recipe", type=Path, metavar="RECIPE")
-    parser.add_argument("-n", "--count", type=_count, default=16, metavar="N", help="default: 16")
     parser.add_argument(
-        "--judge", type=_draws, default=10_000, metavar="N", help="draws judged; default: 10000"
+        "-n", "--count", type=whole_number(1, MOST), default=16, metavar="N", help="default: 16"
     )
-    parser.add_argument("--seed", type=int, metavar="N", help="default: the recipe's")
+    parser.add_argument(
+        "--judge",
+        type=whole_number(1, 1_000_000),
+        default=10_000,
+        metavar="N",
+        help="draws judged; default: 10000",
+    )
+    parser.add_argument("--seed", type=whole_number(0), metavar="N", help="default: the recipe's")
     parser.add_argument("-o", "--out", type=Path, metavar="DIR", help="build/<robot>-samples")
-    parser.add_argument("-j", "--jobs", type=int, metavar="N", help="default: all cores")
+    parser.add_argument(
+        "-j", "--jobs", type=whole_number(1), metavar="N", help="default: all cores"
+    )
     parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
-
-
-def _count(text: str) -> int:
-    return _within(text, 1, MOST)
-
-
-def _draws(text: str) -> int:
-    return _within(text, 1, 1_000_000)
-
-
-def _within(text: str, least: int, most: int) -> int:
-    value = int(text)
-    if not least <= value <= most:
-        raise argparse.ArgumentTypeError(f"must be {least} to {most}")
-    return value
+    add_sharing(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the samples; prints the table of the draws."""
     from assetbuild.cli.progress import progress
     from assetbuild.cli.summary import every_finding_line
-    from assetbuild.errors import UsageError
     from assetbuild.pipeline.sampling import SampleRequest, sample
 
-    if arguments.seed is not None and arguments.seed < 0:
-        raise UsageError("`--seed` must not be negative")
     request = SampleRequest(
         recipe=arguments.recipe,
         out=arguments.out,
@@ -59,6 +53,8 @@ def run(arguments: argparse.Namespace) -> int:
         judge=arguments.judge,
         seed=arguments.seed,
         jobs=arguments.jobs,
+        remote=arguments.remote,
+        cache_write=arguments.cache_write,
     )
     with progress(arguments.recipe.name) as shown:
         sampled = sample(request, shown.on_event, shown.say)

@@ -24,12 +24,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Make what is missing, build, print what each trainer found; 1 when one refuses."""
     from assetbuild.cli.build import build_and_print, requests_of
     from assetbuild.cli.public import shown_figures
+    from assetbuild.engine.world import World
     from assetbuild.pipeline.smoking import lacks, make_environments
 
     consumers = tuple(dict.fromkeys(arguments.consumer))
     requests = [replace(request, smoke=consumers) for request in requests_of(arguments)]
     make_environments(consumers, say=lambda line: print(line, file=sys.stderr))
-    outcomes = build_and_print(requests)
+    outcomes = build_and_print(requests, World())
     reports = [outcome.report for outcome in outcomes if outcome.report is not None]
     for report in reports:
         for name in consumers:

@@ -7,8 +7,10 @@ import json
 from pathlib import Path
 
 from assetbuild.cli.init import add_package_argument
+from assetbuild.cli.parser import WHICH_CHECK
 
 HELP = "check a bundle, or any MJCF, URDF or USD file"
+EPILOG = WHICH_CHECK
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

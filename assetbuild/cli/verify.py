@@ -5,7 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from assetbuild.cli.parser import WHICH_CHECK
+
 HELP = "compare a bundle with its manifest, its provenance, and what a recipe makes"
+EPILOG = WHICH_CHECK
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -5,24 +5,22 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from assetbuild.cli.build import add_plain_arguments
-from assetbuild.engine.digest import digest_file
+from assetbuild.engine.null import lines_of, renewed
+from assetbuild.engine.questions import STAMP, answer
 from assetbuild.errors import AssetBuildError
 
 if TYPE_CHECKING:
+    from assetbuild.engine.world import World
     from assetbuild.pipeline.building import Request
 
 HELP = "build, and again whenever the recipe or a source changes; Ctrl-C ends it"
 
 PAUSE_S = 0.25
 """Between two looks at the files. Looking works on every file system; notices do not."""
-
-Stamps = dict[Path, tuple[int, ...]]
-"""What `stat` says of each file; an absent one is ()."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,20 +32,19 @@ def run(arguments: argparse.Namespace) -> int:
     """Until Ctrl-C: then 0 if it waits, 130 if it builds."""
     from assetbuild.cli import Terminated
     from assetbuild.cli.build import requests_of
+    from assetbuild.engine.world import World, files_in
 
     requests = requests_of(arguments)
-    files = {request.recipe for request in requests}
     while True:
-        seen = stamps(files)
-        read = _build(requests)
-        if read is not None:
-            files = set(read)
-            seen = stamps(files)
-            if any(_is_edited(path, digest) for path, digest in read.items()):
-                continue  # while it was built
+        world, began_ns = World(), time.time_ns()
+        _build(requests, world)
+        lines, changed = lines_of(world.record, began_ns)
+        if changed:
+            continue  # while it was built
         try:
-            print(f"watching {len(files)} files; Ctrl-C ends it", file=sys.stderr, flush=True)
-            _wait(files, seen)
+            count = len(files_in(world.record))
+            print(f"watching {count} files; Ctrl-C ends it", file=sys.stderr, flush=True)
+            _wait(lines)
         except Terminated:
             raise
         except KeyboardInterrupt:
@@ -55,49 +52,30 @@ def run(arguments: argparse.Namespace) -> int:
             return 0
 
 
-def _build(requests: list[Request]) -> dict[Path, str] | None:
-    """Build and print: SHA-256 of each file that was read.
-
-    None when the input is wrong: then it is not known what it would read.
-    """
+def _build(requests: list[Request], world: World) -> None:
+    """Build and print. world: its record tells what was asked, also when it fails."""
     from assetbuild.cli import print_error
     from assetbuild.cli.build import build_and_print
 
     try:
-        outcomes = build_and_print(requests)
+        build_and_print(requests, world)
     except AssetBuildError as error:
         print_error(error)
-        return None
-    return {Path(path): digest for each in outcomes for path, digest in each.read.items()}
 
 
-def stamps(files: Iterable[Path]) -> Stamps:
-    """What tells an edited file from an unedited one, without reading it."""
-    found: Stamps = {}
-    for path in files:
-        try:
-            stat = path.stat()
-            found[path] = (stat.st_mtime_ns, stat.st_ctime_ns, stat.st_size, stat.st_ino)
-        except OSError:
-            found[path] = ()
-    return found
-
-
-def _is_edited(path: Path, digest: str) -> bool:
-    try:
-        return digest_file(path) != digest
-    except OSError:
-        return True
-
-
-def _wait(files: set[Path], seen: Stamps) -> None:
-    """Until a file changes, and then until all is quiet: editors save several files in a row."""
-    while (now := stamps(files)) == seen:
+def _wait(lines: list[str]) -> None:
+    """Until an answer changes, and then until all is quiet: editors save several files in a row."""
+    changed: list[str] = []
+    while not changed:
         time.sleep(PAUSE_S)
-    changed = sorted(path for path in files if now[path] != seen[path])
-    names = ", ".join(f"`{path.name}`" for path in changed[:3])
+        lines, changed = renewed(lines)
+    names = ", ".join(f"`{Path(subject).name}`" for subject in changed[:3])
     print(f"changed: {names}{', ...' if len(changed) > 3 else ''}", file=sys.stderr, flush=True)
-    before: Stamps = {}
+    before, now = [""], _stamps(changed)
     while before != now:
         time.sleep(PAUSE_S)
-        before, now = now, stamps(files)
+        before, now = now, _stamps(renewed(lines)[1])
+
+
+def _stamps(subjects: list[str]) -> list[str]:
+    return [answer((STAMP, subject, "")) for subject in subjects]

@@ -69,7 +69,6 @@ class CollisionMethod(Step):
     first, and taken when they fit this mesh as well as they fit theirs.
     """
 
-    version = "3"
     group: ClassVar[str] = "collision"
     outputs = ("pieces/", "pieces.json", "quality.json")
     isolated = True
@@ -78,8 +77,6 @@ class CollisionMethod(Step):
     scope: ClassVar[Literal["shape", "shapes", "link"]] = "shape"
     """Works on each source shape, shared by all links that use it; on all shapes of a link
     together (a single one is shared, too); or in the frame of the link, whatever its shapes."""
-    hull_tools: ClassVar[tuple[str, ...]] = ("numpy", "scipy", "manifold3d", "embreex")
-    """What the reading, hulls and measures here depend on; subclasses add their library."""
 
     sources: tuple[PlacedSource, ...] = Field(min_length=1)
     subject: str = "collision"

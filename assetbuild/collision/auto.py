@@ -87,9 +87,6 @@ class _Candidate:
 class Auto(CollisionMethod):
     """The fewest pieces of each source shape that meet the tolerances, else the best there are."""
 
-    version = "4"
-    tools = (*CollisionMethod.hull_tools, "vhacdx", "coacd")
-
     max_hulls: int = Field(32, ge=1, le=1024, description="most pieces")
     max_vertices: int = Field(
         64, ge=4, le=256, description="most vertices of a piece; PhysX on a GPU takes 64"

@@ -24,8 +24,6 @@ MORE_HULLS = Rule(
 class CoAcd(CollisionMethod):
     """Pieces of each source shape. It covers too much rather than too little."""
 
-    tools = (*CollisionMethod.hull_tools, "coacd", "vhacdx")
-
     max_hulls: int | None = Field(
         None,
         ge=1,

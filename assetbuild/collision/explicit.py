@@ -86,7 +86,6 @@ class Explicit(CollisionMethod):
     """
 
     scope = "link"
-    tools = CollisionMethod.hull_tools
 
     sources: tuple[PlacedSource, ...] = ()
     pieces: tuple[ExplicitPiece, ...] = Field(

@@ -12,8 +12,6 @@ from assetbuild.mesh.solid import ConvexPiece
 class Hull(CollisionMethod):
     """The convex hull of each source shape, by qhull."""
 
-    tools = CollisionMethod.hull_tools
-
     max_vertices: int | None = Field(
         64, ge=4, le=256, description="most vertices of a piece; PhysX on a GPU takes 64"
     )

@@ -37,9 +37,7 @@ PARTS = 32
 class FitPrimitive(CollisionMethod):
     """Few primitives for all shapes of a link, by a two-sided score of what is over and missing."""
 
-    version = "4"
     scope = "shapes"
-    tools = (*CollisionMethod.hull_tools, "vhacdx")
 
     shape: PrimitiveName | tuple[PrimitiveName, ...] | None = Field(
         None, description="which, or a list to choose from; without it the best of all"

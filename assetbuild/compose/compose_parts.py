@@ -73,7 +73,6 @@ class ComposeParts(Step):
     Of sides that are MJCFs also `source_control.json`.
     """
 
-    version = "3"
     outputs = ("links.json", "shapes.json", "source_map.json", "source_control.json")
 
     parts: tuple[PartOn, ...]

@@ -17,7 +17,6 @@ class KeepRatings(Step):
     Its bytes stay the same when a gain changes, so that no URDF is written and read back anew.
     """
 
-    version = "3"
     outputs = ("ratings.json",)
 
     def run(self, files: Files) -> Iterable[Finding]:

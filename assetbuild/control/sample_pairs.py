@@ -42,8 +42,6 @@ class SamplePairs(Step):
     joints are 0 counts as one of the samples. Bodies without collision are in no pair.
     """
 
-    version = "2"
-    tools = ("mujoco", "numpy")
     outputs = ("sampled_pairs.json",)
     isolated = True
     limits = Limits(wall_s=3600.0, memory_mb=4096)

@@ -38,8 +38,6 @@ class BalanceInertia(Edit):
     Links that satisfy the inequality are left alone.
     """
 
-    version = "2"
-
     link: Pattern = Field(description="links, by whole name")
 
     def edit(self, tree: Tree, shapes: SourceShapes, files: Files) -> Edited:

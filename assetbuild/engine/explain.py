@@ -7,14 +7,22 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Literal
 
+from assetbuild.engine.actions import Action, made_from_json, missing_output
 from assetbuild.engine.graph import Graph
 from assetbuild.engine.keys import Parts
-from assetbuild.engine.made import made_from_json, missing_output
 from assetbuild.engine.resolver import Resolver
 from assetbuild.engine.session import Session
 
 SHOWN_CHANGES = 12
 SHOWN_CHARACTERS = 60
+NAMED_PARTS = {
+    "code": "code",
+    "library": "libraries",
+    "kernel": "kernels",
+    "field": "fields",
+    "input": "inputs",
+}
+"""Kind of change -> the part of a key that it is in, by name."""
 State = Literal["up to date", "would run", "waits"]
 
 
@@ -22,10 +30,11 @@ State = Literal["up to date", "would run", "waits"]
 class Change:
     """One reason to run.
 
-    part: `first`, `step`, `version`, `tool`, `field`, `input`, `outputs`, `platform`, `format`,
-        `order` (of the entries in the fields), `lost` (an output is missing or corrupt) or
-        `forgotten` (the store has no result).
-    name: of the tool, field, input or output. old, new: JSON data; None = absent.
+    part: `first`, `step`, `code`, `library`, `kernel` (a variable that pins CPU kernels), `python`,
+        `field`, `input`, `outputs`, `platform`, `format`, `order` (of the entries in the fields),
+        `lost` (an output is missing or corrupt) or `forgotten` (the store has no result).
+    name: of the module, library, variable, field, input or output. old, new: JSON data; None =
+        absent.
     """
 
     part: str
@@ -43,19 +52,20 @@ class Change:
                 return "the order of the entries in its fields"
             case "forgotten":
                 return "the store does not hold its result"
-            case "input":
-                return self._input_text()
+            case "code" | "input":
+                return self._digest_text()
         name = f"{self.part} {self.name}" if self.name else self.part
-        if self.part in ("step", "version"):
-            name = "step version" if self.part == "version" else "step"
         return f"{name}: {_shown(self.old)} -> {_shown(self.new)}"
 
-    def _input_text(self) -> str:
+    def _digest_text(self) -> str:
+        name = f"{self.part} {self.name}"
         if self.old is None:
-            return f"input {self.name} is new"
+            return f"{name} is new"
         if self.new is None:
-            return f"input {self.name} is gone"
-        return f"input {self.name} changed ({str(self.old)[:8]} -> {str(self.new)[:8]})"
+            return f"{name} is gone"
+        if self.part == "code":
+            return f"{name} changed"
+        return f"{name} changed ({str(self.old)[:8]} -> {str(self.new)[:8]})"
 
     def to_json(self) -> dict[str, object]:
         """Plain data: part, name, old, new, text."""
@@ -77,15 +87,14 @@ def changes_between(old: Parts | None, new: Parts) -> tuple[Change, ...]:
 
 
 def _changes(old: Parts, new: Parts) -> Iterator[Change]:
-    for part in ("step", "version"):
-        if old.get(part) != new.get(part):
-            yield Change(part, "", old.get(part), new.get(part))
-    for part, key in (("tool", "tools"), ("field", "fields"), ("input", "inputs")):
+    if old.get("step") != new.get("step"):
+        yield Change("step", "", old.get("step"), new.get("step"))
+    for part, key in NAMED_PARTS.items():
         before, after = _flat(old.get(key), part), _flat(new.get(key), part)
         for name in sorted(before.keys() | after.keys()):
             if before.get(name) != after.get(name):
                 yield Change(part, name, before.get(name), after.get(name))
-    for part in ("outputs", "platform", "format"):
+    for part in ("outputs", "python", "platform", "format"):
         if old.get(part) != new.get(part):
             yield Change(part, "", old.get(part), new.get(part))
     if old.get("order") != new.get("order") and old.get("fields") == new.get("fields"):
@@ -93,7 +102,7 @@ def _changes(old: Parts, new: Parts) -> Iterator[Change]:
 
 
 def _flat(value: object, part: str) -> dict[str, object]:
-    """Leaves of nested data by their path, `actuators[2].kp`; inputs and tools are flat."""
+    """Leaves of nested data by their path, `actuators[2].kp`; all but fields are flat."""
     if part != "field":
         return dict(value) if isinstance(value, dict) else {}
     leaves: dict[str, object] = {}
@@ -127,12 +136,12 @@ def changes_text(changes: tuple[Change, ...]) -> str:
     return "; ".join(shown)
 
 
-def why_it_runs(session: Session, label: str, key: str, parts: Parts) -> tuple[Change, ...]:
-    """Why a node with this key is not simply taken from the store."""
-    changes = changes_between(session.journal.parts(label), parts)
+def why_it_runs(session: Session, action: Action) -> tuple[Change, ...]:
+    """Why what the action makes is not simply taken from the store."""
+    changes = changes_between(session.journal.parts(action.label), action.parts)
     if changes and changes[0].part != "first":
         return changes
-    made = made_from_json(session.store.action(key))
+    made = made_from_json(session.store.action(action.key))
     if made is not None:
         lost = missing_output(session.store, made) or ", ".join(made.outputs)
         return (Change("lost", lost),)
@@ -197,19 +206,19 @@ def explain(graph: Graph, session: Session, label: str) -> Explanation:
     """Why the node would run now, and why it last ran. KeyError on an unknown label."""
     node = graph.nodes[label]
     resolver = Resolver(graph.nodes, session)
-    key = resolver.key(label)
+    action = resolver.action(label)
     last = session.journal.last_run(label)
     last_at, last_changes = last if last else ("", [])
     changes: tuple[Change, ...] = ()
     waits: tuple[str, ...] = ()
-    if key is None:
+    if action is None:
         state: State = "waits"
         waits = tuple(p for p in graph.predecessors(label) if resolver.made(p) is None)
     elif resolver.made(label) is not None:
         state = "up to date"
     else:
         state = "would run"
-        changes = why_it_runs(session, label, *key)
+        changes = why_it_runs(session, action)
     return Explanation(
         label=label,
         state=state,

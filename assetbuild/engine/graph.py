@@ -10,8 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
-from assetbuild.engine.step import Step
-from assetbuild.engine.store import is_plain_path
+from assetbuild.engine.step import Step, is_plain_path
 from assetbuild.errors import did_you_mean
 
 
@@ -71,37 +70,13 @@ class Graph:
     """Checked nodes by label, each after the nodes it reads."""
 
     nodes: Mapping[str, Node]
-    sources: tuple[Ref, ...] = ()
 
     def predecessors(self, label: str) -> tuple[str, ...]:
         """Labels of the nodes whose outputs this node reads, sorted."""
         return tuple(sorted({r.node for r in self.nodes[label].inputs.values() if r.node}))
 
-    def to_json(self) -> dict[str, object]:
-        """The graph as plain data, for `plan --json`."""
-        return {
-            "nodes": [
-                {
-                    "label": node.label,
-                    "step": node.step.step_name(),
-                    "version": node.step.version,
-                    "outputs": list(node.step.outputs),
-                    "inputs": {name: str(ref) for name, ref in sorted(node.inputs.items())},
-                }
-                for node in self.nodes.values()
-            ]
-        }
 
-    def to_text(self) -> str:
-        """One line per node in the order of building: its label and what it reads."""
-        lines = []
-        for node in self.nodes.values():
-            reads = ", ".join(str(ref) for _, ref in sorted(node.inputs.items()))
-            lines.append(f"{node.label} <- {reads}" if reads else node.label)
-        return "\n".join(lines)
-
-
-def checked_graph(nodes: Iterable[Node], sources: Iterable[Ref] = ()) -> Graph:
+def checked_graph(nodes: Iterable[Node]) -> Graph:
     """Order the nodes; GraphError on duplicate labels, unknown steps or outputs, and cycles."""
     by_label: dict[str, Node] = {}
     for node in nodes:
@@ -110,7 +85,7 @@ def checked_graph(nodes: Iterable[Node], sources: Iterable[Ref] = ()) -> Graph:
         by_label[node.label] = node
     for node in by_label.values():
         check_inputs(node, by_label)
-    return Graph(_in_order(by_label), tuple(sources))
+    return Graph(_in_order(by_label))
 
 
 def joined(graphs: Mapping[str, Graph]) -> Graph:
@@ -128,7 +103,7 @@ def joined(graphs: Mapping[str, Graph]) -> Graph:
                 for key, ref in node.inputs.items()
             }
             nodes[f"{name}:{node.label}"] = Node(f"{name}:{node.label}", node.step, inputs)
-    return Graph(nodes, tuple(ref for graph in graphs.values() for ref in graph.sources))
+    return Graph(nodes)
 
 
 def _in_order(by_label: Mapping[str, Node]) -> dict[str, Node]:

@@ -7,21 +7,16 @@ that it takes from the store. `atime` says nothing on most machines.
 from __future__ import annotations
 
 import os
-import re
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from assetbuild.engine.actions import made_from_json, missing_output
 from assetbuild.engine.claims import is_claimed, remove_abandoned
-from assetbuild.engine.made import made_from_json, missing_output
 from assetbuild.engine.store import BEGAN, LAYOUT, LostObjectError, Store
 
-UNITS = {"": 1, "K": 1000, "M": 1000**2, "G": 1000**3, "T": 1000**4}
-UNITS |= {"KI": 1024, "MI": 1024**2, "GI": 1024**3, "TI": 1024**4}
-
-NOTES = ("logs", "journal", "null")
+NOTES = ("logs", "journal", "null", "code")
 """Folders of small files that only spare work or explain; a tenth of the limit is theirs."""
 CLOCK_TICK_S = 0.05
 """Stamps of files may lie this much behind the clock."""
@@ -68,14 +63,6 @@ class Collected:
     after: int
     actions: int
     objects: int
-
-
-def size_of_text(text: str) -> int:
-    """Bytes of `5GB`, `500 MB`, `2GiB` or `1000`. ValueError."""
-    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([KMGT]?I?)B?", text.strip().upper())
-    if found is None or found[2] not in UNITS:
-        raise ValueError(f"`{text}` is no size; write `500MB`, `5GB` or `2GiB`")
-    return int(float(found[1]) * UNITS[found[2]])
 
 
 def stats(root: Path) -> Stats:
@@ -132,12 +119,12 @@ def collect(store: Store, max_bytes: int) -> Collected:
     What was used since the oldest running build began stays, whatever the limit; what such a
     build read earlier and loses, it makes again.
     """
-    began = time.time() - CLOCK_TICK_S
-    remove_abandoned((store.root / "tmp").iterdir())
+    for name in ("tmp", "turns"):
+        remove_abandoned((store.root / name).glob("*"))
     before = total_bytes(store.root)
     _trim(store.root, ("quarantine",), 0)
     _trim(store.root, NOTES, max_bytes // 10)
-    protected_from = min([began, *_live(store.root)])
+    protected_from = min(_live(store.root)) - CLOCK_TICK_S  # our own mark is among them
     notes = sum(entry.stat().st_size for name in NOTES for entry in _files(store.root / name))
     choice = _Choice(store, max_bytes - notes, protected_from)
     for path in choice.dropped:
@@ -210,11 +197,10 @@ def _trim(home: Path, names: tuple[str, ...], allowed: int) -> None:
 def _live(home: Path) -> list[float]:
     """When the builds that run now began."""
     found = []
-    for mark in (home / "tmp").glob(f"*/{BEGAN}"):
+    for folder in (home / "tmp").glob("*"):
         with suppress(OSError):  # it ends just now
-            began = mark.stat().st_ctime
-            if is_claimed(mark.parent):
-                found.append(began)
+            began = [mark.stat().st_ctime for mark in folder.glob(f"{BEGAN}*")]
+            found += began if is_claimed(folder) else []
     return found
 
 

@@ -1,4 +1,4 @@
-"""The journal: what each step of a build was made from when it was last seen, and why it ran.
+"""The journal: what each step of a build was made from when it was last seen, why it ran, its log.
 
 One small file per build in the store; without it only `explain` knows less.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,7 +16,9 @@ from typing import Any
 from assetbuild.engine.digest import canonical_json, digest_bytes, replace_file
 from assetbuild.engine.keys import Parts
 
-JOURNAL_FORMAT = 1
+JOURNAL_FORMAT = 2
+SHARED_PARTS = ("code", "libraries")
+"""Parts of a key that many steps have alike; each is written once."""
 Steps = dict[str, dict[str, Any]]  # Any: JSON
 """What is noted of each step, by its label."""
 
@@ -30,6 +33,7 @@ class Journal:
     def __init__(self, store_root: Path, builds: Mapping[str, str]) -> None:
         self.name = "\n".join(builds.values())
         self._folder = store_root / "journal"
+        self._logs = store_root / "logs" / digest_bytes(os.fsencode(self.name))[:12]
         self._builds = builds
         self._steps = {part: self._read(build) for part, build in builds.items()}
         self._changed: set[str] = set()
@@ -41,8 +45,8 @@ class Journal:
         try:
             raw = json.loads(self._file(build).read_bytes())
             if raw["format"] == JOURNAL_FORMAT and raw["build"] == build:
-                return {str(k): dict(v) for k, v in raw["steps"].items()}
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+                return _expanded(raw["steps"], raw["shared"])
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
             pass
         return {}
 
@@ -61,6 +65,11 @@ class Journal:
         part, own = self._place(label)
         self._steps[part][own] = entry
         self._changed.add(part)
+
+    def log_path(self, label: str) -> Path:
+        """Where the log of a node of this build lies, if its last run left one."""
+        name = re.sub(r"[^\w.-]+", "_", label, flags=re.ASCII)[:80]
+        return self._logs / f"{name}-{digest_bytes(label.encode())[:6]}.log"
 
     def parts(self, label: str) -> Parts | None:
         """The key parts of the node when it was last built or found in the store."""
@@ -89,6 +98,38 @@ class Journal:
         """Replace each file at once; OSError passes."""
         for part in sorted(self._changed):
             build = self._builds[part]
-            entry = {"format": JOURNAL_FORMAT, "build": build, "steps": self._steps[part]}
+            steps, shared = _shortened(self._steps[part])
+            entry = {"format": JOURNAL_FORMAT, "build": build, "steps": steps, "shared": shared}
             replace_file(self._file(build), canonical_json(entry))
         self._changed.clear()
+
+
+Shared = dict[str, list[Any]]  # Any: JSON
+"""pairs: each (name, value) once; groups: indices of pairs, the content of one part each."""
+
+
+def _shortened(steps: Steps) -> tuple[Steps, Shared]:
+    """The steps with an index in the place of each shared part, and what the indices mean."""
+    pairs: dict[tuple[str, str], int] = {}
+    groups: dict[tuple[int, ...], int] = {}
+
+    def index(part: Mapping[str, str]) -> int:
+        group = tuple(pairs.setdefault(pair, len(pairs)) for pair in part.items())
+        return groups.setdefault(group, len(groups))
+
+    short = {
+        label: {**noted, "parts": {**parts, **{p: index(parts[p]) for p in SHARED_PARTS}}}
+        for label, noted in steps.items()
+        for parts in (noted["parts"],)
+    }
+    return short, {"pairs": list(pairs), "groups": list(groups)}
+
+
+def _expanded(steps: Steps, shared: Shared) -> Steps:
+    """Inverse of `_shortened`; LookupError, TypeError or ValueError for what it never writes."""
+    groups = [dict(shared["pairs"][index] for index in group) for group in shared["groups"]]
+    return {
+        label: {**noted, "parts": {**parts, **{p: groups[parts[p]] for p in SHARED_PARTS}}}
+        for label, noted in steps.items()
+        for parts in (noted["parts"],)
+    }

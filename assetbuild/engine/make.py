@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+from assetbuild.engine.actions import Action, Made
 from assetbuild.engine.explain import Change, changes_text, why_it_runs
-from assetbuild.engine.graph import Graph, Node
-from assetbuild.engine.keys import Parts
-from assetbuild.engine.made import Made
-from assetbuild.engine.processes import ATTEMPTS, Processes
+from assetbuild.engine.graph import Graph
 from assetbuild.engine.resolver import Resolver
+from assetbuild.engine.runner import ATTEMPTS, Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import LostObjectError
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.findings import Finding
 
 Status = Literal["ran", "cached", "failed", "blocked"]
-HEALING_ROUNDS = 3
 
 
 @dataclass(frozen=True)
@@ -56,142 +53,98 @@ class NodeResult:
 class Maker:
     """Makes nodes of one graph. `make` may be called from many threads."""
 
-    def __init__(self, graph: Graph, session: Session, runner: Processes) -> None:
+    def __init__(self, graph: Graph, session: Session, runner: Runner) -> None:
         self.graph = graph
         self.session = session
         self.runner = runner
         self.resolver = Resolver(graph.nodes, session)
-        self.healed: dict[str, NodeResult] = {}
-        self._healing = threading.RLock()
-        self._mine = threading.local()
+        self._outputs: dict[str, Mapping[str, str]] = {}
 
-    def make(self, label: str, started: Callable[[str], None] = lambda _: None) -> NodeResult:
+    def make(
+        self, label: str, started: Callable[[str], None] = lambda _: None
+    ) -> NodeResult | None:
         """The node, from the store or freshly run; its errors are in the result.
 
-        `started` is called when the step really runs. The nodes it reads are made already; if
-        the store lost one of their outputs since, they are made again first.
+        None when the store has lost what it reads: the nodes before it must be looked for again.
+        `started` is called when the step really runs.
         """
-        node = self.graph.nodes[label]
         began = time.monotonic()
-        key = ""
+        action = None
         changes: tuple[Change, ...] = ()
         try:
-            key, parts = self._key(label)
+            action = self.resolver.action(label)
+            if action is None:
+                return None
             made = self.resolver.made(label)
             if made is None:
-                with self._turn(node, key):
+                with self._turn(action):
                     made = self.resolver.made(label)  # another may have made it meanwhile
                     if made is None:
-                        changes = why_it_runs(self.session, label, key, parts)
+                        changes = why_it_runs(self.session, action)
                         started(label)
-                        return self.ran(label, key, self._run(node, key, parts, changes), changes)
-            self.session.journal.saw(label, parts)
-            return _cached(label, key, made)
+                        return self.ran(action, self._run(action, changes), changes)
+            self._outputs.setdefault(action.key, made.outputs)
+            self.session.journal.saw(label, action.parts)
+            return _cached(action, made)
+        except LostObjectError:
+            self.session.forget()
+            return None
         except AssetBuildError as error:
             return NodeResult(
                 label=label,
                 status="failed",
-                key=key,
+                key=action.key if action else "",
                 seconds=round(time.monotonic() - began, 4),
                 error=error,
                 reason=changes_text(changes),
                 log=self._log(label),
             )
 
-    def ran(self, label: str, key: str, made: Made, changes: tuple[Change, ...] = ()) -> NodeResult:
+    def ran(self, action: Action, made: Made, changes: tuple[Change, ...] = ()) -> NodeResult:
         """The result of a step that ran just now."""
         return replace(
-            _cached(label, key, made),
+            _cached(action, made),
             status="ran",
             seconds=made.seconds,
             cpu_seconds=made.cpu_seconds,
             saved_seconds=0.0,
             reason=changes_text(changes) + ("; run again after a crash" * (made.attempts > 1)),
-            log=self._log(label),
+            log=self._log(action.label),
         )
 
-    def _turn(self, node: Node, key: str) -> AbstractContextManager[None]:
-        """Each action runs once: in this build, and among all builds that share the store.
-
-        Who heals holds the turn of a later step already, and waits for nobody: no circles.
-        """
-        if self._mine.__dict__.get("heals"):
-            return nullcontext()
-        patience_s = node.step.limits.wall_s * ATTEMPTS + 30.0
-        return self.session.store.turns.turn(
-            key, patience_s=patience_s, done=lambda: self.runner.closed
+    def _turn(self, action: Action) -> AbstractContextManager[None]:
+        """Each action runs once: in this build, and among all builds that share the store."""
+        patience_s = action.step.limits.wall_s * ATTEMPTS + 30.0
+        return self.session.actions.turns.turn(
+            action.key, patience_s=patience_s, done=lambda: self.runner.closed
         )
 
-    def _run(self, node: Node, key: str, parts: Parts, changes: tuple[Change, ...]) -> Made:
-        """Run the step, with what the store loses meanwhile made again, and remember it."""
-        for _ in range(HEALING_ROUNDS):
-            try:
-                made = self.runner.run(node, parts)
-            except LostObjectError:
-                self.session.forget()
-                self._heal(node.label)
-                continue
-            finally:
-                self.session.sources.check(node)
-            self.session.learn(key, made)
-            self.session.journal.ran(node.label, parts, [c.to_json() for c in changes])
-            return made
-        raise _keeps_losing(node.label)
+    def _run(self, action: Action, changes: tuple[Change, ...]) -> Made:
+        """Run the step and remember what it made."""
+        try:
+            made = self.runner.run(action)
+        finally:
+            refs = self.graph.nodes[action.label].inputs.values()
+            self.session.world.check(ref.output for ref in refs if not ref.node)
+        if self._outputs.setdefault(action.key, made.outputs) != made.outputs:
+            raise StepError(
+                f"step `{action.label}` gave other bytes when it was run again",
+                hint="run the build again; a step must give the same bytes for the same inputs",
+            )
+        self.session.actions.learn(action.key, made)
+        self.session.journal.ran(action.label, action.parts, [c.to_json() for c in changes])
+        return made
 
     def _log(self, label: str) -> Path | None:
-        path = self.session.log_path(label)
+        path = self.session.journal.log_path(label)
         return path if path.is_file() else None
 
-    # -- lost objects
 
-    def _key(self, label: str) -> tuple[str, Parts]:
-        for _ in range(HEALING_ROUNDS):
-            found = self.resolver.key(label)
-            if found is not None:
-                return found
-            self._heal(label)
-        raise _keeps_losing(label)
-
-    def _heal(self, label: str) -> None:
-        """Make the nodes again whose outputs the store lost. StepError when they differ now."""
-        with self._healing:
-            for maker in self.graph.predecessors(label):
-                key = self._key(maker)[0]
-                if self.resolver.made(maker) is not None:
-                    continue
-                result = self._make_again(maker)
-                self.healed[maker] = result
-                if result.error is not None:
-                    raise result.error
-                if result.key != key:
-                    raise StepError(f"step `{maker}` changed while it was made again")
-            known = self.resolver.key(label)
-            inputs = known[1]["inputs"] if known else {}
-            refs = self.graph.nodes[label].inputs
-            if any(self.resolver.digest(refs[name]) != inputs[name] for name in inputs):
-                raise StepError(
-                    f"a step before `{label}` gave other bytes when it was run again",
-                    hint="run the build again; a step must give the same bytes for the same inputs",
-                )
-
-    def _make_again(self, label: str) -> NodeResult:
-        before = self._mine.__dict__.get("heals", False)
-        self._mine.heals = True
-        try:
-            return self.make(label)
-        finally:
-            self._mine.heals = before
-
-
-def _keeps_losing(label: str) -> StepError:
-    return StepError(f"the store keeps losing what step `{label}` reads")
-
-
-def _cached(label: str, key: str, made: Made) -> NodeResult:
+def _cached(action: Action, made: Made) -> NodeResult:
     return NodeResult(
-        label=label,
+        label=action.label,
         status="cached",
-        key=key,
+        key=action.key,
         outputs=dict(made.outputs),
         findings=made.findings,
         saved_seconds=made.seconds,

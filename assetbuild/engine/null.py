@@ -1,4 +1,4 @@
-"""The record of a finished build: did anything change since? Answered by `stat` alone.
+"""The record of a finished build: would its questions get the same answers? By `stat` alone.
 
 This is all that a build with nothing to do loads, so it uses the standard library sparingly:
 no json, re, typing, pathlib; hashlib only for files whose stamps prove nothing.
@@ -8,7 +8,7 @@ Whatever is odd about it counts as "something changed".
 """
 
 # pathlib and contextlib are not loaded here:
-# ruff: noqa: PTH100, PTH114, PTH116, PTH118, PTH119, PTH120, PTH123, SIM105
+# ruff: noqa: PTH100, PTH116, PTH118, PTH119, PTH120, PTH123, SIM105
 from __future__ import annotations
 
 import os
@@ -16,16 +16,31 @@ import stat
 import sys
 import time
 
-from assetbuild.engine.digest import RACY_NS, digest_file, replace_file
+from assetbuild.engine.digest import RACY_NS, digest_bytes, digest_file, replace_file
+from assetbuild.engine.questions import (
+    BYTES,
+    KIND,
+    LINK,
+    NAMES,
+    STAMP,
+    answer,
+    names_text,
+    signature_text,
+)
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
-FORMAT = "assetbuild null 1"
-ABSENT = "absent"
+    from assetbuild.engine.questions import Question
+
+FORMAT = "assetbuild null 2"
+MADE = "="
+"""Before the digest of a file that must be no link."""
+COUNT = "+"
+"""Begins the line of a folder of which the number of files is known."""
 UNPROVEN = "-"
-"""In place of a signature: the file was touched too recently, its content must be read."""
+"""In place of stamps: the file or folder was touched too recently, it must be read."""
 
 
 def record_file(store_root: str, *names: str) -> str:
@@ -43,8 +58,8 @@ def record_file(store_root: str, *names: str) -> str:
 def check(record: str, options: str) -> dict[str, object] | None:
     """`{"exit_code", "summary"}` of the recorded build if it would do nothing now, else None.
 
-    options: must equal those given to `write`. Files whose stamps changed are read; if none
-    has other bytes, the answer stands, and their new stamps are noted.
+    options: must equal those given to `write`. Files and folders whose stamps changed are read;
+    if all answers are as before, the answer stands, and the new stamps are noted.
     """
     try:
         with open(record, encoding="utf-8", errors="surrogateescape", newline="") as file:
@@ -52,9 +67,12 @@ def check(record: str, options: str) -> dict[str, object] | None:
         lines = _whole_lines(text)
         if lines is None or lines[:3] != [FORMAT, identity(), _escape(options)]:
             return None
-        noted = _check_lines(lines[4:])
-        if noted is None:
-            return None
+        noted = []
+        for line in lines[4:]:
+            fresh = _renewed(line)
+            if fresh is None:
+                return None
+            noted.append(fresh)
         exit_code, summary = lines[3].split("\t")
         if noted != lines[4:]:
             try:
@@ -70,41 +88,78 @@ def write(
     record: str,
     *,
     options: str,
-    files: Mapping[str, str],
+    asked: Mapping[Question, str],
+    made: Mapping[str, str] | None = None,
     folders: Iterable[str] = (),
-    absent: Iterable[str] = (),
     exit_code: int,
     summary: str,
     began_ns: int,
 ) -> bool:
-    """Record a finished build; False, and no record, when a file was edited meanwhile.
+    """Record a finished build; False, and no record, when the world changed meanwhile.
 
-    files: path -> SHA-256 of everything the build read (recipe, lock, includes, sources) and of
-    every file of the bundle, as the build saw or made it. folders: they hold the files named
-    here and nothing else. absent: paths whose appearance changes the build.
-    began_ns: `time.time_ns()` before the first of them was read; younger files are read again.
+    asked: every question that the build put to the world, with its answer. made: path -> SHA-256
+    of every file of the bundle. folders: they hold the files of `made` and nothing else.
+    began_ns: `time.time_ns()` before the first question; younger files are read again.
     OSError when the record cannot be written.
     """
-    lines = []
-    for path, digest in sorted(files.items()):
-        line = _line_of(os.path.abspath(path), digest, began_ns - RACY_NS)
+    body, changed = lines_of(asked, began_ns)
+    for path, digest in sorted((made or {}).items()):
+        line = _file_line(os.path.abspath(path), digest, MADE, began_ns - RACY_NS)
         if line is None:
             return False
-        lines.append(line)
-    lines += [
-        f"+\t{_escape(os.path.abspath(folder))}\t{_count_below(folder)}" for folder in folders
-    ]
-    for path in sorted(absent):
-        if os.path.lexists(path):
-            return False
-        lines.append(f"{ABSENT}\t{_escape(os.path.abspath(path))}\t{UNPROVEN}")
+        body.append(line)
+    if changed:
+        return False
+    for folder in folders:
+        body.append(f"{COUNT}\t{_escape(os.path.abspath(folder))}\t{_count_below(folder)}")
     head = [FORMAT, identity(), _escape(options), f"{exit_code}\t{_escape(summary)}"]
-    _save(record, head + lines)
+    _save(record, head + body)
     return True
 
 
+def lines_of(asked: Mapping[Question, str], began_ns: int) -> tuple[list[str], list[str]]:
+    """A line for each question, and the subjects whose answer is another one now.
+
+    A file that was asked for its bytes needs no line that says it is a file, or no link.
+    """
+    lines, changed = [], []
+    for question, said in asked.items():
+        kind, subject, pattern = question
+        line: str | None
+        if kind == BYTES:
+            mark = MADE if asked.get((LINK, subject, "")) == "" else ""
+            line = _file_line(subject, said, mark, began_ns - RACY_NS)
+        elif kind == NAMES:
+            line = _names_line(
+                subject, pattern, digest_bytes(said.encode("utf-8", "surrogateescape"))
+            )
+        elif (
+            said == ("file" if kind == KIND else "")
+            and kind in (KIND, LINK)
+            and ((BYTES, subject, "") in asked)
+        ):
+            continue
+        else:
+            same = answer(question) == said
+            line = f"{kind}\t{_escape(subject)}\t{_escape(said)}" if same else None
+        if line is None:
+            changed.append(subject)
+        else:
+            lines.append(line)
+    return lines, changed
+
+
+def renewed(lines: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The same lines with stamps brought up to date, and the subjects that answer otherwise."""
+    fresh = [_renewed(line) for line in lines]
+    changed = [
+        _unescape(old.split("\t")[1]) for old, new in zip(lines, fresh, strict=True) if new is None
+    ]
+    return [new or old for old, new in zip(lines, fresh, strict=True)], changed
+
+
 def identity() -> str:
-    """This installation: Python, our own files, and what is installed beside them.
+    """This installation: Python, our own files, where it imports from, what is installed there.
 
     Installing or removing a distribution changes the stamp of its site-packages folder; an
     edit of our own files (an editable installation) changes the sum of their stamps.
@@ -125,7 +180,10 @@ def identity() -> str:
                     stamps += found.st_mtime_ns + found.st_ctime_ns
                     sizes += found.st_size
     parts = [assetbuild.__version__, sys.version.split()[0], sys.prefix, sys.platform]
-    parts += [str(count), str(stamps), str(sizes)]
+    import zlib
+
+    path = zlib.crc32("\0".join(sys.path).encode("utf-8", "surrogatepass"))
+    parts += [str(count), str(stamps), str(sizes), f"{path:08x}"]
     for folder in sorted({p for p in sys.path if p.endswith("-packages")}):
         try:
             found = os.stat(folder)
@@ -153,49 +211,60 @@ def _save(record: str, lines: list[str]) -> None:
     replace_file(record, text.encode("utf-8", "surrogateescape"))
 
 
-def _check_lines(lines: list[str]) -> list[str] | None:
-    """The same lines, stamps brought up to date, or None when something changed."""
-    noted = []
-    for line in lines:
-        kind, name, rest = line.split("\t", 2)
-        path = _unescape(name) if "\\" in name else name
-        if kind == "+":
-            if str(_count_below(path)) != rest:
-                return None
-        elif kind == ABSENT:
-            if os.path.lexists(path):
-                return None
-        elif _signature_text(os.lstat(path)) != rest:
-            fresh = _line_of(path, kind)
-            if fresh is None:
-                return None
-            noted.append(fresh)
-            continue
-        noted.append(line)
-    return noted
+def _renewed(line: str) -> str | None:
+    """The same line, its stamps brought up to date; None when the answer is another one now."""
+    kind, name, rest = line.split("\t", 2)
+    path = _unescape(name) if "\\" in name else name
+    if len(kind) >= 64:
+        try:
+            found = os.lstat(path) if kind[0] == MADE else os.stat(path)
+        except OSError:
+            return None
+        return line if signature_text(found) == rest else _file_line(path, kind[-64:], kind[:-64])
+    if kind == NAMES:
+        stamp, pattern, digest = rest.split("\t")
+        same = stamp != UNPROVEN and _folder_stamp(path) == stamp
+        return line if same else _names_line(path, _unescape(pattern), digest)
+    if kind == COUNT:
+        return line if str(_count_below(path)) == rest else None
+    return line if answer((kind, path, "")) == _unescape(rest) else None
 
 
-def _line_of(path: str, digest: str, trusted_before_ns: int | None = None) -> str | None:
+def _file_line(
+    path: str, digest: str, mark: str, trusted_before_ns: int | None = None
+) -> str | None:
     """The line of one file, or None when its bytes are not those of the digest.
 
+    mark: MADE, or "" for a file that may be a link: the stamps are those of what it leads to.
     trusted_before_ns: a file not touched since then needs no reading.
     """
     try:
-        found = os.stat(path)
+        found = os.lstat(path) if mark == MADE else os.stat(path)
         now = time.time_ns()
         touched = max(found.st_mtime_ns, found.st_ctime_ns)
         trusted = trusted_before_ns is not None and touched < trusted_before_ns
         if not stat.S_ISREG(found.st_mode) or (not trusted and digest_file(path) != digest):
             return None
-        # A link proves nothing by its own stamps: what it points to is read every time.
-        proven = touched < now - RACY_NS and not os.path.islink(path)
-        return f"{digest}\t{_escape(path)}\t{_signature_text(found) if proven else UNPROVEN}"
-    except OSError:
+        proven = touched < now - RACY_NS
+        return f"{mark}{digest}\t{_escape(path)}\t{signature_text(found) if proven else UNPROVEN}"
+    except (OSError, ValueError):
         return None
 
 
-def _signature_text(found: os.stat_result) -> str:
-    return f"{found.st_mtime_ns} {found.st_ctime_ns} {found.st_size} {found.st_ino} {found.st_dev}"
+def _names_line(folder: str, pattern: str, digest: str) -> str | None:
+    """The line of a folder's names, or None when they are others now. digest: of their text."""
+    now = time.time_ns()
+    stamp = _folder_stamp(folder)
+    if digest_bytes(names_text(folder, pattern).encode("utf-8", "surrogateescape")) != digest:
+        return None
+    touched = max(map(int, stamp.split()[:2])) if stamp else now
+    proven = stamp if touched < now - RACY_NS else UNPROVEN
+    return f"{NAMES}\t{_escape(folder)}\t{proven}\t{_escape(pattern)}\t{digest}"
+
+
+def _folder_stamp(folder: str) -> str:
+    """A new, removed or renamed entry gives a folder new stamps. "" = it is not there."""
+    return answer((STAMP, folder, ""))
 
 
 def _count_below(folder: str) -> int:

@@ -1,29 +1,49 @@
-"""Planning: nodes are collected, and questions answered from what the store knows already."""
+"""Planning and executing by turns, until the plan has all its answers."""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Generic, TypeVar
 
-from assetbuild.engine.graph import Graph, GraphError, Node, Ref, check_inputs, checked_graph
+from assetbuild.engine.execute import Listener, execute, first_error
+from assetbuild.engine.graph import (
+    Graph,
+    GraphError,
+    Node,
+    Ref,
+    check_inputs,
+    checked_graph,
+    joined,
+)
+from assetbuild.engine.make import NodeResult
+from assetbuild.engine.processes import Processes
 from assetbuild.engine.resolver import Resolver
+from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step
 from assetbuild.engine.store import LostObjectError
+from assetbuild.engine.world import Record
+from assetbuild.errors import AssetBuildError
+
+T = TypeVar("T")
 
 
 class Planner:
     """Collects nodes; answers what the store knows already.
 
+    world: what the plan asks about files, folders and this machine goes through it.
     questions: references that `ask` could not answer yet: build, then plan again.
     """
 
     def __init__(self, session: Session) -> None:
         self.session = session
+        self.world = session.world.part()
         self.questions: list[Ref] = []
         self._nodes: dict[str, Node] = {}
-        self._sources: dict[Ref, None] = {}
         self._resolver = Resolver(self._nodes, session)
         self._scope = ""
 
@@ -35,16 +55,8 @@ class Planner:
 
     def source(self, path: Path) -> Ref:
         """A file outside the store. SourceError when it cannot be read."""
-        self.session.sources.digest(path)
-        return self._remember(Ref("", str(path.absolute())))
-
-    def source_tree(self, folder: Path, members: Iterable[str]) -> Ref:
-        """Named files below a folder outside the store, as one folder. SourceError."""
-        return self._remember(Ref("", self.session.source_tree(folder, members)))
-
-    def _remember(self, ref: Ref) -> Ref:
-        self._sources[ref] = None
-        return ref
+        self.world.digest(path)
+        return Ref("", str(path.absolute()))
 
     def add(self, label: str, step: Step, inputs: Mapping[str, Ref] | None = None) -> Node:
         """A node that reads the given references under the given names. GraphError.
@@ -77,7 +89,7 @@ class Planner:
 
     def graph(self) -> Graph:
         """The checked graph of what was added so far."""
-        return checked_graph(self._nodes.values(), self._sources)
+        return checked_graph(self._nodes.values())
 
 
 def _holds_set(value: object) -> bool:
@@ -86,3 +98,120 @@ def _holds_set(value: object) -> bool:
     if isinstance(value, list | tuple):
         return any(map(_holds_set, value))
     return isinstance(value, set | frozenset)
+
+
+@dataclass(frozen=True)
+class Settled(Generic[T]):
+    """The last plan, and what became of its steps; of a failed round what there was.
+
+    whole: the plan has all its answers. asked: what it asked of the world, with the answers.
+    """
+
+    outline: T
+    graph: Graph
+    whole: bool
+    asked: Record
+    results: dict[str, NodeResult] = field(default_factory=dict)
+
+    @property
+    def errors(self) -> tuple[AssetBuildError, ...]:
+        """Errors of the steps that failed, in the order of the graph."""
+        return tuple(result.error for result in self.results.values() if result.error)
+
+
+def planned(add: Callable[[Planner], T], session: Session) -> Settled[T]:
+    """The plan as far as it is known without running anything.
+
+    add: puts the steps into a planner, as far as the answers reach.
+    """
+    planner = Planner(session)
+    outline = add(planner)
+    return Settled(outline, planner.graph(), not planner.questions, planner.world.record)
+
+
+def settle(
+    add: Callable[[Planner], T],
+    session: Session,
+    runner: Runner | None = None,
+    *,
+    jobs: int | None = None,
+    on_event: Listener | None = None,
+    may_run: Callable[[Node], bool] | None = None,
+) -> Settled[T]:
+    """`settle_all` of one plan."""
+    return settle_all({"": add}, session, runner, jobs=jobs, on_event=on_event, may_run=may_run)[""]
+
+
+def settle_all(
+    plans: Mapping[str, Callable[[Planner], T]],
+    session: Session,
+    runner: Runner | None = None,
+    *,
+    jobs: int | None = None,
+    keep_going: bool = False,
+    on_event: Listener | None = None,
+    may_run: Callable[[Node], bool] | None = None,
+) -> dict[str, Settled[T]]:
+    """Rounds until the plans have all answers, or a step failed; several plans are one graph.
+
+    plans: by the names that `joined` gives to their graphs; a single one keeps its labels.
+    may_run: of the steps that the store does not know yet; None = all of them. Otherwise it ends
+    as well when they answer nothing more.
+    """
+    results: dict[str, NodeResult] = {}
+    with nullcontext(runner) if runner else Processes(session) as place:
+        while True:
+            done = {name: planned(add, session) for name, add in plans.items()}
+            graph = joined({name: each.graph for name, each in done.items()})
+            now = execute(
+                _part(graph, session, may_run) if may_run else graph,
+                session,
+                place,
+                jobs=jobs,
+                keep_going=keep_going,
+                on_event=on_event,
+            )
+            is_stuck = may_run is not None and now.keys() <= results.keys()
+            results = _with_earlier(now, results)
+            is_whole = all(each.whole for each in done.values())
+            if is_whole or is_stuck or first_error(results):
+                break
+    return {
+        name: replace(each, results=_own(results, name, len(plans))) for name, each in done.items()
+    }
+
+
+def _with_earlier(
+    now: Mapping[str, NodeResult], earlier: Mapping[str, NodeResult]
+) -> dict[str, NodeResult]:
+    """What ran in an earlier round is found in the store in this one; it still has run."""
+    return {
+        label: earlier[label]
+        if result.status == "cached" and label in earlier and earlier[label].status == "ran"
+        else result
+        for label, result in now.items()
+    }
+
+
+def _own(results: dict[str, NodeResult], name: str, plans: int) -> dict[str, NodeResult]:
+    """The results of one plan, under the labels of its own graph."""
+    if plans == 1:
+        return results
+    prefix = f"{name}:"
+    return {k.removeprefix(prefix): r for k, r in results.items() if k.startswith(prefix)}
+
+
+def nothing(_: Node) -> bool:
+    """No step may run: what the store and the shared cache know is all."""
+    return False
+
+
+def _part(graph: Graph, session: Session, may_run: Callable[[Node], bool]) -> Graph:
+    resolver = Resolver(graph.nodes, session)
+    kept: dict[str, Node] = {}
+    for label, node in graph.nodes.items():  # each after the nodes it reads
+        if all(maker in kept for maker in graph.predecessors(label)) and (
+            may_run(node) or resolver.made(label) is not None
+        ):
+            kept[label] = node
+    return Graph(kept)

@@ -1,4 +1,4 @@
-"""Steps that run on this machine: in this process, or in a child when they are isolated."""
+"""Steps that run on this machine, each in a process of its own."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from assetbuild.engine.actions import Action, Made
 from assetbuild.engine.children import Children, Ended, last_line, step_environment
-from assetbuild.engine.graph import Node
-from assetbuild.engine.keys import Parts
-from assetbuild.engine.made import Made
+from assetbuild.engine.runner import ATTEMPTS, Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.staging import check_present, check_untouched, collect, stage
 from assetbuild.engine.step import Files
@@ -26,27 +25,14 @@ from assetbuild.engine.worker import NO_SPACE
 from assetbuild.errors import StepError
 from assetbuild.findings import finding_from_json
 
-ATTEMPTS = 2
-"""How often a step is run whose process is killed by something else than our limits."""
 
-
-class Processes:
-    """Runs steps here; a context manager that ends its child processes.
-
-    sandbox: steps may read what they declare, and nothing else. `run` may be called from many
-    threads.
-    """
+class Processes(Runner):
+    """Runs actions here. sandbox: steps may read what they declare, and nothing else."""
 
     def __init__(self, session: Session, *, sandbox: bool = False) -> None:
         self.sandbox = sandbox
         self._session = session
         self._children = Children(session.store.scratch())
-
-    def __enter__(self) -> Processes:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Kill all that runs; nothing is started any more."""
@@ -72,28 +58,25 @@ class Processes:
             free_mb.append((int(limit) - int(used)) >> 20)
         return max(1, min(free_mb))
 
-    def run(self, node: Node, parts: Parts) -> Made:
-        """Run a step with these key parts; its outputs are in the store. AssetBuildError.
-
-        LostObjectError when the store lost one of its inputs.
-        """
+    def run(self, action: Action) -> Made:
+        """Run a step on this machine, as `Runner.run` says."""
         try:
-            with machine_errors(self._session.store.root.parent), self._folder(node) as folder:
-                return self._run(node, parts, folder)
+            with machine_errors(self._session.store.root.parent), self._folder(action) as folder:
+                return self._run(action, folder)
         except StepError as error:
-            log = self._session.log_path(node.label)
+            log = self._session.journal.log_path(action.label)
             if not error.hint and log.is_file():
                 error.hint = f"its log: {log}"
             raise
 
     @contextmanager
-    def _folder(self, node: Node) -> Iterator[Path]:
+    def _folder(self, action: Action) -> Iterator[Path]:
         """A private folder; the log in it stays, in place of that of the step's last run."""
         folder = self._session.store.scratch()
         try:
             yield folder
         finally:
-            log, place = folder / "log", self._session.log_path(node.label)
+            log, place = folder / "log", self._session.journal.log_path(action.label)
             with suppress(OSError):
                 if log.is_file() and log.stat().st_size:
                     place.parent.mkdir(exist_ok=True)
@@ -102,51 +85,52 @@ class Processes:
                     place.unlink(missing_ok=True)
             shutil.rmtree(folder, ignore_errors=True)
 
-    def _run(self, node: Node, parts: Parts, folder: Path) -> Made:
-        staged = stage(self._session, parts["inputs"], folder / "inputs")
+    def _run(self, action: Action, folder: Path) -> Made:
+        staged = stage(self._session, action.inputs, folder / "inputs")
         (folder / "outputs").mkdir()
         began = time.monotonic()
-        if node.step.isolated or self._is_confined(node):
-            result, used = self._in_child(node, folder)
+        if not action.step.in_parent or self._is_confined(action):
+            result, used = self._in_child(action, folder)
         else:
             files = Files(inputs=folder / "inputs", outputs=folder / "outputs")
-            result, trace = perform(node.step, files, node.label)
+            result, trace = perform(action.step, files, action.label)
             used = Ended(status=0, wall_s=round(time.monotonic() - began, 4))
             if trace:
                 (folder / "log").write_text(trace, encoding="utf-8", errors="backslashreplace")
-        check_untouched(self._session, staged, node.label)
+        check_untouched(self._session, staged, action.label)
+        self._session.code.check(type(action.step))
         if "error" in result:
             check_present(staged)
             raise error_from_json(result["error"])
         return Made(
-            outputs=collect(self._session.store, node, folder / "outputs"),
+            outputs=collect(self._session.store, action, folder / "outputs"),
             findings=tuple(map(finding_from_json, result["findings"])),
             seconds=used.wall_s,
             cpu_seconds=used.cpu_s,
-            child=node.step.isolated,
+            child=not action.step.in_parent,
             attempts=used.attempts,
         )
 
-    def _in_child(self, node: Node, folder: Path) -> tuple[dict[str, Any], Ended]:  # Any: JSON
+    def _in_child(self, action: Action, folder: Path) -> tuple[dict[str, Any], Ended]:  # Any: JSON
         home, log = folder / "home", folder / "log"
         home.mkdir()
         job = {
-            "label": node.label,
-            "step": step_to_json(node.step),
+            "label": action.label,
+            "step": step_to_json(action.step),
             "inputs": str(folder / "inputs"),
             "outputs": str(folder / "outputs"),
             "result": str(folder / "result.json"),
             "log": str(log),
             "home": str(home),
-            "environ": step_environment(node.step, home),
-            "limits": asdict(node.step.limits),
-            "sandbox": str(folder) if self._is_confined(node) else "",
+            "environ": step_environment(action.step, home),
+            "limits": asdict(action.step.limits),
+            "sandbox": str(folder) if self._is_confined(action) else "",
         }
         path = folder / "job.json"
         path.write_text(json.dumps(job), encoding="utf-8")
         for attempt in range(1, ATTEMPTS + 1):
-            ended = self._children.run(node.step, path)
-            _check_refused(node, folder)
+            ended = self._children.run(action.step, path)
+            _check_refused(action, folder)
             if ended.status == 0 and not ended.over:
                 with suppress(OSError, ValueError):
                     result = json.loads((folder / "result.json").read_bytes())
@@ -156,11 +140,11 @@ class Processes:
             for private in ("outputs", "home"):
                 shutil.rmtree(folder / private)
                 (folder / private).mkdir()
-        raise StepError(how_it_ended(node, ended, log))
+        raise StepError(how_it_ended(action, ended, log))
 
-    def _is_confined(self, node: Node) -> bool:
+    def _is_confined(self, action: Action) -> bool:
         """A step that may use the network runs programs and reads settings of the user's."""
-        return self.sandbox and not node.step.network
+        return self.sandbox and not action.step.network
 
 
 def usable_cores() -> int:
@@ -177,13 +161,13 @@ def _available_mb() -> int:
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") >> 20
 
 
-def _check_refused(node: Node, folder: Path) -> None:
+def _check_refused(action: Action, folder: Path) -> None:
     """Whatever became of a step that reads what it does not declare: that is its error."""
     with suppress(FileNotFoundError):
         refused = json.loads((folder / REFUSED).read_bytes())
         more = f", and {len(refused) - 1} more files" if len(refused) > 1 else ""
         raise StepError(
-            f"step `{node.label}` reads `{refused[0]}`, which is not among its inputs{more}",
+            f"step `{action.label}` reads `{refused[0]}`, which is not among its inputs{more}",
             hint="a step reads its inputs only: this is a fault of the step",
         )
 
@@ -201,14 +185,14 @@ def _tells_of_memory(text: str) -> bool:
     return any(word in text for word in ("bad_alloc", "MemoryError", "annot allocate memory"))
 
 
-def how_it_ended(node: Node, ended: Ended, log: Path) -> str:
+def how_it_ended(action: Action, ended: Ended, log: Path) -> str:
     """The sentence for a child process that did not end well."""
-    name, limits = f"step `{node.label}`", node.step.limits
+    name, limits = f"step `{action.label}`", action.step.limits
     if ended.over == "wall":
         return f"{name} ran over its time limit of {limits.wall_s:g} s and was stopped"
     if ended.over == "worker" or ended.status is None:
         last = f"; last line: {ended.log}" if ended.log else ""
-        loads = f" while it loads {', '.join(node.step.preload)}" if node.step.preload else ""
+        loads = f" while it loads {', '.join(action.step.preload)}" if action.step.preload else ""
         return f"the process that runs {name} died{loads}{last or '; ' + ended.over}"
     if os.WIFSIGNALED(ended.status):
         number = os.WTERMSIG(ended.status)

@@ -10,7 +10,7 @@ from pathlib import Path
 from assetbuild.engine.execute import Event, execute
 from assetbuild.engine.graph import Graph, Node
 from assetbuild.engine.make import Maker, NodeResult
-from assetbuild.engine.processes import Processes
+from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 from assetbuild.errors import AssetBuildError
@@ -43,23 +43,26 @@ class Difference:
 class _Again(Maker):
     """Runs every step, whatever the store knows, and remembers nothing."""
 
-    def make(self, label: str, started: Callable[[str], None] = lambda _: None) -> NodeResult:
-        node = self.graph.nodes[label]
-        key, parts = self._key(label)
+    def make(
+        self, label: str, started: Callable[[str], None] = lambda _: None
+    ) -> NodeResult | None:
+        action = self.resolver.action(label)
+        if action is None:
+            return None
         started(label)
         try:
-            return self.ran(label, key, self.runner.run(node, parts))
+            return self.ran(action, self.runner.run(action))
         except AssetBuildError as error:
-            return NodeResult(label=label, status="failed", key=key, error=error)
+            return NodeResult(label=label, status="failed", key=action.key, error=error)
 
 
 def run_again(
     graph: Graph,
     session: Session,
     results: Mapping[str, NodeResult],
+    runner: Runner,
     keep: Path,
     *,
-    runner: Processes | None = None,
     jobs: int | None = None,
     on_event: Callable[[Event], None] | None = None,
 ) -> tuple[Difference, ...]:
@@ -82,7 +85,7 @@ def run_again(
         jobs=jobs,
         keep_going=True,
         on_event=on_event,
-        maker=lambda place: _Again(graph, session, place),
+        maker=_Again(graph, session, runner),
     )
     found = []
     for label, result in again.items():

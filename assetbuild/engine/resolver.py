@@ -1,28 +1,29 @@
-"""Keys and digests of the nodes of a graph, as far as the store can tell them."""
+"""Actions and digests of the nodes of a graph, as far as the store can tell them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
+from assetbuild.engine.actions import Action, Made
 from assetbuild.engine.graph import Node, Ref
-from assetbuild.engine.keys import Parts, key_of, key_parts
-from assetbuild.engine.made import Made
+from assetbuild.engine.keys import key_parts
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import LostObjectError
 from assetbuild.errors import StepError, did_you_mean
 
 
 class Resolver:
-    """Keys and digests of nodes, as far as they are known. The nodes may grow meanwhile."""
+    """Actions and digests of nodes, as far as they are known. The nodes may grow meanwhile."""
 
     def __init__(self, nodes: Mapping[str, Node], session: Session) -> None:
         self._nodes = nodes
         self._session = session
-        self._keys: dict[str, tuple[str, Parts]] = {}
+        self._actions: dict[str, Action] = {}
 
-    def key(self, label: str) -> tuple[str, Parts] | None:
-        """Key of a node and its parts; None while an input is not known. StepError."""
-        if label not in self._keys:
+    def action(self, label: str) -> Action | None:
+        """The node on its inputs; None while one of them is not known. StepError."""
+        if label not in self._actions:
             node = self._nodes[label]
             inputs: dict[str, str] = {}
             for name, ref in node.inputs.items():
@@ -30,14 +31,14 @@ class Resolver:
                 if digest is None:
                     return None
                 inputs[name] = digest
-            parts = key_parts(node.step, inputs)
-            self._keys[label] = (key_of(parts), parts)
-        return self._keys[label]
+            parts = key_parts(node.step, inputs, self._session.code)
+            self._actions[label] = Action.of(label, node.step, parts)
+        return self._actions[label]
 
     def made(self, label: str) -> Made | None:
         """What the node made, if it was built with its present key. StepError."""
-        key = self.key(label)
-        made = None if key is None else self._session.known(key[0])
+        action = self.action(label)
+        made = None if action is None else self._session.actions.known(action.key)
         if made is not None and set(made.outputs) != set(self._nodes[label].step.outputs):
             return None  # a foreign action entry
         return made
@@ -45,7 +46,7 @@ class Resolver:
     def digest(self, ref: Ref) -> str | None:
         """Digest of a reference; None while it is not built. StepError on an unknown member."""
         if not ref.node:
-            whole = self._session.sources.digest_of(ref.output)
+            whole = self._session.world.digest(Path(ref.output))
         else:
             made = self.made(ref.node)
             if made is None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from assetbuild.engine.actions import Action
 from assetbuild.engine.digest import Signature, signature_of
-from assetbuild.engine.graph import Node
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import LostObjectError, Store, files_below
 from assetbuild.errors import StepError
@@ -66,21 +66,21 @@ def check_present(staged: Staged) -> None:
             raise LostObjectError(digest, f"input `{name}` went away while its step ran")
 
 
-def collect(store: Store, node: Node, folder: Path) -> dict[str, str]:
+def collect(store: Store, action: Action, folder: Path) -> dict[str, str]:
     """Take the declared outputs into the store: name -> digest.
 
     StepError names what was declared and not written, or written and not declared.
     """
-    declared = node.step.outputs
+    declared = action.step.outputs
     try:
         written = [path.relative_to(folder).as_posix() for path in files_below(folder)]
     except ValueError as error:
-        raise StepError(f"step `{node.label}`: output {error}") from None
+        raise StepError(f"step `{action.label}`: output {error}") from None
     trees = tuple(name for name in declared if name.endswith("/"))
     extra = [name for name in written if name not in declared and not name.startswith(trees)]
     if extra:
         raise StepError(
-            f"step `{node.label}` wrote what it does not declare: {_names(extra)}",
+            f"step `{action.label}` wrote what it does not declare: {_names(extra)}",
             hint=f"its `outputs` are {_names(declared) or 'empty'}",
         )
     absent = [
@@ -89,10 +89,10 @@ def collect(store: Store, node: Node, folder: Path) -> dict[str, str]:
         if not ((folder / name).is_dir() if name.endswith("/") else name in written)
     ]
     if absent:
-        raise StepError(f"step `{node.label}` did not write its output {_names(absent)}")
+        raise StepError(f"step `{action.label}` did not write its output {_names(absent)}")
     for name in written:
         if not _is_text(name):
-            raise StepError(f"step `{node.label}` wrote a file whose name is not UTF-8: {name!a}")
+            raise StepError(f"step `{action.label}` wrote a file whose name is not UTF-8: {name!a}")
     return {
         name: store.put_tree(folder / name)
         if name.endswith("/")

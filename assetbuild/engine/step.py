@@ -35,6 +35,11 @@ class Limits:
     cpus: int = 1
 
 
+def is_plain_path(name: str) -> bool:
+    """A relative path of ordinary parts: no `..`, no leading slash, no empty part."""
+    return "\0" not in name and not {"", ".", ".."} & set(name.split("/"))
+
+
 class Step(BaseModel):
     """Base of all steps. The fields of a subclass are its parameters and part of its key.
 
@@ -44,14 +49,21 @@ class Step(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    version: ClassVar[str] = "1"
-    """Raised when the same inputs give other bytes; part of the key."""
+    version: ClassVar[str] = ""
+    """Plug-ins for assetbuild 0.1 state it. It decides nothing: the key holds their code."""
     tools: ClassVar[tuple[str, ...]] = ()
-    """Distributions whose version decides the output (`trimesh`); part of the key."""
+    """As above: libraries, which the key now finds by the imports; those named here count too."""
     outputs: ClassVar[tuple[str, ...]] = ()
     """Files to write; one that ends in a slash is a folder whose content the data decide."""
     isolated: ClassVar[bool] = False
-    """Run in a child process: native or heavy code, or hostile input."""
+    """Native or heavy code, or hostile input: the memory that it declares is reserved for it, and
+    it may run on another machine."""
+    in_parent: ClassVar[bool] = False
+    """Run in the process that builds, which keeps the user's environment, and not in a child: only
+    steps that compute nothing, or whose work is done by a process of their own."""
+    cpu_bound: ClassVar[bool] = False
+    """Its bytes depend on the CPU in a way that `engine/cpu.py` cannot pin: the model is part of
+    the key."""
     preload: ClassVar[tuple[str, ...]] = ()
     """Modules that the child imports once for many steps (`trimesh`).
 

@@ -22,10 +22,10 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
-from assetbuild.engine.claims import Turns, claim_new_folder, remove_abandoned
+from assetbuild.engine.claims import claim_new_folder, release, remove_abandoned
 from assetbuild.engine.digest import (
     CHUNK,
     Signature,
@@ -36,11 +36,14 @@ from assetbuild.engine.digest import (
     replace_file,
     signature_of,
 )
+from assetbuild.engine.step import is_plain_path
 from assetbuild.errors import MachineError
 
 LAYOUT = "v1"
+STORE_OPTION, OUT_OPTION = "ASSETBUILD_CACHE", "`-o`"
+"""How a user chooses another folder for the store, and for what a command writes."""
 BEGAN = "began"
-"""A file in the private folder of a build: its stamp says when the build began."""
+"""Files in the private folder of a process: their stamps say when what it builds now began."""
 ACTION_FORMAT = 1
 Listing = dict[str, tuple[str, int]]
 """A tree: relative path -> (digest, size in bytes)."""
@@ -66,20 +69,17 @@ class Store:
         self.notice = notice
         self.is_temporary = bool(notice)
         self.root = Path(os.path.abspath(root)) / LAYOUT  # noqa: PTH100 - keeps symlinks
-        self.turns = Turns(self.root / "turns")
         self._verified: dict[str, Signature] = {}
         with machine_errors(self.root.parent):
-            for name in ("cas", "ac", "quarantine", "tmp", "journal", "logs"):
+            for name in ("cas", "ac", "quarantine", "tmp", "turns", "journal", "logs"):
                 (self.root / name).mkdir(parents=True, exist_ok=True)
-            self._tmp, self._claim = claim_new_folder(self.root / "tmp")
-            (self._tmp / BEGAN).touch()
+            self._tmp = claim_new_folder(self.root / "tmp")
+            self._began = self._tmp / BEGAN
+            self._began.touch()
 
     def close(self) -> None:
         """Remove this process's private folder, and those of builds that were killed."""
-        shutil.rmtree(self._tmp, ignore_errors=True)
-        if self._claim >= 0:
-            os.close(self._claim)
-            self._claim = -1
+        release(self._tmp)
         remove_abandoned((self.root / "tmp").iterdir())
         if self.is_temporary:
             shutil.rmtree(self.root.parent, ignore_errors=True)
@@ -90,6 +90,18 @@ class Store:
         with machine_errors(self.root.parent):
             folder.mkdir()
         return folder
+
+    @contextmanager
+    def busy(self) -> Iterator[None]:
+        """One of many builds of a process that lives long, and spares nothing between them."""
+        self._began.unlink(missing_ok=True)
+        mark = self._tmp / f"{BEGAN}-{secrets.token_hex(6)}"
+        with machine_errors(self.root.parent):
+            mark.touch()
+        try:
+            yield
+        finally:
+            mark.unlink(missing_ok=True)
 
     # -- objects in
 
@@ -208,22 +220,28 @@ class Store:
                 found |= dict(self.tree(digest).values())
         return found
 
-    def restore(self, digest: str, dest: Path) -> None:
+    def restore(self, digest: str, dest: Path, out: Path | None = None) -> None:
         """Copy an object to `dest`, verified on the way; `dest` is replaced at once.
 
-        Never a hard link: an edit in place would poison the store.
+        Never a hard link: an edit in place would poison the store. out: the folder that an error
+        names, of a `dest` that the user knows by another name; default: where `dest` lies.
         """
         beside = dest.with_name(f".{dest.name[:200]}.{secrets.token_hex(4)}.tmp")
+        place, option = out or dest.parent, OUT_OPTION
+        if dest.is_relative_to(self.root.parent):
+            place, option = self.root.parent, STORE_OPTION
         try:
-            with machine_errors(self.root.parent):
+            with machine_errors(place, option):
                 dest.parent.mkdir(parents=True, exist_ok=True)
                 try:
-                    source = self._object(digest).open("rb", buffering=0)
-                except FileNotFoundError:
+                    with self._object(digest).open("rb", buffering=0) as source:
+                        found = _copy(source, beside)
+                except OSError as error:
+                    if error.errno not in (errno.ENOENT, errno.ESTALE):
+                        raise
                     raise LostObjectError(digest, "it is not there") from None
-                with source:
-                    if _copy(source, beside) != digest:
-                        self._quarantine(digest)
+                if found != digest:
+                    self._quarantine(digest)
                 beside.replace(dest)
         finally:
             beside.unlink(missing_ok=True)
@@ -300,25 +318,25 @@ def open_store(root: Path) -> Store:
 
 
 @contextmanager
-def machine_errors(place: Path) -> Iterator[None]:
-    """Failed writes below `place` as MachineError."""
+def machine_errors(place: Path, option: str = STORE_OPTION) -> Iterator[None]:
+    """Failed writes below `place` as MachineError; `option` chooses another place."""
     try:
         yield
     except OSError as error:
-        raise machine_error(error, place) from error
+        raise machine_error(error, place, option) from error
 
 
-def machine_error(error: OSError, place: Path) -> MachineError:
-    """The sentence for a failed write below `place`."""
+def machine_error(error: OSError, place: Path, option: str = STORE_OPTION) -> MachineError:
+    """The sentence for a failed write below `place`; `option` chooses another place."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return MachineError(
             f"no space left on the disk that holds {place}",
-            hint="free some space, or choose another folder by ASSETBUILD_CACHE; nothing is lost",
+            hint=f"free some space, or choose another folder with {option}; nothing is lost",
         )
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return MachineError(
             f"no permission for `{error.filename or place}`",
-            hint="choose another store folder by ASSETBUILD_CACHE",
+            hint=f"choose another folder with {option}",
         )
     return MachineError(f"{error.strerror or error}: `{error.filename or place}`")
 
@@ -332,17 +350,6 @@ def files_below(folder: Path) -> list[Path]:
         if path.is_file():
             found.append(path)
     return sorted(found)
-
-
-def is_plain_path(name: str) -> bool:
-    """A relative path of ordinary parts: no `..`, no leading slash, no empty part."""
-    parts = name.split("/")
-    return (
-        bool(name)
-        and "\0" not in name
-        and PurePosixPath(name).parts == tuple(parts)
-        and (not {"..", "."} & set(parts))
-    )
 
 
 def _is_digest(text: str) -> bool:

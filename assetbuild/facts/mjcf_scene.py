@@ -59,7 +59,6 @@ class SceneReader(Reader):
     called: ClassVar[str] = "the scene"
     folder: ClassVar[str] = "mjcf"
     preload: ClassVar[tuple[str, ...]] = ("mujoco",)
-    tools: ClassVar[tuple[str, ...]] = ("mujoco",)
     precision: ClassVar[Precision] = Precision({**EXACT, "number": 1e-7, "vector": 1e-7})
     """MuJoCo keeps colours and lights as float32."""
     stem: ClassVar[str] = "scene"

@@ -88,7 +88,6 @@ class CollisionUse:
 class Assemble(Step):
     """Source shapes + meshes + pieces -> the final shapes, file paths swapped for digests."""
 
-    version = "6"
     outputs = ("shapes.json", "meshes/")
 
     visuals: tuple[VisualUse, ...]

@@ -67,8 +67,6 @@ INSIDE_OUT = Rule(
 class ConvertMesh(Step):
     """Reads `mesh`, and the files that it names as `companions/<number>`."""
 
-    version = "6"
-    tools = ("numpy", "pycollada", "trimesh", "pillow")
     outputs = ("parts/", "mesh.json")
     isolated = True
     all_told = True

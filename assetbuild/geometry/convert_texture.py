@@ -20,7 +20,6 @@ UNREADABLE = Rule(
 class ConvertTexture(Step):
     """Reads `picture`; writes `texture/texture.png`, or nothing when it is no picture."""
 
-    tools = ("pillow",)
     outputs = ("texture/",)
     isolated = True
     all_told = True

@@ -75,8 +75,6 @@ class DecimateMesh(Step):
     doubled until it does not. A mesh within the goal passes byte for byte.
     """
 
-    version = "2"
-    tools = ("numpy", "scipy", "fast-simplification")
     outputs = ("parts/", "mesh.json")
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")

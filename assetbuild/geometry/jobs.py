@@ -27,7 +27,6 @@ from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
 from assetbuild.robot.regions import Region, ToleranceRegion
 from assetbuild.robot.shapes import MeshFile, SourceShape, SourceShapes
-from assetbuild.source.get.from_folder import is_file
 
 BUILT_IN = ("keep", "none")
 """Methods that need no step of their own."""
@@ -205,8 +204,8 @@ def check_files(loaded: LoadedRecipe, rule: CollisionRule, key: tuple[str, ...])
         if path.suffix.lower().lstrip(".") not in get_args(Format):
             hint = f"known formats: {', '.join(get_args(Format))}"
             raise loaded.error(place, f"`{piece.file}` is no mesh by its name", hint)
-        if not is_file(path):
-            hint = did_you_mean(path.name, [near.name for near in path.parent.glob("*")])
+        if not loaded.world.is_file(path):
+            hint = did_you_mean(path.name, loaded.world.names(path.parent))
             hint = hint or "paths are relative to the recipe's folder"
             raise loaded.error(place, f"no file `{piece.file}`", hint)
 

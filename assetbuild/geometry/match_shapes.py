@@ -39,7 +39,6 @@ class MatchShapes(Step):
     A point of the mesh is signs * point of the earlier one + shift, per axis.
     """
 
-    tools = ("numpy", "scipy")
     outputs = ("matches.json",)
     isolated = True
     limits = Limits(wall_s=600.0, memory_mb=4096)

@@ -17,7 +17,6 @@ class MeshCompanions(Step):
     decoded: a search for names in the text.
     """
 
-    version = "2"
     outputs = ("companions.json",)
 
     format: Naming

@@ -17,7 +17,6 @@ class KeepPose(Step):
     Its bytes stay the same when only those change, so that no picture is made anew.
     """
 
-    version = "2"
     outputs = ("control.json",)
 
     def run(self, files: Files) -> Iterable[Finding]:

@@ -30,8 +30,6 @@ class Lighten(Step):
     too many, lose the texture with them.
     """
 
-    version = "2"
-    tools = ("numpy", "fast-simplification")
     outputs = ("shapes.json", "meshes/")
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")

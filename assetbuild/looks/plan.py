@@ -36,6 +36,6 @@ def looks(recipe: Recipe, robot: Mapping[str, Ref], p: Planner) -> dict[str, Nod
         target = load_plugin(Target, "mjcf")
         shown |= {"control.json": pose["control.json"]}
         model = p.add(PICTURE_MODEL, target.configure(recipe), shown)
-        step = Render(renderer=renderer())
+        step = Render(renderer=renderer(p.world))
         nodes["pictures"] = p.add("pictures", step, {"mjcf/": model["mjcf/"]})
     return nodes

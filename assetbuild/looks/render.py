@@ -67,10 +67,9 @@ class Render(Step):
     the renderer is part of the key, so a later driver makes them.
     """
 
-    version = "6"
-    tools = ("mujoco", "pillow")
     outputs = ("images/", "pictures.json")
     isolated = True
+    cpu_bound = True  # Mesa compiles its shaders for the CPU that it finds
     preload = ("mujoco",)
     limits: ClassVar[Limits] = Limits(wall_s=180.0)
 

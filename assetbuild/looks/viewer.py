@@ -24,6 +24,7 @@ from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import Geometry, Mesh, Shapes
 
+BEYOND_IMPORTS = ("trimesh",)
 SPAN_M = 0.03
 """Distances between visual and collision geometry are told up to this; beyond it, all is one."""
 LIBRARY = re.compile(r'/\*\*\s*\* @license.*?"__esModule",\{value:!0\}\)\}\)\);', re.DOTALL)
@@ -47,7 +48,6 @@ class Viewer(Step):
     outside it. m, quaternions wxyz.
     """
 
-    tools = ("numpy", "scipy", "trimesh")
     outputs = ("viewer.json", "three.js")
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")

@@ -13,12 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild.engine.execute import Listener
+from assetbuild.engine.planner import Settled, settle
 from assetbuild.engine.processes import Processes
-from assetbuild.engine.rounds import Settled, settle
 from assetbuild.engine.session import Session
+from assetbuild.engine.store import OUT_OPTION, machine_errors
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.pipeline.bench_plan import LEVELS, LevelOutline, Source, plan_level, with_level
-from assetbuild.pipeline.opening import open_session, pin
+from assetbuild.pipeline.opening import open_session, pin, remote_cache
+from assetbuild.pipeline.publish import check_folder
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.report.bundle import json_text
@@ -40,6 +42,8 @@ class BenchRequest:
     levels: Sequence[str] = ("recipe", *LEVELS)
     source: Source = "auto"
     jobs: int | None = None
+    remote: str = ""
+    cache_write: bool = False
 
 
 @dataclass(frozen=True)
@@ -73,9 +77,12 @@ class Bench:
 def bench(request: BenchRequest, on_event: Listener, say: Callable[[str], None]) -> Bench:
     """Build and measure every level; AssetBuildError when the recipe itself cannot be built."""
     loaded = load_recipe(request.recipe, request.variant)
+    out = request.out or Path("build") / f"{loaded.recipe.robot}-bench"
+    check_folder(out)
+    remote = remote_cache(request.remote, say, write=request.cache_write)
     lock = pin(loaded, frozen=False, say=say)
     rows: list[Level] = []
-    with open_session(loaded) as session, Processes(session) as runner:
+    with open_session(loaded, remote=remote) as session, Processes(session) as runner:
 
         def built(level: LoadedRecipe) -> Settled[LevelOutline]:
             add = functools.partial(plan_level, level, lock)
@@ -94,7 +101,6 @@ def bench(request: BenchRequest, on_event: Listener, say: Callable[[str], None])
                 if name == "recipe":
                     raise
                 rows.append(Level(name, error=str(error).splitlines()[0]))
-    out = request.out or Path("build") / f"{loaded.recipe.robot}-bench"
     return _written(loaded.recipe.robot, rows, out)
 
 
@@ -146,10 +152,11 @@ def _written(robot: str, rows: Sequence[Level], out: Path) -> Bench:
         if row.speed is not None and row.iou is not None
     }
     best = front(points)
-    out.mkdir(parents=True, exist_ok=True)
     data = {"robot": robot, "levels": [asdict(row) for row in rows], "pareto": sorted(best)}
-    (out / "bench.json").write_text(json_text(data), encoding="utf-8")
-    if points:
-        svg = pareto_svg(f"{robot}: collision quality against speed", points)
-        (out / "bench.svg").write_text(svg, encoding="utf-8")
+    with machine_errors(out, OUT_OPTION):
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "bench.json").write_text(json_text(data), encoding="utf-8")
+        if points:
+            svg = pareto_svg(f"{robot}: collision quality against speed", points)
+            (out / "bench.svg").write_text(svg, encoding="utf-8")
     return Bench(tuple(rows), best, out)

@@ -5,23 +5,25 @@ from __future__ import annotations
 import functools
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.make import NodeResult
+from assetbuild.engine.planner import Settled, settle_all
 from assetbuild.engine.processes import Processes
-from assetbuild.engine.publish import check_replaceable
 from assetbuild.engine.rebuild import Difference, run_again
-from assetbuild.engine.rounds import Settled, settle_all
+from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
-from assetbuild.engine.store import LostObjectError
-from assetbuild.errors import AssetBuildError, MachineError, UsageError
-from assetbuild.lock import Lock, lock_path
-from assetbuild.pipeline.bundling import bundle_files, files_read, publish_bundle
+from assetbuild.engine.store import OUT_OPTION, LostObjectError, machine_errors
+from assetbuild.engine.world import World
+from assetbuild.errors import AssetBuildError, Gather, MachineError, RecipeError, UsageError
+from assetbuild.lock import Lock
+from assetbuild.pipeline.bundling import bundle_files, publish_bundle
 from assetbuild.pipeline.judging import judged, located, where_of
 from assetbuild.pipeline.opening import open_session, pin, remote_cache
+from assetbuild.pipeline.publish import check_replaceable
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.pipeline.smoking import asking
 from assetbuild.plan import Outline, plan
@@ -61,10 +63,8 @@ class Outcome:
     """What came of a build.
 
     out: where the bundle lies, None when a step failed. edited: files of the user that were set
-    aside. errors: of the failed steps, in the order of the graph.
-    read: path -> sha256 of every file outside the store that decided the result; absent: paths
-    that would have, had they existed; began_ns: when the first was read. differences: what the
-    second run of `--rebuild-check` found.
+    aside. errors: of the failed steps, in the order of the graph. differences: what the second
+    run of `--rebuild-check` found. is_shared: all was sent that a shared cache lacked.
     """
 
     loaded: LoadedRecipe
@@ -75,10 +75,8 @@ class Outcome:
     report: Report | None = None
     edited: tuple[str, ...] = ()
     errors: tuple[AssetBuildError, ...] = ()
-    read: Mapping[str, str] = field(default_factory=dict)
-    absent: tuple[Path, ...] = ()
-    began_ns: int = 0
     differences: tuple[Difference, ...] = ()
+    is_shared: bool = True
 
 
 @dataclass(frozen=True)
@@ -97,16 +95,20 @@ def build(request: Request, on_event: Listener, say: Callable[[str], None]) -> O
 
 
 def build_all(
-    requests: Sequence[Request], on_event: Listener, say: Callable[[str], None]
+    requests: Sequence[Request],
+    on_event: Listener,
+    say: Callable[[str], None],
+    world: World | None = None,
 ) -> list[Outcome]:
     """Build several recipes as one graph; they differ in `recipe` and `out` only.
 
+    world: its record tells afterwards what all of them asked, also of a build that failed.
     Raises AssetBuildError for wrong input; failed steps are in the outcomes.
     """
-    started, began_ns = time.monotonic(), time.time_ns()
-    jobs = _jobs(requests, say)
+    started = time.monotonic()
     request = requests[0]
     remote = remote_cache(request.remote, say, write=request.cache_write)
+    jobs = _jobs(requests, world or World(), say)
     with (
         open_session(
             *(job.loaded for job in jobs), rehash=request.rehash, remote=remote
@@ -124,17 +126,23 @@ def build_all(
                 if attempt == 3:
                     raise
     for job, outcome in zip(jobs, outcomes, strict=True):
-        outcome.seconds, outcome.began_ns = time.monotonic() - started, began_ns
+        outcome.seconds = time.monotonic() - started
+        outcome.is_shared = remote is None or remote.is_complete
         if outcome.report is not None:
             _write_run_log(outcome, job.out)
     return outcomes
 
 
-def _jobs(requests: Sequence[Request], say: Callable[[str], None]) -> list[_Job]:
+def _jobs(requests: Sequence[Request], world: World, say: Callable[[str], None]) -> list[_Job]:
     """Read and pin every recipe before any is built."""
     jobs: list[_Job] = []
+    recipes: list[LoadedRecipe] = []
+    wrong = Gather(RecipeError)
     for request in requests:
-        loaded = load_recipe(request.recipe, request.variant)
+        with wrong:
+            recipes.append(load_recipe(request.recipe, request.variant, world.part()))
+    wrong.stop()
+    for request, loaded in zip(requests, recipes, strict=True):
         if request.smoke:
             loaded = asking(loaded, request.smoke)
         out = request.out or default_out(loaded)
@@ -149,7 +157,7 @@ def _jobs(requests: Sequence[Request], say: Callable[[str], None]) -> list[_Job]
 def _build(
     jobs: Sequence[_Job],
     session: Session,
-    runner: Processes,
+    runner: Runner,
     request: Request,
     on_event: Listener,
     say: Callable[[str], None],
@@ -172,8 +180,8 @@ def _build(
                 done.graph,
                 session,
                 done.results,
+                runner,
                 keep,
-                runner=runner,
                 jobs=request.jobs,
                 on_event=on_event,
             )
@@ -192,15 +200,13 @@ def _finish(job: _Job, done: Settled[Outline], session: Session, request: Reques
         for label, result in results.items()
         if result.error is not None
     )
-    outcome.read = files_read(loaded, done.graph, session)
-    outcome.absent = (*outline.absent, *((lock_path(loaded.path),) if lock is None else ()))
     if any(result.outputs is None for result in results.values()):
         outcome.exit_code = max((error.exit_code for error in outcome.errors), default=1)
         return outcome
     report = judged(loaded, outline, results, session)
     outcome.exit_code = 1 if fails(report, request.fail_on) else 0
     outcome.out = out.with_name(f"{out.name}.failed") if outcome.exit_code else out
-    files = bundle_files(loaded, lock, outline, report, session, results, done.graph)
+    files = bundle_files(loaded, lock, done, report, session)
     outcome.edited = publish_bundle(files, outcome.out, session)
     outcome.report = report
     return outcome
@@ -212,7 +218,7 @@ def default_out(loaded: LoadedRecipe) -> Path:
     return Path("build") / f"{loaded.recipe.robot}{suffix}"
 
 
-def _runner(request: Request, session: Session, remote: Remote | None) -> Processes:
+def _runner(request: Request, session: Session, remote: Remote | None) -> Runner:
     """Where the steps run. UsageError; MachineError when this machine or the cluster cannot."""
     sandbox = request.sandbox != "off"
     if sandbox:
@@ -250,4 +256,5 @@ def _write_run_log(outcome: Outcome, out: Path) -> None:
         "edited": list(outcome.edited),
         "steps": steps,
     }
-    out.with_name(f"{out.name}.run.json").write_text(json_text(log), encoding="utf-8")
+    with machine_errors(out.parent, OUT_OPTION):
+        out.with_name(f"{out.name}.run.json").write_text(json_text(log), encoding="utf-8")

@@ -14,9 +14,16 @@ from typing import Any
 from assetbuild import __version__
 from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.graph import Graph, Ref
-from assetbuild.engine.keys import tool_version
 from assetbuild.engine.make import NodeResult
-from assetbuild.engine.publish import (
+from assetbuild.engine.planner import Settled
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import OUT_OPTION, Listing, machine_error
+from assetbuild.engine.world import files_in
+from assetbuild.errors import StepError, UsageError
+from assetbuild.facts.reader import asked_sections, stated_options
+from assetbuild.facts.reference import Assets, Reference
+from assetbuild.lock import GitPin, Lock, Pin
+from assetbuild.pipeline.publish import (
     PROVENANCE,
     discard,
     heal,
@@ -24,12 +31,6 @@ from assetbuild.engine.publish import (
     new_staging,
     publish,
 )
-from assetbuild.engine.session import Session
-from assetbuild.engine.store import Listing, machine_error
-from assetbuild.errors import StepError, UsageError
-from assetbuild.facts.reader import asked_sections, stated_options
-from assetbuild.facts.reference import Assets, Reference
-from assetbuild.lock import GitPin, Lock, Pin, lock_path
 from assetbuild.plan import Outline, part_lock
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
@@ -55,14 +56,12 @@ from assetbuild.robot.shapes import Shapes
 def bundle_files(
     loaded: LoadedRecipe,
     lock: Lock | None,
-    outline: Outline,
+    done: Settled[Outline],
     report: Report,
     session: Session,
-    results: Mapping[str, NodeResult],
-    graph: Graph,
 ) -> list[BundleFile]:
     """Everything that the bundle of one recipe holds, manifest and provenance last."""
-    recipe, built = loaded.recipe, _Built(outline, results, session)
+    recipe, built = loaded.recipe, _Built(done.outline, done.results, session)
     locks = [(recipe, lock), *((part.recipe, part_lock(part)) for part in loaded.parts)]
     pins = [(each, held.pin_of(each.source) if held else None) for each, held in locks]
     told = [(each, dict(pin.model_dump()) if pin else {}) for each, pin in pins]
@@ -76,31 +75,27 @@ def bundle_files(
     ]
     files += [notice(told), *built.others()]
     files.append(manifest(recipe.robot, files))
-    materials = [*_tools(graph), *(material for pin in pins for material in _material(*pin))]
-    materials += _named(loaded, files_read(loaded, graph, session))
+    materials = [
+        *_libraries(done.graph, session),
+        *(material for pin in pins for material in _material(*pin)),
+    ]
+    materials += _named(loaded, files_in(loaded.world.record | done.asked))
     run = {
         "finishedOn": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "assetbuild_host": platform.node(),
         "assetbuild_python": platform.python_version(),
     }
     parameters = {"recipe": loaded.path.name, "variant": loaded.variant}
-    recipe_digest = session.sources.digest(loaded.path)
+    recipe_digest = session.world.digest(loaded.path)
     files.append(provenance(files, recipe_digest, parameters, materials, run))
     return files
 
 
-def files_read(loaded: LoadedRecipe, graph: Graph, session: Session) -> dict[str, str]:
-    """Path -> SHA-256 of every file outside the store that decided the result."""
-    paths = [*loaded.files, *(Path(ref.output) for ref in graph.sources if not ref.is_tree)]
-    pinned = [each for each in (loaded, *loaded.parts) if each.recipe.source.moving]
-    paths += [lock_path(each.path) for each in pinned]
-    return {str(path): session.sources.digest(path) for path in paths}
-
-
-def _tools(graph: Graph) -> list[dict[str, object]]:
+def _libraries(graph: Graph, session: Session) -> list[dict[str, object]]:
     """assetbuild, and the libraries whose versions are part of the steps' keys."""
-    names = {name for node in graph.nodes.values() for name in node.step.tools}
-    versions = {name: tool_version(name) for name in names} | {"assetbuild": __version__}
+    versions = {"assetbuild": __version__}
+    for kind in {type(node.step) for node in graph.nodes.values()}:
+        versions |= session.code.of(kind).libraries
     return [{"uri": package_url(*pair)} for pair in sorted(versions.items())]
 
 
@@ -174,8 +169,8 @@ class _Built:
             if ref.node:
                 digest, size = self.listing(ref)[ref.member]
             else:
-                file = Path(ref.output)
-                digest, size = self.session.sources.digest(file), file.stat().st_size
+                digest = self.session.world.digest(Path(ref.output))
+                size = self.session.object(digest).stat().st_size
             yield BundleFile(f"LICENSES/{path}", "licence", digest, size)
 
     def others(self) -> Iterator[BundleFile]:
@@ -234,10 +229,10 @@ def publish_bundle(files: list[BundleFile], out: Path, session: Session) -> tupl
     staging = new_staging(out)
     try:
         for file in files:
-            _place(file, staging / file.path, session)
+            _place(file, staging / file.path, out, session)
         published = publish(staging, out, _manifest_or_none(out))
     except OSError as error:
-        raise machine_error(error, out) from error
+        raise machine_error(error, out, OUT_OPTION) from error
     finally:
         discard(staging)
     return (*published.edited, *published.added)
@@ -255,16 +250,16 @@ def _lies_there(files: list[BundleFile], out: Path, session: Session) -> bool:
         if not same_provenance(ours, theirs):
             return False
         wanted[PROVENANCE] = digest_bytes(theirs)
-    return lies_there(out, wanted, session.sources.stat_cache.digest)
+    return lies_there(out, wanted, session.world.stat_cache.digest)
 
 
-def _place(file: BundleFile, path: Path, session: Session) -> None:
+def _place(file: BundleFile, path: Path, out: Path, session: Session) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     if file.content is not None:
         path.write_bytes(file.content)
     else:
         session.object(file.sha256)  # a source comes into the store first
-        session.store.restore(file.sha256, path)
+        session.store.restore(file.sha256, path, out)
 
 
 def manifest_of(bundle: Path) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""The graph of a build in networkx: asked what depends on what, drawn, written for other tools.
+"""The graph of a build as text, and in networkx: what depends on what, drawn, for other tools.
 
 networkx is imported when somebody asks; a build never does.
 """
@@ -18,6 +18,30 @@ LETTER, ROW, BOX, BETWEEN, MARGIN = 7.0, 34.0, 22.0, 60.0, 16.0
 PLAIN, MARKED = "#eef4fb", "#ffd9a0"
 START = ""
 """Before all steps; no step has an empty label."""
+
+
+def to_data(graph: Graph) -> dict[str, object]:
+    """The steps in the order of building, as plain data."""
+    return {
+        "nodes": [
+            {
+                "label": node.label,
+                "step": node.step.step_name(),
+                "outputs": list(node.step.outputs),
+                "inputs": {name: str(ref) for name, ref in sorted(node.inputs.items())},
+            }
+            for node in graph.nodes.values()
+        ]
+    }
+
+
+def to_text(graph: Graph) -> str:
+    """One line per step in the order of building: its label and what it reads."""
+    lines = []
+    for node in graph.nodes.values():
+        reads = ", ".join(str(ref) for _, ref in sorted(node.inputs.items()))
+        lines.append(f"{node.label} <- {reads}" if reads else node.label)
+    return "\n".join(lines)
 
 
 def network(graph: Graph, seconds: Mapping[str, float]) -> Any:  # Any: networkx has no types

@@ -58,7 +58,7 @@ def _of_step_or_file(name: str, graph: Graph, session: Session) -> list[str]:
 def _files(ref: Ref, resolver: Resolver, session: Session) -> Iterator[Any]:
     """Paths outside the store, and names of members below a folder, as far as they are known."""
     if not ref.node:
-        yield from (path for path, _ in session.sources.files_of(ref))
+        yield Path(ref.output)
     elif not ref.is_tree:
         yield ref.member
     elif (digest := resolver.digest(ref)) is not None:

@@ -10,12 +10,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from assetbuild.engine.actions import SharedCache
 from assetbuild.engine.folders import cache_root
-from assetbuild.engine.rounds import Settled, planned
-from assetbuild.engine.session import Session, SharedCache
+from assetbuild.engine.planner import Settled, planned
+from assetbuild.engine.session import Session
 from assetbuild.engine.store import open_store
-from assetbuild.errors import LockError, OutOfDateError, Where
-from assetbuild.lock import GitPin, Lock, Pin, check_pin, lock_path, read_lock, write_lock
+from assetbuild.errors import LockError, OutOfDateError, UsageError, Where
+from assetbuild.lock import (
+    GitPin,
+    Lock,
+    Pin,
+    check_pin,
+    lock_path,
+    lock_text,
+    read_lock,
+    write_lock,
+)
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plan import Outline, plan
 from assetbuild.recipe.loader import LoadedRecipe, shown_path
@@ -27,11 +37,13 @@ if TYPE_CHECKING:
     from assetbuild.engine.share.remote import Remote
 
 
-def opened(recipe: Path, variant: str | None) -> tuple[LoadedRecipe, Lock | None, Session]:
+def opened(
+    recipe: Path, variant: str | None, remote: SharedCache | None = None
+) -> tuple[LoadedRecipe, Lock | None, Session]:
     """A recipe, its lock and a session, for verbs that only look; the caller closes it."""
     loaded = load_recipe(recipe, variant)
     lock = pin(loaded, frozen=True, say=lambda _: None)
-    return loaded, lock, open_session(loaded)
+    return loaded, lock, open_session(loaded, remote=remote)
 
 
 @dataclass(frozen=True)
@@ -62,12 +74,20 @@ def open_session(
         for each in loaded
     }
     builds = names if len(names) > 1 else {"": "".join(names.values())}
-    return Session(open_store(Path(cache_root())), builds=builds, rehash=rehash, remote=remote)
+    return Session(
+        open_store(Path(cache_root())),
+        builds=builds,
+        rehash=rehash,
+        remote=remote,
+        world=loaded[0].world,
+    )
 
 
 def remote_cache(url: str, say: Callable[[str], None], *, write: bool) -> Remote | None:
     """The cache shared with other machines, if there is one; no recipe can name it. UsageError."""
     if not url:
+        if write:
+            raise UsageError("`--cache-write` needs `--remote`: where to?")
         return None
     from assetbuild.engine.share.remote import Remote
 
@@ -86,7 +106,7 @@ def pin(loaded: LoadedRecipe, *, frozen: bool, say: Callable[[str], None]) -> Lo
     path, moving = lock_path(loaded.path), moving_sources(loaded)
     if not moving:
         return None
-    lock = read_lock(path)
+    lock = read_lock(path, loaded.world)
     try:
         if lock is not None:
             for _, source in moving:
@@ -140,6 +160,7 @@ def write_pin(
     lock = Lock(schema="assetbuild-lock/v1", source=own, parts=tuple(parts))
     path = lock_path(loaded.path)
     if write_lock(path, lock):
+        loaded.world.wrote(path, lock_text(lock).encode())
         say(f"wrote {shown_path(path)}")
     return lock
 

@@ -6,8 +6,8 @@ import functools
 from dataclasses import dataclass
 from pathlib import Path
 
+from assetbuild.engine.planner import nothing, settle
 from assetbuild.engine.resolver import Resolver
-from assetbuild.engine.rounds import nothing, settle
 from assetbuild.engine.share.remote import Remote
 from assetbuild.pipeline.opening import looked_at, opened
 from assetbuild.plan import plan
@@ -32,16 +32,15 @@ def push(recipe: Path, variant: str | None, remote: Remote) -> Shared:
         resolver = Resolver(done.graph.nodes, session)
         sent = 0
         for label in done.graph.nodes:
-            key, made = resolver.key(label), resolver.made(label)
-            if key is not None and made is not None:
-                sent += remote.put(key[0], made, session.store)
+            action, made = resolver.action(label), resolver.made(label)
+            if action is not None and made is not None:
+                sent += remote.put(action.key, made, session.store)
     return Shared(len(done.graph.nodes), sent, done.whole)
 
 
 def pull(recipe: Path, variant: str | None, remote: Remote) -> Shared:
     """Fetch every result that the store lacks and the cache has; nothing is built."""
-    loaded, lock, session = opened(recipe, variant)
+    loaded, lock, session = opened(recipe, variant, remote)
     with session:
-        session.remote = remote
         done = settle(functools.partial(plan, loaded, lock), session, may_run=nothing)
     return Shared(len(done.graph.nodes), len(done.results), done.whole)

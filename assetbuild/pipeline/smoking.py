@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
+from assetbuild.engine.world import World
 from assetbuild.errors import MachineError
 from assetbuild.kinds import Check
 from assetbuild.plugins import load_plugin
@@ -26,7 +27,7 @@ def make_environments(consumers: Sequence[str], say: Callable[[str], None]) -> N
         check = check_of(consumer)
         if check.home.requirements:
             check.home.make(say)
-        elif check.home.python is None:
+        elif check.home.python(World()) is None:
             raise MachineError(f"{consumer} is not installed here", hint=check.absent())
 
 

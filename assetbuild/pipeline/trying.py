@@ -9,7 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from assetbuild.engine.execute import Listener
-from assetbuild.engine.rounds import settle
+from assetbuild.engine.planner import settle
+from assetbuild.engine.world import World
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import lacking
 from assetbuild.pipeline.judging import judged
@@ -76,7 +77,7 @@ def _hulls(rule: CollisionRule) -> CollisionRule:
 
 def try_usd(file: Path) -> Iterator[Finding]:
     """Loaded, dropped without contacts, and left on a floor for two seconds."""
-    if lack := lacking(physx.REQUIRES):
+    if lack := lacking(physx.REQUIRES, World()):
         yield UNTRIED("robot", f"not tried in PhysX: {lack}")
         return
     air = physx.Setting(TIMESTEP_S, GRAVITY, contacts=False)

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild.engine.digest import digest_file
-from assetbuild.engine.publish import OWN_FILES
-from assetbuild.engine.rounds import nothing, settle
+from assetbuild.engine.planner import nothing, settle
 from assetbuild.errors import OutOfDateError
 from assetbuild.pipeline.bundling import bundle_files, manifest_of
 from assetbuild.pipeline.judging import judged
 from assetbuild.pipeline.opening import opened
+from assetbuild.pipeline.publish import OWN_FILES
 from assetbuild.plan import plan
 
 STATEMENT, PREDICATE = "https://in-toto.io/Statement/v1", "https://slsa.dev/provenance/v1"
@@ -79,9 +79,9 @@ def against_recipe(bundle: Path, recipe: Path, variant: str | None) -> Iterator[
                 hint="run `assetbuild build` first, or `assetbuild cache pull`",
             )
         report = judged(loaded, done.outline, done.results, session)
-        files = bundle_files(loaded, lock, done.outline, report, session, done.results, done.graph)
+        files = bundle_files(loaded, lock, done, report, session)
         made = {file.path: file.sha256 for file in files if file.path != "provenance.json"}
-        wanted = session.sources.digest(loaded.path)
+        wanted = session.world.digest(loaded.path)
     statement = json.loads((bundle / "provenance.json").read_bytes())
     if recipe_of(statement) != wanted:
         yield f"built from another text of the recipe: {recipe.name}"

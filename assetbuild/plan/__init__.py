@@ -13,12 +13,11 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from assetbuild.body.lint_bodies import LintBodies
 from assetbuild.body.lint_links import LintLinks
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
-from assetbuild.compose.plan import Ready, check_parts, compose
+from assetbuild.compose.plan import Ready, compose
 from assetbuild.control.keep_ratings import KeepRatings
 from assetbuild.control.plan import control, control_step, own_side
 from assetbuild.engine.graph import Node, Ref
@@ -51,15 +50,13 @@ class Outline:
     skipped: checks that this machine cannot run, and why. looks: pictures and the 3D view.
     subjects: what a node works on, where the node itself does not know. edits: label of an edit's
     node -> its key in the recipe. expanded: the URDF behind a xacro, which its lines count.
-    absent: files that were looked for; their appearance changes the build. ranges: `dr.yaml`,
-    where the recipe randomizes. composed: the recipe of a composite, which knows the lines of its
-    parts.
+    ranges: `dr.yaml`, where the recipe randomizes. composed: the recipe of a composite, which
+    knows the lines of its parts.
     """
 
     composed: LoadedRecipe | None = None
     source_map: Ref | None = None
     expanded: Ref | None = None
-    absent: tuple[Path, ...] = ()
     robot: dict[str, Ref] = field(default_factory=dict)
     targets: dict[str, Node] = field(default_factory=dict)
     checks: dict[str, Node] = field(default_factory=dict)
@@ -78,7 +75,6 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
     """
     recipe, outline = loaded.recipe, Outline()
     check_names(loaded)
-    check_parts(loaded)
     outline.edits = edit_keys(loaded)
     ready = _prepare(loaded, lock, outline, p)
     if ready is None:
@@ -156,7 +152,6 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
     outline.source_map = read.source_map
     outline.expanded = description.ref if loaded.recipe.source.xacro else None
     geometry = _geometry(loaded, source, description, read, p)
-    outline.absent = source.absent
     if geometry is not None:
         lint_density(read.robot, geometry, p)
     edited = apply_edits(loaded, read.robot, geometry, p)
@@ -168,17 +163,15 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
 def _prepare_part(whole: LoadedRecipe, index: int, outline: Outline, p: Planner) -> Ready | None:
     """A part of a composite; its licences come with it."""
     part, prefix = whole.parts[index], whole.recipe.compose[index].as_
-    check_names(part)
     own = Outline()
     ready = _prepare(part, part_lock(part), own, p.scoped(f"{prefix} "))
     outline.licenses |= {f"{prefix}/{path}": ref for path, ref in own.licenses.items()}
-    outline.absent = (*outline.absent, *own.absent)
     return ready
 
 
 def part_lock(part: LoadedRecipe) -> Lock | None:
     """The pin of a part's source, which lies beside its own recipe."""
-    return read_lock(lock_path(part.path)) if part.recipe.source.moving else None
+    return read_lock(lock_path(part.path), part.world) if part.recipe.source.moving else None
 
 
 def _geometry(
@@ -259,7 +252,7 @@ def _checks(
         step = check.configure(recipe)
         if step is None:
             continue
-        if lack := lacking(check.requires) or step.missing():
+        if lack := lacking(check.requires, p.world) or step.missing(p.world):
             outline.skipped[name] = lack
             continue
         without = [n for n in check.needs if n not in outline.targets and n not in sources]

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from assetbuild.errors import AssetBuildError, RecipeError, Where, did_you_mean
+from assetbuild.engine.world import World
+from assetbuild.errors import AssetBuildError, Gather, RecipeError, Where, did_you_mean
+from assetbuild.lfs import refuse_pointer
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.validation import Key, locate, shown, validated
+from assetbuild.recipe.validation import Key, Misnamed, locate, shown, validated
 from assetbuild.recipe.variants import patched, variant_names
 from assetbuild.recipe.yaml_tree import MAX_BYTES, MAX_COST, Entry, Node, described, parse
 
 
 @dataclass(frozen=True)
 class LoadedRecipe:
-    """A valid recipe, the place of each of its keys, and the files it was read from.
+    """A valid recipe, the place of each of its keys, and the world it was read from.
 
     path: absolute. file: the name for people, relative to the working folder when below it.
-    variant: the one that was applied, or None. files: all that was read, absolute.
+    variant: the one that was applied, or None. world: what was asked to read it.
     parts: the recipes that `compose` names, in its order; those of a `source` are made of this one
     and `inline`.
     """
@@ -29,8 +32,8 @@ class LoadedRecipe:
     path: Path
     file: str
     variant: str | None
-    files: tuple[Path, ...]
     tree: Node = field(repr=False)
+    world: World = field(repr=False, compare=False)
     parts: tuple[LoadedRecipe, ...] = ()
     inline: bool = False
 
@@ -53,47 +56,84 @@ class LoadedRecipe:
         return RecipeError(f"{shown(own)}: {message}", where=self.where(key), hint=hint)
 
 
-ModelOf = Callable[[Node], type[Recipe]]
+ModelOf = Callable[[Node], tuple[type[Recipe], list[Misnamed]]]
 Whole = Callable[[], type[Recipe]]
 
 
-def load(path: Path, variant: str | None, model_of: ModelOf, whole: Whole) -> LoadedRecipe:
+def load(
+    path: Path, variant: str | None, model_of: ModelOf, whole: Whole, world: World
+) -> LoadedRecipe:
     """Read, check and (with `variant`) patch one recipe; raises RecipeError, never anything else.
 
-    model_of: the recipe with the keys that a tree may have; whole: with all that there are, to
-    explain what is wrong. All variants are checked, also those that nobody asked for.
+    model_of: the recipe with the keys that a tree may have, and the names in it that no plug-in
+    has; whole: with all keys that there are, to explain what is wrong. All variants are checked,
+    also those that nobody asked for, and all mistakes are told at once.
     """
 
+    def check(root: Node) -> Recipe:
+        model, misnamed = model_of(root)
+        return validated(model, root, RecipeError, whole, misnamed)
+
     def one(path: Path, variant: str | None) -> LoadedRecipe:
-        return _load(
-            path, variant, lambda root: validated(model_of(root), root, RecipeError, whole)
-        )
+        return _load(path, variant, check, world)
 
     return _with_parts(one(path, variant), one)
 
 
-def _load(path: Path, variant: str | None, check: Callable[[Node], Recipe]) -> LoadedRecipe:
+def _load(
+    path: Path, variant: str | None, check: Callable[[Node], Recipe], world: World
+) -> LoadedRecipe:
     """One recipe without its parts."""
     file = shown_path(path)
-    root = parse(read_small_file(path, file, RecipeError), file, RecipeError)
+    data = read_small_file(path, file, RecipeError, world)
+    refuse_pointer(data, where=Where(file))
+    _refuse_robot(data, file)
+    root = parse(data, file, RecipeError)
     if not isinstance(root.value, dict):
         found = described(root)
         hint = "a recipe begins with `schema: assetbuild/v1`"
         raise RecipeError(f"expected a map at the top, found {found}", where=root.where, hint=hint)
     absolute = Path(os.path.abspath(path))  # noqa: PTH100 # resolve() would follow links
-    root, library = with_motor_file(root, absolute)
-    recipe = check(root)
+    root = with_motor_file(root, absolute, world)
     names = variant_names(root)
     if root.cost * (1 + len(names)) > MAX_COST:
         message = f"too large: {root.cost} values times {len(names)} variants"
         raise RecipeError(message, where=locate(root, ("variants",)))
-    trees = {name: patched(root, name) for name in names}
-    recipes = {name: check(tree) for name, tree in trees.items()}
-    tree = root
-    if variant is not None:
-        tree = trees[variant] if variant in trees else patched(root, variant)
-        recipe = recipes[variant]
-    return LoadedRecipe(recipe, absolute, file, variant, (absolute, *library), tree)
+    wrong = Gather(RecipeError)
+    checked: dict[str | None, tuple[Recipe, Node]] = {}
+    for name in dict.fromkeys((None, *names, variant)):
+        with wrong:
+            tree = root if name is None else patched(root, name)
+            checked[name] = check(tree), tree
+    wrong.stop()
+    recipe, tree = checked[variant]
+    return LoadedRecipe(recipe, absolute, file, variant, tree, world)
+
+
+def _refuse_robot(data: bytes, file: str) -> None:
+    """RecipeError for a robot's description where its recipe was to be named."""
+    kinds = {b"robot": "a URDF", b"mujoco": "an MJCF"}
+    kind = kinds.get(_root_tag(data))
+    if kind is None:
+        return
+    if kind == "a URDF" and (file.endswith(".xacro") or b"xmlns:xacro" in data):
+        kind = "a xacro file"
+    hint = f"write a recipe for it: `assetbuild init {file}`"
+    raise RecipeError(f"this is {kind}, not a recipe", where=Where(file), hint=hint)
+
+
+def _root_tag(data: bytes) -> bytes:
+    """The name of the first element of XML; empty for all else."""
+    at = 3 if data.startswith(b"\xef\xbb\xbf") else 0
+    while found := re.compile(rb"\s*<([?!]?(?:--)?)([\w:]*)").match(data, at):
+        if not found[1]:
+            return found[2]
+        end = {b"?": b"?>", b"!--": b"-->"}.get(found[1], b">")
+        at = data.find(end, found.end(1))
+        if at < 0:
+            return b""
+        at += len(end)
+    return b""
 
 
 One = Callable[[Path, str | None], LoadedRecipe]
@@ -101,14 +141,17 @@ One = Callable[[Path, str | None], LoadedRecipe]
 
 def _with_parts(loaded: LoadedRecipe, load_one: One) -> LoadedRecipe:
     """With the recipes of its parts; RecipeError for a part that has parts itself."""
-    parts = [
-        _part_of(loaded, index, part.recipe, part.variant, load_one)
-        if part.recipe is not None
-        else _inline_part(loaded, index)
-        for index, part in enumerate(loaded.recipe.compose)
-    ]
-    files = dict.fromkeys((*loaded.files, *(file for part in parts for file in part.files)))
-    return replace(loaded, parts=tuple(parts), files=tuple(files))
+    parts: list[LoadedRecipe] = []
+    wrong = Gather(RecipeError)
+    for index, part in enumerate(loaded.recipe.compose):
+        with wrong:
+            parts.append(
+                _part_of(loaded, index, part.recipe, part.variant, load_one)
+                if part.recipe is not None
+                else _inline_part(loaded, index)
+            )
+    wrong.stop()
+    return replace(loaded, parts=tuple(parts))
 
 
 def _part_of(
@@ -116,9 +159,10 @@ def _part_of(
 ) -> LoadedRecipe:
     key = ("compose", index, "recipe")
     path = Path(os.path.normpath(loaded.path.parent / name))
-    if path in loaded.files or not path.is_file():
-        problem = "is this recipe itself" if path in loaded.files else "there is no such file"
-        near = sorted(one.name for one in path.parent.glob("*.yaml") if one not in loaded.files)
+    if path == loaded.path or not loaded.world.is_file(path):
+        problem = "is this recipe itself" if path == loaded.path else "there is no such file"
+        beside = loaded.world.names(path.parent, ends=(".yaml",))
+        near = [one for one in beside if path.parent / one != loaded.path]
         raise loaded.error(key, f"`{name}`: {problem}", did_you_mean(path.name, near))
     part = load_one(path, variant)
     if part.recipe.compose:
@@ -137,21 +181,21 @@ def _inline_part(loaded: LoadedRecipe, index: int) -> LoadedRecipe:
     assert isinstance(entries, dict)  # noqa: S101 # it is a valid recipe
     rows = entries["compose"].node.value
     assert isinstance(rows, tuple | list)  # noqa: S101 # as above
-    return replace(loaded, recipe=recipe, files=(), tree=rows[index], parts=(), inline=True)
+    return replace(loaded, recipe=recipe, tree=rows[index], parts=(), inline=True)
 
 
-def with_motor_file(root: Node, recipe: Path) -> tuple[Node, tuple[Path, ...]]:
-    """The recipe's tree with the motors of its `motor_file` below its own, and that file.
+def with_motor_file(root: Node, recipe: Path, world: World) -> Node:
+    """The recipe's tree with the motors of its `motor_file` below its own.
 
     Each motor keeps the line it came from. RecipeError for a file that is no map of motors.
     """
     entries = dict(root.value) if isinstance(root.value, dict) else {}
     named = entries.get("motor_file")
     if named is None or not isinstance(named.node.value, str):
-        return root, ()  # a wrong type is told with all other errors of the recipe
+        return root  # a wrong type is told with all other errors of the recipe
     path = Path(os.path.normpath(recipe.parent / named.node.value))
     file = shown_path(path)
-    motors = parse(read_small_file(path, file, RecipeError), file, RecipeError)
+    motors = parse(read_small_file(path, file, RecipeError, world), file, RecipeError)
     if not isinstance(motors.value, dict):
         hint = "a motor file is a map of motors: `go1_hip: {gear: 6, effort: 23.7}`"
         found = described(motors)
@@ -162,7 +206,7 @@ def with_motor_file(root: Node, recipe: Path) -> tuple[Node, tuple[Path, ...]]:
     elif isinstance(own.node.value, dict):
         merged = Node(own.node.where, {**motors.value, **own.node.value})
         entries["motors"] = Entry(own.where, merged)
-    return Node(root.where, entries, cost=root.cost + motors.cost, height=root.height), (path,)
+    return Node(root.where, entries, cost=root.cost + motors.cost, height=root.height)
 
 
 def shown_path(path: Path) -> str:
@@ -175,9 +219,15 @@ def shown_path(path: Path) -> str:
     return path.as_posix()
 
 
-def read_small_file(path: Path, file: str, error: type[AssetBuildError]) -> bytes:
-    """The bytes of a regular file; `error` for one that is missing, no file, or too long."""
-    where = Where(file)
+def read_small_file(
+    path: Path, file: str, error: type[AssetBuildError], world: World | None = None
+) -> bytes:
+    """The bytes of a regular file; `error` for one that is missing, no file, or too long.
+
+    world: of a build, which notes that it asked.
+    """
+    where, world = Where(file), world or World()
+    world.is_file(path)
     try:
         status = path.stat()
         if stat.S_ISDIR(status.st_mode):
@@ -186,7 +236,9 @@ def read_small_file(path: Path, file: str, error: type[AssetBuildError]) -> byte
             raise error("this is not a regular file", where=where)
         if status.st_size > MAX_BYTES:
             raise error(f"the file is longer than {MAX_BYTES >> 20} MB", where=where)
-        return path.read_bytes()
+        data = path.read_bytes()
+        world.saw(path, data)
+        return data
     except FileNotFoundError:
         raise error("there is no such file", where=where) from None
     except (OSError, ValueError) as problem:

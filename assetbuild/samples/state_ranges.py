@@ -51,9 +51,7 @@ UNSOURCED = Rule(
 class StateRanges(Step):
     """`tree.json`, `control.json` -> `dr.yaml`."""
 
-    version = "2"
     outputs = ("dr.yaml",)
-    tools = ("pyyaml",)
 
     robot: str
     randomize: Randomize

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 from pydantic import Field
 
 from assetbuild.engine.step import Limits
+from assetbuild.engine.world import World
 from assetbuild.errors import StepError
 from assetbuild.findings import Rule
 from assetbuild.kinds import Check, RecipeView
@@ -45,9 +46,9 @@ class SmokeBounds(Model):
 class ConsumerCheck(Check):
     """Base of the checks `smoke_<consumer>`: their trainer's versions are part of their key."""
 
-    # Not isolated: the work is done by a process of its own, whose place the environment names,
-    # and a GPU's runtime takes more address space than any limit would leave it.
-    isolated: ClassVar[bool] = False
+    # The work is done by a process of its own, whose place the environment names, and a GPU's
+    # runtime takes more address space than any limit would leave it.
+    in_parent: ClassVar[bool] = True
     limits: ClassVar[Limits] = Limits(wall_s=3600.0, cpus=2)
     listed_in: ClassVar[str] = "validate.smoke"
     consumer: ClassVar[str]
@@ -69,9 +70,9 @@ class ConsumerCheck(Check):
         found = super().values(recipe)
         return None if found is None else found | {"environment": cls.home.folder.name}
 
-    def missing(self) -> str:
+    def missing(self, world: World) -> str:
         """The environment is made by `assetbuild smoke`, which may use the network."""
-        return "" if self.home.python is not None else self.absent()
+        return "" if self.home.python(world) is not None else self.absent()
 
     @classmethod
     def absent(cls) -> str:
@@ -80,9 +81,9 @@ class ConsumerCheck(Check):
 
     def answer(self, program: str, job: dict[str, object]) -> tuple[dict[str, object] | None, str]:
         """What the program beside this file found, or why it found nothing."""
-        python = self.home.python
+        python = self.home.python(World())
         if python is None:
-            raise StepError(f"the environment of {self.consumer} is not there", hint=self.missing())
+            raise StepError(f"the environment of {self.consumer} is not there", hint=self.absent())
         seconds = self.limits.wall_s
         with tempfile.TemporaryDirectory(prefix=f"{self.consumer}-") as folder:
             path = Path(__file__).with_name(program)

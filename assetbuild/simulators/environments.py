@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.engine.folders import cache_root
+from assetbuild.engine.world import World
 from assetbuild.errors import MachineError
 from assetbuild.simulators.children import last_line, run_child
 
@@ -39,16 +40,16 @@ class Environment:
         digest = hashlib.sha256(said.encode()).hexdigest()[:12]
         return Path(cache_root()) / "environments" / f"{self.name}-{digest}"
 
-    @property
-    def python(self) -> Path | None:
+    def python(self, world: World) -> Path | None:
         """Its interpreter; None while it is not made."""
         python = self.folder / "bin" / "python"
-        return python if (self.folder / MADE).exists() and python.exists() else None
+        made = world.is_file(self.folder / MADE) and world.is_file(python)
+        return python if made else None
 
     def make(self, say: Callable[[str], None]) -> Path:
         """The interpreter, made when it is missing. MachineError when that fails."""
-        if self.python is not None:
-            return self.python
+        if (python := self.python(World())) is not None:
+            return python
         say(f"making the environment of {self.name}, once: {' '.join(self.requirements)}")
         half = self.folder.with_name(f"{self.folder.name}.{os.getpid()}.half")
         half.parent.mkdir(parents=True, exist_ok=True)

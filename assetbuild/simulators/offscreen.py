@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import importlib
 import os
 import select
@@ -17,6 +16,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from assetbuild.engine.world import World
 from assetbuild.errors import StepError
 from assetbuild.robot.pose import Vec3
 from assetbuild.simulators.mujoco import Data, Model
@@ -28,30 +28,37 @@ OFF = ("disable", "disabled", "off", "false", "0")
 """Values of `MUJOCO_GL` that ask for no rendering."""
 
 
-def renderer() -> str:
+def renderer(world: World) -> str:
     """What this machine would draw with: `egl 50_mesa`, `osmesa`, `cgl`, or `none`.
 
     Looks at files and loads the dispatcher only, so it costs a millisecond. `MUJOCO_GL=disable`,
     as MuJoCo's own Python package understands it, draws nothing.
     """
-    if os.environ.get("MUJOCO_GL", "").lower() in OFF:
+    if (world.variable("MUJOCO_GL") or "").lower() in OFF:
         return "none"
     if sys.platform == "darwin":
         return "cgl"
-    drivers = sorted({path.stem for folder in VENDORS for path in Path(folder).glob("*.json")})
-    if drivers and _loads("libEGL.so.1"):
+    drivers = _drivers(world)
+    if drivers and world.can_load("libEGL.so.1"):
         return f"egl {' '.join(drivers)}"
-    if any(_loads(f"libOSMesa.so{suffix}") for suffix in ("", ".8", ".6")):
+    if any(world.can_load(f"libOSMesa.so{suffix}") for suffix in ("", ".8", ".6")):
         return "osmesa"
     return "none"
 
 
-def _loads(library: str) -> bool:
-    try:
-        ctypes.CDLL(library)
-    except OSError:
-        return False
-    return True
+def _drivers(world: World) -> list[str]:
+    """Stems of the files that register drivers; libglvnd's variables name others."""
+    files = world.variable("__EGL_VENDOR_LIBRARY_FILENAMES")
+    folders = world.variable("__EGL_VENDOR_LIBRARY_DIRS")
+    if files:
+        found = [Path(file) for file in files.split(":") if world.is_file(Path(file))]
+    else:
+        found = [
+            Path(folder, name)
+            for folder in (folders.split(":") if folders else VENDORS)
+            for name in world.names(Path(folder), ends=(".json",))
+        ]
+    return sorted({path.stem for path in found})
 
 
 def run_apart(work: Callable[[], None], wall_s: float) -> str:

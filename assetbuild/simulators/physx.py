@@ -28,9 +28,9 @@ from assetbuild.simulators.experiments import FreeFall, Motion, Sine, fall_of
 
 REQUIRES: Mapping[str, str] = {"ovphysx": "physx", "physx_usd_schemas": "physx"}
 """Modules of the extra, for `Check.requires`."""
-TOOLS = ("usd-core", "ovphysx", "ovstage", "physx-usd-schemas")
+BEYOND_IMPORTS = ("assetbuild.simulators._physx_child", "physx_usd_schemas")
 PRELOAD = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
-"""Of a check that opens stages here, as `Step.tools` and `Step.preload`."""
+"""`Step.preload` of a check that opens stages here."""
 TURN = 0.5
 """rad or m; a position of joints at which their axes show."""
 UNLIMITED = 3.0e38

@@ -62,16 +62,11 @@ class SourceFiles(Protocol):
         """Licence texts that come with the robot, by path."""
         ...
 
-    @property
-    def absent(self) -> tuple[Path, ...]:
-        """Files that were looked for in a folder, and whose appearance changes the build."""
-        ...
-
 
 def open_source(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> SourceFiles:
     """The source that the recipe names. RecipeError when a folder is not there."""
     source = loaded.recipe.source
-    if source.path is not None and not (loaded.path.parent / source.path).is_file():
+    if source.path is not None and not p.world.is_file(loaded.path.parent / source.path):
         return FolderFiles(loaded, p)
     return ArchiveFiles(_archive(loaded, lock, p), source.root, source.description, p)
 
@@ -80,7 +75,7 @@ def _archive(loaded: LoadedRecipe, lock: Lock | None, p: Planner) -> Ref:
     """The zip or tar of a source that is no folder."""
     source = loaded.recipe.source
     if source.path is not None:
-        return p.source((loaded.path.parent / source.path).resolve())
+        return p.source(p.world.plain(loaded.path.parent / source.path))
     step: FetchUrl | FetchGit | Fetch
     if source.url is not None:
         step = FetchUrl(url=source.url, sha256=str(source.sha256))

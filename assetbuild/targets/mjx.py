@@ -79,7 +79,6 @@ class MjxOptions(Model):
 class Mjx(Target):
     """Writes `<robot>_mjx.xml`, `scene_mjx.xml` and their assets beside the full MJCF."""
 
-    version = "10"
     outputs = ("mjx/",)
     folder = "mjcf"
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")

@@ -56,7 +56,6 @@ class Urdf(Target):
     away from the origin hangs on a link `world`, by a fixed joint.
     """
 
-    version = "4"
     outputs = ("urdf/",)
     reads = ("links.json", "shapes.json", "ratings.json", "meshes/")
 

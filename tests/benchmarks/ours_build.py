@@ -14,11 +14,11 @@ from assetbuild.engine.execute import execute, first_error
 from assetbuild.engine.folders import cache_root
 from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
-from assetbuild.engine.publish import lies_there, new_staging, publish
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Files, Step
 from assetbuild.engine.store import Store
 from assetbuild.findings import Finding
+from assetbuild.pipeline.publish import lies_there, new_staging, publish
 from tests.benchmarks.graph import tasks
 
 OUT = Path("out")
@@ -54,7 +54,7 @@ def build(record: str, robots: int) -> int:
             for n, name in enumerate(task.inputs):
                 inputs[str(n)] = made.get(name) or planner.source(Path(name))
                 if name not in made:
-                    read[name] = session.sources.digest(Path(name))
+                    read[name] = session.world.digest(Path(name))
             step = Join(count=len(task.inputs), size=task.size)
             made[task.output] = planner.add(task.output, step, inputs)["out"]
         results = execute(planner.graph(), session)
@@ -90,7 +90,7 @@ def _publish(out: Path, digests: dict[str, str], session: Session) -> dict[str, 
     """What a bundle has besides: its manifest."""
     text = json.dumps(digests)
     own = {"manifest.json": digest_bytes(text.encode())}
-    if lies_there(out, digests | own, session.sources.stat_cache.digest):
+    if lies_there(out, digests | own, session.world.stat_cache.digest):
         return own
     staging = new_staging(out)
     for name, digest in digests.items():

@@ -13,6 +13,7 @@ from assetbuild.checks.smoke_isaaclab import SmokeIsaacLab
 from assetbuild.checks.smoke_isaaclab import judged as judge_isaac
 from assetbuild.checks.smoke_mjlab import SmokeMjlab, _shown, judged
 from assetbuild.checks.smoke_newton import judged as judge_newton
+from assetbuild.engine.world import World
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.recipe.models import Recipe
 from assetbuild.robot.ranges import Randomize
@@ -87,9 +88,9 @@ def test_an_environment_is_named_by_its_pins_and_counts_when_whole(
     assert one.folder.is_relative_to(tmp_path)
     (one.folder / "bin").mkdir(parents=True)
     (one.folder / "bin/python").touch()
-    assert one.python is None, "half made"
+    assert one.python(World()) is None, "half made"
     (one.folder / MADE).touch()
-    assert one.python is not None
+    assert one.python(World()) is not None
 
 
 @pytest.mark.parametrize(
@@ -187,7 +188,7 @@ def test_isaac_lab_is_asked_only_where_it_is(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.delenv("ASSETBUILD_ISAACLAB", raising=False)
     step = SmokeIsaacLab.configure(recipe(validate={"smoke": ["isaaclab"]}, base="floating"))
     assert step is not None
-    assert "ASSETBUILD_ISAACLAB" in step.missing()
+    assert "ASSETBUILD_ISAACLAB" in step.missing(World())
     good = {"finite": True, "start_m": 0.3, "height_m": 0.28}
     assert list(judge_isaac(good, "floating", BOUNDS)) == []
     for rule, bad in {"smoke.finite": {"finite": False}, "smoke.height": {"height_m": 0.1}}.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import subprocess
@@ -10,6 +11,7 @@ from pathlib import Path
 import commands
 import pytest
 
+from assetbuild.cli.cache import size_of_text
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 from assetbuild.pipeline import building
@@ -51,7 +53,7 @@ def test_without_a_store_there_is_nothing_to_do(tmp_path: Path):
 def test_a_wrong_size_is_explained(tmp_path: Path):
     done = run(tmp_path, "gc", "--max-size", "huge")
     assert done.returncode == 2
-    assert "`huge` is no size; write `500MB`" in done.stderr
+    assert "a size such as `500MB`, `5GB` or `2GiB`, not `huge`" in done.stderr
 
 
 def test_a_build_without_a_store_warns_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -70,3 +72,11 @@ def test_a_build_without_a_store_warns_once(tmp_path: Path, monkeypatch: pytest.
     assert len(said) == 1
     assert "warning: cannot write to the store" in said[0]
     assert not roots[0].exists()
+
+
+def test_sizes_are_read_as_people_write_them():
+    texts = ("5GB", "500 MB", "2GiB", "1000", "1.5k")
+    assert [size_of_text(t) for t in texts] == [5 * 10**9, 5 * 10**8, 2 * 1024**3, 1000, 1500]
+    for wrong in ("", "GB", "5XB", "-1"):
+        with pytest.raises(argparse.ArgumentTypeError, match="must be a size"):
+            size_of_text(wrong)

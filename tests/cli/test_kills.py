@@ -14,7 +14,7 @@ from .conftest import Workplace
 
 KILL_AT_SWAP = """
 import os, signal, sys
-from assetbuild.engine import publish
+from assetbuild.pipeline import publish
 publish._at = lambda point: os.kill(os.getpid(), signal.SIGKILL) if point == POINT else None
 sys.argv = ["assetbuild", "build", "recipes/go1.yaml", "--rehash"]
 from assetbuild.__main__ import main

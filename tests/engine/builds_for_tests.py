@@ -8,8 +8,9 @@ from typing import Any
 
 from steps_for_tests import Mix, Split
 
-from assetbuild.engine.execute import NodeResult, execute
+from assetbuild.engine.execute import execute
 from assetbuild.engine.graph import Graph
+from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.share.remote import Remote
@@ -51,7 +52,8 @@ class Machine:
         if url:
             self.remote = Remote(url, warn=self.warnings.append, **options)
 
-    def build(self, robot: Path) -> dict[str, NodeResult]:
+    def build(self, robot: Path, width: int = 0) -> dict[str, NodeResult]:
+        """Three steps, and `width` more that read the source alone."""
         began = time.monotonic()
         with Session(Store(self.folder), remote=self.remote) as session:
             planner = Planner(session)
@@ -60,6 +62,8 @@ class Machine:
                 "mix", Mix(), {"all/": split["parts/"], "one": split["parts/"] / "one"}
             )
             planner.add("last", Mix(salt=1), {"in": mix["out"]})
+            for number in range(width):
+                planner.add(f"wide{number}", Mix(salt=9 + number), {"in": planner.source(robot)})
             results = execute(planner.graph(), session, jobs=2)
             assert [str(r.error) for r in results.values() if r.error] == []
             self.content = session.read(results["last"]["out"])

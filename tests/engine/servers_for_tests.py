@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import threading
 import time
 from collections.abc import Iterator
@@ -10,7 +11,12 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 
 class CacheServer(ThreadingHTTPServer):
-    """Keeps `/ac/...` and `/cas/...` in memory. fault: how it misbehaves, "" = well."""
+    """Keeps `/ac/...` and `/cas/...` in memory. fault: how it misbehaves, "" = well.
+
+    limit: bytes above which it forgets files, chosen at random. forgets: the share of requests
+    after which it forgets another one. pause_s: before each answer.
+    connections: how many it has accepted.
+    """
 
     daemon_threads = True
     block_on_close = False
@@ -22,11 +28,30 @@ class CacheServer(ThreadingHTTPServer):
         self.headers_seen: list[dict[str, str]] = []
         self.fault = ""
         self.elsewhere = ""
+        self.limit = 1 << 60
+        self.forgets = 0.0
+        self.pause_s = 0.0
+        self.forgotten = 0
+        self.connections = 0
+        self.random = random.Random(0)
+        self.changing = threading.Lock()
         self.stopping = threading.Event()
 
     @property
     def url(self) -> str:
         return f"http://127.0.0.1:{self.server_address[1]}"
+
+    def process_request(self, *request: object) -> None:
+        self.connections += 1
+        super().process_request(*request)
+
+    def forget(self, count: int = 0) -> None:
+        """So many files, and more if all are too large."""
+        with self.changing:
+            while self.files and (count > 0 or sum(map(len, self.files.values())) > self.limit):
+                del self.files[self.random.choice(sorted(self.files))]
+                self.forgotten += 1
+                count -= 1
 
     def handle_error(self, *_: object) -> None:
         """The client cut the connection; that is the test."""
@@ -50,10 +75,19 @@ class Handler(BaseHTTPRequestHandler):
         if self.server.fault == "500":
             self.plain(500, b"")
             return
-        self.server.files[self.path] = body
+        with self.server.changing:
+            self.server.files[self.path] = body
+        self.server.forget()
         self.plain(200, b"")
 
+    def do_CONNECT(self) -> None:
+        self.note()
+        self.plain(502, b"")
+
     def note(self) -> None:
+        self.server.stopping.wait(self.server.pause_s)
+        if self.server.random.random() < self.server.forgets:
+            self.server.forget(1)
         self.server.asked.append((self.command, self.path))
         self.server.headers_seen.append(dict(self.headers.items()))
 
@@ -70,7 +104,12 @@ class Handler(BaseHTTPRequestHandler):
         self.note()
         body = self.server.files.get(self.path)
         fault = self.server.fault
-        if fault and with_body and (not fault.startswith("cas") or self.path.startswith("/cas")):
+        if (
+            fault
+            and fault != "forgets_connections"
+            and with_body
+            and (not fault.startswith("cas") or self.path.startswith("/cas"))
+        ):
             with suppress(OSError):
                 getattr(self, f"do_fault_{fault.removeprefix('cas_')}")(body or b"x" * 100)
             self.close_connection = True
@@ -78,6 +117,8 @@ class Handler(BaseHTTPRequestHandler):
             self.plain(404, b"")
         else:
             self.plain(200, body)
+        if fault == "forgets_connections":  # and does not say so
+            self.close_connection = True
 
     def do_fault_500(self, body: bytes) -> None:
         self.plain(500, b"sorry")

@@ -12,8 +12,10 @@ import pytest
 from servers_for_tests import serving
 from steps_for_tests import Misbehave, MixInChild, Slow, Split
 
-from assetbuild.engine.execute import NodeResult, execute
+from assetbuild.engine.code import Code
+from assetbuild.engine.execute import execute
 from assetbuild.engine.keys import key_parts
+from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.share import cluster as cluster_module
@@ -49,9 +51,9 @@ def server():
 def build(folder: Path, source: Path, workers=None, server=None, width: int = 4, **options):
     """`width` slow steps on one source, and one that reads them all: results, and contents."""
     with ExitStack() as stack:
-        session = stack.enter_context(Session(Store(folder)))
-        if workers is not None:
-            remote = session.remote = Remote(server.url, key="k", write=True)
+        remote = Remote(server.url, key="k", write=True) if workers is not None else None
+        session = stack.enter_context(Session(Store(folder), remote=remote))
+        if remote is not None:
             options["runner"] = stack.enter_context(Cluster(workers.executor, remote, session))
         planner = Planner(session)
         split = planner.add("split", Split(), {"in": planner.source(source)})
@@ -102,6 +104,32 @@ def test_a_worker_killed_in_the_middle_costs_nothing_but_time(tmp_path, robot, w
     assert content == gold[1]
 
 
+def test_what_the_cache_evicts_costs_workers_nothing_but_time(tmp_path, robot, workers, server):
+    """The workers have run for long, and know what the cache had then."""
+    gold = build(tmp_path / "gold", robot)
+    for number, evicted in enumerate(("", "all", "objects", "some", "entries")):
+        if evicted == "some":
+            server.forget(len(server.files) // 2)
+        elif evicted:
+            kept = {"all": "none", "objects": "/ac/", "entries": "/cas/"}[evicted]
+            server.files = {k: v for k, v in server.files.items() if k.startswith(kept)}
+        results, content = build(tmp_path / str(number), robot, workers, server)
+        assert [str(r.error) for r in results.values() if r.error] == []
+        assert content == gold[1]
+
+
+def test_a_cache_that_evicts_all_the_time_costs_workers_nothing_but_time(
+    tmp_path, robot, workers, server
+):
+    gold = build(tmp_path / "gold", robot)
+    server.forgets = 0.3
+    for number in range(3):
+        results, content = build(tmp_path / str(number), robot, workers, server)
+        assert [str(r.error) for r in results.values() if r.error] == []
+        assert content == gold[1]
+    assert server.forgotten > 5
+
+
 def test_a_step_that_crashes_is_one_failed_step(tmp_path, robot, workers, server):
     remote = Remote(server.url, key="k", write=True)
     with (
@@ -143,13 +171,11 @@ def test_a_cache_that_fails_is_told(tmp_path, robot, workers, server):
 def test_a_worker_with_other_versions_refuses_and_names_them(tmp_path, monkeypatch, server):
     monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "store"))
     step = MixInChild()
-    parts = key_parts(step, {}) | {"tools": {"mujoco": "3.0"}}
+    parts = key_parts(step, {}, Code()) | {"libraries": {"mujoco": "3.0"}}
     spec = {
         "label": "it",
-        "key": "0" * 64,
         "parts": parts,
         "step": step_to_json(step),
-        "inputs": {},
         "objects": {},
         "remote": server.url,
         "sandbox": False,

@@ -7,7 +7,8 @@ import json
 import pytest
 from steps_for_tests import Mix, MixInChild, Write, flip
 
-from assetbuild.engine import keys
+from assetbuild.engine.code import PYTHON, Code
+from assetbuild.engine.cpu import platform_tag
 from assetbuild.engine.execute import execute
 from assetbuild.engine.explain import Change, changes_between, explain
 from assetbuild.engine.graph import Graph
@@ -24,12 +25,12 @@ class Row(Step):
 
 
 class Actuators(Step):
-    tools = ("pydantic",)
     rows: tuple[Row, ...] = (Row(), Row())
     limits_n_m: dict[str, float]
 
 
-PARTS = key_parts(Actuators(limits_n_m={}), {"robot.urdf": "3f2a91c0" + "0" * 56})
+CODE = Code()
+PARTS = key_parts(Actuators(limits_n_m={}), {"robot.urdf": "3f2a91c0" + "0" * 56}, CODE)
 
 
 def changed(**parts: object) -> list[str]:
@@ -38,7 +39,7 @@ def changed(**parts: object) -> list[str]:
 
 def test_a_field_is_named_with_both_values():
     new = Actuators(rows=(Row(), Row(kp=90.0)), limits_n_m={"hip": 3.0})
-    fields = key_parts(new, {})["fields"]
+    fields = key_parts(new, {}, CODE)["fields"]
     assert "field rows[1].kp: 80.0 -> 90.0" in changed(fields=fields)
     assert "field limits_n_m.hip: nothing -> 3.0" in changed(fields=fields)
     old = {**PARTS, "fields": {"kp": 80}}
@@ -54,17 +55,25 @@ def test_an_input_is_named_with_both_digests():
 
 
 def test_the_order_of_a_mapping_counts():
-    one = key_parts(Actuators(limits_n_m={"hip": 1.0, "calf": 2.0}), {})
-    other = key_parts(Actuators(limits_n_m={"calf": 2.0, "hip": 1.0}), {})
+    one = key_parts(Actuators(limits_n_m={"hip": 1.0, "calf": 2.0}), {}, CODE)
+    other = key_parts(Actuators(limits_n_m={"calf": 2.0, "hip": 1.0}), {}, CODE)
     assert key_of(one) != key_of(other)
     assert [c.part for c in changes_between(one, other)] == ["order"]
 
 
-def test_versions_tools_and_platform_are_named():
-    assert changed(version="2") == ["step version: 1 -> 2"]
-    now = keys.tool_version("pydantic")
-    assert changed(tools={"pydantic": "9"}) == [f"tool pydantic: {now} -> 9"]
-    assert changed(platform="linux-riscv") == [f"platform: {keys.platform_tag()} -> linux-riscv"]
+def test_code_libraries_python_and_platform_are_named():
+    code, libraries = PARTS["code"], PARTS["libraries"]
+    assert changed(code={**code, "steps_for_tests": "0"}) == ["code steps_for_tests changed"]
+    assert changed(code={**code, "new": "0"}) == ["code new is new"]
+    assert changed(code={n: d for n, d in code.items() if n != "steps_for_tests"}) == [
+        "code steps_for_tests is gone"
+    ]
+    now = libraries["pytest"]
+    assert changed(libraries={**libraries, "pytest": "1"}) == [f"library pytest: {now} -> 1"]
+    assert changed(python="cpython 3.20") == [f"python: {PYTHON} -> cpython 3.20"]
+    assert changed(platform="linux-riscv") == [f"platform: {platform_tag()} -> linux-riscv"]
+    kernels = {**PARTS["kernels"], "OPENBLAS_CORETYPE": "Zen"}
+    assert "kernel OPENBLAS_CORETYPE: " in changed(kernels=kernels)[0]
 
 
 @pytest.mark.parametrize("part", list(PARTS))
@@ -76,7 +85,7 @@ def test_every_part_of_a_key_changes_the_key_and_is_explained(part):
 
 
 def test_equal_parts_have_equal_keys():
-    assert key_of(key_parts(Actuators(limits_n_m={}), dict(PARTS["inputs"]))) == key_of(PARTS)
+    assert key_of(key_parts(Actuators(limits_n_m={}), dict(PARTS["inputs"]), CODE)) == key_of(PARTS)
 
 
 def graph(session: Session, salt: int = 0) -> Graph:

@@ -13,7 +13,7 @@ from builds_for_tests import chain
 from steps_for_tests import Count, Mix, Split, flip
 
 from assetbuild.engine.execute import execute
-from assetbuild.engine.housekeeping import check, collect, size_of_text, stats
+from assetbuild.engine.housekeeping import check, collect, stats
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store, open_store
@@ -42,14 +42,6 @@ def gc(root: Path, max_bytes: int) -> None:
 def age(root: Path) -> None:
     """Nothing was used within the tick of the clock that `collect` spares."""
     time.sleep(0.1)
-
-
-def test_sizes_are_read_as_people_write_them():
-    texts = ("5GB", "500 MB", "2GiB", "1000", "1.5k")
-    assert [size_of_text(t) for t in texts] == [5 * 10**9, 5 * 10**8, 2 * 1024**3, 1000, 1500]
-    for wrong in ("", "GB", "5XB", "-1"):
-        with pytest.raises(ValueError, match="is no size"):
-            size_of_text(wrong)
 
 
 def test_an_absent_store_holds_nothing(tmp_path: Path):

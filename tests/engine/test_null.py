@@ -12,6 +12,7 @@ import pytest
 
 from assetbuild.engine import null
 from assetbuild.engine.digest import digest_file
+from assetbuild.engine.questions import BYTES, KIND
 
 OPTIONS = "go1.yaml\t-j2\nx\\y"
 SUMMARY = "go1: ready\n\tbundle in build\\go1"
@@ -30,12 +31,14 @@ def built(tmp_path: Path) -> Path:
 
 def record(folder: Path, began_ns: int | None = None) -> bool:
     files = [p for p in folder.rglob("*") if p.is_file() and p.name != "record"]
+    out = folder / "out"
     return null.write(
         str(folder / "record"),
         options=OPTIONS,
-        files={str(p): digest_file(p) for p in files},
-        folders=[str(folder / "out")],
-        absent=[str(folder / "go1.lock.yaml")],
+        asked={(BYTES, str(p), ""): digest_file(p) for p in files if not p.is_relative_to(out)}
+        | {(KIND, str(folder / "go1.lock.yaml"), ""): ""},
+        made={str(p): digest_file(p) for p in files if p.is_relative_to(out)},
+        folders=[str(out)],
         exit_code=0,
         summary=SUMMARY,
         began_ns=began_ns or time.time_ns(),
@@ -102,7 +105,7 @@ def test_a_source_edited_during_the_build_leaves_no_record(built: Path):
     written = null.write(
         str(built / "record"),
         options="",
-        files={str(built / "go1.yaml"): digest},
+        asked={(BYTES, str(built / "go1.yaml"), ""): digest},
         exit_code=0,
         summary="",
         began_ns=time.time_ns() - 1_000_000_000,

@@ -6,22 +6,28 @@ from pathlib import Path
 
 import pytest
 from builds_for_tests import chain
-from steps_for_tests import Count, Irreproducible, Mix, MixInChild, Split
+from steps_for_tests import Count, Irreproducible, Mix, MixInChild, MixInParent, Split
 
 from assetbuild.engine.execute import execute
 from assetbuild.engine.explain import explain
 from assetbuild.engine.graph import Graph, joined
 from assetbuild.engine.planner import Planner
+from assetbuild.engine.processes import Processes
 from assetbuild.engine.rebuild import run_again
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 
 
-@pytest.mark.parametrize("kind", [Mix, MixInChild])
+def again(graph: Graph, session: Session, results, keep: Path, **options):
+    with Processes(session) as runner:
+        return run_again(graph, session, results, runner, keep, **options)
+
+
+@pytest.mark.parametrize("kind", [MixInParent, MixInChild])
 def test_steps_that_give_the_same_bytes_pass(session, tmp_path, source, kind):
     graph = chain(session, source, kind)
     results = execute(graph, session)
-    assert run_again(graph, session, results, tmp_path / "keep") == ()
+    assert again(graph, session, results, tmp_path / "keep") == ()
     assert not (tmp_path / "keep").exists()
 
 
@@ -34,7 +40,7 @@ def test_every_step_runs_a_second_time_on_the_inputs_of_the_first(session, tmp_p
     planner.add("tree", Mix(), {"t/": split["parts/"]})
     graph = planner.graph()
     results = execute(graph, session)
-    assert run_again(graph, session, results, tmp_path / "keep", jobs=1) == ()
+    assert again(graph, session, results, tmp_path / "keep", jobs=1) == ()
     assert log.read_text().split() == ["a", "b", "a", "b"]
 
 
@@ -45,7 +51,7 @@ def test_the_step_and_the_file_that_differ_are_named_and_none_after_it(session, 
     graph = planner.graph()
     results = execute(graph, session)
     before = session.store.action(results["bad"].key)
-    (found,) = run_again(graph, session, results, tmp_path / "keep")
+    (found,) = again(graph, session, results, tmp_path / "keep")
     assert (found.label, found.file) == ("bad", "parts/clock")
     assert "step `bad`: `parts/clock` differs" in str(found)
     versions = [tmp_path / "keep/bad" / n / "parts/clock" for n in ("first", "second")]

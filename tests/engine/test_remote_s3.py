@@ -100,8 +100,11 @@ def test_whatever_is_wrong_in_the_bucket_is_a_miss(tmp_path, robot, bucket, spoi
     second = Machine(tmp_path / "b", URL)
     results = second.build(robot)
     assert [r.outputs for r in results.values()] == [r.outputs for r in gold.values()]
-    assert len(second.warnings) == 1
-    assert "going on without" in second.warnings[0]
+    if spoil in ("cas_cut", "cas_gone"):  # as a bucket that removes what is old leaves it
+        assert second.warnings == []
+    else:
+        assert len(second.warnings) == 1
+        assert "going on without" in second.warnings[0]
 
 
 def test_a_large_object_comes_in_parts(tmp_path, bucket):
@@ -111,9 +114,9 @@ def test_a_large_object_comes_in_parts(tmp_path, bucket):
 
     source, dest = tmp_path / "large", tmp_path / "came"
     source.write_bytes(bytes(range(256)) * (7 * PART // 256) + b"end")
-    exchange = S3Place(urlsplit(URL), 10.0).exchange()
-    exchange.put("cas/large", source)
-    exchange.save("cas/large", source.stat().st_size, dest)
+    place = S3Place(urlsplit(URL), 10.0)
+    place.put("cas/large", source)
+    assert place.save("cas/large", source.stat().st_size, dest)
     assert dest.read_bytes() == source.read_bytes()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import resource
 import subprocess
 import sys
@@ -10,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from assetbuild.engine import store as store_module
 from assetbuild.engine.store import LostObjectError, Store, is_plain_path
 from assetbuild.errors import MachineError
 
@@ -199,3 +202,16 @@ os._exit(1)
     assert mine.is_dir()
     assert len(list((running.root / "tmp").iterdir())) == 1
     running.close()
+
+
+def test_an_object_that_another_machine_removes_while_it_is_read_is_lost(store, tmp_path):
+    """As a network file system answers."""
+    digest = store.put_bytes(b"gone")
+
+    def gone(*_: object) -> str:
+        raise OSError(errno.ESTALE, os.strerror(errno.ESTALE))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(store_module, "_copy", gone)
+        with pytest.raises(LostObjectError):
+            store.restore(digest, tmp_path / "out")

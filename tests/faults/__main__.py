@@ -40,7 +40,7 @@ MASSES = (6, 7)
 POINTS = ("kept the user's files", "exchanged", "removed the old one")
 KILL_AT = """
 import os, signal, sys
-from assetbuild.engine import publish
+from assetbuild.pipeline import publish
 publish._at = lambda point: os.kill(os.getpid(), signal.SIGKILL) if point == POINT else None
 sys.argv = ["assetbuild", "build", "legs.yaml"]
 from assetbuild.__main__ import main

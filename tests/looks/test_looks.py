@@ -14,6 +14,7 @@ import trimesh
 from PIL import Image
 from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
 
+from assetbuild.engine.world import World
 from assetbuild.looks.keep_pose import KeepPose
 from assetbuild.looks.lighten import Lighten
 from assetbuild.looks.render import CAPTION, Render, caption
@@ -158,14 +159,14 @@ def test_an_mjcf_that_does_not_load_has_no_pictures_and_says_why(tmp_path: Path)
 @pytest.fixture(scope="module")
 def rendered(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, bytes]]:
     """The pictures of the tiny quadruped, made twice."""
-    if renderer() == "none":
+    if renderer(World()) == "none":
         pytest.skip("no OpenGL without a window: apt-get install libegl1 libgl1-mesa-dri")
     folder = tmp_path_factory.mktemp("render")
     inputs = write_robot_ports(folder / "in", tiny_quadruped())
     run_step(Mjcf(robot="tiny"), inputs, folder / "model")
     runs = []
     for name in ("a", "b"):
-        found = run_step(Render(renderer=renderer()), folder / "model", folder / name)
+        found = run_step(Render(renderer=renderer(World())), folder / "model", folder / name)
         if found:
             pytest.skip(found[0].message)
         runs.append({p.name: p.read_bytes() for p in sorted((folder / name / "images").iterdir())})
@@ -187,7 +188,7 @@ def test_every_picture_shows_something_of_its_own(rendered):
 
 def test_a_robot_of_collision_geometry_alone_is_seen_and_a_notch_is_not(tmp_path: Path):
     """The hull is what collides; and an empty floor says nothing about a robot."""
-    if renderer() == "none":
+    if renderer(World()) == "none":
         pytest.skip("no OpenGL without a window: apt-get install libegl1 libgl1-mesa-dri")
     cross = trimesh.util.concatenate(
         [trimesh.creation.box(size) for size in ([0.6, 0.05, 0.05], [0.05, 0.6, 0.05])]
@@ -202,7 +203,7 @@ def test_a_robot_of_collision_geometry_alone_is_seen_and_a_notch_is_not(tmp_path
         inputs = write_robot_ports(tmp_path / f"in{number}", robot)
         run_step(Mjcf(robot="pendulum"), inputs, tmp_path / f"model{number}")
         out = tmp_path / f"out{number}"
-        found = run_step(Render(renderer=renderer()), tmp_path / f"model{number}", out)
+        found = run_step(Render(renderer=renderer(World())), tmp_path / f"model{number}", out)
         if found:
             pytest.skip(found[0].message)
         files = {p.stem: Image.open(p).convert("RGB") for p in (out / "images").iterdir()}
@@ -235,7 +236,7 @@ def test_a_box_robot_needs_no_mesh_to_be_seen(tmp_path: Path):
 
 def test_mujoco_s_own_variable_switches_drawing_off(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("MUJOCO_GL", "Disable")
-    assert renderer() == "none"
+    assert renderer(World()) == "none"
 
 
 def test_a_caption_keeps_both_ends_of_a_long_name():

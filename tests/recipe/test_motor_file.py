@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from assetbuild.engine.world import files_in
 from assetbuild.errors import RecipeError
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.recipe.loader import LoadedRecipe
@@ -30,7 +31,7 @@ def test_the_recipe_s_own_motors_come_on_top(tmp_path: Path):
     motors = loaded.recipe.motors
     assert set(motors) == {"hip", "wheel", "knee"}
     assert (motors["hip"].effort, motors["hip"].gear) == (2, None)
-    assert tmp_path / "motors.yaml" in loaded.files
+    assert str(tmp_path / "motors.yaml") in files_in(loaded.world.record)
 
 
 def test_an_error_in_the_file_names_its_line(tmp_path: Path):

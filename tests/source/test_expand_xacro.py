@@ -11,9 +11,9 @@ import pytest
 from lxml import etree
 from tiny import run_step
 
-from assetbuild.engine.confine import confine
 from assetbuild.errors import SourceError
 from assetbuild.source.urdf import expand_xacro
+from assetbuild.source.urdf.confine import confine
 from assetbuild.source.urdf.expand_xacro import INCLUDED, ExpandXacro
 
 CANARY = "canary-5f1c"
@@ -160,7 +160,7 @@ def test_mistakes_name_file_line_and_the_next_move(tmp_path):
     )
     text = refusal(tmp_path, '<xacro:include filename="$(find pkq)/m.xacro"/>')
     assert "no package named `pkq`" in text
-    assert "did you mean `pkg`" in text
+    assert "hint: known: `pkg`" in text
     assert "source.args" in refusal(tmp_path, '<link name="$(arg nobody)"/>')
     yaml = {"pkg/y.yaml": "a: 1\nb: [\n"}
     body = "<link name=\"${xacro.load_yaml('y.yaml')}\"/>"

@@ -35,12 +35,10 @@ FAILED_RUN = Rule(
 class Alignment(Check):
     """`mjcf/` in MuJoCo and `usd/` in PhysX: what they hold, how they fall, follow, stand, land."""
 
-    version = "18"
     needs: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
     also: ClassVar[tuple[str, ...]] = ("mjlab", "isaaclab")
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
-    tools: ClassVar[tuple[str, ...]] = (*physx.TOOLS, "mujoco")
     isolated: ClassVar[bool] = True
     preload: ClassVar[tuple[str, ...]] = physx.PRELOAD
     limits: ClassVar[Limits] = Limits(wall_s=900.0, memory_mb=16384)

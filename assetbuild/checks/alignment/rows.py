@@ -21,7 +21,6 @@ from assetbuild.facts.mjcf_model import read_model, simulation_facts
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.vocabulary import VOCABULARY, Comparison
-from assetbuild.plugins import load_plugin
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators import mujoco, physx
@@ -72,22 +71,27 @@ def scene_rows(inputs: Path, robot: str, model: Any) -> Iterator[Row]:  # Any: a
 
     model: of `scene.xml`.
     """
-    ours = _read("scene", inputs / "mjcf", robot) | Table(
+    from assetbuild.facts.readers.isaaclab import IsaacLabReader
+    from assetbuild.facts.readers.mjlab import MjlabReader
+    from assetbuild.facts.readers.scene import SceneFacts
+    from assetbuild.facts.readers.usd_scene import UsdSceneReader
+
+    ours = _read(SceneFacts(robot=robot), inputs / "mjcf") | Table(
         {Key("simulation", "", name): value for name, value in simulation_facts(model.opt).items()}
     )
-    theirs = _read("usd_scene", inputs / "usd", robot)
+    theirs = _read(UsdSceneReader(robot=robot), inputs / "usd")
     yield from fact_rows(ours, theirs)
     if (inputs / "mjlab").is_dir():
-        yield from fact_rows(_read("mjlab", inputs / "mjlab", robot), theirs, "module for mjlab")
+        module = _read(MjlabReader(robot=robot), inputs / "mjlab")
+        yield from fact_rows(module, theirs, "module for mjlab")
     if (inputs / "isaaclab").is_dir():
-        modules = _read("isaaclab", inputs / "isaaclab", robot)
+        modules = _read(IsaacLabReader(robot=robot), inputs / "isaaclab")
         yield from fact_rows(ours, modules, "modules for isaaclab")
 
 
-def _read(name: str, folder: Path, robot: str) -> Table:
+def _read(reader: Reader, folder: Path) -> Table:
     """Simulation and floor; empty where the reader refuses the file, which its own check tells."""
-    reader = load_plugin(Reader, name)(robot=robot)
-    path = reader.file(folder, robot)
+    path = reader.file(folder, reader.robot)
     try:
         table = reader.read(path) if path else Table({})
     except AssetBuildError:

@@ -26,10 +26,8 @@ WARNING = Rule(
 class MjcfCompiles(Check):
     """Loads each file at the top of `mjcf/`; figures: the sizes of the compiled models."""
 
-    version = "6"
     isolated = True
     preload = ("mujoco",)
-    tools = ("mujoco",)
     needs = ("mjcf",)
     reads = ()
 

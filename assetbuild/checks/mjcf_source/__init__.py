@@ -36,10 +36,8 @@ class MjcfSource(Check):
     facts compare it with the robot.
     """
 
-    version = "8"
     isolated = True
     preload = ("mujoco",)
-    tools = ("mujoco",)
     needs = ("mjcf", "source_mjcf")
     reads = ("tree.json",)
 

@@ -57,8 +57,6 @@ class Oracle(Check):
     Joint friction, damping, drives and contacts take no part; armature is taken away.
     """
 
-    version: ClassVar = "9"
-    tools: ClassVar = ("mujoco", "pin")
     isolated: ClassVar = True
     # With the other checks of MuJoCo in one process; pinocchio alone is not worth a second one.
     preload: ClassVar = ("mujoco",)

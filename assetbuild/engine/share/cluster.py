@@ -13,17 +13,18 @@ import secrets
 from typing import Any
 from urllib.parse import urlsplit
 
+from assetbuild.engine.actions import Action, Made
 from assetbuild.engine.children import CancelledError
-from assetbuild.engine.graph import Node
-from assetbuild.engine.keys import Parts, key_of
-from assetbuild.engine.made import Made
 from assetbuild.engine.processes import Processes
+from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.share.remote import Remote
 from assetbuild.engine.wire import error_from_json, step_to_json
 from assetbuild.errors import MachineError, UsageError
 
 CONNECT_S = 10.0
+TRIES = 4
+"""How often a step is given to the workers before it is run here, if the cache evicts so fast."""
 SCHEMES = {"dask": "tcp", "dask+tls": "tls"}
 
 
@@ -42,7 +43,7 @@ def scheduler_address(executor: str) -> str:
     return address
 
 
-class Cluster(Processes):
+class Cluster(Runner):
     """A connection to a scheduler: isolated steps run on its workers, all others here.
 
     remote: must be written to. MachineError when nobody answers at the address.
@@ -69,7 +70,8 @@ class Cluster(Processes):
                 f"no scheduler answers at {address}: {error or 'it took too long'}",
                 hint="start one by `dask scheduler`, see docs/how-to/cluster.md",
             ) from None
-        super().__init__(session, sandbox=sandbox)
+        self._session = session
+        self._here = Processes(session, sandbox=sandbox)
 
     @property
     def places(self) -> int:
@@ -81,70 +83,84 @@ class Cluster(Processes):
         """The workers' matter, not this machine's."""
         return 1 << 40
 
-    def run(self, node: Node, parts: Parts) -> Made:
-        """Run a step on some worker; its results are in the store afterwards. AssetBuildError."""
-        if node.step.network or not node.step.isolated:
-            return super().run(node, parts)
-        session, key, inputs = self._session, key_of(parts), parts["inputs"]
-        for digest in inputs.values():
-            session.object(digest)  # a source comes into the store first
-        objects = session.store.sizes(inputs)
-        for digest in objects:
-            session.object(digest)
-        if not self._remote.send(objects, session.store):
-            raise _cache_failed(node)
-        spec = {
-            "label": node.label,
-            "key": key,
-            "parts": parts,
-            "step": step_to_json(node.step),
-            "inputs": inputs,
-            "objects": objects,
-            "remote": self._remote.address,
-            "sandbox": self.sandbox,
-        }
-        answer = self._answer(node, json.dumps(spec))
-        if "error" in answer:
-            raise error_from_json(answer["error"])
-        made = session.fetched(key)
-        if made is None:
-            raise _cache_failed(node)
-        return made
+    @property
+    def closed(self) -> bool:
+        """Is nothing started any more?"""
+        return self._here.closed
 
-    def _answer(self, node: Node, spec: str) -> dict[str, Any]:  # Any: JSON
+    def run(self, action: Action) -> Made:
+        """Run a step on some worker, as `Runner.run` says."""
+        step = action.step
+        if step.network or step.cpu_bound or not step.isolated:
+            return self._here.run(action)
+        for _ in range(TRIES):  # the cache may evict inputs and results at any moment
+            objects = self._objects(action)
+            if not self._remote.send(objects, self._session.store):
+                raise _cache_failed(action)
+            spec = {
+                "label": action.label,
+                "parts": action.parts,
+                "step": step_to_json(action.step),
+                "objects": objects,
+                "remote": self._remote.address,
+                "sandbox": self._here.sandbox,
+            }
+            answer = self._answer(action, json.dumps(spec))
+            if "error" in answer:
+                raise error_from_json(answer["error"])
+            if lost := answer.get("lost"):
+                self._remote.lost(lost)
+            elif made := self._session.actions.made_elsewhere(action.key):
+                return made
+        if self._remote.is_given_up:
+            raise _cache_failed(action)
+        return self._here.run(action)
+
+    def _objects(self, action: Action) -> dict[str, int]:
+        """Size in bytes by digest of all that the action reads, now in the store."""
+        for digest in action.inputs.values():
+            self._session.object(digest)  # a source comes into the store first
+        objects = self._session.store.sizes(action.inputs)
+        for digest in objects:
+            self._session.object(digest)
+        return objects
+
+    def _answer(self, action: Action, spec: str) -> dict[str, Any]:  # Any: JSON
         from distributed import CancelledError as FutureCancelledError
         from distributed.scheduler import KilledWorker
 
         from assetbuild.engine.share.cluster_worker import run_action
 
         # Not `pure`: dask would answer from its own memory, and the store is what is verified.
-        name = f"{node.label}-{secrets.token_hex(8)}"
+        name = f"{action.label}-{secrets.token_hex(8)}"
         future = self._client.submit(run_action, spec, pure=False, key=name)
         try:
             answer: dict[str, Any] = json.loads(future.result())
         except KilledWorker:
             raise MachineError(
-                f"worker after worker died while step `{node.label}` was on it",
+                f"worker after worker died while step `{action.label}` was on it",
                 hint="look at the logs of the workers: were they out of memory?",
             ) from None
         except FutureCancelledError:
             if self.closed:
                 raise CancelledError from None
-            raise MachineError(f"the scheduler gave up step `{node.label}`") from None
+            raise MachineError(f"the scheduler gave up step `{action.label}`") from None
         except (OSError, TimeoutError, ImportError, ValueError) as error:
-            raise MachineError(f"step `{node.label}` could not run on a worker: {error}") from None
+            raise MachineError(
+                f"step `{action.label}` could not run on a worker: {error}"
+            ) from None
         finally:
             future.release()
         return answer
 
     def close(self) -> None:
         """Give up what is not finished; nothing is started any more."""
-        super().close()
+        self._here.close()
         self._client.close(timeout=1)
 
 
-def _cache_failed(node: Node) -> MachineError:
+def _cache_failed(action: Action) -> MachineError:
     return MachineError(
-        f"the shared cache failed while step `{node.label}` ran on a worker",
+        f"the shared cache failed while step `{action.label}` ran on a worker",
         hint="inputs and results go through it; can this machine and the workers write to it?",
     )

@@ -10,34 +10,31 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from assetbuild.engine.actions import Action, missing_output
+from assetbuild.engine.execute import HEALING_ROUNDS
 from assetbuild.engine.explain import changes_between, changes_text
 from assetbuild.engine.folders import cache_root
-from assetbuild.engine.graph import Node
 from assetbuild.engine.keys import key_parts
-from assetbuild.engine.made import Made
-from assetbuild.engine.make import HEALING_ROUNDS
 from assetbuild.engine.processes import Processes
 from assetbuild.engine.session import Session
 from assetbuild.engine.share.remote import Budget, Remote
-from assetbuild.engine.step import Step
 from assetbuild.engine.store import LostObjectError, open_store
 from assetbuild.engine.wire import error_to_json, step_from_json
 from assetbuild.errors import AssetBuildError, MachineError, StepError
 
 
 def run_action(text: str) -> str:
-    """JSON in and out: what `Cluster.run` asks for -> `{}`, or `{error}`.
+    """JSON in and out: what `Cluster.run` asks for -> `{}`, `{error}`, or `{lost}`.
 
-    The results are in the shared cache then.
+    `{}`: the results are in the shared cache. lost: inputs that the cache has evicted.
     """
     spec = json.loads(text)
     try:
-        _make(spec)
+        return json.dumps(_make(spec))
     except AssetBuildError as error:
         if error.hint.startswith("its log: "):
             error.hint = f"its log on {os.uname().nodename}: {error.hint[9:]}"
         return json.dumps({"error": error_to_json(error)})
-    return json.dumps({})
 
 
 @functools.lru_cache(maxsize=4)
@@ -46,51 +43,52 @@ def _place(address: str, *, sandbox: bool) -> tuple[Session, Remote, Processes]:
     key = os.environ.get("ASSETBUILD_CACHE_KEY", "")
     patient = Budget(lost_s=math.inf, errors=1 << 30)  # it lives longer than one build
     remote = Remote(address, key=key, write=True, budget=patient)
-    session = Session(open_store(Path(cache_root())), build="cluster", remote=remote)
+    session = Session(open_store(Path(cache_root())), build="cluster")
     return session, remote, Processes(session, sandbox=sandbox)
 
 
-def _make(spec: Mapping[str, Any]) -> None:  # Any: JSON
+def _make(spec: Mapping[str, Any]) -> dict[str, object]:  # Any: JSON
     """From this store, from the shared cache, or freshly run. AssetBuildError.
 
-    The machine that plans looks after sources, and holds the turn of the action.
+    The machine that plans looks after sources, and holds the turn of the action. Nothing is taken
+    for granted that an earlier action saw: this process may have run for a week.
     """
-    step = step_from_json(spec["step"])
-    _check_same_key(step, spec)
+    action = Action.of(spec["label"], step_from_json(spec["step"]), spec["parts"])
     # Its address may hold credentials, so that of a worker's own environment comes first.
     address = os.environ.get("ASSETBUILD_REMOTE") or spec["remote"]
     session, remote, processes = _place(address, sandbox=spec["sandbox"])
-    made = _made(spec, step, session, remote, processes)
-    session.store.put_action(spec["key"], made.to_json())
-    if not remote.put(spec["key"], made, session.store):
-        raise MachineError("a worker cannot write its results to the shared cache")
-
-
-def _made(
-    spec: Mapping[str, Any],  # Any: JSON
-    step: Step,
-    session: Session,
-    remote: Remote,
-    processes: Processes,
-) -> Made:
-    for _ in range(HEALING_ROUNDS):
-        if not remote.fetch(spec["objects"], session.store):
-            raise MachineError("a worker cannot get its inputs from the shared cache")
-        try:
-            known = session.known(spec["key"])
-            return known or processes.run(Node(spec["label"], step, {}), spec["parts"])
-        except LostObjectError:  # corrupt, or evicted: fetched again
+    _check_same_key(action, session)
+    store = session.store
+    with store.busy():
+        remote.forget()
+        for _ in range(HEALING_ROUNDS):
             session.forget()
-    raise StepError(f"the store of a worker keeps losing what step `{spec['label']}` reads")
+            try:
+                made = session.actions.known(action.key) or remote.get(action.key, store)
+                if made is None:
+                    lost = remote.fetch(spec["objects"], store)
+                    if lost:
+                        return {"lost": sorted(lost)}
+                    if lost is None:
+                        raise MachineError("a worker cannot get its inputs from the shared cache")
+                    made = processes.run(action)
+                store.put_action(action.key, made.to_json())
+            except LostObjectError:  # corrupt, or removed to save space: fetched again
+                continue
+            if remote.put(action.key, made, store):
+                return {}
+            if not missing_output(store, made):
+                raise MachineError("a worker cannot write its results to the shared cache")
+    raise StepError(f"the store of a worker keeps losing what step `{action.label}` reads")
 
 
-def _check_same_key(step: Step, spec: Mapping[str, Any]) -> None:  # Any: JSON
-    """A worker with other versions would make other bytes under the same key."""
-    ours = key_parts(step, spec["inputs"])
-    if ours != spec["parts"]:
-        changed = changes_text(changes_between(spec["parts"], ours))
+def _check_same_key(action: Action, session: Session) -> None:
+    """A worker with other code or libraries would make other bytes under the same key."""
+    ours = key_parts(action.step, action.inputs, session.code)
+    if ours != action.parts:
+        changed = changes_text(changes_between(action.parts, ours))
         worker = os.uname().nodename
         raise MachineError(
             f"worker {worker} is not installed like the machine that builds: {changed}",
-            hint="install the same versions on both",
+            hint="install the same versions on both, then start the worker again",
         )

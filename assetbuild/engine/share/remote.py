@@ -1,14 +1,15 @@
 """A cache that machines share: what a step made, by its key, at `ac/<key>` and `cas/<sha256>`.
 
 Whatever goes wrong is a miss: a build never fails, and never waits long, because of the cache.
-Objects are verified by their digest. Action entries cannot be, so with a key they are signed, and
-others are refused. How names are read and written is a matter of the place: HTTP or S3.
+What the cache has evicted, an entry or any of its objects, is a plain miss; only a server that
+fails or sends wrong bytes counts as a fault. Objects are verified by their digest. Action entries
+cannot be, so with a key they are signed, and others are refused. How names are read and written is
+a matter of the place: HTTP or S3.
 """
 
 from __future__ import annotations
 
 import hmac
-import http.client
 import json
 import shutil
 import threading
@@ -16,36 +17,22 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any, Protocol
 from urllib.parse import urlsplit
 
+from assetbuild.engine.actions import Made, made_from_json
 from assetbuild.engine.digest import canonical_json
-from assetbuild.engine.made import Made, made_from_json
+from assetbuild.engine.share.offers import Offers
 from assetbuild.engine.store import LostObjectError, Store
 from assetbuild.errors import UsageError
-
-if TYPE_CHECKING:
-    from assetbuild.engine.share.remote_http import HttpExchange, HttpPlace
-    from assetbuild.engine.share.remote_s3 import S3Place
-
-    Exchange = HttpExchange | S3Place
-    """A few requests to one place; each within its time, each body within its size."""
 
 ENTRY_FORMAT = 1
 ENTRY_BYTES = 16 << 20
 """No action entry is larger."""
 TOLERATED_ERRORS = 3
 
-FAULTS = (
-    OSError,
-    http.client.HTTPException,
-    ValueError,
-    KeyError,
-    TypeError,
-    AttributeError,
-    RecursionError,
-    LostObjectError,
-)
+FAULTS = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError)
 """What a server that misbehaves can cause."""
 
 
@@ -55,26 +42,54 @@ class Budget:
 
     request_s: for one request, on top of the time that its size allows. lost_s: for requests
     that failed, all together; errors: so many requests; then the cache is left alone.
-    object_bytes: of one action.
+    object_bytes: of one action. offer_s: for what is still offered when the build is done.
     """
 
     request_s: float = 10.0
     lost_s: float = 20.0
     object_bytes: int = 4 << 30
     errors: int = TOLERATED_ERRORS
+    offer_s: float = 2.0
 
 
-def place_of(url: str, request_s: float) -> HttpPlace | S3Place:
+class Place(Protocol):
+    """Where names are read and written, each within its time and size. Threads may share it."""
+
+    name: str
+    """Its address, without credentials."""
+
+    def get(self, name: str, limit: int) -> bytes | None:
+        """A small body; None when there is none of this name."""
+        ...
+
+    def save(self, name: str, size: int, dest: Path) -> bool:
+        """Write a body of exactly `size` bytes to a file; False when it is not all there."""
+        ...
+
+    def has(self, name: str, size: int | None = None) -> bool:
+        """Is it there already, of this size if one is given?"""
+        ...
+
+    def put(self, name: str, body: bytes | Path) -> None:
+        """Upload bytes or a file."""
+        ...
+
+
+def place_of(url: str, request_s: float) -> Place:
     """The place that an address names. UsageError; MachineError when a library is missing."""
-    parts = urlsplit(url)
-    if parts.scheme in ("http", "https") and parts.hostname:
-        from assetbuild.engine.share.remote_http import HttpPlace
+    try:
+        parts = urlsplit(url)
+        _ = parts.port
+        if parts.scheme in ("http", "https") and parts.hostname:
+            from assetbuild.engine.share.remote_http import HttpPlace
 
-        return HttpPlace(parts, request_s)
-    if parts.scheme == "s3" and parts.hostname:
-        from assetbuild.engine.share.remote_s3 import S3Place
+            return HttpPlace(parts, request_s)
+        if parts.scheme == "s3" and parts.hostname:
+            from assetbuild.engine.share.remote_s3 import S3Place
 
-        return S3Place(parts, request_s)
+            return S3Place(parts, request_s)
+    except ValueError:
+        pass
     raise UsageError(
         "`--remote` takes the address of an HTTP cache or of an S3 bucket",
         hint="as in `https://cache.example.org:8080` or `s3://bucket/prefix`",
@@ -105,11 +120,19 @@ class Remote:
         self._write = write
         self._warn = warn
         self._lock = threading.Lock()
+        self._warned = False
+        self._offers = Offers()
+        self.is_complete = True
+        """Was all sent that was offered?"""
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing is known of the cache any more: it may have evicted what was there."""
         self._asked: set[str] = set()
         self._there: set[str] = set()
+        self._wrong: set[str] = set()
         self._errors = 0
         self._lost_s = 0.0
-        self._warned = False
 
     @property
     def is_given_up(self) -> bool:
@@ -128,32 +151,30 @@ class Remote:
         take it.
         """
         with self._lock:
-            if key in self._asked and not again:
+            if self.is_given_up or (key in self._asked and not again):
                 return None
             self._asked.add(key)
-        with self._tolerant("read") as exchange:
-            if exchange is None:
-                return None
-            data = exchange.get(f"ac/{key}", ENTRY_BYTES)
+        with self._tolerant("read"):
+            data = self._place.get(f"ac/{key}", ENTRY_BYTES)
             if data is None:
                 return None
-            entry = json.loads(data)
-            result, objects = self._checked(key, entry)
+            result, objects = self._checked(key, json.loads(data))
             if sum(objects.values()) > self._budget.object_bytes:
                 raise ValueError("a result is larger than its budget")
-            self._download(objects, store, exchange)
-            return made_from_json(result)
+            if next(self._download(objects, store), None) is None:
+                self._there.add(key)
+                return made_from_json(result)
         return None
 
     def put(self, key: str, made: Made, store: Store) -> bool:
-        """Offer what a step with this key made: objects first, then the action. Is it there?"""
-        if not self._write:
+        """Send what a step with this key made: objects first, then the action. Is it there?"""
+        if key in self._there:
+            return True
+        if not self._write or self.is_given_up:
             return False
-        with self._tolerant("write") as exchange:
-            if exchange is None:
-                return False
+        with self._tolerant("write"):
             objects = store.sizes(made.outputs)
-            self._upload(objects, store, exchange)
+            self._upload(objects, store)
             entry = {
                 "format": ENTRY_FORMAT,
                 "key": key,
@@ -162,31 +183,77 @@ class Remote:
             }
             if self._key:
                 entry["signature"] = self._signature(entry)
-            exchange.put(f"ac/{key}", canonical_json(entry))
+            self._place.put(f"ac/{key}", canonical_json(entry))
             return True
         return False
 
-    def send(self, objects: Iterable[str], store: Store) -> bool:
-        """Upload those objects that are not there yet. Are all of them there now?"""
-        with self._tolerant("write") as exchange:
-            if exchange is not None and self._write:
-                self._upload(objects, store, exchange)
+    def send(self, objects: Mapping[str, int], store: Store) -> bool:
+        """Upload those objects (digest -> size in bytes) that are not there yet. Are all there?"""
+        if self._write and not self.is_given_up:
+            with self._tolerant("write"):
+                self._upload(objects, store)
                 return True
         return False
 
-    def fetch(self, objects: Mapping[str, int], store: Store) -> bool:
-        """Download those objects (digest -> size in bytes) that the store lacks. Has it all?"""
-        with self._tolerant("read") as exchange:
-            if exchange is not None:
-                self._download(objects, store, exchange)
-                return True
-        return False
+    def fetch(self, objects: Mapping[str, int], store: Store) -> set[str] | None:
+        """Download those objects that the store lacks; those that the cache lacks as well.
 
-    def _upload(self, objects: Iterable[str], store: Store, exchange: Exchange) -> None:
+        None when the cache fails.
+        """
+        if not self.is_given_up:
+            with self._tolerant("read"):
+                return set(self._download(objects, store))
+        return None
+
+    def lost(self, objects: Iterable[str]) -> None:
+        """The cache has evicted these objects."""
+        self._there -= set(objects)
+
+    def offer(self, key: str, made: Made, store: Store) -> None:
+        """Send what the store has known for long, beside the build, if the cache lacks it."""
+        if self._write and not self.is_given_up and key not in self._there:
+            self._offers.add(lambda: self._send_older(key, made, store))
+
+    def close(self) -> None:
+        """Wait a moment for what is still offered; say so when that is not enough."""
+        left = self._offers.close(self._budget.offer_s)
+        self.is_complete = not left or self.is_given_up
+        if left and not self.is_given_up:
+            self._warn(
+                f"note: up to {left} older results are not in the shared cache yet; the next "
+                "builds go on with them, and `assetbuild cache push` sends them all"
+            )
+
+    def _send_older(self, key: str, made: Made, store: Store) -> None:
+        if not self.is_given_up:
+            with self._tolerant("write"):
+                if not self._place.has(f"ac/{key}"):
+                    self.put(key, made, store)
+
+    # -- one exchange
+
+    def _upload(self, objects: Mapping[str, int], store: Store) -> None:
         for digest in sorted(set(objects) - self._there):
-            if not exchange.has(f"cas/{digest}"):
-                exchange.put(f"cas/{digest}", store.path(digest))
+            name = f"cas/{digest}"
+            if digest in self._wrong or not self._place.has(name, objects[digest]):
+                self._place.put(name, store.path(digest))
             self._there.add(digest)
+
+    def _download(self, objects: Mapping[str, int], store: Store) -> Iterator[str]:
+        """Fetch what the store lacks; the digests of those objects that are not whole there."""
+        folder = store.scratch()
+        try:
+            for digest, size in sorted(objects.items()):
+                if store.has(digest):
+                    continue
+                beside = folder / "object"
+                if not self._place.save(f"cas/{digest}", size, beside):
+                    yield digest
+                elif store.put_file(beside, move=True) != digest:
+                    self._wrong |= set(objects)
+                    raise ValueError("an object has not the bytes of its name")
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
 
     def _checked(self, key: str, entry: Any) -> tuple[dict[str, Any], dict[str, int]]:  # Any: JSON
         """Result and objects of an entry that is for this key, and signed if it must be."""
@@ -208,29 +275,14 @@ class Remote:
         text = b"assetbuild action entry\n" + canonical_json(dict(entry))
         return hmac.new(self._key, text, "sha256").hexdigest()
 
-    def _download(self, objects: Mapping[str, int], store: Store, exchange: Exchange) -> None:
-        folder = store.scratch()
-        try:
-            for digest, size in sorted(objects.items()):
-                if store.has(digest):
-                    continue
-                beside = folder / "object"
-                exchange.save(f"cas/{digest}", size, beside)
-                if store.put_file(beside, move=True) != digest:
-                    raise ValueError("an object has not the bytes of its name")
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
-
     @contextmanager
-    def _tolerant(self, what: str) -> Iterator[Exchange | None]:
-        """An exchange with the server; None when it is given up. Faults are counted, told once."""
-        if self.is_given_up:
-            yield None
-            return
-        exchange = self._place.exchange()
+    def _tolerant(self, what: str) -> Iterator[None]:
+        """A fault of the server ends what is done here; it is counted, and the first one told."""
         began = time.monotonic()
         try:
-            yield exchange
+            yield
+        except LostObjectError:
+            pass  # of our own store
         except FAULTS as error:
             with self._lock:
                 self._errors += 1
@@ -240,5 +292,3 @@ class Remote:
                 reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
                 place = f"the shared cache {self._place.name}"
                 self._warn(f"warning: cannot {what} {place}: {reason}; going on without")
-        finally:
-            exchange.close()

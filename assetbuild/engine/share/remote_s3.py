@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
+from urllib.parse import SplitResult
 
 from assetbuild.errors import MachineError, UsageError
 
@@ -22,9 +23,9 @@ SLOWEST = 128 << 10
 
 
 class S3Place:
-    """A bucket and a prefix. UsageError; MachineError when obstore is not installed."""
+    """A bucket and a prefix. Threads may share it. UsageError; MachineError without obstore."""
 
-    def __init__(self, parts: Any, request_s: float) -> None:  # Any: urllib's SplitResult
+    def __init__(self, parts: SplitResult, request_s: float) -> None:
         if parts.username or parts.port:
             raise UsageError(
                 "the address of a bucket holds no credentials and no port",
@@ -39,7 +40,6 @@ class S3Place:
             ) from None
         prefix = parts.path.strip("/")
         self.name = f"s3://{parts.hostname}/{prefix}".rstrip("/")
-        self._request_s = request_s
         self._store: Any = S3Store(  # Any: obstore is imported late
             parts.hostname,
             prefix=prefix or None,
@@ -51,50 +51,34 @@ class S3Place:
             retry_config={"max_retries": 1, "retry_timeout": timedelta(seconds=request_s)},
         )
 
-    def exchange(self) -> S3Place:
-        """Itself: threads may share it, and the store keeps its own connections."""
-        return self
-
     def get(self, name: str, limit: int) -> bytes | None:
         """A small body; None when the bucket has none of this name."""
-        import obstore
+        size = self._size(name)
+        if size is None:
+            return None
+        if size > limit:
+            raise ValueError("a body is larger than it may be")
+        return self._part(name, 0, size)
 
-        with _plain_errors():
-            try:
-                size = int(obstore.head(self._store, name)["size"])
-            except FileNotFoundError:
-                return None
-            if size > limit:
-                raise ValueError("a body is larger than it may be")
-            return self._part(name, 0, size)
-
-    def save(self, name: str, size: int, dest: Path) -> None:
-        """Write a body of exactly `size` bytes to a file."""
-        import obstore
-
-        with _plain_errors(), dest.open("wb") as file:
-            if int(obstore.head(self._store, name)["size"]) != size:
-                raise ValueError("an object has not the size of its entry")
+    def save(self, name: str, size: int, dest: Path) -> bool:
+        """Write a body of exactly `size` bytes to a file; False when the bucket has not all."""
+        found = self._size(name)
+        if found is None or found < size:
+            return False
+        if found > size:
+            raise ValueError("an object has not the size of its entry")
+        with dest.open("wb") as file:
             for start in range(0, size, PART):
-                file.write(self._part(name, start, min(PART, size - start)))
+                part = self._part(name, start, min(PART, size - start))
+                if part is None:
+                    return False
+                file.write(part)
+        return True
 
-    def _part(self, name: str, start: int, length: int) -> bytes:
-        import obstore
-
-        if not length:
-            return b""
-        return bytes(obstore.get_range(self._store, name, start=start, length=length))
-
-    def has(self, name: str) -> bool:
-        """Is it in the bucket already?"""
-        import obstore
-
-        with _plain_errors():
-            try:
-                obstore.head(self._store, name)
-            except FileNotFoundError:
-                return False
-            return True
+    def has(self, name: str, size: int | None = None) -> bool:
+        """Is it in the bucket already, of this size if one is given?"""
+        found = self._size(name)
+        return found is not None and size in (None, found)
 
     def put(self, name: str, body: bytes | Path) -> None:
         """Upload bytes or a file; a large one in parts, which appear together."""
@@ -103,8 +87,25 @@ class S3Place:
         with _plain_errors():
             obstore.put(self._store, name, body, chunk_size=5 * PART, max_concurrency=2)
 
-    def close(self) -> None:
-        """Nothing is held."""
+    def _size(self, name: str) -> int | None:
+        import obstore
+
+        with _plain_errors():
+            try:
+                return int(obstore.head(self._store, name)["size"])
+            except FileNotFoundError:
+                return None
+
+    def _part(self, name: str, start: int, length: int) -> bytes | None:
+        import obstore
+
+        if not length:
+            return b""
+        with _plain_errors():
+            try:
+                return bytes(obstore.get_range(self._store, name, start=start, length=length))
+            except FileNotFoundError:
+                return None
 
 
 @contextmanager
@@ -115,7 +116,7 @@ def _plain_errors() -> Iterator[None]:
     try:
         yield
     except FileNotFoundError:
-        raise ValueError("an object is missing") from None
+        raise
     except BaseError as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         raise OSError(lines[0][:200] if lines else type(error).__name__) from None

@@ -27,7 +27,6 @@ BROUGHT = ("actuator", "option", "keyframe", "drive")
 class BareFacts(MjcfReader):
     """Bodies, joints without drives, shapes, sites and the sensors of mjlab's tasks."""
 
-    version = "5"
     needs = ("mjlab",)
     form = "bare"
     called = "the bare MJCF"

@@ -52,7 +52,6 @@ class Dr(Reader):
     All facts are words of the format (`dr:mass range`) of subjects such as `range body trunk`.
     """
 
-    tools: ClassVar = ("pyyaml",)
     isolated: ClassVar[bool] = False
     needs: ClassVar = ("ranges",)
     form: ClassVar[str] = "dr"

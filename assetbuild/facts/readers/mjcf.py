@@ -18,7 +18,6 @@ from assetbuild.quantities import Positive
 class MjcfFacts(MjcfReader):
     """Every fact of the robot, in `<robot>.xml`."""
 
-    version = "5"
     needs = ("mjcf",)
     form = "mjcf"
     called = "the MJCF"
@@ -27,6 +26,7 @@ class MjcfFacts(MjcfReader):
     suffixes = (".xml", ".mjcf")
     asks = ("mjcf",)
     lacks = LACKS
+    knows_copies = False
 
     section = "validate"
     equality: Positive = Field(

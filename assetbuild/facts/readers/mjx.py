@@ -20,7 +20,6 @@ DEFAULTS = {"iterations": 4, "ls_iterations": 8, "cone": "pyramidal"}
 class MjxFacts(MjcfReader):
     """Every fact of the robot, but for contacts and solver, which the recipe's `mjx` decides."""
 
-    version = "5"
     needs = ("mjx",)
     form = "mjx"
     called = "the mjx model"

@@ -10,6 +10,5 @@ from assetbuild.facts.mjcf_scene import SceneReader
 class SceneFacts(SceneReader):
     """The scene of the full MJCF."""
 
-    version = "6"
     needs: ClassVar[tuple[str, ...]] = ("mjcf",)
     behind: ClassVar[tuple[str, ...]] = ("mjcf/scene.xml", "mjcf/{robot}.xml")

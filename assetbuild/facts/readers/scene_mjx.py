@@ -10,7 +10,6 @@ from assetbuild.facts.mjcf_scene import SceneReader
 class SceneMjxFacts(SceneReader):
     """The scene of the mjx model."""
 
-    version = "6"
     needs: ClassVar[tuple[str, ...]] = ("mjx",)
     behind: ClassVar[tuple[str, ...]] = ("mjcf/scene_mjx.xml", "mjcf/{robot}_mjx.xml")
     form: ClassVar[str] = "scene_mjx"

@@ -22,9 +22,7 @@ _SPRING = "UsdPhysics has no spring beside the drive"
 class UsdReader(Reader):
     """Every prim, attribute, relationship and schema of the composed stage against the robot."""
 
-    version: ClassVar[str] = "5"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
-    tools: ClassVar[tuple[str, ...]] = ("usd-core", "pillow")
     preload: ClassVar[tuple[str, ...]] = (
         "pxr.Usd",
         "pxr.UsdGeom",

@@ -18,9 +18,7 @@ _MUJOCO = "MuJoCo's own"
 class UsdSceneReader(Reader):
     """Every prim of the scene but the robot's, and all that it says of the robot's."""
 
-    version: ClassVar[str] = "5"
     needs: ClassVar[tuple[str, ...]] = ("usd",)
-    tools: ClassVar[tuple[str, ...]] = ("usd-core",)
     preload: ClassVar[tuple[str, ...]] = (
         "pxr.Usd",
         "pxr.UsdGeom",

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Collection, Iterable
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 
 from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
@@ -15,7 +14,8 @@ from assetbuild.source.get.unpack import Unpack
 
 MESHES = "unpack meshes"
 """The one label of unpacking that is not light: see `pipeline.check`."""
-_LICENSE = re.compile(r"(licen[cs]e|copying)[^/]*", re.IGNORECASE)
+LICENSES = ("license", "licence", "copying")
+"""How the names of licence texts begin, in whatever case."""
 
 
 class ArchiveFiles:
@@ -76,11 +76,6 @@ class ArchiveFiles:
             return None
         return self._unpacked(f"unpack {what}", self._root, set(paths) & self._regular)
 
-    @property
-    def absent(self) -> tuple[Path, ...]:
-        """See `SourceFiles`: an archive does not change."""
-        return ()
-
     def licenses(self) -> dict[str, Ref]:
         """See `SourceFiles`."""
         of_wheel = self._unpacked("unpack licences", ".", self._of_wheel)
@@ -90,4 +85,4 @@ class ArchiveFiles:
     def _is_license(self, path: str) -> bool:
         """A licence text in a folder above the description."""
         place = PurePosixPath(path)
-        return place.parent.as_posix() in self._above and bool(_LICENSE.fullmatch(place.name))
+        return place.parent.as_posix() in self._above and place.name.lower().startswith(LICENSES)

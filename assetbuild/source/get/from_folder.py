@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Collection, Iterator
+import posixpath
+from collections.abc import Collection
 from pathlib import Path, PurePosixPath
 
 from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.errors import RecipeError, SourceError, Where, did_you_mean
 from assetbuild.recipe.loader import LoadedRecipe
+from assetbuild.source.get.from_archive import LICENSES
 
 
 class FolderFiles:
     """`source.path`: files are read where they lie, each by its own digest."""
 
     def __init__(self, loaded: LoadedRecipe, p: Planner) -> None:
-        recipe_dir = loaded.path.parent
-        self._loaded, self._p = loaded, p
-        self._absent: list[Path] = []
-        self.root = (
-            recipe_dir / (loaded.recipe.source.path or "") / loaded.recipe.source.root
-        ).resolve()
-        if not self.root.is_dir():
+        source = loaded.recipe.source
+        self._loaded, self._p, self._world = loaded, p, p.world
+        # Not resolved: a link on the way that leads elsewhere tomorrow is asked for again.
+        self.root = self._world.plain(loaded.path.parent / (source.path or "") / source.root)
+        self._real = self._world.real(self.root)
+        if not self._world.is_folder(self.root):
             key = ("source", "path")
             raise RecipeError(
-                f"source.path: no folder or archive `{loaded.recipe.source.path}`",
+                f"source.path: no folder or archive `{source.path}`",
                 where=loaded.where(key),
                 hint="paths are relative to the recipe's folder",
             )
@@ -33,8 +33,9 @@ class FolderFiles:
     def file(self, path: str, where: Where, what: str) -> Ref:
         """The file at `path` below the root; SourceError names `where` it was asked for."""
         full = self.root / path
-        if not is_file(full):
-            near = [str(PurePosixPath(path).parent / f.name) for f in full.parent.glob("*")]
+        if not self._world.is_file(full):
+            beside = self._world.names(full.parent)
+            near = [(PurePosixPath(path).parent / name).as_posix() for name in beside]
             hint = did_you_mean(path, near) or "check `source.root` and `source.packages`"
             raise SourceError(f"{what}: no file `{path}` in the source", where=where, hint=hint)
         if not self._holds(full):
@@ -62,53 +63,29 @@ class FolderFiles:
         """See `SourceFiles`. Links that lead out of the source, or nowhere, are not among them."""
         found = {}
         for folder in folders:
-            for path in _files_below(self.root / folder):
-                if path.suffix.lower() in suffixes and is_file(path) and self._holds(path):
-                    name = Path(os.path.normpath(path)).relative_to(self.root).as_posix()
-                    found[name] = path
+            for path in self._world.below(self.root / folder, suffixes):
+                if self._is_inside(path):
+                    found[path.relative_to(self.root).as_posix()] = path
         return {name: self._p.source(path) for name, path in sorted(found.items())}
 
     def present(self, what: str, paths: Collection[str]) -> dict[str, Ref] | None:
         """See `SourceFiles`. A link that leads out of the source is not there."""
-        found = {}
-        for path in sorted(paths):
-            full = self.root / path
-            if is_file(full) and self._holds(full):
-                found[path] = self._p.source(full)
-            elif not os.path.lexists(full):
-                self._absent.append(full)
-        return found
+        found = ((path, self.root / path) for path in sorted(paths))
+        return {path: self._p.source(full) for path, full in found if self._is_inside(full)}
+
+    def _is_inside(self, path: Path) -> bool:
+        return self._world.is_file(path) and self._holds(path)
 
     def _holds(self, path: Path) -> bool:
-        """Behind all links; `resolve` would raise on a loop of them."""
-        return Path(os.path.realpath(path)).is_relative_to(self.root)
-
-    @property
-    def absent(self) -> tuple[Path, ...]:
-        """See `SourceFiles`."""
-        return tuple(self._absent)
+        """Whether it lies in the source behind all links."""
+        return self._world.real(path).is_relative_to(self._real)
 
     def licenses(self) -> dict[str, Ref]:
         """See `SourceFiles`."""
-        urdf = self.root / (self._loaded.recipe.source.description)
-        folders = [f for f in (urdf.parent, *urdf.parents) if f.is_relative_to(self.root)]
         found = {}
-        for folder in folders:
-            for path in sorted(folder.glob("LICEN[CS]E*")):
-                if path.is_file():
-                    found[path.relative_to(self.root).as_posix()] = self._p.source(path)
+        for folder in PurePosixPath(self._loaded.recipe.source.description).parents:
+            for name in self._world.names(self.root / folder, starts=LICENSES):
+                path = posixpath.normpath(folder / name)
+                if self._world.is_file(self.root / path):
+                    found[path] = self._p.source(self.root / path)
         return found
-
-
-def is_file(path: Path) -> bool:
-    """A name that is too long for the disk is that of no file; pathlib raises."""
-    try:
-        return path.is_file()
-    except OSError:
-        return False
-
-
-def _files_below(folder: Path) -> Iterator[Path]:
-    for here, folders, names in os.walk(folder):
-        folders[:] = sorted(name for name in folders if not name.startswith("."))
-        yield from (Path(here) / name for name in sorted(names))

@@ -25,7 +25,6 @@ class ListArchive(Step):
     files; `unpack` refuses them by name.
     """
 
-    version = "2"
     outputs = ("listing.json",)
     isolated = True
     limits: ClassVar[Limits] = Limits(wall_s=120, memory_mb=2048)

@@ -38,11 +38,8 @@ class FlattenMjcf(Step):
     comments or the order of attributes' blanks changes `lines.json` and `source_map.json` alone.
     """
 
-    version = "2"
-    tools = ("lxml",)
     outputs = ("source.xml", "lines.json", "meshes.json", "source_map.json")
     isolated = True
-    preload = ("lxml.etree",)
     limits = Limits(wall_s=120.0, memory_mb=2048)
 
     file: str

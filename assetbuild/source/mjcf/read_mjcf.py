@@ -40,8 +40,6 @@ class ReadMjcf(Step):
     Raises SourceError with file and line for what is no robot of rigid bodies on joints.
     """
 
-    version = "8"
-    tools = ("lxml", "mujoco")
     outputs = ("links.json", "shapes.json", "source_control.json")
     isolated = True
     preload = ("mujoco",)

@@ -52,11 +52,8 @@ class ReadUrdf(Step):
     Raises SourceError with `file:line`; of several mistakes the first in the file is told.
     """
 
-    tools = ("lxml",)
-    version = "6"
     outputs = ("links.json", "shapes.json", "meshes.json", "source_map.json", "source.urdf")
     isolated = True
-    preload = ("lxml.etree",)
     limits = Limits(wall_s=120.0, memory_mb=2048)
 
     file: str

@@ -1,7 +1,7 @@
 """The program that runs xacro: its own process, its own folder, then no rights at all.
 
 A xacro file is a program, and the check of its expressions is no sandbox. So everything that
-xacro needs is imported first; then the process gives up its rights (see `engine.confine`), and
+xacro needs is imported first; then the process gives up its rights (see `confine`), and
 an audit hook refuses and *names* what leads outside, which a kernel's "permission denied" would
 not. The job comes as JSON on the standard input, the answer goes to the standard output.
 """
@@ -16,7 +16,7 @@ import sys
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
-from assetbuild.engine.confine import confine
+from assetbuild.source.urdf.confine import confine
 
 MEMORY_BYTES = 2 << 30
 READING = os.O_ACCMODE | os.O_CREAT | os.O_TRUNC | os.O_APPEND

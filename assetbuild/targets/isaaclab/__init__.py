@@ -48,7 +48,6 @@ class IsaacLab(Target):
     `_measure.py` is for Isaac Lab's half of the comparison.
     """
 
-    version = "9"
     outputs = ("isaaclab/",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
     folder = "python"

@@ -43,7 +43,6 @@ PLANAR_JOINT = Rule(
 class Mjcf(Target):
     """Writes `mjcf/<robot>.xml`, `mjcf/scene.xml` and `mjcf/assets/`."""
 
-    version = "12"
     outputs = ("mjcf/",)
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")
 

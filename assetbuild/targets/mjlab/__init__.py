@@ -78,7 +78,6 @@ SENSORS_LEFT_OUT = Rule(
 class Mjlab(Target):
     """Writes `mjcf/<robot>_bare.xml` with its assets, and `python/<robot>_mjlab.py`."""
 
-    version = "18"
     outputs = ("mjlab/",)
     folder = ""
     reads = ("tree.json", "shapes.json", "control.json", "meshes/")

@@ -20,10 +20,8 @@ _ENVIRONMENT = ("USD_WRITE_NEW_USDC_FILES_AS_VERSION", "PIXAR_TF_ENV_SETTINGS_FI
 class Usd(Target):
     """`usd/<robot>.usda`, `usd/payloads/...` and `usd/scene.usda`."""
 
-    version = "8"
     outputs = ("usd/",)
     reads: ClassVar[tuple[str, ...]] = ("tree.json", "shapes.json", "control.json", "meshes/")
-    tools: ClassVar[tuple[str, ...]] = ("usd-core",)
     isolated: ClassVar[bool] = True
     preload: ClassVar[tuple[str, ...]] = (
         "pxr.Usd",

@@ -29,7 +29,6 @@ IN_USD = "stands in the USD"
 class IsaacLabReader(Reader):
     """Reads the modules for Isaac Lab back and compares them with the robot."""
 
-    version = "3"
     form: ClassVar[str] = FORM
     called: ClassVar[str] = "Isaac Lab's modules"
     needs: ClassVar[tuple[str, ...]] = ("isaaclab",)

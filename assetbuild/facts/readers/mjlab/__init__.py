@@ -42,7 +42,6 @@ IN_BARE = "stands in the bare MJCF"
 class MjlabReader(Reader):
     """Reads the module for mjlab back and compares it with the robot."""
 
-    version = "3"
     form: ClassVar[str] = FORM
     called: ClassVar[str] = "mjlab's module"
     needs: ClassVar[tuple[str, ...]] = ("mjlab",)

@@ -1,6 +1,6 @@
 """The swap of a finished folder: readers see the old bundle whole or the new one whole.
 
-<out>.new-<8 hex>   a folder being filled, or an old one being removed: worthless after a kill
+<out>.new-<owner>   a folder being filled, or an old one being removed: worthless after a kill
 <out>.old-<8 hex>   the old bundle, for the moment between two renames where the file system
                     cannot exchange: after a kill it is put back
 <out>.edited/       what the user changed or added inside the bundle
@@ -18,9 +18,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from assetbuild.engine.claims import claim_new_folder, remove_abandoned
+from assetbuild.engine.claims import (
+    OWNER,
+    claim_new_folder,
+    claimed_name,
+    release,
+    remove_abandoned,
+)
 from assetbuild.engine.digest import digest_file
-from assetbuild.engine.store import machine_error
+from assetbuild.engine.store import OUT_OPTION, machine_error
 from assetbuild.errors import MachineError, UsageError
 
 MARK = "manifest.json"
@@ -31,8 +37,6 @@ OWN_FILES = (MARK, PROVENANCE)
 
 AT_FDCWD = -100
 RENAME_EXCHANGE = 2
-
-_claims: dict[Path, int] = {}
 
 
 @dataclass(frozen=True)
@@ -57,27 +61,21 @@ def new_staging(out_dir: Path) -> Path:
     check_replaceable(out)
     heal(out)
     try:
-        staging, claim = claim_new_folder(out.parent, f"{out.name}.new-")
+        return claim_new_folder(out.parent, f"{out.name}.new-")
     except OSError as error:
-        raise machine_error(error, out.parent) from error
-    _claims[staging] = claim
-    return staging
+        raise machine_error(error, out.parent, OUT_OPTION) from error
 
 
 def discard(staging: Path) -> None:
     """Give up a folder from `new_staging`; nothing happens when it was published."""
-    claim = _claims.pop(staging, None)
-    if claim is not None:
-        shutil.rmtree(staging, ignore_errors=True)
-        os.close(claim)
+    release(staging)
 
 
 def check_replaceable(out_dir: Path) -> None:
-    """UsageError when `out_dir` holds something that is not a bundle."""
+    """UsageError when `out_dir` holds something that is not a bundle, or cannot be a folder."""
+    check_folder(out_dir)
     if not out_dir.exists() and not out_dir.is_symlink():
         return
-    if not out_dir.is_dir():
-        raise UsageError(f"`{out_dir}` is not a folder", hint="choose another folder with `-o`")
     if not (out_dir / MARK).is_file() and any(out_dir.iterdir()):
         raise UsageError(
             f"`{out_dir}` holds files and no {MARK}: it is not a bundle, so it stays",
@@ -85,8 +83,18 @@ def check_replaceable(out_dir: Path) -> None:
         )
 
 
-def heal(out_dir: Path, keep: Path | None = None) -> None:
-    """Finish or undo what a killed build left beside `out_dir`, but for the folder `keep`.
+def check_folder(path: Path) -> None:
+    """UsageError when a file stands where a folder has to be."""
+    for each in (path, *path.parents):
+        if (each.exists() or each.is_symlink()) and not each.is_dir():
+            message = f"`{each}` is not a folder"
+            if each != path:
+                message = f"`{path}` cannot be a folder: {message}"
+            raise UsageError(message, hint="choose another folder with `-o`")
+
+
+def heal(out_dir: Path) -> None:
+    """Finish or undo what a killed build left beside `out_dir`.
 
     Folders that a running build has claimed are left alone.
     """
@@ -98,7 +106,7 @@ def heal(out_dir: Path, keep: Path | None = None) -> None:
         old.pop().rename(out)
     for folder in old:
         _retire(folder, out)
-    remove_abandoned(folder for folder in _beside(out, "new") if folder != keep)
+    remove_abandoned(_beside(out, "new"))
 
 
 def publish(staging: Path, out_dir: Path, manifest: Mapping[str, str] | None = None) -> Published:
@@ -111,17 +119,15 @@ def publish(staging: Path, out_dir: Path, manifest: Mapping[str, str] | None = N
     out = _real(out_dir)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        heal(out, keep=staging)
+        heal(out)
         check_replaceable(out)
         found = set_aside(out, manifest) if manifest is not None else Published()
         _at("kept the user's files")
         _swap(staging, out)
     except OSError as error:
-        raise machine_error(error, out.parent) from error
+        raise machine_error(error, out.parent, OUT_OPTION) from error
     finally:
-        claim = _claims.pop(staging, None)
-        if claim is not None:
-            os.close(claim)
+        release(staging)
     return found
 
 
@@ -199,7 +205,7 @@ def _swap(staging: Path, out: Path) -> None:
 
 def _retire(old: Path, out: Path) -> None:
     """Remove an old bundle. Renamed first: half of it must never be put back."""
-    worthless = out.with_name(f"{out.name}.new-{secrets.token_hex(4)}")
+    worthless = out.with_name(f"{out.name}.new-{claimed_name()}")
     old.rename(worthless)
     _at("retired the old one")
     _remove(worthless)
@@ -222,7 +228,7 @@ def _exchange(one: Path, other: Path) -> bool:
 
 
 def _beside(out: Path, kind: str) -> list[Path]:
-    pattern = re.compile(rf"{re.escape(out.name)}\.{kind}-[0-9a-f]{{8}}")
+    pattern = re.compile(rf"{re.escape(out.name)}\.{kind}-([0-9a-f]{{8}}|{OWNER.pattern})")
     return sorted(p for p in out.parent.iterdir() if pattern.fullmatch(p.name) and p.is_dir())
 
 

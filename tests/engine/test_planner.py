@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from steps_for_tests import Count, Mix, Split, Write
 
-from assetbuild.engine.planner import Planner
-from assetbuild.engine.rounds import nothing, planned, settle, settle_all
+from assetbuild.engine.planner import Planner, nothing, planned, settle, settle_all
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 

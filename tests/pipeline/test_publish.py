@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from assetbuild.engine import publish as module
 from assetbuild.engine.digest import digest_file
-from assetbuild.engine.publish import (
+from assetbuild.errors import MachineError, UsageError
+from assetbuild.pipeline import publish as module
+from assetbuild.pipeline.publish import (
     Published,
     discard,
     heal,
@@ -19,7 +20,6 @@ from assetbuild.engine.publish import (
     new_staging,
     publish,
 )
-from assetbuild.errors import MachineError, UsageError
 
 EXCHANGE_POINTS = ["kept the user's files", "exchanged", "removed the old one"]
 RENAME_POINTS = [
@@ -177,7 +177,7 @@ KILLED = """
 import os, sys
 from pathlib import Path
 sys.path.insert(0, {folder!r})
-from assetbuild.engine import publish as module
+from assetbuild.pipeline import publish as module
 from test_publish import make
 if {way!r} == "two renames":
     module._exchange = lambda one, other: False

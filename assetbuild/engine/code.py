@@ -1,0 +1,312 @@
+"""The code of a step: the modules that it computes with, and the libraries that these import.
+
+The modules are the import closure of the file that defines the step: imports inside functions
+count, those below `if TYPE_CHECKING:` do not. What imports cannot show stands in a constant of the
+module that needs it:
+
+    BEYOND_IMPORTS = ("assetbuild.simulators._physx_child", "simcheck", "./page.css")
+
+These are modules that it starts as programs, libraries that it finds by name, and files beside it
+that it opens; a file's name has a slash.
+
+`engine.step`, which defines what a step is, does not count: `KEY_FORMAT` stands for the code that
+runs steps. Any other module of the engine counts where a step's own code imports it.
+"""
+
+from __future__ import annotations
+
+import gc
+import importlib.util
+import json
+import os
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib.machinery import EXTENSION_SUFFIXES
+from pathlib import Path
+from typing import Any
+
+from assetbuild.engine.digest import Signature, is_racy, replace_file, signature_of
+from assetbuild.engine.libraries import Libraries
+from assetbuild.engine.syntax import MUST, SYNTAX_FORMAT, read_data, read_module
+from assetbuild.errors import MachineError
+
+CACHE_LIMIT = 4000
+"""Files kept in one cache file; several installations may share a store."""
+DIGITS = 32
+"""Of a module's digest in a key: 128 bits."""
+PACKAGE = "assetbuild"
+FRAME = "assetbuild.engine.step"
+PYTHON = f"{sys.implementation.name} {sys.version_info.major}.{sys.version_info.minor}"
+
+
+@dataclass(frozen=True)
+class StepCode:
+    """What a step computes with. modules: name -> digest; libraries: name -> version.
+
+    files: (name, path) of the modules, and of the files that they open.
+    """
+
+    modules: dict[str, str]
+    libraries: dict[str, str]
+    files: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class _File:
+    """What this process found in one file. digest: "" when it holds no code.
+
+    imports: `module:name` for `from module import name`, `module:` for `import module`; a file is
+    `package/name:`. What `BEYOND_IMPORTS` names ends in `:!`.
+    """
+
+    signature: Signature
+    digest: str
+    imports: tuple[str, ...]
+
+
+_FIRST_SEEN: dict[tuple[str, str], _File] = {}
+"""By name and path. A process keeps the code that it has loaded, so the digests stay as well."""
+
+
+class Code:
+    """The code of step classes. A file is read once per installation, then known by its stamp.
+
+    folder: holds one file for each version of Python; None = the next process reads all again.
+    """
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self._kept = folder and folder / f"{PYTHON.replace(' ', '-')}.json"
+        known = _load(self._kept) if self._kept else {}
+        self._files: dict[str, list[Any]] = known.get("files", {})  # Any: JSON
+        self._is_new = False
+        self._libraries = Libraries(known.get("libraries"))
+        self._packages = _Packages()
+        self._targets: dict[tuple[str, str], tuple[list[str], set[str]]] = {}
+        self._closures: dict[str, StepCode] = {}
+
+    def of(self, step: type) -> StepCode:
+        """The code of a step class. MachineError when its source is not to be found."""
+        module = step.__module__
+        if module not in self._closures:
+            collects = gc.isenabled()
+            gc.disable()  # it would take most of the time: syntax trees are many small objects
+            try:
+                self._closures[module] = self._closure(module)
+            finally:
+                if collects:
+                    gc.enable()
+        code = self._closures[module]
+        stated = getattr(step, "tools", ())  # of a plug-in that was written for assetbuild 0.1
+        if not stated:
+            return code
+        libraries = self.versions([*code.libraries, *stated])
+        return StepCode(code.modules, libraries, code.files)
+
+    def versions(self, distributions: Iterable[str]) -> dict[str, str]:
+        """Name -> version of installed distributions, and of those that they require."""
+        return self._libraries.with_requirements(distributions)
+
+    def check(self, step: type) -> None:
+        """MachineError when the code of a step was edited since this process looked at it.
+
+        A child process loads a module later than that, so what it made may be that of either.
+        """
+        for name, path in self.of(step).files:
+            seen = _FIRST_SEEN[name, path]
+            try:
+                if signature_of(os.stat(path)) == seen.signature:  # noqa: PTH116 - on a hot path
+                    continue
+                digest = _read(name, path)[0]
+            except OSError:
+                digest = "gone"
+            if digest != seen.digest:
+                raise MachineError(
+                    f"`{path}` was edited while a step ran that uses it", hint="build again"
+                )
+
+    def save(self) -> None:
+        """Write what was learnt; OSError passes."""
+        if self._kept is None or not (self._is_new or self._libraries.is_new):
+            return
+        entry = {
+            "format": SYNTAX_FORMAT,
+            "files": dict(list(self._files.items())[-CACHE_LIMIT:]),
+            "libraries": self._libraries.to_json(),
+        }
+        replace_file(self._kept, json.dumps(entry).encode())
+        self._is_new = self._libraries.is_new = False
+
+    def _closure(self, start: str) -> StepCode:
+        own = start.partition(".")[0]
+        if self._packages.path(start) is None:
+            raise MachineError(
+                f"the source of `{start}`, which defines a step, cannot be found",
+                hint="define the step in a module that can be imported",
+            )
+        files: dict[str, str] = {}
+        libraries: set[str] = set()
+        seen, waiting = {start, FRAME}, [start]
+        while waiting:
+            name = waiting.pop()
+            path = self._packages.path(name)
+            if path is None:
+                continue
+            files[name] = path
+            targets, tops = self._leads_to(name, own, self._file(name, path))
+            libraries |= tops
+            fresh = [target for target in targets if target not in seen]
+            seen.update(fresh)
+            waiting += fresh
+        digests = ((name, _FIRST_SEEN[name, path].digest) for name, path in sorted(files.items()))
+        owners = {owner for top in libraries for owner in self._libraries.owners(top)}
+        return StepCode(
+            {name: digest[:DIGITS] for name, digest in digests if digest},
+            self.versions(sorted(owners)),
+            tuple(sorted(files.items())),
+        )
+
+    def _leads_to(self, name: str, own: str, file: _File) -> tuple[list[str], set[str]]:
+        """Modules and files that a module leads to, and top-level modules of libraries."""
+        known = self._targets.get((name, own))
+        if known is not None:
+            return known
+        targets: list[str] = []
+        libraries: set[str] = set()
+        if "." in name and "/" not in name:
+            targets.append(name.rpartition(".")[0])  # a package runs before what is in it
+        for each in file.imports:
+            module, _, member = each.partition(":")
+            top = module.partition("/")[0].partition(".")[0]
+            if top in sys.stdlib_module_names:
+                continue
+            if not self._is_code(top, own):
+                libraries.add(top)
+                continue
+            targets.append(module)
+            if member == MUST:
+                self._must_be(module, name, own)
+            elif member:
+                targets.append(f"{module}.{member}")
+        self._targets[name, own] = targets, libraries
+        return targets, libraries
+
+    def _must_be(self, target: str, name: str, own: str) -> None:
+        top = target.partition("/")[0].partition(".")[0]
+        if top in (PACKAGE, own) and self._packages.path(target) is None:
+            raise MachineError(
+                f"`{name}` names `{target}` in `BEYOND_IMPORTS`, which is not there",
+                hint="name a module, or a file beside it as `./page.css`",
+            )
+
+    def _is_code(self, top: str, own: str) -> bool:
+        """Is a top-level module part of what the step belongs to, rather than a library?
+
+        What no distribution installs is code as well: anyone may edit it under its version.
+        """
+        if top in (PACKAGE, own):
+            return True
+        owners = self._libraries.owners(top)
+        return not owners or not set(owners).isdisjoint(self._libraries.owners(own))
+
+    def _file(self, name: str, path: str) -> _File:
+        if (name, path) not in _FIRST_SEEN:
+            signature = signature_of(os.stat(path))  # noqa: PTH116 - first, then the content
+            place = f"{name} {path}"
+            known = self._files.get(place)
+            if known is None or known[:5] != [*signature]:
+                digest, imports = _read(name, path)
+                known = [*signature, digest, "\n".join(imports)]
+                if not is_racy(signature):
+                    self._files.pop(place, None)
+                    self._files[place] = known
+                    self._is_new = True
+            _FIRST_SEEN[name, path] = _File(signature, known[5], tuple(known[6].splitlines()))
+        return _FIRST_SEEN[name, path]
+
+
+def _read(name: str, path: str) -> tuple[str, tuple[str, ...]]:
+    if "/" not in name and path.endswith(".py"):
+        return read_module(name, path)
+    return read_data(path), ()
+
+
+def _load(path: Path) -> Mapping[str, Any]:  # Any: JSON
+    """What an earlier process kept, as far as it can be used."""
+    try:
+        raw = json.loads(path.read_bytes())
+        if raw["format"] == SYNTAX_FORMAT and all(
+            len(entry) == 7 and isinstance(entry[5], str) and isinstance(entry[6], str)
+            for entry in raw["files"].values()
+        ):
+            return dict(raw)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        pass
+    return {}
+
+
+class _Packages:
+    """Where modules lie, and the files of packages, by name."""
+
+    def __init__(self) -> None:
+        self._paths: dict[str, str | None] = {}
+        self._folders: dict[str, list[str]] = {}
+        self._listings: dict[str, frozenset[str]] = {}
+
+    def path(self, name: str) -> str | None:
+        """The file of a module, or of `package/file.css`; None when there is none."""
+        if name not in self._paths:
+            if "/" in name:
+                self._paths[name] = self._data(name)
+            elif "." not in name:
+                self._paths[name] = self._top(name)
+            else:
+                self._paths[name] = self._inside(*name.rsplit(".", 1)) or _loaded_from(name)
+        return self._paths[name]
+
+    def _top(self, name: str) -> str | None:
+        module = sys.modules.get(name)
+        if module is not None:
+            self._folders[name] = [*getattr(module, "__path__", ())]
+            return _loaded_from(name)
+        try:
+            spec = importlib.util.find_spec(name)
+        except (ImportError, ValueError):
+            return None
+        if spec is None:
+            return None
+        self._folders[name] = list(spec.submodule_search_locations or ())
+        return spec.origin if spec.has_location else None
+
+    def _inside(self, package: str, name: str) -> str | None:
+        self.path(package)
+        for folder in self._folders.get(package, ()):
+            names, whole = self._listing(folder), f"{folder}/{name}"
+            if name in names:
+                inside = self._listing(whole)
+                self._folders.setdefault(f"{package}.{name}", []).append(whole)
+                if "__init__.py" in inside:
+                    return f"{whole}/__init__.py"
+            for suffix in (".py", *EXTENSION_SUFFIXES):
+                if name + suffix in names:
+                    return whole + suffix
+        return None
+
+    def _data(self, name: str) -> str | None:
+        package, _, inside = name.partition("/")
+        self.path(package)
+        files = (f"{folder}/{inside}" for folder in self._folders.get(package, ()))
+        return next(filter(os.path.isfile, files), None)
+
+    def _listing(self, folder: str) -> frozenset[str]:
+        if folder not in self._listings:
+            try:
+                self._listings[folder] = frozenset(os.listdir(folder))  # noqa: PTH208 - names
+            except OSError:
+                self._listings[folder] = frozenset()
+        return self._listings[folder]
+
+
+def _loaded_from(name: str) -> str | None:
+    path = getattr(sys.modules.get(name), "__file__", None)
+    return path if path and os.path.isfile(path) else None  # noqa: PTH113 - as above

@@ -1,0 +1,120 @@
+"""Questions about the world, and how each one is asked: by a build, and again by the null build.
+
+A question is (kind, subject, detail), its answer a text:
+
+    bytes     path             SHA-256 of the file, behind all links
+    kind      path             `file`, `folder` or `other`, behind all links; "" = nothing is there
+    link      path             where the link leads, as it says; "" = no link
+    names     folder, pattern  names in the folder that match, see `names_text`
+    variable  name             `=` and the value of the environment variable; "" = not set
+    stamp     path             what `stat` says of a file that nobody reads; "" = nothing is there
+
+The null build imports this module: standard library only, heavy parts inside functions.
+"""
+
+# pathlib is not loaded on the way of the null build:
+# ruff: noqa: PTH115, PTH116
+from __future__ import annotations
+
+import os
+import stat
+
+BYTES, KIND, LINK, NAMES, VARIABLE, STAMP = (
+    "bytes",
+    "kind",
+    "link",
+    "names",
+    "variable",
+    "stamp",
+)
+DEEP = "/"
+"""Begins a pattern that all folders match, but for hidden ones."""
+BETWEEN = "\0"
+"""Between the names of an answer: no name holds it."""
+
+Question = tuple[str, str, str]
+
+
+def answer(question: Question) -> str:
+    """What the world says now; of `bytes` nothing, since who asks for them has a cache."""
+    kind, subject, detail = question
+    if kind == KIND:
+        return kind_of(subject)
+    if kind == LINK:
+        return link_of(subject)
+    if kind == NAMES:
+        return names_text(subject, detail)
+    if kind == VARIABLE:
+        return variable(subject)
+    if kind == STAMP:
+        return stamp_of(subject)
+    raise ValueError(f"no question: {kind}")
+
+
+def kind_of(path: str) -> str:
+    """See above; what cannot be looked at is not there."""
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):
+        return ""
+    return "file" if stat.S_ISREG(mode) else "folder" if stat.S_ISDIR(mode) else "other"
+
+
+def link_of(path: str) -> str:
+    """See above."""
+    try:
+        return os.readlink(path)
+    except (OSError, ValueError):
+        return ""
+
+
+def variable(name: str) -> str:
+    """See above."""
+    value = os.environ.get(name)
+    return "" if value is None else f"={value}"
+
+
+def stamp_of(path: str) -> str:
+    """See above."""
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError):
+        return ""
+    return signature_text(found)
+
+
+def signature_text(found: os.stat_result) -> str:
+    """What identifies an unchanged file, as text."""
+    return f"{found.st_mtime_ns} {found.st_ctime_ns} {found.st_size} {found.st_ino} {found.st_dev}"
+
+
+def pattern_of(starts: tuple[str, ...], ends: tuple[str, ...], *, deep: bool = False) -> str:
+    """Names that begin with one of `starts` and end with one of `ends`, in whatever case.
+
+    () = any. Give both in lower case. deep: and all folders.
+    """
+    return f"{DEEP if deep else ''}{'|'.join(starts)}*{'|'.join(ends)}"
+
+
+def names_text(folder: str, pattern: str) -> str:
+    """Names in a folder that match, sorted; a folder's ends in a slash.
+
+    A link is no folder, wherever it leads. Hidden folders match nothing, nor do those that Python
+    fills. A folder that cannot be read holds nothing.
+    """
+    deep = pattern.startswith(DEEP)
+    first, _, last = pattern.removeprefix(DEEP).partition("*")
+    starts, ends = tuple(first.split("|")), tuple(last.split("|"))
+    found = []
+    try:
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                name, lower = entry.name, entry.name.lower()
+                is_folder = entry.is_dir(follow_symlinks=False)
+                if is_folder and (name[0] == "." or name == "__pycache__"):
+                    continue
+                if (is_folder and deep) or (lower.startswith(starts) and lower.endswith(ends)):
+                    found.append(f"{name}/" if is_folder else name)
+    except (OSError, ValueError):
+        return ""
+    return BETWEEN.join(sorted(found))

@@ -1,0 +1,84 @@
+"""A command that is spelt wrong: one sentence, the usage of its own verb, a hint that is right."""
+
+from __future__ import annotations
+
+import shlex
+
+import pytest
+
+from .conftest import Legs
+
+WRONG = [
+    ("buid legs.yaml", "no verb named `buid`", "did you mean `build`?"),
+    ("sdf", "no verb named `sdf`", "`assetbuild --help` lists the verbs"),
+    ("legs.yaml", "no verb named `legs.yaml`", "`assetbuild build legs.yaml`"),
+    ("robot/four_legs.urdf", "no verb named", "`assetbuild init robot/four_legs.urdf`"),
+    ("cache stat", "no verb named `stat`", "did you mean `stats`?"),
+    ("cache", "`assetbuild cache` needs `WHAT`", "one of stats, check, gc, push, pull"),
+    ("--frozn", "`assetbuild` has no option `--frozn`", "`assetbuild --help` lists the options"),
+    ("build --frozn", "`assetbuild build` has no option `--frozn`", "did you mean `--frozen`?"),
+    ("build legs.yaml -z", "`assetbuild build` has no option `-z`", "`assetbuild build --help`"),
+    ("build legs.yaml --re", "`--re` may be `--remote`, `--rehash`", "write the option in full"),
+    ("build legs.yaml --frozen=1", "`--frozen` takes no value", ""),
+    ("build legs.yaml -j", "`--jobs` needs a value", ""),
+    ("build legs.yaml -j x", "`--jobs` must be a whole number of at least 1, not `x`", ""),
+    ("build legs.yaml --fail-on eror", "must be `error`, `warning` or `never`, not `eror`", "did"),
+    ("build", "`assetbuild build` needs `RECIPE`", ""),
+    ("sample legs.yaml -n 0", "`--count` must be a whole number from 1 to 1000, not `0`", ""),
+    ("validate a b", "`assetbuild validate` takes no further argument: `b`", ""),
+    ("cache gc --max-size big", "`--max-size` must be a size such as `500MB`", ""),
+    ("plan legs.yaml --stale x --critical", "`--critical` cannot stand beside `--stale`", ""),
+]
+
+
+@pytest.mark.parametrize(("line", "said", "hint"), WRONG)
+def test_a_command_that_is_spelt_wrong(legs: Legs, line: str, said: str, hint: str):
+    words = shlex.split(line)
+    done = legs.run(*words)
+    told = done.stderr.splitlines()
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.count("error: ") == 1
+    error = next(line for line in told if line.startswith("error: "))
+    assert said in error
+    assert hint in told[-1] if hint else told[-1] == error
+    for raw in ("invalid choice", "invalid _", "unrecognized", "argument -", "assetbuild: error"):
+        assert raw not in done.stderr
+    verb = next((word for word in words[:1] if word in ("build", "cache", "plan")), "")
+    assert told[0].startswith(f"usage: assetbuild {verb}")
+
+
+@pytest.mark.parametrize("verb", ["check", "validate", "verify", "doctor", "cache"])
+def test_the_help_of_verbs_that_check_tells_them_apart(legs: Legs, verb: str):
+    told = " ".join(legs.run(verb, "--help").stdout.split())
+    assert "`check` reads recipes, `validate` proves built files" in told
+    assert "docs/reference/checking.md" in told
+
+
+def test_a_dry_run_says_by_its_exit_code_whether_something_would_run(legs: Legs):
+    assert legs.build("-n").returncode == 3
+    assert legs.build().returncode == 0
+    assert legs.build("-n").returncode == 0
+    legs.edit("kp: 20", "kp: 21")
+    assert legs.build("-n").returncode == 3
+
+
+@pytest.mark.parametrize("line", ["build legs.yaml", "bench legs.yaml", "sample legs.yaml"])
+@pytest.mark.parametrize("out", ["file/x", "file/x/y", "file"])
+def test_a_file_where_a_folder_has_to_be_is_named(legs: Legs, line: str, out: str):
+    (legs.folder / "file").touch()
+    legs.edit("targets:", 'randomize: {links: {".*": {density: [0.9, 1.1]}}}\ntargets:')
+    done = legs.run(*line.split(), "-o", out)
+    assert done.returncode == 2, done.stderr
+    assert "`file` is not a folder" in done.stderr
+    assert "hint: choose another folder with `-o`" in done.stderr
+    assert done.stderr.count("error: ") == 1
+    assert " ran " not in done.stderr  # it is seen before anything is built
+    assert (legs.folder / "file").read_bytes() == b""
+
+
+def test_a_report_below_a_file_is_a_wrong_command(legs: Legs):
+    (legs.folder / "file").touch()
+    done = legs.run("report", "file/x")
+    assert done.returncode == 2
+    assert "a folder that `build` wrote" in done.stderr

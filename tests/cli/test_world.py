@@ -1,0 +1,196 @@
+"""A build that is asked again: whatever changed in the world, it is noticed; nothing else is."""
+
+from __future__ import annotations
+
+import shutil
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from assetbuild.engine.world import World
+from assetbuild.simulators.offscreen import renderer
+
+from .conftest import Legs
+from .test_watch import Watching, watched
+
+PART = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <link name="{name}"><inertial><mass value="1"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="{name}_joint" type="continuous"><parent link="base"/><child link="{name}"/>
+    <axis xyz="0 0 1"/></joint>
+</robot>
+"""
+TILE = """mtllib tile.mtl
+v 0 0 0
+v 1 0 0
+v 1 1 0
+v 0 1 0
+vt 0 0
+vt 1 0
+vt 1 1
+vt 0 1
+usemtl skin
+f 1/1 2/2 3/3
+f 1/1 3/3 4/4
+"""
+WHOLE = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <link name="base"><inertial><mass value="1"/>
+    <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <xacro:include filename="parts/*.xacro"/>
+</robot>
+"""
+
+
+def heavier(urdf: Path) -> None:
+    """Six kilograms become seven."""
+    text = urdf.read_text()
+    assert 'mass value="6"' in text
+    urdf.write_text(text.replace('mass value="6"', 'mass value="7"'))
+
+
+def retarget(link: Path, target: str) -> None:
+    """What `ln -sfn` does."""
+    beside = link.with_name("beside")
+    beside.symlink_to(target)
+    beside.replace(link)
+
+
+def settled(legs: Legs) -> Callable[[], bool]:
+    """Build, so that a second build is answered by the record alone; then: is the next as well?"""
+    legs.edit("effort: 10", "effort: 30")
+    log = legs.folder / "build/legs.run.json"
+    done = legs.build()
+    assert done.returncode == 0, done.stdout + done.stderr
+
+    def is_null() -> bool:
+        log.unlink(missing_ok=True)
+        again = legs.build()
+        assert again.returncode == 0, again.stdout + again.stderr
+        return not log.exists()
+
+    assert is_null()
+    return is_null
+
+
+def mass_built(legs: Legs) -> str:
+    return "7" if 'mass value="7' in (legs.bundle / "urdf/legs.urdf").read_text() else "6"
+
+
+@pytest.mark.parametrize("link", ["robot", "above"])
+def test_a_source_behind_a_link_that_leads_elsewhere_now_is_built(warm_legs: Legs, link: str):
+    folder = warm_legs.folder
+    for name in ("old", "new"):
+        shutil.copytree(folder / "robot", folder / name / "robot")
+    heavier(folder / "new/robot/four_legs.urdf")
+    shutil.rmtree(folder / "robot")
+    (folder / link).symlink_to("old/robot" if link == "robot" else "old")
+    if link == "above":
+        warm_legs.edit("path: robot", "path: above/robot")
+    is_null = settled(warm_legs)
+    retarget(folder / link, "new/robot" if link == "robot" else "new")
+    assert not is_null()
+    assert mass_built(warm_legs) == "7"
+
+
+def test_an_archive_behind_a_link_that_leads_elsewhere_now_is_built(warm_legs: Legs):
+    folder = warm_legs.folder
+    for name in ("old.zip", "new.zip"):
+        with zipfile.ZipFile(folder / name, "w") as archive:
+            archive.write(warm_legs.urdf, "four_legs.urdf")
+        if name == "old.zip":
+            heavier(warm_legs.urdf)
+    (folder / "robot.zip").symlink_to("old.zip")
+    warm_legs.edit("path: robot", "path: robot.zip")
+    is_null = settled(warm_legs)
+    assert mass_built(warm_legs) == "6"
+    retarget(folder / "robot.zip", "new.zip")
+    assert not is_null()
+    assert mass_built(warm_legs) == "7"
+
+
+@pytest.fixture
+def parts(legs: Legs) -> Legs:
+    """A xacro that includes whatever lies in a folder: one part now."""
+    (legs.folder / "robot/parts").mkdir()
+    (legs.folder / "robot/r.xacro").write_text(WHOLE)
+    (legs.folder / "robot/parts/a.xacro").write_text(PART.format(name="a"))
+    legs.edit("urdf: four_legs.urdf", "xacro: r.xacro")
+    return legs
+
+
+def joints_built(legs: Legs) -> int:
+    return (legs.bundle / "urdf/legs.urdf").read_text().count('type="continuous"')
+
+
+def test_a_part_that_appears_where_a_xacro_includes_a_folder_is_built(parts: Legs):
+    is_null = settled(parts)
+    assert joints_built(parts) == 1
+    (parts.folder / "robot/parts/b.xacro").write_text(PART.format(name="b"))
+    assert not is_null()
+    assert joints_built(parts) == 2
+    (parts.folder / "robot/parts/notes.md").write_text("no xacro reads this")
+    (parts.folder / "robot/parts/.git").mkdir()
+    assert is_null()
+
+
+def test_a_licence_that_appears_beside_the_urdf_is_in_the_bundle(warm_legs: Legs):
+    is_null = settled(warm_legs)
+    (warm_legs.folder / "robot/LICENSE").write_text("MIT")
+    assert not is_null()
+    assert (warm_legs.bundle / "LICENSES/LICENSE").read_text() == "MIT"
+    (warm_legs.folder / "robot/notes.txt").write_text("nobody asks for it")
+    assert is_null()
+
+
+@pytest.mark.parametrize("before", ["red.png", "nowhere.png", "../outside.png"])
+def test_the_link_of_a_texture_that_leads_elsewhere_now_is_followed(warm_legs: Legs, before: str):
+    robot = warm_legs.folder / "robot"
+    for name, colour in (("red", "red"), ("blue", "blue"), ("../outside", "green")):
+        Image.new("RGB", (4, 4), colour).save(robot / f"{name}.png")
+    (robot / "tile.obj").write_text(TILE)
+    (robot / "tile.mtl").write_text("newmtl skin\nmap_Kd skin.png\n")
+    text = warm_legs.urdf.read_text()
+    shape = '<visual><geometry><mesh filename="tile.obj"/></geometry></visual>'
+    at = text.index("</inertial>") + len("</inertial>")
+    warm_legs.urdf.write_text(text[:at] + shape + text[at:])
+    (robot / "skin.png").symlink_to(before)
+    is_null = settled(warm_legs)
+    retarget(robot / "skin.png", "blue.png")
+    assert not is_null()
+    colours = [Image.open(p).getpixel((0, 0))[:3] for p in warm_legs.bundle.rglob("*.png")]
+    assert (0, 0, 255) in colours
+
+
+def test_pictures_come_back_when_the_variable_goes_that_forbade_them(
+    warm_legs: Legs, monkeypatch: pytest.MonkeyPatch
+):
+    warm_legs.edit("targets: [urdf]", "targets: [mjcf]")
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+    is_null = settled(warm_legs)
+    assert not list(warm_legs.bundle.glob("report/images/*"))
+    monkeypatch.delenv("MUJOCO_GL")
+    assert not is_null()
+    if renderer(World()) != "none":
+        assert list(warm_legs.bundle.glob("report/images/*.png"))
+
+
+@pytest.fixture
+def watching_parts(parts: Legs):
+    yield from watched(parts)
+
+
+@pytest.mark.slow
+def test_watch_notices_what_the_null_build_does(parts: Legs, watching_parts: Watching):
+    watching_parts.waits()
+    (parts.folder / "robot/parts/b.xacro").write_text(PART.format(name="b"))
+    assert "changed: `parts`" in watching_parts.waits()
+    assert joints_built(parts) == 2
+    (parts.folder / "robot/LICENSE").write_text("MIT")
+    assert "changed: `robot`" in watching_parts.waits()
+    (parts.folder / "robot").replace(parts.folder / "elsewhere")
+    assert "no folder or archive `robot`" in watching_parts.waits()
+    (parts.folder / "robot").symlink_to("elsewhere")
+    assert "ready for training" in watching_parts.waits()

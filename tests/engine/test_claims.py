@@ -1,0 +1,200 @@
+"""Claims hold without locks: by machine, process and start, and by a stamp from other machines."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from steps_for_tests import Count
+
+from assetbuild.engine import claims
+from assetbuild.engine.claims import (
+    EXPIRY_S,
+    Turns,
+    claim_new_folder,
+    claimed_name,
+    is_claimed,
+    release,
+    remove_abandoned,
+)
+from assetbuild.engine.execute import execute
+from assetbuild.engine.housekeeping import collect, stats
+from assetbuild.engine.planner import Planner
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import Store
+
+SIZE = 10_000
+
+NO_LOCKS = """
+import errno, fcntl, os, sys, time
+from pathlib import Path
+def refuse(*_):
+    raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+fcntl.flock = fcntl.lockf = refuse
+sys.path.insert(0, sys.argv[1])
+root, log = Path(sys.argv[2]), sys.argv[3]
+"""
+BUILD = (
+    NO_LOCKS
+    + """
+from steps_for_tests import Count
+from assetbuild.engine.execute import execute
+from assetbuild.engine.planner import Planner
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import Store
+with Session(Store(root)) as session:
+    planner = Planner(session)
+    for name in sys.argv[4]:
+        planner.add(name, Count(log=log, name=name, text=name * 10_000))
+    assert not any(r.error for r in execute(planner.graph(), session).values())
+    print("built", flush=True)
+    time.sleep(float(sys.argv[5]))
+"""
+)
+GC = (
+    NO_LOCKS
+    + """
+from assetbuild.engine.housekeeping import collect, stats
+from assetbuild.engine.store import Store
+store = Store(root)
+collect(store, 0)
+store.close()
+print(stats(root).objects)
+"""
+)
+
+
+def python(code: str, *words: str) -> subprocess.Popen[str]:
+    here = str(Path(__file__).parent)
+    return subprocess.Popen(
+        [sys.executable, "-c", code, here, *words], stdout=subprocess.PIPE, text=True
+    )
+
+
+def start_build(folder: Path, names: str, then_s: float) -> subprocess.Popen[str]:
+    build = python(BUILD, str(folder / "store"), str(folder / "log"), names, str(then_s))
+    assert build.stdout is not None
+    assert build.stdout.readline() == "built\n"
+    return build
+
+
+def objects_after_gc(folder: Path) -> int:
+    time.sleep(0.1)  # beyond the tick of the clock that gc spares
+    return int(python(GC, str(folder / "store"), "").communicate(timeout=60)[0])
+
+
+def test_without_locks_gc_frees_what_a_killed_build_made(tmp_path: Path):
+    killed = start_build(tmp_path, "ab", 60)
+    assert objects_after_gc(tmp_path) == 2  # it lives
+    killed.kill()
+    killed.communicate()
+    assert objects_after_gc(tmp_path) == 0
+    assert list((tmp_path / "store/v1/tmp").iterdir()) == []
+
+
+def test_without_locks_gc_spares_what_running_builds_made(tmp_path: Path):
+    start_build(tmp_path, "ab", 0).communicate()
+    time.sleep(0.1)
+    running = start_build(tmp_path, "c", 60)
+    try:
+        assert objects_after_gc(tmp_path) == 1
+    finally:
+        running.kill()
+        running.communicate()
+
+
+def test_gc_frees_beside_a_process_that_builds_now_and_then(tmp_path: Path):
+    """As a worker of a cluster does for a week."""
+    with Session(Store(tmp_path / "store")) as session:
+        for name in "ab":
+            with session.store.busy():
+                planner = Planner(session)
+                planner.add(name, Count(log=str(tmp_path / "log"), name=name, text=name * SIZE))
+                execute(planner.graph(), session)
+        time.sleep(0.1)
+        store = Store(tmp_path / "store")
+        assert collect(store, 0).objects == 2
+        store.close()
+        with session.store.busy():
+            session.store.put_bytes(b"of what it builds now")
+            store = Store(tmp_path / "store")
+            assert collect(store, 0).objects == 0
+            store.close()
+    assert stats(tmp_path / "store").objects == 1
+
+
+def elsewhere(folder: Path) -> str:
+    """The name of a claim of another machine."""
+    return f"01234567{claimed_name()[8:]}"
+
+
+def make_old(path: Path, seconds: float) -> None:
+    stamp = time.time() - seconds
+    os.utime(path, (stamp, stamp), follow_symlinks=False)
+
+
+def test_a_claim_of_another_machine_holds_until_it_expires(tmp_path: Path):
+    folder = tmp_path / elsewhere(tmp_path)
+    folder.mkdir()
+    for seconds, holds in ((0, True), (EXPIRY_S - 60, True), (EXPIRY_S + 60, False)):
+        make_old(folder, seconds)
+        assert is_claimed(folder) is holds
+    assert [path.name for path in tmp_path.iterdir()] == [folder.name]
+    remove_abandoned(tmp_path.iterdir())
+    assert not folder.exists()
+
+
+def test_an_expired_claim_of_a_living_process_here_holds(tmp_path: Path):
+    folder = claim_new_folder(tmp_path)
+    make_old(folder, 10 * EXPIRY_S)
+    remove_abandoned(tmp_path.iterdir())
+    assert folder.is_dir()
+    release(folder)
+    assert not folder.exists()
+
+
+def test_another_process_with_the_same_number_is_not_the_owner(tmp_path: Path):
+    machine, pid, start, number = claimed_name().split("-")
+    folder = tmp_path / f"{machine}-{pid}-{int(start) + 1}-{number}"
+    folder.mkdir()
+    assert not is_claimed(folder)
+
+
+def test_a_claim_is_renewed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    folder = claim_new_folder(tmp_path)
+    make_old(folder, EXPIRY_S)
+    monkeypatch.setattr(claims, "RENEW_S", 0.01)
+    threading.Thread(target=claims._renew, daemon=True).start()
+    deadline = time.monotonic() + 10
+    while time.time() - folder.stat().st_mtime > 60:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    monkeypatch.undo()
+    release(folder)
+
+
+def test_a_turn_of_another_machine_is_taken_when_it_expired(tmp_path: Path):
+    turn = tmp_path / "k"
+    turn.symlink_to(elsewhere(tmp_path))
+    began = time.monotonic()
+    with Turns(tmp_path).turn("k", patience_s=0.3):
+        assert time.monotonic() - began >= 0.3
+    assert turn.is_symlink()  # we went on without it
+    make_old(turn, EXPIRY_S + 60)
+    began = time.monotonic()
+    with Turns(tmp_path).turn("k", patience_s=30):
+        assert time.monotonic() - began < 5
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_an_earlier_version_left_in_the_place_of_a_turn_is_removed(tmp_path: Path):
+    (tmp_path / "k").touch()
+    began = time.monotonic()
+    with Turns(tmp_path).turn("k", patience_s=30):
+        assert time.monotonic() - began < 5
+    assert list(tmp_path.iterdir()) == []

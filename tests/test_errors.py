@@ -1,0 +1,70 @@
+"""`did you mean` names what was meant, and nothing else."""
+
+from __future__ import annotations
+
+import pytest
+
+from assetbuild.cli import VERBS
+from assetbuild.errors import edits, nearest
+
+TARGETS = ("isaaclab", "mjcf", "mjlab", "mjx", "urdf", "usd")
+KEYS = ("actuators", "base", "collision", "contact", "edits", "feet", "imu", "kd", "keyframes",
+        "kp", "motors", "rules", "source", "targets", "validate", "variants", "visual")  # fmt: skip
+JOINTS = ("FL_calf_joint", "FL_hip_joint", "FR_calf_joint", "FR_hip_joint")
+FILES = ("meshes/collision/calf.stl", "meshes/visual/trunk.stl", "urdf/go1.urdf")
+
+CASES = [
+    ("buid", VERBS, "build"),
+    ("biuld", VERBS, "build"),
+    ("validte", VERBS, "validate"),
+    ("valid", VERBS, "validate"),
+    ("sdf", VERBS, None),
+    ("test", VERBS, None),
+    ("run", VERBS, None),
+    ("sdf", TARGETS, None),
+    ("obj", TARGETS, None),
+    ("mjb", TARGETS, None),
+    ("gltf", TARGETS, None),
+    ("mcjf", TARGETS, "mjcf"),
+    ("uds", TARGETS, "usd"),
+    ("USD", TARGETS, "usd"),
+    ("udf", TARGETS, "urdf"),
+    ("usda", TARGETS, "usd"),
+    ("isaac_lab", TARGETS, "isaaclab"),
+    ("isaac", TARGETS, "isaaclab"),
+    ("acutators", KEYS, "actuators"),
+    ("colision", KEYS, "collision"),
+    ("keyframe", KEYS, "keyframes"),
+    ("force", KEYS, None),
+    ("ki", KEYS, None),
+    ("pk", KEYS, None),
+    ("inertia", KEYS, None),
+    ("FR_hip_jiont", JOINTS, "FR_hip_joint"),
+    ("FR_knee_joint", JOINTS, None),
+    ("meshes/calf.stl", FILES, "meshes/collision/calf.stl"),
+    ("go1.urdf", FILES, "urdf/go1.urdf"),
+    ("", KEYS, None),
+    ("anything", (), None),
+]
+
+
+@pytest.mark.parametrize(("wrong", "known", "meant"), CASES)
+def test_what_is_offered_for_a_word(wrong: str, known: tuple[str, ...], meant: str | None):
+    assert nearest(wrong, known) == meant
+
+
+@pytest.mark.parametrize("name", [*VERBS, *TARGETS])
+def test_a_slip_of_the_finger_in_a_longer_name_is_understood(name: str):
+    if len(name) < 5:
+        return
+    for place in range(len(name) - 1):
+        known = {*VERBS, *TARGETS}
+        assert nearest(name[:place] + name[place + 1 :], known) == name
+        assert nearest(name[:place] + name[place] + name[place:], known) == name
+
+
+def test_edits_are_counted():
+    assert edits("abc", "abc") == 0
+    assert edits("abc", "abd") == edits("abc", "ab") == edits("abc", "xabc") == 1
+    assert edits("sdf", "usd") == 2
+    assert edits("uds", "usd") == pytest.approx(0.8)
