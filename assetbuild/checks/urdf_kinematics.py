@@ -35,7 +35,13 @@ class UrdfKinematics(Check):
     """
 
     isolated: ClassVar = True
-    preload: ClassVar = ("yourdfpy",)
+    preload: ClassVar = (
+        "numpy",
+        "trimesh",
+        "collada",
+        "lxml.etree",
+        "PIL.Image",
+    )  # as convert_mesh
     needs: ClassVar = ("urdf",)
     reads: ClassVar = ("links.json",)
 

@@ -197,8 +197,10 @@ def _same(
 ) -> bool:
     if isinstance(old, Required) or isinstance(new, Required):
         return old is new
+    if old == new:
+        return True
     if old is None or new is None or isinstance(old, bool | str) or isinstance(new, bool | str):
-        return old == new
+        return False
     quantity = VOCABULARY.get((key.kind, key.quantity))
     comparison: Comparison = quantity.comparison if quantity else _guessed(key, old)
     if comparison == "names":
@@ -211,7 +213,7 @@ def _same(
         return _same_pose(a, b, tolerance)
     size = float(np.linalg.norm(a))
     if comparison == "length" and quantity is not None:
-        size = max(size, _size(table, key) ** {"m": 1, "m2": 2, "m3": 3}[quantity.unit])
+        size = max(size, _size(table, key, {"m": 1, "m2": 2, "m3": 3}[quantity.unit]))
     with np.errstate(invalid="ignore"):
         distance = float(np.linalg.norm(np.where(a == b, 0.0, a - b)))
     return distance <= tolerance * size + ROUNDING
@@ -247,10 +249,22 @@ def _same_pose(
     return bool(float(np.abs(turns[0] - turns[1]).max()) <= max(tolerance, 1e-15))
 
 
-def _size(table: Table, key: Key) -> float:
-    """m: root mean square distance of a mesh's corners from its body's origin."""
-    moments = table.facts.get(Key(key.kind, key.name, "corner moments"))
-    return math.sqrt(sum(moments[:3])) if isinstance(moments, tuple) else 0.0  # type: ignore[arg-type] # numbers
+def _size(table: Table, key: Key, power: int) -> float:
+    """What rounding the corners of a mesh is relative to, m to some power.
+
+    reach: root mean square distance of the corners from the body's origin. Rounding moves corners
+    by a share of it, which changes the area by the length of all edges (of even triangles) times
+    that, and the volume by the area times that: much for many small triangles far out.
+    """
+    moments, area, count = (
+        _numbers(table.facts.get(Key(key.kind, key.name, quantity)))
+        for quantity in ("corner moments", "area", "triangles")
+    )
+    if moments is None or area is None or count is None:
+        return 0.0
+    reach = math.sqrt(moments[:3].sum())
+    shares = {"area": math.sqrt(count[0] * area[0]), "volume": float(area[0])}
+    return max(reach**power, reach * shares.get(key.quantity, 0.0))
 
 
 # --- findings -------------------------------------------------------------------------------

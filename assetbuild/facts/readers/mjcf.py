@@ -26,6 +26,7 @@ class MjcfFacts(MjcfReader):
     suffixes = (".xml", ".mjcf")
     asks = ("mjcf",)
     lacks = LACKS
+    knows_copies = False
 
     section = "validate"
     equality: Positive = Field(
