@@ -69,7 +69,6 @@ class UrdfFacts(Reader):
     Its bodies are the source's links, before fixed joints are merged.
     """
 
-    preload: ClassVar = ("lxml.etree", "numpy")
     needs: ClassVar = ("urdf",)
     reads: ClassVar = ("links.json", "tree.json", "shapes.json", "ratings.json", "assets.json")
     form: ClassVar[str] = "urdf"
