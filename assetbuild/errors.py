@@ -38,10 +38,16 @@ class AssetBuildError(Exception):
         self.message = message
         self.where = where
         self.hint = hint
+        self.also: tuple[AssetBuildError, ...] = ()
+        self.uncounted = 0
 
     def __str__(self) -> str:
         text = f"{self.where}: {self.message}" if self.where else self.message
         return f"{text}\nhint: {self.hint}" if self.hint else text
+
+    def each(self) -> tuple[AssetBuildError, ...]:
+        """This error and those that `Gather` found with it; `uncounted` more were left out."""
+        return (self, *self.also)
 
     def __reduce__(self) -> tuple[object, ...]:
         return _rebuild, (type(self), self.message, self.where, self.hint)
@@ -105,6 +111,47 @@ MOST_EDITS = 0.3
 """Edits per letter up to which a name counts as misspelt; from there on it is another name."""
 SWAP = 0.8
 """Two exchanged letters count less than one edit: `uds` is `usd`, but `pk` is no `kp`."""
+
+
+class Gather:
+    """Collects what independent checks raise, so that one run names every mistake.
+
+    `with wrong: check()` for each of them, then `wrong.stop()`.
+    """
+
+    def __init__(self, kind: type[AssetBuildError]) -> None:
+        self._kind = kind
+        self.found: list[AssetBuildError] = []
+        self._uncounted = 0
+
+    def __enter__(self) -> None:
+        """Nothing is needed to begin."""
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
+        """Keep an error of the kind that is collected; others pass."""
+        if not isinstance(error, self._kind):
+            return False
+        self.found += error.each()
+        self._uncounted = max(self._uncounted, error.uncounted)  # variants repeat each other
+        return True
+
+    def stop(self, uncounted: int = 0) -> None:
+        """Raise the first error in file order, with the others in `also`; none, if there is none.
+
+        uncounted: errors that were found and are not worth a sentence each.
+        """
+        files = list(dict.fromkeys(error.where.file if error.where else "" for error in self.found))
+
+        def place(error: AssetBuildError) -> tuple[int, int, int]:
+            at = error.where or Where("")
+            return files.index(at.file), at.line, at.column
+
+        ordered = sorted({str(error): error for error in self.found}.values(), key=place)
+        if ordered:
+            first, *others = ordered
+            first.also = tuple(others)
+            first.uncounted = max(self._uncounted, uncounted)
+            raise first
 
 
 def did_you_mean(wrong: str, known: Iterable[str]) -> str:

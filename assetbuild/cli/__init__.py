@@ -22,6 +22,8 @@ VERBS = (
 )  # fmt: skip
 """Each is a module of this package with `HELP`, `add_arguments(parser)` and `run(arguments)`; the
 help ends with its `EPILOG` where it has one."""
+MOST_ERRORS = 20
+"""So many errors are shown; a recipe that is no recipe has thousands."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -106,8 +108,13 @@ def _print_any_name() -> None:
 
 
 def print_error(error: AssetBuildError) -> None:
-    """What, where, next move; on stderr."""
-    print(f"error: {error}", file=sys.stderr)
+    """What, where, next move, of each error that was found; on stderr."""
+    found = error.each()
+    for each in found[:MOST_ERRORS]:
+        print(f"error: {each}", file=sys.stderr)
+    more = len(found[MOST_ERRORS:]) + error.uncounted
+    if more:
+        print(f"and {more} more errors", file=sys.stderr)
 
 
 def _parser() -> Parser:

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from assetbuild.cli.cache import add_sharing
 from assetbuild.cli.parser import whole_number
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-j", "--jobs", type=whole_number(1), metavar="N", help="default: all cores"
     )
     parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
+    add_sharing(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -53,6 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
         levels=levels,
         source=arguments.source,
         jobs=arguments.jobs,
+        remote=arguments.remote,
+        cache_write=arguments.cache_write,
     )
     with progress(arguments.recipe.name) as shown:
         found = bench(request, shown.on_event, shown.say)

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from assetbuild.cli.cache import add_remote
+from assetbuild.cli.cache import add_sharing
 from assetbuild.cli.parser import whole_number
 from assetbuild.cli.recipes import Recipes
 from assetbuild.errors import AssetBuildError
@@ -50,14 +50,13 @@ def add_plain_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-k", "--keep-going", action="store_true", help="build what still can be")
     parser.add_argument("--variant", metavar="NAME", help="a variant of the recipe")
     parser.add_argument("--frozen", action="store_true", help="fail rather than write a lock")
-    add_remote(parser)
+    add_sharing(parser)
     parser.add_argument(
         "--executor",
         default="local",
         metavar="WHERE",
         help="local, or dask://HOST:PORT: run steps on the workers of that scheduler",
     )
-    parser.add_argument("--cache-write", action="store_true", help="also write to that cache")
     parser.add_argument(
         "--sandbox",
         choices=("off", "strict"),
@@ -92,8 +91,6 @@ def requests_of(arguments: argparse.Namespace) -> list[Request]:
     from assetbuild.errors import UsageError
     from assetbuild.pipeline.building import Request
 
-    if arguments.cache_write and not arguments.remote:
-        raise UsageError("`--cache-write` needs `--remote`: where to?")
     if arguments.out is not None and len(arguments.recipes) > 1:
         raise UsageError("`-o` names one bundle, but several recipes were given")
     return [
@@ -133,7 +130,8 @@ def build_and_print(
         try:
             outcomes = _build_shown(requests, world, log)
         except AssetBuildError as error:
-            log.write("error", message=str(error), exit_code=error.exit_code)
+            errors = [str(each) for each in error.each()]
+            log.write("error", message=str(error), errors=errors, exit_code=error.exit_code)
             failure = error
         for outcome in outcomes:
             log.on_outcome(outcome)
@@ -172,7 +170,7 @@ def _remember(outcomes: list[Outcome], world: World, began_ns: int) -> None:
     from assetbuild.cli.null import remember
     from assetbuild.cli.summary import null_summary
 
-    if all(outcome.exit_code == 0 and outcome.report for outcome in outcomes):
+    if all(outcome.exit_code == 0 and outcome.report and outcome.is_shared for outcome in outcomes):
         summary = "".join(null_summary(o, o.report) for o in outcomes if o.report is not None)
         bundles = [outcome.out for outcome in outcomes if outcome.out is not None]
         remember(sys.argv[1:], bundles, world, summary, began_ns)

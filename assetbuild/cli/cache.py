@@ -43,6 +43,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         add_remote(verb)
 
 
+def add_sharing(parser: argparse.ArgumentParser) -> None:
+    """Declare what every verb that builds takes: `--remote` and `--cache-write`."""
+    add_remote(parser)
+    parser.add_argument("--cache-write", action="store_true", help="also write to that cache")
+
+
 def add_remote(parser: argparse.ArgumentParser) -> None:
     """Declare `--remote`."""
     parser.add_argument(

@@ -80,7 +80,8 @@ def write_junit(
     """
     suites = [_suite(outcome.loaded.recipe.robot, list(_cases(outcome))) for outcome in outcomes]
     if error is not None:
-        suites.append(_suite("assetbuild", [_case("assetbuild", "build", "error", str(error))]))
+        cases = [_case("assetbuild", "build", "error", str(each)) for each in error.each()]
+        suites.append(_suite("assetbuild", cases))
     text = "".join(['<?xml version="1.0" encoding="UTF-8"?>\n<testsuites>\n', *suites])
     with _writable(path, "w") as file:
         file.write(f"{text}</testsuites>\n")
@@ -129,7 +130,8 @@ def append_step_summary(outcomes: Sequence[Outcome], error: AssetBuildError | No
     if place:
         parts = [markdown(outcome) for outcome in outcomes]
         if error is not None:
-            parts.append(f"### assetbuild: not built\n\n{_code(str(error))}\n")
+            told = "\n\n".join(_code(str(each)) for each in error.each())
+            parts.append(f"### assetbuild: not built\n\n{told}\n")
         with _writable(Path(place), "a") as file:
             file.write("\n".join(parts) + "\n")
 

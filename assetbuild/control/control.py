@@ -22,7 +22,7 @@ from assetbuild.control.senses import (
 )
 from assetbuild.control.source_control import Stated, join, joined_keyframes
 from assetbuild.engine.step import Files, Step
-from assetbuild.errors import did_you_mean
+from assetbuild.errors import Gather, did_you_mean
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot import model
@@ -98,11 +98,18 @@ class ControlStep(Step):
     """Patterns of `contact.links` for all of a part: nobody has written them, they may be idle."""
 
     def check(self, tree: model.Tree) -> None:
-        """Raise the RowError that `run` would raise; for a plan that knows the tree and lines."""
-        poses = [_pose(tree, name, keyframe) for name, keyframe in self.keyframes.items()]
-        self._resolved(tree, poses)
-        _excludes(tree, Shapes(), self.exclude, self.sides)
-        check_sensors(tree, self.imu, self.sensors, self.cameras)
+        """Raise every RowError that `run` would raise; for a plan that knows tree and lines."""
+        wrong, poses = Gather(RowError), []
+        for name, keyframe in self.keyframes.items():
+            with wrong:
+                poses.append(_pose(tree, name, keyframe))
+        with wrong:
+            self._resolved(tree, poses)
+        with wrong:
+            _excludes(tree, Shapes(), self.exclude, self.sides)
+        with wrong:
+            check_sensors(tree, self.imu, self.sensors, self.cameras)
+        wrong.stop()
 
     def _resolved(
         self, tree: model.Tree, keyframes: Iterable[model.Keyframe]

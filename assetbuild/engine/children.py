@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from assetbuild.engine.step import Step
 from assetbuild.engine.worker import BOOT
@@ -126,15 +125,12 @@ class Children:
 
 
 class Worker:
-    """One worker process; the dialogue with it."""
+    """One worker process. Each job has a socket of its own, which ends when the worker does."""
 
     def __init__(self, kind: Kind, home: Path) -> None:
         home.mkdir(parents=True)
         self.log = home / "log"
-        self.dead = False
-        self._numbers = itertools.count()
-        self._waiting: dict[int, Future[Ended | None]] = {}
-        self._groups: dict[int, int] = {}
+        self._groups: dict[Path, int] = {}
         self._lock = threading.Lock()
         config = {
             "sys_path": [os.path.abspath(p) for p in sys.path if p],  # noqa: PTH100 - strings
@@ -142,80 +138,54 @@ class Worker:
             "parent": os.getpid(),
             "log": str(self.log),
         }
-        self.process = subprocess.Popen(
-            [sys.executable, "-P", "-s", "-c", BOOT, json.dumps(config)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            cwd=home,
-            env=environment(kind, home),
-            start_new_session=True,  # Ctrl-C of the terminal is the parent's to handle
-        )
-        threading.Thread(target=self._listen, daemon=True).start()
+        self._door, theirs = socket.socketpair()
+        with theirs:
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-s", "-c", BOOT, json.dumps(config)],
+                stdin=theirs.fileno(),
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                cwd=home,
+                env=environment(kind, home),
+                start_new_session=True,  # Ctrl-C of the terminal is the parent's to handle
+            )
+
+    @property
+    def dead(self) -> bool:
+        """Has the process ended?"""
+        return self.process.poll() is not None
 
     def run(self, step: Step, job: Path) -> Ended | None:
         """Run one job; None when the worker died meanwhile."""
-        future: Future[Ended | None] = Future()
-        with self._lock:
-            if self.dead:
-                return None
-            number = next(self._numbers)
-            self._waiting[number] = future
-            request = {"id": number, "job": str(job), "wall_s": step.limits.wall_s}
-            request["module"] = type(step).__module__
-            with suppress(OSError):  # dead: the listener answers
-                self._stdin.write(json.dumps(request).encode() + b"\n")
-                self._stdin.flush()
-        return future.result()
-
-    @property
-    def _stdin(self) -> Any:  # Any: a binary pipe; Popen types it as optional
-        return self.process.stdin
-
-    def _listen(self) -> None:
-        pipe = self.process.stdout
-        if pipe is None:
-            raise AssertionError("the worker was started with a pipe")
-        with suppress(OSError, ValueError):
-            for line in pipe:
-                self._take(json.loads(line))
-        pipe.close()
-        with self._lock:
-            self.dead = True
-            waiting = list(self._waiting.values())
-            self._waiting.clear()
+        request = {"job": str(job), "module": type(step).__module__, "wall_s": step.limits.wall_s}
+        ours, theirs = socket.socketpair()
+        with suppress(OSError), ours:
+            with theirs, self._lock:
+                socket.send_fds(self._door, [b"."], [theirs.fileno()])
+            ours.sendall(json.dumps(request).encode() + b"\n")
+            for line in ours.makefile():
+                answer = json.loads(line)
+                if "pid" not in answer:
+                    self._groups.pop(job, None)
+                    return Ended(**answer)
+                self._groups[job] = answer["pid"]
         self.end()
-        for future in waiting:
-            future.set_result(None)
-
-    def _take(self, message: dict[str, Any]) -> None:  # Any: JSON
-        if "pid" in message:
-            self._groups[message["id"]] = message["pid"]
-        elif "id" in message:
-            number = message.pop("id")
-            self._groups.pop(number, None)
-            with self._lock:
-                future = self._waiting.pop(number, None)
-            if future is not None:
-                future.set_result(Ended(**message))
-
-    def _kill_groups(self) -> None:
-        for pid in list(self._groups.values()):
-            with suppress(OSError):
-                os.killpg(pid, signal.SIGKILL)
-        self._groups.clear()
+        return None
 
     def ask_to_leave(self) -> None:
         """End its input: it kills its steps and ends."""
-        with suppress(OSError):
-            self._stdin.close()
+        with self._lock:
+            self._door.close()
 
     def end(self) -> None:
         """Wait a moment, then kill it."""
+        self.ask_to_leave()
         try:
             self.process.wait(CLOSING_S)
         except subprocess.TimeoutExpired:
-            self._kill_groups()
+            for group in list(self._groups.values()):
+                with suppress(OSError):
+                    os.killpg(group, signal.SIGKILL)
             self.process.kill()
             self.process.wait()
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import Literal
@@ -14,7 +15,10 @@ from assetbuild.engine.processes import Processes
 from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.step import Step
-from assetbuild.errors import AssetBuildError
+from assetbuild.errors import AssetBuildError, StepError
+
+HEALING_ROUNDS = 3
+"""How often what one step reads may be lost and made again."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,7 @@ class Event:
 
 
 Listener = Callable[[Event], None]
+_Message = NodeResult | BaseException | Literal["started", "lost"]
 
 
 def execute(
@@ -57,6 +62,7 @@ def execute(
     where that is `all_told`.
     memory_mb: the memory that child processes may declare together; one always runs.
     None = what the runner has left. maker: makes the nodes; None = from the store or freshly run.
+    What the store turns out to have lost is made again.
     Errors of steps are in the results. KeyboardInterrupt passes, with all children killed.
     """
     place = runner or Processes(session)
@@ -108,14 +114,16 @@ class _Schedule:
         self.declared_mb = 0
         self.stopping = False
         self.told: set[type[Step]] = set()
-        self.missing = {label: set(graph.predecessors(label)) for label in graph.nodes}
+        self.losses: Counter[str] = Counter()
+        self.makers = {label: graph.predecessors(label) for label in graph.nodes}
         self.readers: dict[str, list[str]] = {label: [] for label in graph.nodes}
-        for label, needed in self.missing.items():
-            for each in needed:
+        for label, makers in self.makers.items():
+            for each in makers:
                 self.readers[each].append(label)
-        self.ready = [label for label, needed in self.missing.items() if not needed]
+        self.waiting = {label: set(makers) for label, makers in self.makers.items()}
+        self.running: set[str] = set()
         self.work: SimpleQueue[str | None] = SimpleQueue()
-        self.inbox: SimpleQueue[tuple[str, NodeResult | BaseException | None]] = SimpleQueue()
+        self.inbox: SimpleQueue[tuple[str, _Message]] = SimpleQueue()
 
     def run(self) -> dict[str, NodeResult]:
         """The story: start what may start, take what is done, until nothing runs."""
@@ -125,13 +133,12 @@ class _Schedule:
         self._say("planned")
         try:
             self._start_what_fits()
-            while self.free < self.places:
+            while self.running:
                 self._take(*self.inbox.get())
                 self._start_what_fits()
         finally:
             for _ in range(count):
                 self.work.put(None)
-        self.results |= self.maker.healed
         self._block_the_rest()
         return {label: self.results[label] for label in self.graph.nodes}
 
@@ -139,22 +146,24 @@ class _Schedule:
         """One slot: a thread that makes one node after the other."""
         while (label := self.work.get()) is not None:
             try:
-                self.inbox.put((label, self.maker.make(label, self._tell_started)))
+                result = self.maker.make(label, self._tell_started)
+                self.inbox.put((label, result or "lost"))
             except BaseException as error:
                 self.inbox.put((label, error))
 
     def _tell_started(self, label: str) -> None:
-        self.inbox.put((label, None))
+        self.inbox.put((label, "started"))
 
     def _start_what_fits(self) -> None:
-        for label in list(self.ready):
+        for label in [label for label, missing in self.waiting.items() if not missing]:
             if self.stopping and type(self.graph.nodes[label].step) not in self.told:
                 continue
             need = self._need(label)
             memory_mb = self._memory_mb(label)
             has_memory = not self.declared_mb or self.declared_mb + memory_mb <= self.memory_mb
             if need <= self.free and (has_memory or not memory_mb):
-                self.ready.remove(label)
+                del self.waiting[label]
+                self.running.add(label)
                 self.free -= need
                 self.declared_mb += memory_mb
                 self.work.put(label)
@@ -167,40 +176,42 @@ class _Schedule:
         step = self.graph.nodes[label].step
         return step.limits.memory_mb if step.isolated else 0
 
-    def _take(self, label: str, message: NodeResult | BaseException | None) -> None:
-        if message is None:
-            self._say("started", label, waiting=len(self._behind(label)))
+    def _take(self, label: str, message: _Message) -> None:
+        if message == "started":
+            self._say("started", label, waiting=len(_reached(label, self.readers)))
             return
         if isinstance(message, BaseException):
             raise message
+        self.running.remove(label)
         self.free += self._need(label)
         self.declared_mb -= self._memory_mb(label)
-        self.results[label] = message
-        self._say("finished", label, message)
+        if message == "lost":
+            self.losses[label] += 1
+            if self.losses[label] <= HEALING_ROUNDS:
+                self._look_again(label)
+                return
+            error = StepError(f"the store keeps losing what step `{label}` reads")
+            message = NodeResult(label=label, status="failed", error=error)
+        if label not in self.results or message.status != "cached":  # else it was looked for again
+            self.results[label] = message
+            self._say("finished", label, message)
         if message.status == "failed":
             self.stopping = self.stopping or not self.keep_going
             step = type(self.graph.nodes[label].step)
             if step.all_told:
                 self.told.add(step)
-            for reader in self._behind(label):
+            for reader in _reached(label, self.readers):
                 if reader not in self.results:
                     self._block(reader, f"`{label}` failed")
             return
         for reader in self.readers[label]:
-            self.missing[reader].discard(label)
-            if not self.missing[reader] and reader not in self.results:
-                self.ready.append(reader)
+            self.waiting.get(reader, set()).discard(label)
 
-    def _behind(self, label: str) -> dict[str, None]:
-        """All that reads what this node makes, and so on; each once."""
-        found: dict[str, None] = {}
-        waiting = list(self.readers[label])
-        while waiting:
-            reader = waiting.pop()
-            if reader not in found:
-                found[reader] = None
-                waiting += self.readers[reader]
-        return found
+    def _look_again(self, label: str) -> None:
+        """What the node reads was lost: whatever lies before it is looked for, or made, again."""
+        for each in (label, *_reached(label, self.makers)):
+            if each not in self.running:
+                self.waiting.setdefault(each, set(self.makers[each]))
 
     def _block_the_rest(self) -> None:
         for label in self.graph.nodes:
@@ -221,3 +232,15 @@ class _Schedule:
     ) -> None:
         done, total = len(self.results), len(self.graph.nodes)
         self.tell(Event(kind, done, total, label, result, waiting))
+
+
+def _reached(label: str, edges: Mapping[str, Sequence[str]]) -> dict[str, None]:
+    """All nodes that edges lead to from this one, and so on; each once."""
+    found: dict[str, None] = {}
+    waiting = list(edges[label])
+    while waiting:
+        each = waiting.pop()
+        if each not in found:
+            found[each] = None
+            waiting += edges[each]
+    return found

@@ -197,11 +197,10 @@ def _trim(home: Path, names: tuple[str, ...], allowed: int) -> None:
 def _live(home: Path) -> list[float]:
     """When the builds that run now began."""
     found = []
-    for mark in (home / "tmp").glob(f"*/{BEGAN}*"):
+    for folder in (home / "tmp").glob("*"):
         with suppress(OSError):  # it ends just now
-            began = mark.stat().st_ctime
-            if is_claimed(mark.parent):
-                found.append(began)
+            began = [mark.stat().st_ctime for mark in folder.glob(f"{BEGAN}*")]
+            found += began if is_claimed(folder) else []
     return found
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -21,7 +20,6 @@ from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.findings import Finding
 
 Status = Literal["ran", "cached", "failed", "blocked"]
-HEALING_ROUNDS = 3
 
 
 @dataclass(frozen=True)
@@ -60,22 +58,23 @@ class Maker:
         self.session = session
         self.runner = runner
         self.resolver = Resolver(graph.nodes, session)
-        self.healed: dict[str, NodeResult] = {}
-        self._healing = threading.RLock()
-        self._mine = threading.local()
+        self._outputs: dict[str, Mapping[str, str]] = {}
 
-    def make(self, label: str, started: Callable[[str], None] = lambda _: None) -> NodeResult:
+    def make(
+        self, label: str, started: Callable[[str], None] = lambda _: None
+    ) -> NodeResult | None:
         """The node, from the store or freshly run; its errors are in the result.
 
-        `started` is called when the step really runs. The nodes it reads are made already; if
-        the store lost one of their outputs since, they are made again first.
+        None when the store has lost what it reads: the nodes before it must be looked for again.
+        `started` is called when the step really runs.
         """
         began = time.monotonic()
-        key = ""
+        action = None
         changes: tuple[Change, ...] = ()
         try:
-            action = self._action(label)
-            key = action.key
+            action = self.resolver.action(label)
+            if action is None:
+                return None
             made = self.resolver.made(label)
             if made is None:
                 with self._turn(action):
@@ -84,13 +83,17 @@ class Maker:
                         changes = why_it_runs(self.session, action)
                         started(label)
                         return self.ran(action, self._run(action, changes), changes)
+            self._outputs.setdefault(action.key, made.outputs)
             self.session.journal.saw(label, action.parts)
             return _cached(action, made)
+        except LostObjectError:
+            self.session.forget()
+            return None
         except AssetBuildError as error:
             return NodeResult(
                 label=label,
                 status="failed",
-                key=key,
+                key=action.key if action else "",
                 seconds=round(time.monotonic() - began, 4),
                 error=error,
                 reason=changes_text(changes),
@@ -110,81 +113,31 @@ class Maker:
         )
 
     def _turn(self, action: Action) -> AbstractContextManager[None]:
-        """Each action runs once: in this build, and among all builds that share the store.
-
-        Who heals holds the turn of a later step already, and waits for nobody: no circles.
-        """
-        if self._mine.__dict__.get("heals"):
-            return nullcontext()
+        """Each action runs once: in this build, and among all builds that share the store."""
         patience_s = action.step.limits.wall_s * ATTEMPTS + 30.0
         return self.session.actions.turns.turn(
             action.key, patience_s=patience_s, done=lambda: self.runner.closed
         )
 
     def _run(self, action: Action, changes: tuple[Change, ...]) -> Made:
-        """Run the step, with what the store loses meanwhile made again, and remember it."""
-        for _ in range(HEALING_ROUNDS):
-            try:
-                made = self.runner.run(action)
-            except LostObjectError:
-                self.session.forget()
-                self._heal(action.label)
-                continue
-            finally:
-                refs = self.graph.nodes[action.label].inputs.values()
-                self.session.world.check(ref.output for ref in refs if not ref.node)
-            self.session.actions.learn(action.key, made)
-            self.session.journal.ran(action.label, action.parts, [c.to_json() for c in changes])
-            return made
-        raise _keeps_losing(action.label)
+        """Run the step and remember what it made."""
+        try:
+            made = self.runner.run(action)
+        finally:
+            refs = self.graph.nodes[action.label].inputs.values()
+            self.session.world.check(ref.output for ref in refs if not ref.node)
+        if self._outputs.setdefault(action.key, made.outputs) != made.outputs:
+            raise StepError(
+                f"step `{action.label}` gave other bytes when it was run again",
+                hint="run the build again; a step must give the same bytes for the same inputs",
+            )
+        self.session.actions.learn(action.key, made)
+        self.session.journal.ran(action.label, action.parts, [c.to_json() for c in changes])
+        return made
 
     def _log(self, label: str) -> Path | None:
         path = self.session.journal.log_path(label)
         return path if path.is_file() else None
-
-    # -- lost objects
-
-    def _action(self, label: str) -> Action:
-        for _ in range(HEALING_ROUNDS):
-            found = self.resolver.action(label)
-            if found is not None:
-                return found
-            self._heal(label)
-        raise _keeps_losing(label)
-
-    def _heal(self, label: str) -> None:
-        """Make the nodes again whose outputs the store lost. StepError when they differ now."""
-        with self._healing:
-            for maker in self.graph.predecessors(label):
-                key = self._action(maker).key
-                if self.resolver.made(maker) is not None:
-                    continue
-                result = self._make_again(maker)
-                self.healed[maker] = result
-                if result.error is not None:
-                    raise result.error
-                if result.key != key:
-                    raise StepError(f"step `{maker}` changed while it was made again")
-            known = self.resolver.action(label)
-            inputs = known.inputs if known else {}
-            refs = self.graph.nodes[label].inputs
-            if any(self.resolver.digest(refs[name]) != inputs[name] for name in inputs):
-                raise StepError(
-                    f"a step before `{label}` gave other bytes when it was run again",
-                    hint="run the build again; a step must give the same bytes for the same inputs",
-                )
-
-    def _make_again(self, label: str) -> NodeResult:
-        before = self._mine.__dict__.get("heals", False)
-        self._mine.heals = True
-        try:
-            return self.make(label)
-        finally:
-            self._mine.heals = before
-
-
-def _keeps_losing(label: str) -> StepError:
-    return StepError(f"the store keeps losing what step `{label}` reads")
 
 
 def _cached(action: Action, made: Made) -> NodeResult:

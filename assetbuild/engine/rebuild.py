@@ -43,8 +43,12 @@ class Difference:
 class _Again(Maker):
     """Runs every step, whatever the store knows, and remembers nothing."""
 
-    def make(self, label: str, started: Callable[[str], None] = lambda _: None) -> NodeResult:
-        action = self._action(label)
+    def make(
+        self, label: str, started: Callable[[str], None] = lambda _: None
+    ) -> NodeResult | None:
+        action = self.resolver.action(label)
+        if action is None:
+            return None
         started(label)
         try:
             return self.ran(action, self.runner.run(action))

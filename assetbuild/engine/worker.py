@@ -1,9 +1,10 @@
 """The child process: imports heavy modules once, then forks one process per step.
 
-It speaks JSON lines. A request on its standard input is `{"id", "job", "module", "wall_s"}`: the
-path of a job file, and the module of its step. It answers, per job, `{"id", "pid"}` and
-`{"id", "status", "wall_s", "cpu_s", "over"}`. A crash of a step loses that step only. When the
-input ends, because the parent closed it or died, everything that runs is killed.
+Its standard input is a socket that brings a socket for each job. On that it reads one line of JSON,
+`{"job", "module", "wall_s"}`: the path of a job file, and the module of its step. It answers two:
+`{"pid"}` of the step's process, and `{"status", "wall_s", "cpu_s", "over"}`. A crash of a step
+loses that step only. When the input ends, because the parent closed it or died, everything that
+runs is killed.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import os
 import resource
 import select
 import signal
+import socket
 import sys
 import tempfile
 import time
@@ -44,7 +46,7 @@ def main() -> None:
     if "once" in config:
         _perform_job(json.loads(Path(config["once"]).read_bytes()))
     die_with_parent(config["parent"], signal.SIGTERM)
-    requests, replies = os.dup(0), os.dup(1)
+    door = socket.socket(fileno=os.dup(0))
     _redirect(config["log"])
     for module in config["preload"]:
         with suppress(ImportError):  # the step that needs it will say so itself
@@ -52,7 +54,7 @@ def main() -> None:
     importlib.import_module("assetbuild.engine.wire")
     gc.collect()
     gc.freeze()
-    Zygote(requests, replies, fresh=_threads_survive_fork()).serve()
+    Zygote(door, fresh=_threads_survive_fork()).serve()
 
 
 def _redirect(log: str) -> None:
@@ -85,7 +87,7 @@ def _threads_survive_fork() -> bool:
 class Running:
     """A step's process, the leader of its own process group."""
 
-    job: int
+    caller: socket.socket
     started: float
     deadline: float
     over: str = ""
@@ -97,12 +99,10 @@ class Zygote:
     fresh: every step gets a new interpreter, because a plain fork is not safe here.
     """
 
-    def __init__(self, requests: int, replies: int, *, fresh: bool) -> None:
-        self.requests = requests
-        self.replies = replies
+    def __init__(self, door: socket.socket, *, fresh: bool) -> None:
+        self.door = door
         self.fresh = fresh
         self.running: dict[int, Running] = {}
-        self._rest = b""
         self._wake, self._waker = os.pipe()
         os.set_blocking(self._wake, False)
         os.set_blocking(self._waker, False)
@@ -117,34 +117,14 @@ class Zygote:
             now = time.monotonic()
             nearest = min((r.deadline for r in self.running.values() if not r.over), default=None)
             timeout = None if nearest is None else max(0.0, nearest - now)
-            ready, _, _ = select.select([self.requests, self._wake], [], [], timeout)
+            ready, _, _ = select.select([self.door.fileno(), self._wake], [], [], timeout)
             if self._wake in ready:
                 with suppress(BlockingIOError):
                     os.read(self._wake, 4096)
             self.reap()
             self.kill_late()
-            if self.requests in ready:
-                self.read_requests()
-
-    def reply(self, **message: object) -> None:
-        """One JSON line to the parent; leave when nobody reads any more."""
-        data = json.dumps(message).encode() + b"\n"
-        try:
-            while data:
-                data = data[os.write(self.replies, data) :]
-        except OSError:
-            self.leave()
-
-    def read_requests(self) -> None:
-        """Start what was asked for; leave when the input has ended."""
-        data = os.read(self.requests, 1 << 16)
-        if not data:
-            self.leave()
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        for line in lines:
-            request = json.loads(line)
-            self.load(request["module"])
-            self.start(request["id"], request["job"], request["wall_s"])
+            if self.door.fileno() in ready:
+                self.start()
 
     def load(self, module: str) -> None:
         """Import the step's own module here, once, so that its forks need not."""
@@ -155,31 +135,40 @@ class Zygote:
         gc.freeze()
         self.fresh = _threads_survive_fork()
 
-    def start(self, number: int, job: str, wall_s: float) -> None:
-        """Fork the process of one step."""
+    def start(self) -> None:
+        """Take a job and fork the process of its step; leave when the input has ended."""
+        mark, descriptors, _, _ = socket.recv_fds(self.door, 1, 1)
+        if not mark:
+            self.leave()
+        caller = socket.socket(fileno=descriptors[0])
+        request = json.loads(caller.makefile("rb").readline())
+        self.load(request["module"])
         me = os.getpid()
         now = time.monotonic()
         try:
             pid = os.fork()
         except OSError as error:  # no process or memory left
-            self.reply(id=number, status=None, wall_s=0.0, cpu_s=0.0, over=str(error))
+            _say(caller, status=None, over=str(error))
+            caller.close()
             return
         if pid == 0:
-            self._become_step(job, me)
+            self._become_step(request["job"], me, caller)
         with suppress(OSError):  # the child does the same; whoever comes first
             os.setpgid(pid, pid)
-        self.running[pid] = Running(number, now, now + wall_s)
-        self.reply(id=number, pid=pid)
+        self.running[pid] = Running(caller, now, now + request["wall_s"])
+        _say(caller, pid=pid)
 
-    def _become_step(self, job: str, parent: int) -> NoReturn:
+    def _become_step(self, job: str, parent: int, caller: socket.socket) -> NoReturn:
         try:
             os.setpgid(0, 0)
             signal.set_wakeup_fd(-1)
             for number in (signal.SIGCHLD, signal.SIGTERM, signal.SIGINT):
                 signal.signal(number, signal.SIG_DFL)
             die_with_parent(parent, signal.SIGKILL)
-            for descriptor in (self.requests, self.replies, self._wake, self._waker):
-                os.close(descriptor)
+            for end in (self.door, caller, *(run.caller for run in self.running.values())):
+                end.close()
+            os.close(self._wake)
+            os.close(self._waker)
             if self.fresh:
                 path = json.loads(sys.argv[1])["sys_path"]
                 text = json.dumps({"sys_path": path, "once": job})
@@ -200,13 +189,14 @@ class Zygote:
             run = self.running.pop(pid)
             with suppress(OSError):
                 os.killpg(pid, signal.SIGKILL)
-            self.reply(
-                id=run.job,
+            _say(
+                run.caller,
                 status=status,
                 wall_s=round(time.monotonic() - run.started, 4),
                 cpu_s=round(used.ru_utime + used.ru_stime, 4),
                 over=run.over,
             )
+            run.caller.close()
 
     def kill_late(self) -> None:
         """Kill the group of each process that ran over its wall-clock limit."""
@@ -223,6 +213,12 @@ class Zygote:
             with suppress(OSError):
                 os.killpg(pid, signal.SIGKILL)
         os._exit(0)
+
+
+def _say(caller: socket.socket, **message: object) -> None:
+    """One line of JSON to whoever waits for a job, if anybody does."""
+    with suppress(OSError):
+        caller.sendall(json.dumps(message).encode() + b"\n")
 
 
 def _perform_job(job: dict[str, Any]) -> NoReturn:  # Any: JSON

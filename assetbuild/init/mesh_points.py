@@ -28,7 +28,7 @@ def mesh_of(root: Path, mesh: MeshFile) -> SourceMesh | None:
     format = formats.get(path.suffix.lower())
     try:
         if format is not None and path.stat().st_size <= LARGEST:
-            return read_mesh(path.read_bytes(), format)
+            return read_mesh(path.read_bytes(), format, subject=mesh.path)
     except (StepError, OSError):
         pass
     return None

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from assetbuild.errors import StepError, one_line
+from assetbuild.lfs import refuse_pointer
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -22,11 +23,12 @@ PIXELS = 1 << 26
 def png_of(data: bytes, name: str) -> bytes:
     """A picture of any of `FORMATS` as PNG, 8 bits a channel, RGB, or RGBA where it has holes.
 
-    No metadata, profile or date survives. Raises ValueError for what is no picture, and StepError
-    for one of more than `PIXELS`, before a single one is decoded.
+    No metadata, profile or date survives. Raises ValueError for what is no picture, SourceError
+    for a git-LFS pointer, and StepError for one of more than `PIXELS`, before one is decoded.
     """
     from PIL import Image
 
+    refuse_pointer(data, name)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # told below, by us

@@ -12,6 +12,7 @@ import numpy as np
 
 from assetbuild.errors import StepError, one_line
 from assetbuild.findings import Finding, Rule
+from assetbuild.lfs import refuse_pointer
 from assetbuild.mesh.companions import picture_of_map, relative_name
 from assetbuild.mesh.dae import SKIPPED, read_dae
 from assetbuild.mesh.gltf import read_gltf
@@ -70,6 +71,9 @@ def read_mesh(
     """
     if not data:
         raise StepError(f"{subject}: the file is empty")
+    refuse_pointer(data, subject)
+    for name, content in (companions or {}).items():
+        refuse_pointer(content, name)
     if format == "dae":
         mesh = read_dae(data, subject)
     elif format == "obj":

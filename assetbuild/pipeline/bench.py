@@ -19,7 +19,7 @@ from assetbuild.engine.session import Session
 from assetbuild.engine.store import OUT_OPTION, machine_errors
 from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.pipeline.bench_plan import LEVELS, LevelOutline, Source, plan_level, with_level
-from assetbuild.pipeline.opening import open_session, pin
+from assetbuild.pipeline.opening import open_session, pin, remote_cache
 from assetbuild.pipeline.publish import check_folder
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.recipe.loader import LoadedRecipe
@@ -42,6 +42,8 @@ class BenchRequest:
     levels: Sequence[str] = ("recipe", *LEVELS)
     source: Source = "auto"
     jobs: int | None = None
+    remote: str = ""
+    cache_write: bool = False
 
 
 @dataclass(frozen=True)
@@ -77,9 +79,10 @@ def bench(request: BenchRequest, on_event: Listener, say: Callable[[str], None])
     loaded = load_recipe(request.recipe, request.variant)
     out = request.out or Path("build") / f"{loaded.recipe.robot}-bench"
     check_folder(out)
+    remote = remote_cache(request.remote, say, write=request.cache_write)
     lock = pin(loaded, frozen=False, say=say)
     rows: list[Level] = []
-    with open_session(loaded) as session, Processes(session) as runner:
+    with open_session(loaded, remote=remote) as session, Processes(session) as runner:
 
         def built(level: LoadedRecipe) -> Settled[LevelOutline]:
             add = functools.partial(plan_level, level, lock)

@@ -18,7 +18,7 @@ from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import OUT_OPTION, LostObjectError, machine_errors
 from assetbuild.engine.world import World
-from assetbuild.errors import AssetBuildError, MachineError, UsageError
+from assetbuild.errors import AssetBuildError, Gather, MachineError, RecipeError, UsageError
 from assetbuild.lock import Lock
 from assetbuild.pipeline.bundling import bundle_files, publish_bundle
 from assetbuild.pipeline.judging import judged, located, where_of
@@ -64,7 +64,7 @@ class Outcome:
 
     out: where the bundle lies, None when a step failed. edited: files of the user that were set
     aside. errors: of the failed steps, in the order of the graph. differences: what the second
-    run of `--rebuild-check` found.
+    run of `--rebuild-check` found. is_shared: all was sent that a shared cache lacked.
     """
 
     loaded: LoadedRecipe
@@ -76,6 +76,7 @@ class Outcome:
     edited: tuple[str, ...] = ()
     errors: tuple[AssetBuildError, ...] = ()
     differences: tuple[Difference, ...] = ()
+    is_shared: bool = True
 
 
 @dataclass(frozen=True)
@@ -105,9 +106,9 @@ def build_all(
     Raises AssetBuildError for wrong input; failed steps are in the outcomes.
     """
     started = time.monotonic()
-    jobs = _jobs(requests, world or World(), say)
     request = requests[0]
     remote = remote_cache(request.remote, say, write=request.cache_write)
+    jobs = _jobs(requests, world or World(), say)
     with (
         open_session(
             *(job.loaded for job in jobs), rehash=request.rehash, remote=remote
@@ -126,6 +127,7 @@ def build_all(
                     raise
     for job, outcome in zip(jobs, outcomes, strict=True):
         outcome.seconds = time.monotonic() - started
+        outcome.is_shared = remote is None or remote.is_complete
         if outcome.report is not None:
             _write_run_log(outcome, job.out)
     return outcomes
@@ -134,8 +136,13 @@ def build_all(
 def _jobs(requests: Sequence[Request], world: World, say: Callable[[str], None]) -> list[_Job]:
     """Read and pin every recipe before any is built."""
     jobs: list[_Job] = []
+    recipes: list[LoadedRecipe] = []
+    wrong = Gather(RecipeError)
     for request in requests:
-        loaded = load_recipe(request.recipe, request.variant, world.part())
+        with wrong:
+            recipes.append(load_recipe(request.recipe, request.variant, world.part()))
+    wrong.stop()
+    for request, loaded in zip(requests, recipes, strict=True):
         if request.smoke:
             loaded = asking(loaded, request.smoke)
         out = request.out or default_out(loaded)

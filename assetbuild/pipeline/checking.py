@@ -40,9 +40,7 @@ def check(recipe: Path) -> list[Finding]:
     Raises AssetBuildError; a lock that is out of date is an OutOfDateError.
     """
     loaded = load_recipe(recipe)
-    for variant in loaded.recipe.variants:
-        check_names(load_recipe(recipe, variant))
-    check_names(loaded)
+    check_names(loaded, *(load_recipe(recipe, variant) for variant in loaded.recipe.variants))
     lock = pin(loaded, frozen=True, say=lambda _: None)
     with open_session(loaded) as session:
         done = settle(functools.partial(plan, loaded, lock), session, may_run=_is_light)

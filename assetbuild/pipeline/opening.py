@@ -15,7 +15,7 @@ from assetbuild.engine.folders import cache_root
 from assetbuild.engine.planner import Settled, planned
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import open_store
-from assetbuild.errors import LockError, OutOfDateError, Where
+from assetbuild.errors import LockError, OutOfDateError, UsageError, Where
 from assetbuild.lock import (
     GitPin,
     Lock,
@@ -88,6 +88,8 @@ def open_session(
 def remote_cache(url: str, say: Callable[[str], None], *, write: bool) -> Remote | None:
     """The cache shared with other machines, if there is one; no recipe can name it. UsageError."""
     if not url:
+        if write:
+            raise UsageError("`--cache-write` needs `--remote`: where to?")
         return None
     from assetbuild.engine.share.remote import Remote
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union
@@ -17,7 +17,7 @@ from pydantic import BaseModel, Discriminator, Field, Tag, create_model
 
 from assetbuild.collision import CollisionMethod
 from assetbuild.engine.world import World
-from assetbuild.errors import RecipeError, did_you_mean
+from assetbuild.errors import did_you_mean
 from assetbuild.facts.reader import Reader
 from assetbuild.geometry.jobs import BUILT_IN
 from assetbuild.kinds import Check, Edit, Plugin, Target
@@ -27,7 +27,7 @@ from assetbuild.recipe.collision import CollisionRule, ShapedRule
 from assetbuild.recipe.loader import LoadedRecipe, load
 from assetbuild.recipe.models import Collision, OneEdit, Recipe, Validate
 from assetbuild.recipe.schema import schema_of
-from assetbuild.recipe.validation import locate
+from assetbuild.recipe.validation import Key, Misnamed
 from assetbuild.recipe.yaml_tree import Node
 
 Fields = dict[str, Any]  # Any: what create_model takes
@@ -50,16 +50,16 @@ def schema_text() -> str:
 
 def whole_model() -> type[Recipe]:
     """A recipe that may name any plug-in."""
-    return _model(
-        _Named(
-            plugin_names(Target), plugin_names(Edit), (*plugin_names(CollisionMethod), *BUILT_IN)
-        )
-    )
+    return _model(_Named(plugin_names(Target), plugin_names(Edit), _method_names()))
 
 
-def model_of(root: Node) -> type[Recipe]:
-    """A recipe with the keys of the plug-ins that its tree names; no other is imported."""
-    return _model(_named(root))
+def model_of(root: Node) -> tuple[type[Recipe], list[Misnamed]]:
+    """A recipe with the keys of the plug-ins that its tree names, and names that no plug-in has.
+
+    No other plug-in is imported.
+    """
+    misnamed = list(_misnamed(root))
+    return _model(_named(root)), misnamed
 
 
 def collision_rule(**keys: object) -> CollisionRule:
@@ -80,36 +80,47 @@ class _Named:
 
 
 def _named(root: Node) -> _Named:
-    """RecipeError at the line of an edit or method that there is not."""
+    """The plug-ins that a tree names, in whatever section; names that no plug-in has are left."""
     targets = {str(node.value) for _, node in _items(root, "targets")} | _keys(root)
-    edits: set[str] = set()
+    edits = {name for _, node in _items(root, "edits") for name in _keys(node)}
+    methods = {"auto"} | {str(stated.value) for _, stated in _methods(root)}
+    known = (plugin_names(Target), plugin_names(Edit), _method_names())
+    pairs = zip((targets, edits, methods), known, strict=True)
+    return _Named(*(tuple(sorted(named & set(names))) for named, names in pairs))
+
+
+def _misnamed(root: Node) -> Iterator[Misnamed]:
+    """Targets, edits and collision methods that there are not."""
+    for index, node in _items(root, "targets"):
+        names = plugin_names(Target)
+        if isinstance(node.value, str) and node.value not in names:
+            key, hint = ("targets", index), did_you_mean(node.value, names)
+            yield Misnamed(key, key, f"no target named `{node.value}`", hint)
     for index, node in _items(root, "edits"):
-        for name in _keys(node):
-            _must_be(name, plugin_names(Edit), root, ("edits", index), "no edit named")
-            edits.add(name)
-    methods = {"auto"}
-    known = (*plugin_names(CollisionMethod), *BUILT_IN)
+        names = plugin_names(Edit)
+        for name in _keys(node) - set(names):
+            item: Key = ("edits", index)
+            yield Misnamed(
+                (*item, name), item, f"no edit named `{name}`", did_you_mean(name, names)
+            )
+    for rule, stated in _methods(root):
+        name = str(stated.value)
+        if name not in _method_names():
+            message = f"{'.'.join(rule)}: no collision method `{name}`"
+            yield Misnamed((*rule, "method"), rule, message, did_you_mean(name, _method_names()))
+
+
+def _method_names() -> tuple[str, ...]:
+    """The collision methods that a rule may name."""
+    return (*plugin_names(CollisionMethod), *BUILT_IN)
+
+
+def _methods(root: Node) -> Iterator[tuple[tuple[str, ...], Node]]:
+    """The collision rules that state a method, by their keys, and the method."""
     for key, rule in _rules(root):
         stated = _child(rule, "method")
         if stated is not None and isinstance(stated.value, str):
-            what = f"{'.'.join(key)}: no collision method"
-            _must_be(stated.value, known, root, (*key, "method"), what)
-            methods.add(stated.value)
-    chosen = targets & set(plugin_names(Target))
-    return _Named(tuple(sorted(chosen)), tuple(sorted(edits)), tuple(sorted(methods)))
-
-
-def _must_be(
-    name: str,
-    known: Iterable[str],
-    root: Node,
-    key: tuple[str | int, ...],
-    what: str,
-) -> None:
-    if name not in known:
-        raise RecipeError(
-            f"{what} `{name}`", where=locate(root, key), hint=did_you_mean(name, known)
-        )
+            yield key, stated
 
 
 def _rules(root: Node) -> Iterator[tuple[tuple[str, ...], Node]]:

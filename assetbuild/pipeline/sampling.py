@@ -15,7 +15,7 @@ from assetbuild.engine.session import Session
 from assetbuild.errors import AssetBuildError
 from assetbuild.findings import Finding
 from assetbuild.pipeline.bundling import publish_bundle
-from assetbuild.pipeline.opening import open_session, pin
+from assetbuild.pipeline.opening import open_session, pin, remote_cache
 from assetbuild.pipeline.publish import check_replaceable
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.pipeline.sampling_plan import SamplesOutline, plan_samples
@@ -35,6 +35,8 @@ class SampleRequest:
     judge: int = 10_000
     seed: int | None = None
     jobs: int | None = None
+    remote: str = ""
+    cache_write: bool = False
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,9 @@ def sample(request: SampleRequest, on_event: Listener, say: Callable[[str], None
     loaded = load_recipe(request.recipe, request.variant)
     out = request.out or Path("build") / f"{loaded.recipe.robot}-samples"
     check_replaceable(out)
+    remote = remote_cache(request.remote, say, write=request.cache_write)
     lock = pin(loaded, frozen=False, say=say)
-    with open_session(loaded) as session:
+    with open_session(loaded, remote=remote) as session:
         add = functools.partial(
             plan_samples, loaded, lock, keep=request.keep, judge=request.judge, seed=request.seed
         )

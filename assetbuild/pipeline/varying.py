@@ -28,7 +28,8 @@ def reached_by_key(key: str, look: Look) -> list[str]:
     compared = 0
     for tree in _varied_at(look.loaded.tree, key.split(".")):
         try:
-            recipe = validated(model_of(tree), tree, RecipeError)
+            model, misnamed = model_of(tree)
+            recipe = validated(model, tree, RecipeError, misnamed=misnamed)
             changed = replace(look.loaded, recipe=recipe, tree=tree)
             now = planned(functools.partial(plan, changed, look.lock), look.session)
         except AssetBuildError:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from assetbuild.body.lint_bodies import LintBodies
 from assetbuild.body.lint_links import LintLinks
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
-from assetbuild.compose.plan import Ready, check_parts, compose
+from assetbuild.compose.plan import Ready, compose
 from assetbuild.control.keep_ratings import KeepRatings
 from assetbuild.control.plan import control, control_step, own_side
 from assetbuild.engine.graph import Node, Ref
@@ -75,7 +75,6 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
     """
     recipe, outline = loaded.recipe, Outline()
     check_names(loaded)
-    check_parts(loaded)
     outline.edits = edit_keys(loaded)
     ready = _prepare(loaded, lock, outline, p)
     if ready is None:
@@ -164,7 +163,6 @@ def _prepare(loaded: LoadedRecipe, lock: Lock | None, outline: Outline, p: Plann
 def _prepare_part(whole: LoadedRecipe, index: int, outline: Outline, p: Planner) -> Ready | None:
     """A part of a composite; its licences come with it."""
     part, prefix = whole.parts[index], whole.recipe.compose[index].as_
-    check_names(part)
     own = Outline()
     ready = _prepare(part, part_lock(part), own, p.scoped(f"{prefix} "))
     outline.licenses |= {f"{prefix}/{path}": ref for path, ref in own.licenses.items()}

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from assetbuild.engine.world import World
-from assetbuild.errors import AssetBuildError, RecipeError, Where, did_you_mean
+from assetbuild.errors import AssetBuildError, Gather, RecipeError, Where, did_you_mean
+from assetbuild.lfs import refuse_pointer
 from assetbuild.recipe.models import Recipe
-from assetbuild.recipe.validation import Key, locate, shown, validated
+from assetbuild.recipe.validation import Key, Misnamed, locate, shown, validated
 from assetbuild.recipe.variants import patched, variant_names
 from assetbuild.recipe.yaml_tree import MAX_BYTES, MAX_COST, Entry, Node, described, parse
 
@@ -54,7 +56,7 @@ class LoadedRecipe:
         return RecipeError(f"{shown(own)}: {message}", where=self.where(key), hint=hint)
 
 
-ModelOf = Callable[[Node], type[Recipe]]
+ModelOf = Callable[[Node], tuple[type[Recipe], list[Misnamed]]]
 Whole = Callable[[], type[Recipe]]
 
 
@@ -63,14 +65,16 @@ def load(
 ) -> LoadedRecipe:
     """Read, check and (with `variant`) patch one recipe; raises RecipeError, never anything else.
 
-    model_of: the recipe with the keys that a tree may have; whole: with all that there are, to
-    explain what is wrong. All variants are checked, also those that nobody asked for.
+    model_of: the recipe with the keys that a tree may have, and the names in it that no plug-in
+    has; whole: with all keys that there are, to explain what is wrong. All variants are checked,
+    also those that nobody asked for, and all mistakes are told at once.
     """
 
-    def one(path: Path, variant: str | None) -> LoadedRecipe:
-        def check(root: Node) -> Recipe:
-            return validated(model_of(root), root, RecipeError, whole)
+    def check(root: Node) -> Recipe:
+        model, misnamed = model_of(root)
+        return validated(model, root, RecipeError, whole, misnamed)
 
+    def one(path: Path, variant: str | None) -> LoadedRecipe:
         return _load(path, variant, check, world)
 
     return _with_parts(one(path, variant), one)
@@ -81,25 +85,55 @@ def _load(
 ) -> LoadedRecipe:
     """One recipe without its parts."""
     file = shown_path(path)
-    root = parse(read_small_file(path, file, RecipeError, world), file, RecipeError)
+    data = read_small_file(path, file, RecipeError, world)
+    refuse_pointer(data, where=Where(file))
+    _refuse_robot(data, file)
+    root = parse(data, file, RecipeError)
     if not isinstance(root.value, dict):
         found = described(root)
         hint = "a recipe begins with `schema: assetbuild/v1`"
         raise RecipeError(f"expected a map at the top, found {found}", where=root.where, hint=hint)
     absolute = Path(os.path.abspath(path))  # noqa: PTH100 # resolve() would follow links
     root = with_motor_file(root, absolute, world)
-    recipe = check(root)
     names = variant_names(root)
     if root.cost * (1 + len(names)) > MAX_COST:
         message = f"too large: {root.cost} values times {len(names)} variants"
         raise RecipeError(message, where=locate(root, ("variants",)))
-    trees = {name: patched(root, name) for name in names}
-    recipes = {name: check(tree) for name, tree in trees.items()}
-    tree = root
-    if variant is not None:
-        tree = trees[variant] if variant in trees else patched(root, variant)
-        recipe = recipes[variant]
+    wrong = Gather(RecipeError)
+    checked: dict[str | None, tuple[Recipe, Node]] = {}
+    for name in dict.fromkeys((None, *names, variant)):
+        with wrong:
+            tree = root if name is None else patched(root, name)
+            checked[name] = check(tree), tree
+    wrong.stop()
+    recipe, tree = checked[variant]
     return LoadedRecipe(recipe, absolute, file, variant, tree, world)
+
+
+def _refuse_robot(data: bytes, file: str) -> None:
+    """RecipeError for a robot's description where its recipe was to be named."""
+    kinds = {b"robot": "a URDF", b"mujoco": "an MJCF"}
+    kind = kinds.get(_root_tag(data))
+    if kind is None:
+        return
+    if kind == "a URDF" and (file.endswith(".xacro") or b"xmlns:xacro" in data):
+        kind = "a xacro file"
+    hint = f"write a recipe for it: `assetbuild init {file}`"
+    raise RecipeError(f"this is {kind}, not a recipe", where=Where(file), hint=hint)
+
+
+def _root_tag(data: bytes) -> bytes:
+    """The name of the first element of XML; empty for all else."""
+    at = 3 if data.startswith(b"\xef\xbb\xbf") else 0
+    while found := re.compile(rb"\s*<([?!]?(?:--)?)([\w:]*)").match(data, at):
+        if not found[1]:
+            return found[2]
+        end = {b"?": b"?>", b"!--": b"-->"}.get(found[1], b">")
+        at = data.find(end, found.end(1))
+        if at < 0:
+            return b""
+        at += len(end)
+    return b""
 
 
 One = Callable[[Path, str | None], LoadedRecipe]
@@ -107,12 +141,16 @@ One = Callable[[Path, str | None], LoadedRecipe]
 
 def _with_parts(loaded: LoadedRecipe, load_one: One) -> LoadedRecipe:
     """With the recipes of its parts; RecipeError for a part that has parts itself."""
-    parts = [
-        _part_of(loaded, index, part.recipe, part.variant, load_one)
-        if part.recipe is not None
-        else _inline_part(loaded, index)
-        for index, part in enumerate(loaded.recipe.compose)
-    ]
+    parts: list[LoadedRecipe] = []
+    wrong = Gather(RecipeError)
+    for index, part in enumerate(loaded.recipe.compose):
+        with wrong:
+            parts.append(
+                _part_of(loaded, index, part.recipe, part.variant, load_one)
+                if part.recipe is not None
+                else _inline_part(loaded, index)
+            )
+    wrong.stop()
     return replace(loaded, parts=tuple(parts))
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from assetbuild.errors import AssetBuildError, Where, did_you_mean
+from assetbuild.errors import AssetBuildError, Gather, Where, did_you_mean
 from assetbuild.recipe.schema import allowed_values, known_keys, meaning
 from assetbuild.recipe.yaml_tree import Node, described, plain
 
@@ -39,40 +39,60 @@ _BOUNDS = {
 }
 
 
+@dataclass(frozen=True)
+class Misnamed:
+    """A name that no plug-in has. key: where it stands; covers: what cannot be judged without."""
+
+    key: Key
+    covers: Key
+    message: str
+    hint: str
+
+
 def validated(
     model: type[M],
     root: Node,
     error: type[AssetBuildError],
     whole: Callable[[], type[BaseModel]] | None = None,
+    misnamed: Sequence[Misnamed] = (),
 ) -> M:
-    """The model behind the tree; raises `error` with the first problem in file order.
+    """The model behind the tree; raises `error` with every problem, the first in file order.
 
     whole: the model with all keys that there are, where `model` has only some of them; it
-    explains what is wrong.
+    explains what is wrong. misnamed: problems that are known already.
     """
+    wrong = Gather(error)
+    for name in misnamed:
+        with wrong:
+            raise error(name.message, where=locate(root, name.key), hint=name.hint)
+    found: list[Any] = []  # Any: pydantic's ErrorDetails, as in `_Place`
     try:
-        return model.model_validate(plain(root), strict=True)
+        valid = model.model_validate(plain(root), strict=True)
     except ValidationError as problem:
-        found = problem.errors(include_url=False, include_input=False)
+        found = list(problem.errors(include_url=False, include_input=False))
     placed = sorted(
         (_find(raw, root) for raw in found), key=lambda p: (p.where.line, p.where.column)
     )
     known = whole() if whole else model
     problems = _distinct([_explained(place, known) for place in placed[:_EXPLAINED]])
-    first = _telling(problems)
-    more = len(problems) - 1 + len(placed[_EXPLAINED:])
-    others = f" (and {more} more error{'s' if more > 1 else ''} in this file)" if more else ""
-    message = f"{shown(first.key)}: {first.message}" if first.key else first.message
-    raise error(message + others, where=first.where, hint=first.hint)
+    for one in _telling(problems, misnamed):
+        message = f"{shown(one.key)}: {one.message}" if one.key else one.message
+        with wrong:
+            raise error(message, where=one.where, hint=one.hint)
+    wrong.stop(uncounted=len(placed[_EXPLAINED:]))
+    return valid
 
 
-def _telling(problems: list[_Problem]) -> _Problem:
-    """The first; a key that is spelt wrong before one that is missing beside it."""
-    first = problems[0]
-    if first.message.startswith("missing"):
-        spelt = (p for p in problems if p.message == "unknown key" and p.key[:-1] == first.key)
-        return next(spelt, first)
-    return first
+def _telling(problems: list[_Problem], misnamed: Sequence[Misnamed]) -> Iterator[_Problem]:
+    """Without a key that is missing because it is spelt wrong, and what a wrong name causes."""
+    spelt = {(p.key[:-1], p.hint) for p in problems if p.message == "unknown key"}
+    for one in problems:
+        if one.message.startswith("missing key"):
+            if (one.key, f"did you mean `{one.reach[-1]}`?") in spelt:
+                continue
+        elif any(one.key[: len(name.covers)] == name.covers for name in misnamed):
+            continue
+        yield one
 
 
 def locate(root: Node, key: Key) -> Where:

@@ -16,7 +16,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from assetbuild.errors import did_you_mean
+from assetbuild.errors import Gather, did_you_mean
 from assetbuild.robot.actuator_table import ActuatorRow, Motor
 from assetbuild.robot.dynamics import dynamics
 from assetbuild.robot.model import Actuator, Joint, Tree
@@ -74,13 +74,19 @@ def resolve(
     start: positions by joint name at which `inertia: home` is taken, rad or m; None = all 0.
     driven: joints that need no row, because their source says what drives them.
     """
-    table = [_Matched(i, row, _motor_of(i, row, motors)) for i, row in enumerate(rows)]
-    for entry in table:
-        _check_gains(entry)
-    by_joint = _match(tree, table, driven) if table else {}
+    wrong, table = Gather(RowError), []
+    for index, row in enumerate(rows):
+        with wrong:
+            table.append(_Matched(index, row, NO_MOTOR))
+            table[-1] = _Matched(index, row, _motor_of(index, row, motors))
+            _check_gains(table[-1])
+    by_joint = _match(tree, table, driven, wrong) if table else {}
+    wrong.stop()
     for joint in tree.moving_joints:
         if joint.name in by_joint:
-            _check_units(joint, by_joint[joint.name], by_joint, tree)
+            with wrong:
+                _check_units(joint, by_joint[joint.name], by_joint, tree)
+    wrong.stop()
     made = []
     for joint in tree.moving_joints:
         matched = by_joint.get(joint.name)
@@ -159,31 +165,35 @@ _WITH_UNIT: Mapping[str, str] = {
 }
 
 
-def _match(tree: Tree, table: list[_Matched], driven: Collection[str]) -> dict[str, _Matched]:
-    """The row of each joint. Raises RowError for idle rows, double matches, joints left over."""
+def _match(
+    tree: Tree, table: list[_Matched], driven: Collection[str], wrong: Gather
+) -> dict[str, _Matched]:
+    """The row of each joint; idle rows, double matches and joints left over go to `wrong`."""
     moving = [joint.name for joint in tree.moving_joints]
     found: dict[str, _Matched] = {}
     for entry in table:
         names = [name for name in moving if re.fullmatch(entry.row.joints, name)]
-        if not names:
-            raise _idle(entry, tree, moving)
         twice = [name for name in names if name in found]
-        if twice:
-            first = found[twice[0]]
-            raise entry.error(
-                "joints",
-                f"{_listed(twice)} already matched by row {first.index} (`{first.row.joints}`)",
-                "each moving joint matches exactly one row; narrow one of the two patterns",
-            )
+        with wrong:
+            if not names:
+                raise _idle(entry, tree, moving)
+            if twice:
+                first = found[twice[0]]
+                raise entry.error(
+                    "joints",
+                    f"{_listed(twice)} already matched by row {first.index} (`{first.row.joints}`)",
+                    "each moving joint matches exactly one row; narrow one of the two patterns",
+                )
         found |= dict.fromkeys(names, entry)
     free = [joint.name for joint in tree.moving_joints if joint.mimic is None]
     left = [name for name in free if name not in found and name not in driven]
-    if left:
-        raise RowError(
-            f"actuators: no row matches {_listed(left)}",
-            key=("actuators",),
-            hint="add a row; `model: passive` for a joint without a drive",
-        )
+    with wrong:
+        if left and not wrong.found:  # an idle row was meant for them
+            raise RowError(
+                f"actuators: no row matches {_listed(left)}",
+                key=("actuators",),
+                hint="add a row; `model: passive` for a joint without a drive",
+            )
     return found
 
 

@@ -34,7 +34,7 @@ def built(place: Workplace) -> Workplace:
 
 
 def test_a_misspelt_key(built: Workplace):
-    built.edit_recipe("actuators:", "acutators:")
+    built.edit_recipe("\nactuators:", "\nacutators:")
     refused(built, 2, "recipes/go1.yaml:", "acutators", "did you mean `actuators`?")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -56,3 +57,32 @@ def test_a_server_that_fails_is_an_error_here(warm_legs: Legs, server):
 
 def test_without_an_address_it_is_a_wrong_command(tmp_path: Path):
     assert new_legs(tmp_path / "a").run("cache", "push", "legs.yaml").returncode == 2
+
+
+@pytest.mark.parametrize("verb", ["build", "watch", "smoke", "sample", "bench"])
+def test_every_verb_that_builds_shares(verb: str, tmp_path: Path):
+    text = new_legs(tmp_path / "a").run(verb, "--help").stdout
+    assert "--remote URL" in text
+    assert "--cache-write" in text
+
+
+def test_a_plain_build_of_a_warm_store_fills_the_cache(tmp_path: Path, warm_legs: Legs, server):
+    assert warm_legs.build().returncode == 0
+    done = warm_legs.build("--remote", server.url, "--cache-write")
+    assert (done.returncode, set(warm_legs.steps().values())) == (0, {"cached"})
+    second = new_legs(tmp_path / "b")
+    assert second.build("--remote", server.url).returncode == 0
+    assert set(second.steps().values()) == {"cached"}
+
+
+def test_samples_are_shared(tmp_path: Path, warm_legs: Legs, server):
+    ranges = '\nrandomize: {links: {".*": {density: [0.8, 1.2]}}}\n'
+    words = ("sample", "legs.yaml", "-n", "1", "--judge", "20", "--remote", server.url)
+    for machine, more in ((warm_legs, ["--cache-write"]), (new_legs(tmp_path / "b"), [])):
+        machine.recipe.write_text(machine.recipe.read_text() + ranges)
+        before = len(server.asked)
+        done = machine.run(*words, *more)
+        assert done.returncode == 0, done.stderr
+        verbs = Counter(verb for verb, _ in server.asked[before:])
+        assert verbs["PUT"] > 5 if more else set(verbs) == {"GET"}
+    assert machine.run("sample", "legs.yaml", "--cache-write").returncode == 2

@@ -15,6 +15,7 @@ from steps_for_tests import (
 )
 
 from assetbuild.engine.execute import execute
+from assetbuild.engine.graph import Graph
 from assetbuild.engine.planner import Planner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import LostObjectError, Store
@@ -42,6 +43,26 @@ def test_a_lost_object_is_made_again_when_it_is_needed(tmp_path, source, label, 
         assert results["new"].status == "ran"
         assert "missing or corrupt" in results[label].reason
         assert session.read(results["third"]["out"]) == want
+
+
+@pytest.mark.parametrize("fault", ["flip", "delete"])
+def test_everything_is_made_again_when_the_store_lost_all_of_it(tmp_path, source, fault):
+    def plan(session: Session, length: int) -> Graph:
+        planner = Planner(session)
+        last = planner.add("0", Mix(), {"in": planner.source(source)})
+        for number in range(1, length):
+            last = planner.add(str(number), Mix(salt=number), {"in": last["out"]})
+        return planner.graph()
+
+    with Session(Store(tmp_path / "store")) as session:
+        gold = execute(plan(session, 7), session)
+        want = session.read(gold["6"]["out"])
+    for path in (tmp_path / "store").glob("v1/cas/*/*"):
+        flip(path) if fault == "flip" else path.unlink()
+    with Session(Store(tmp_path / "store")) as session:
+        results = execute(plan(session, 8), session, jobs=3)
+        assert [r.status for r in results.values()] == ["ran"] * 8
+        assert session.read(results["6"]["out"]) == want
 
 
 def test_what_was_lost_when_it_is_restored_is_made_again_by_the_next_execution(tmp_path, source):
@@ -80,8 +101,8 @@ def test_a_step_that_gives_other_bytes_each_time_is_told_on(tmp_path, session, m
     planner.add("second", Mix(), {"in": first["out"]})
     monkeypatch.setattr(Mix, "run", lambda self, files: _write(files.outputs / "out", "new"))
     monkeypatch.setattr(session, "object", _lost_once(session, digest))
-    error = execute(planner.graph(), session)["second"].error
-    assert "gave other bytes when it was run again" in str(error)
+    error = execute(planner.graph(), session)["first"].error
+    assert "step `first` gave other bytes when it was run again" in str(error)
 
 
 def _write(path: Path, text: str) -> tuple[()]:

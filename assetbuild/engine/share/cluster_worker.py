@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild.engine.actions import Action, missing_output
+from assetbuild.engine.execute import HEALING_ROUNDS
 from assetbuild.engine.explain import changes_between, changes_text
 from assetbuild.engine.folders import cache_root
 from assetbuild.engine.keys import key_parts
-from assetbuild.engine.make import HEALING_ROUNDS
 from assetbuild.engine.processes import Processes
 from assetbuild.engine.session import Session
 from assetbuild.engine.share.remote import Budget, Remote

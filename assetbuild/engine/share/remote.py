@@ -217,7 +217,7 @@ class Remote:
     def close(self) -> None:
         """Wait a moment for what is still offered; say so when that is not enough."""
         left = self._offers.close(self._budget.offer_s)
-        self.is_complete = not left and not self.is_given_up
+        self.is_complete = not left or self.is_given_up
         if left and not self.is_given_up:
             self._warn(
                 f"note: up to {left} older results are not in the shared cache yet; the next "

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import IO, Literal, Protocol
 
 from assetbuild.errors import SourceError
+from assetbuild.lfs import refuse_pointer
 
 Kind = Literal["file", "folder", "link", "special"]
 
@@ -129,6 +130,8 @@ def _tar_member(index: int, info: tarfile.TarInfo) -> Member:
 @contextmanager
 def open_archive(path: Path) -> Iterator[Archive]:
     """The archive in a file; SourceError when it is none of the formats that we read."""
+    with path.open("rb") as file:
+        refuse_pointer(file.read(1024), "the archive")
     with ExitStack() as opened:
         try:
             archive: Archive

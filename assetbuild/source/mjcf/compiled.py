@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from assetbuild.errors import SourceError
+from assetbuild.errors import SourceError, Where
+from assetbuild.lfs import refuse_pointer
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators.mujoco import caught_warnings
 from assetbuild.source.mjcf.text import AT, WORLD, Classes, bodies, where_of
@@ -86,6 +87,8 @@ def compile_source(root: _Element, files: Mapping[str, bytes]) -> Compiled:
 
     files: content of each mesh file by its path below the source's root.
     """
+    for path, content in files.items():
+        refuse_pointer(content, where=Where(path))
     plain = _plain(root)
     full, said = _compiled(plain, files)
     places, _ = _compiled(_without_meshes(plain), {})

@@ -15,6 +15,7 @@ from pydantic import Field
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.findings import Finding, Rule
+from assetbuild.lfs import refuse_pointer
 
 SECONDS = 30.0
 """Wall-clock limit of the expansion; real robots take less than one."""
@@ -57,7 +58,10 @@ class ExpandXacro(Step):
         """Expand; what xacro warned of is told once each."""
         answer = self._expanded(files.inputs / "tree")
         if "error" in answer:
-            raise self._error(answer)
+            error = self._error(answer)
+            if error.where is not None:
+                refuse_pointer(_start(files.inputs / "tree" / error.where.file), where=error.where)
+            raise error
         (files.outputs / "robot.urdf").write_text(answer["urdf"], encoding="utf-8")
         used = json.dumps(answer["used"], indent=1)
         (files.outputs / "used.json").write_text(used + "\n", encoding="ascii")
@@ -114,6 +118,15 @@ class ExpandXacro(Step):
         if "Undefined substitution argument" in said:
             return "give it under `source.args` in the recipe"
         return ""
+
+
+def _start(path: Path) -> bytes:
+    """The first bytes of a file; none, if there is none."""
+    try:
+        with path.open("rb") as file:
+            return file.read(1024)
+    except OSError:
+        return b""
 
 
 def _bare_environment() -> dict[str, str]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypeVar, cast
 from xml.parsers import expat
 
 from assetbuild.errors import SourceError, Where, did_you_mean
+from assetbuild.lfs import refuse_pointer
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -197,6 +198,7 @@ def read_xml(data: bytes, file: str, what: str) -> Node:
     if len(data) > MAX_BYTES:
         size = f"{len(data) / 1e6:.0f} MB"
         raise SourceError(f"{size} of {what}; at most 64 MiB are read", where=Where(file))
+    refuse_pointer(data, where=Where(file))
     data = in_xml_1(data)
     _refuse_doctype(data, file)
     parser = etree.XMLParser(

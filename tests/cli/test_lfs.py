@@ -1,0 +1,95 @@
+"""A clone without git-LFS holds pointer files: each is called that, wherever it is read."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from .conftest import Legs, new_legs
+
+POINTER = (
+    "version https://git-lfs.github.com/spec/v1\n"
+    "oid sha256:4d7a214614ab2935c943f9e0ff69d22eadbb8f32b1258daaa5e2ca24d17e2393\nsize 12345\n"
+)
+SAID = "this is a git-LFS pointer: the file itself was not downloaded"
+HINT = "hint: run `git lfs pull` in the repository that it comes from"
+OBJ = (
+    "mtllib part.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nusemtl a\n"
+    "f 1/1 3/1 2/1\nf 1/1 2/1 4/1\nf 2/1 3/1 4/1\nf 1/1 4/1 3/1\n"
+)
+URDF = """<robot name="one"><link name="base">
+  <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  <visual><geometry><mesh filename="part.obj"/></geometry></visual>
+</link></robot>
+"""
+MJCF = """<mujoco><asset><mesh name="part" file="part.obj"/></asset>
+<worldbody><body><freejoint/><geom type="mesh" mesh="part" mass="1"/></body></worldbody></mujoco>
+"""
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Legs:
+    """A robot with a mesh, its material and its picture; tests put a pointer in place of one."""
+    legs = new_legs(tmp_path / "place")
+    for name, text in {"part.obj": OBJ, "robot.urdf": URDF, "robot.xml": MJCF}.items():
+        (legs.folder / "robot" / name).write_text(text)
+    (legs.folder / "robot/part.mtl").write_text("newmtl a\nmap_Kd part.png\n")
+    xacro = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="one">'
+    (legs.folder / "robot/robot.xacro").write_text(
+        f'{xacro}<xacro:include filename="more.xacro"/></robot>'
+    )
+    legs.edit(
+        'actuators:\n  - {joints: ".*", model: pd, kp: 20, kd: 1, effort: 10, velocity: 20}', ""
+    )
+    return legs
+
+
+@pytest.mark.parametrize(
+    ("key", "pointer"),
+    [
+        ("urdf: robot.urdf", "robot.urdf"),
+        ("urdf: robot.urdf", "part.obj"),
+        ("urdf: robot.urdf", "part.mtl"),
+        ("urdf: robot.urdf", "part.png"),
+        ("xacro: robot.xacro", "robot.xacro"),
+        ("xacro: robot.xacro", "more.xacro"),
+        ("mjcf: robot.xml", "robot.xml"),
+        ("mjcf: robot.xml", "part.obj"),
+    ],
+)
+def test_a_pointer_in_the_place_of_a_file_is_called_that(place: Legs, key: str, pointer: str):
+    place.edit("urdf: four_legs.urdf", key)
+    (place.folder / "robot" / pointer).write_text(POINTER)
+    done = place.build()
+    assert done.returncode == 2, done.stdout + done.stderr
+    error, hint = [line for line in done.stderr.splitlines() if line.startswith(("error", "hint"))]
+    assert SAID in error
+    assert pointer in error
+    assert hint == HINT
+
+
+def test_an_archive_that_is_a_pointer_and_a_member_that_is_one(place: Legs):
+    place.edit("path: robot, urdf: four_legs.urdf", "path: robot.zip, urdf: robot.urdf")
+    archive = place.folder / "robot.zip"
+    archive.write_text(POINTER)
+    done = place.build()
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert f"error: the archive: {SAID}" in done.stderr
+    with zipfile.ZipFile(archive, "w") as file:
+        file.writestr("robot.urdf", POINTER)
+    done = place.build()
+    assert done.returncode == 2
+    assert f"error: robot.urdf: {SAID}" in done.stderr
+    assert HINT in done.stderr
+
+
+def test_a_recipe_that_is_a_pointer_and_init_of_one(place: Legs):
+    place.recipe.write_text(POINTER)
+    (place.folder / "robot/robot.urdf").write_text(POINTER)
+    for words in (("build", "legs.yaml"), ("init", "robot/robot.urdf", "-o", "-")):
+        done = place.run(*words)
+        assert done.returncode == 2
+        assert SAID in done.stderr
+        assert HINT in done.stderr

@@ -1,0 +1,111 @@
+"""A recipe with several mistakes, or a file that is no recipe: one run names all that is wrong."""
+
+from __future__ import annotations
+
+import shutil
+
+import pytest
+from defusedxml.ElementTree import parse
+
+from .conftest import LEGS, Legs
+
+
+def errors(said: str) -> list[str]:
+    """The first line of each error."""
+    lines = said.splitlines()
+    return [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
+
+
+@pytest.mark.parametrize("verb", ["build", "check"])
+def test_every_broken_key_of_a_recipe_is_named_with_its_place(legs: Legs, verb: str):
+    legs.edit("collision: {default: {method: keep}}", "colision: {default: {method: keep}}")
+    legs.edit("kp: 20", "kp: stiff")
+    legs.edit("targets: [urdf]", "targets: [urdf, mcjf]")
+    done = legs.run(verb, "legs.yaml")
+    assert done.returncode == 2
+    assert errors(done.stderr) == [
+        "legs.yaml:5:1: colision: unknown key",
+        "legs.yaml:7:35: actuators[0].kp: expected a number, found the text `stiff`",
+        "legs.yaml:8:17: no target named `mcjf`",
+    ]
+    for hint in ("did you mean `collision`?", "did you mean `mjcf`?"):
+        assert hint in done.stderr
+
+
+def test_every_name_that_is_not_in_the_robot_is_named(legs: Legs):
+    row = "  - {joints: '.*', model: pd, kp: 20, kd: 1, effort: 10, velocity: 20}"
+    legs.edit(row.replace("'", '"'), row.replace("'.*'", "'.*_knee_joint'") + "\n" + row)
+    legs.edit(
+        "{default: {method: keep}}", "{default: {method: keep}, links: {tial: {method: none}}}"
+    )
+    legs.edit("targets:", "imu: {link: trunkk}\nkeyframes: {home: {joints: {nobody: 0}}}\ntargets:")
+    done = legs.run("build", "legs.yaml")
+    assert done.returncode == 2
+    assert [line.partition(": ")[2] for line in errors(done.stderr)] == [
+        "collision.links.tial: pattern `tial` matches no link of the source",
+        "actuators[0]: pattern `.*_knee_joint` matches no moving joint",
+        "imu.link: no link `trunkk`",
+        "keyframes.home: pattern `nobody` matches no moving joint",
+    ]
+
+
+def test_mistakes_of_several_recipes_are_told_together(legs: Legs):
+    text = legs.recipe.read_text()
+    legs.edit("kp: 20", "kp: x")
+    (legs.folder / "other.yaml").write_text(text.replace("robot: legs", "robto: legs"))
+    done = legs.run("build", "legs.yaml", "other.yaml")
+    assert done.returncode == 2
+    assert [line.split(":")[0] for line in errors(done.stderr)] == ["legs.yaml", "other.yaml"]
+
+
+def test_each_mistake_is_a_case_of_the_report_for_ci(legs: Legs):
+    legs.edit("kp: 20", "kp: x")
+    legs.edit("targets: [urdf]", "targets: [mcjf]")
+    assert legs.build("--report-junit", "junit.xml").returncode == 2
+    cases = parse(legs.folder / "junit.xml").iter("error")
+    assert [case.get("message").split(": ")[0] for case in cases] == [
+        "legs.yaml:7:35", "legs.yaml:8:11"
+    ]  # fmt: skip
+
+
+def test_more_mistakes_than_a_screen_holds_are_counted(legs: Legs):
+    legs.recipe.write_text(legs.recipe.read_text() + "".join(f"k{i}: 1\n" for i in range(30)))
+    done = legs.build()
+    assert len(errors(done.stderr)) == 20
+    assert done.stderr.splitlines()[-1] == "and 10 more errors"
+
+
+ROBOTS = {
+    "legs.urdf": (LEGS.read_text(), "a URDF"),
+    "legs.xacro": (LEGS.read_text(), "a xacro file"),
+    "robot.xml": ("<?xml version='1.0'?>\n<!-- a robot -->\n<mujoco model='m'/>", "an MJCF"),
+    "urdf.yaml": (LEGS.read_text(), "a URDF"),
+}
+
+
+@pytest.mark.parametrize("verb", ["build", "check", "lock", "plan", "explain", "watch"])
+def test_a_robot_in_the_place_of_a_recipe_leads_to_init(legs: Legs, verb: str):
+    shutil.copyfile(LEGS, legs.folder / "legs.urdf")
+    done = legs.run(verb, "legs.urdf") if verb != "watch" else legs.run("build", "legs.urdf", "-n")
+    assert done.returncode == 2
+    assert done.stderr == (
+        "error: legs.urdf: this is a URDF, not a recipe\n"
+        "hint: write a recipe for it: `assetbuild init legs.urdf`\n"
+    )
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_each_kind_of_robot_is_told_by_its_content(legs: Legs, name: str):
+    text, kind = ROBOTS[name]
+    (legs.folder / name).write_text(text)
+    done = legs.run("build", name)
+    assert done.returncode == 2
+    assert f"{name}: this is {kind}, not a recipe" in done.stderr
+    assert f"`assetbuild init {name}`" in done.stderr
+
+
+def test_xml_that_is_no_robot_is_not_taken_for_one(legs: Legs):
+    (legs.folder / "page.yaml").write_text("<html></html>")
+    done = legs.run("build", "page.yaml")
+    assert done.returncode == 2
+    assert "init" not in done.stderr
