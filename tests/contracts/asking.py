@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
@@ -77,14 +76,11 @@ def _is_ours(path: str, out: Path) -> bool:
     import assetbuild
 
     places = [*sys.path, sys.prefix, sys.base_prefix, os.environ["ASSETBUILD_CACHE"]]
-    places += [str(Path(assetbuild.__file__).parent), tempfile.gettempdir() + "/asking-none"]
-    places += ["/proc", "/dev/null", "/dev/urandom", "/sys"]
-    beside = path == str(out.parent) or path.startswith(
-        (str(out), str(out.parent / f".{out.name}"))
-    )
-    return beside or any(
-        place and (path + "/").startswith(place.rstrip("/") + "/") for place in places
-    )
+    places += [str(Path(assetbuild.__file__).parent), "/proc", "/dev/null", "/sys"]
+    hidden = str(out.parent / f".{out.name}")
+    if out.is_relative_to(path) or path.startswith((str(out), hidden)):
+        return True
+    return any(place and f"{path}/".startswith(f"{place.rstrip('/')}/") for place in places)
 
 
 def _wrapped(name: str, plain: Callable[..., Any]) -> Callable[..., Any]:
@@ -105,7 +101,10 @@ def _hear(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 def _note(how: str, subject: str) -> None:
-    """Unless Python imports a module; named after the innermost function of assetbuild."""
+    """Unless Python imports a module; named after the innermost function of assetbuild.
+
+    What of the environment is handed on to children is not asked by the build.
+    """
     frame: FrameType | None = sys._getframe(2)
     who = ""
     while frame is not None:
@@ -114,9 +113,11 @@ def _note(how: str, subject: str) -> None:
             return
         if not who and "/assetbuild/" in file:
             who = f"{file.partition('/assetbuild/')[2]}:{name}"
+        elif not who and how == "variable" and "-packages/" in file:
+            return  # a library's own
         frame = frame.f_back
-    if who:
-        asked.add((how, subject if how == "variable" else os.path.abspath(subject), who))
+    if who and not (how == "variable" and who.startswith("engine/children.py")):
+        asked.add((how, subject if how == "variable" else os.path.abspath(subject), who))  # noqa: PTH100 # no links
 
 
 if __name__ == "__main__":

@@ -352,6 +352,20 @@ class ReadsInChild(Reads):
     isolated: ClassVar[bool] = True
 
 
+class ReadsWhatIsReplaced(Step):
+    """Waits until its input is another file of the same name, and reads that."""
+
+    outputs = ("out",)
+    isolated: ClassVar[bool] = True
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        before = (files.inputs / "in").stat().st_ino
+        while (files.inputs / "in").stat().st_ino == before:
+            time.sleep(0.01)
+        (files.outputs / "out").write_bytes((files.inputs / "in").read_bytes())
+        return ()
+
+
 class ReadsAndDies(Reads):
     """As code that cannot cope with a refused file."""
 
