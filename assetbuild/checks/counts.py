@@ -51,7 +51,6 @@ class Counts(Check):
     """
 
     isolated: ClassVar = True
-    preload: ClassVar = ("lxml.etree", "numpy")
     needs: ClassVar = ("source", "mjcf")
     reads: ClassVar = ("links.json", "shapes.json")
 

@@ -6,7 +6,8 @@ from: a kept shape that moved by 3 cm is nobody's result.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import functools
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,13 +23,13 @@ from assetbuild.mesh.obj import read_triangles
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.register import Move, Target
-from assetbuild.mesh.solid import Distance, distance_to
+from assetbuild.mesh.solid import Distance, beyond_hull, distance_to
 from assetbuild.mesh.triangles import TriangleMesh, merged
 from assetbuild.quantities import Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Tree
 from assetbuild.robot.pose import IDENTITY, Array, Pose
-from assetbuild.robot.shapes import Mesh, Primitive, Shape, Shapes
+from assetbuild.robot.shapes import Mesh, Role, Shape
 
 MOST_POINTS = 4000
 """Of a body's visual vertices, evenly spread over their list: enough for a percentile."""
@@ -99,28 +100,15 @@ class Coverage(Check):
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads tree, shapes and meshes."""
-        robot = RobotFiles(files.inputs)
-        tree, shapes = robot.tree, robot.shapes
-        meshes = {
-            asset.name: read_triangles((robot.mesh_dir / asset.file).read_bytes())
-            for asset in shapes.meshes
-        }
-        seen = {b.name: _points(tree, shapes, meshes, b.name, "visual") for b in tree.bodies}
-        visual = {name: points for name, points in seen.items() if points is not None}
-        hulls = {name: distance_to(points, IDENTITY) for name, points in visual.items()}
-        fits = {}
-        for body in visual:
-            collision = _points(tree, shapes, meshes, body, "collision")
-            if collision is not None:
-                solids = _solids(tree, shapes, meshes, body)
-                beyond = _beyond_robot(tree, hulls, body, collision)
-                fits[body] = _fit(visual[body], collision, solids, beyond)
+        parts = Parts(RobotFiles(files.inputs))
+        names = [body.name for body in parts.tree.bodies]
+        fits = {b: _fit(parts, b) for b in names if parts.visual(b) and parts.collision(b)}
         rows = [
             {"body": name, "not_covered_mm": 1e3 * f.bare_m, "sticks_out_mm": 1e3 * f.over_m,
              "shift_mm": [1e3 * v for v in f.shift_m]}
             for name, f in fits.items()
         ]  # fmt: skip
-        moves = _moves(tree, shapes, meshes, fits)
+        moves = _moves(parts, fits)
         moved = [
             {"shape": name, "shift_mm": [round(1e3 * v, 1) for v in m.shift_m],
              "distance_mm": round(1e3 * m.before_m, 1),
@@ -146,7 +134,7 @@ class Coverage(Check):
             if body not in beside:
                 yield from self._judge_shape(name, body, move)
         for name in fits:
-            yield from _filled(tree, shapes, meshes, name)
+            yield from _filled(parts, name)
 
     def _judge_shape(self, name: str, body: str, move: Move) -> Iterator[Finding]:
         if move.length_m > self.max_shape_shift and move.after_m < BETTER * move.before_m:
@@ -162,27 +150,88 @@ class Coverage(Check):
             )
 
 
-def _moves(
-    tree: Tree, shapes: Shapes, meshes: Mapping[str, TriangleMesh], bodies: Collection[str]
-) -> dict[str, tuple[str, Move]]:
+class Parts:
+    """The shapes of a robot in the frames of their bodies, m; each is worked out once."""
+
+    def __init__(self, robot: RobotFiles) -> None:
+        self.tree = robot.tree
+        self._meshes = {
+            asset.name: read_triangles((robot.mesh_dir / asset.file).read_bytes())
+            for asset in robot.shapes.meshes
+        }
+        self._placed: dict[tuple[str, Role], list[tuple[Shape, Pose]]] = {}
+        for shape in robot.shapes.shapes:
+            body, X_body_shape = self.tree.shape_placement(shape)
+            self._placed.setdefault((body, shape.role), []).append((shape, X_body_shape))
+
+    def visual(self, body: str) -> list[tuple[Shape, Pose]]:
+        """What is seen of a body, each with X_body_shape."""
+        return self._placed.get((body, "visual"), [])
+
+    def collision(self, body: str) -> list[tuple[Shape, Pose]]:
+        """What collides, likewise."""
+        return self._placed.get((body, "collision"), [])
+
+    def surface(self, shape: Shape, X_body_shape: Pose) -> TriangleMesh:
+        """The triangles of a shape in its body."""
+        if isinstance(shape.geometry, Mesh):
+            return self._meshes[shape.geometry.mesh].placed(X_body_shape)
+        return tessellate(shape.geometry).placed(X_body_shape)
+
+    def hull(self, shape: Shape, X_body_shape: Pose) -> TriangleMesh | None:
+        """The hull of a shape in its body; None of a flat one, which has none."""
+        if not isinstance(shape.geometry, Mesh):
+            return self.surface(shape, X_body_shape)
+        hull = self._hull_of(shape.geometry.mesh)
+        return None if hull is None else hull.placed(X_body_shape)
+
+    @functools.cache  # noqa: B019 # lives as long as the step
+    def _hull_of(self, mesh: str) -> TriangleMesh | None:
+        try:
+            return convex_hull(self._meshes[mesh].vertices)
+        except StepError:
+            return None
+
+    @functools.cache  # noqa: B019 # as above
+    def outside(self, body: str) -> Distance:
+        """Distance from the hull of all that is seen of a body."""
+        hulls = [self.hull(*placed) or self.surface(*placed) for placed in self.visual(body)]
+        if len(hulls) == 1 and self.hull(*self.visual(body)[0]):
+            return beyond_hull(hulls[0])
+        return distance_to(np.concatenate([hull.vertices for hull in hulls]), IDENTITY)
+
+    def solid(self, shape: Shape, X_body_shape: Pose) -> Distance:
+        """Distance from what collides of a shape; of a mesh that is its hull."""
+        if not isinstance(shape.geometry, Mesh):
+            return distance_to(shape.geometry, X_body_shape)
+        hull = self.hull(shape, X_body_shape)
+        vertices = self._meshes[shape.geometry.mesh].vertices
+        return beyond_hull(hull) if hull else distance_to(vertices, X_body_shape)
+
+
+def _moves(parts: Parts, bodies: Collection[str]) -> dict[str, tuple[str, Move]]:
     """Body of each collision shape, and the move that would lay it on the visual geometry.
 
     That of its body and of the next ones: see `_beyond_robot`.
     """
     seen = {
-        body.name: surface_samples(merged(found), SURFACE_POINTS, 0)[0]
-        for body in tree.bodies
-        if (found := _surfaces(tree, shapes, meshes, body.name, "visual"))
+        body.name: surface_samples(_merged(parts, visual), SURFACE_POINTS, 0)[0]
+        for body in parts.tree.bodies
+        if (visual := parts.visual(body.name))
     }
     moves = {}
     for body in bodies:
-        around = _neighbours(tree, body).items()
+        around = _neighbours(parts.tree, body).items()
         target = Target(np.concatenate([X.apply(seen[n]) for n, X in around if n in seen]))
-        for shape, X_body_shape in _shapes_of(tree, shapes, body, "collision"):
-            surface = _surface(shape, meshes).placed(X_body_shape)
+        for shape, X_body_shape in parts.collision(body):
+            surface = parts.surface(shape, X_body_shape)
             points = surface_samples(surface, SHAPE_POINTS, 0)[0]
             moves[shape.name] = (body, target.fit(points))
     return moves
+
+
+def _merged(parts: Parts, shapes: Sequence[tuple[Shape, Pose]]) -> TriangleMesh:
+    return merged([parts.surface(*placed) for placed in shapes])
 
 
 def _length(metres: float) -> str:
@@ -191,16 +240,14 @@ def _length(metres: float) -> str:
     return f"{value:.0f} {unit}" if value >= 100.0 else f"{value:.3g} {unit}"
 
 
-def _filled(
-    tree: Tree, shapes: Shapes, meshes: Mapping[str, TriangleMesh], body: str
-) -> Iterator[Finding]:
+def _filled(parts: Parts, body: str) -> Iterator[Finding]:
     """Holes that one sees through the body, and that nothing gets through in a simulator.
 
     A mesh collides as its hull there, whatever its own form.
     """
-    seen = _surfaces(tree, shapes, meshes, body, "visual")
-    solid = [_hull(surface) for surface in _surfaces(tree, shapes, meshes, body, "collision")]
-    filled = [hole for hole in holes(merged(seen), merged(solid)) if hole.open < LEFT]
+    solid = [parts.hull(*p) or parts.surface(*p) for p in parts.collision(body)]
+    found = holes(_merged(parts, parts.visual(body)), merged(solid))
+    filled = [hole for hole in found if hole.open < LEFT]
     if filled:
         largest = filled[0]
         x, y, z = (1e3 * v for v in largest.middle_m)
@@ -219,36 +266,34 @@ def _filled(
         )
 
 
-def _hull(surface: TriangleMesh) -> TriangleMesh:
-    """What collides; a flat surface, which has no hull, as it is."""
-    try:
-        return convex_hull(surface.vertices)
-    except StepError:
-        return surface
-
-
-def _fit(visual: Array, collision: Array, solids: Sequence[Distance], beyond_m: float) -> Fit:
+def _fit(parts: Parts, body: str) -> Fit:
+    visual, collision = (
+        np.concatenate([parts.surface(*placed).vertices for placed in shapes])
+        for shapes in (parts.visual(body), parts.collision(body))
+    )
     some = visual[:: -(-len(visual) // MOST_POINTS)]
-    bare = np.min([distance(some) for distance in solids], axis=0)
+    bare = np.min([parts.solid(*placed)(some) for placed in parts.collision(body)], axis=0)
     lower = collision.min(axis=0) - visual.min(axis=0)
     upper = collision.max(axis=0) - visual.max(axis=0)
     alike = np.where(lower * upper > 0.0, np.minimum(np.abs(lower), np.abs(upper)), 0.0)
     x, y, z = (float(v) for v in np.sign(lower) * alike)
     size = float(np.linalg.norm(visual.max(axis=0) - visual.min(axis=0)))
-    return Fit(max(float(np.percentile(bare, 95)), 0.0), beyond_m, (x, y, z), size)
+    over = _beyond_robot(parts, body, collision)
+    return Fit(max(float(np.percentile(bare, 95)), 0.0), over, (x, y, z), size)
 
 
-def _beyond_robot(tree: Tree, hulls: Mapping[str, Distance], body: str, collision: Array) -> float:
+def _beyond_robot(parts: Parts, body: str, collision: Array) -> float:
     """How far collision sticks out of the visual hulls of its body and of the next ones, m.
 
     A source may give a motor to one link to be seen and to its neighbour to be hit.
     """
-    apart = [
-        hulls[name](X_body_other.inverse().apply(collision))
-        for name, X_body_other in _neighbours(tree, body).items()
-        if name in hulls
-    ]
-    return max(float(np.min(apart, axis=0).max()), 0.0)
+    left, apart = collision, np.full(len(collision), np.inf)
+    for name, X_body_other in _neighbours(parts.tree, body).items():
+        if parts.visual(name) and len(left):
+            beyond = parts.outside(name)(X_body_other.inverse().apply(left))
+            apart = np.minimum(apart, beyond)
+            left, apart = left[apart > 0.0], apart[apart > 0.0]
+    return float(apart.max(initial=0.0))
 
 
 def _neighbours(tree: Tree, body: str) -> dict[str, Pose]:
@@ -258,51 +303,3 @@ def _neighbours(tree: Tree, body: str) -> dict[str, Pose]:
     if above is not None:
         poses[above.parent] = above.X_parent_joint.inverse()
     return poses | {j.child: j.X_parent_joint for j in tree.joints if j.parent == body}
-
-
-def _solids(
-    tree: Tree, shapes: Shapes, meshes: Mapping[str, TriangleMesh], body: str
-) -> list[Distance]:
-    return [
-        distance_to(_solid(shape, meshes), X_body_shape)
-        for shape, X_body_shape in _shapes_of(tree, shapes, body, "collision")
-    ]
-
-
-def _solid(shape: Shape, meshes: Mapping[str, TriangleMesh]) -> Primitive | Array:
-    if isinstance(shape.geometry, Mesh):
-        return meshes[shape.geometry.mesh].vertices
-    return shape.geometry
-
-
-def _points(
-    tree: Tree, shapes: Shapes, meshes: Mapping[str, TriangleMesh], body: str, role: str
-) -> Array | None:
-    """(n, 3) of a body's shapes of one role, in its frame, m."""
-    found = [surface.vertices for surface in _surfaces(tree, shapes, meshes, body, role)]
-    return np.concatenate(found) if found else None
-
-
-def _surfaces(
-    tree: Tree, shapes: Shapes, meshes: Mapping[str, TriangleMesh], body: str, role: str
-) -> list[TriangleMesh]:
-    """A body's shapes of one role as triangles, in its frame, m."""
-    return [
-        _surface(shape, meshes).placed(X_body_shape)
-        for shape, X_body_shape in _shapes_of(tree, shapes, body, role)
-    ]
-
-
-def _surface(shape: Shape, meshes: Mapping[str, TriangleMesh]) -> TriangleMesh:
-    """In the shape's own frame, m."""
-    if isinstance(shape.geometry, Mesh):
-        return meshes[shape.geometry.mesh]
-    return tessellate(shape.geometry)
-
-
-def _shapes_of(tree: Tree, shapes: Shapes, body: str, role: str) -> Iterator[tuple[Shape, Pose]]:
-    """A body's shapes of one role, each with X_body_shape."""
-    for shape in shapes.shapes:
-        owner, X_body_shape = tree.shape_placement(shape)
-        if owner == body and shape.role == role:
-            yield shape, X_body_shape

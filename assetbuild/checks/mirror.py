@@ -16,7 +16,6 @@ from assetbuild.robot.twins import parts_of, twins
 class Mirror(Check):
     """Findings `mirror.<what>`; figures: the pairs, and which axis of the root points sideways."""
 
-    preload = ("numpy",)
     reads = ("tree.json", "control.json")
 
     sections: ClassVar = {"validate.mirror": "allowed"}

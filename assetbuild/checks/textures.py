@@ -32,7 +32,7 @@ class Textures(Check):
     """
 
     isolated = True
-    preload = ("mujoco", "pxr.Usd", "pxr.UsdShade")
+    preload = ("pxr.Usd", "pxr.UsdGeom", "pxr.UsdPhysics", "pxr.UsdShade")
     needs = ("source",)
     also: ClassVar[tuple[str, ...]] = ("mjcf", "usd")
     reads = ("shapes.json", "meshes/")

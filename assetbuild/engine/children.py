@@ -14,6 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from assetbuild.engine.cpu import cpu_class
 from assetbuild.engine.step import Step
 from assetbuild.engine.worker import BOOT
 
@@ -24,15 +25,18 @@ KEPT_ENVIRONMENT = ("PATH", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "VIRTUAL_ENV
 KEPT_PREFIXES = ("CUDA_", "NVIDIA_", "__EGL_")
 THREAD_COUNTS = (
     "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "BLIS_NUM_THREADS",
     "NUMEXPR_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
     "TBB_NUM_THREADS",
     "PXR_WORK_THREAD_LIMIT",
     "RAYON_NUM_THREADS",
 )
+BLAS_THREAD_COUNTS = (
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
+"""Always one: OpenBLAS starts no more than there are cores, and adds in another order then."""
 
 
 class CancelledError(Exception):
@@ -191,7 +195,8 @@ class Worker:
 
 
 def environment(kind: Kind, home: Path) -> dict[str, str]:
-    """The environment of a worker: set before any import, the same on every machine.
+    """The environment of a worker, complete before it starts: the same on every machine with a CPU
+    of this class.
 
     A step with network access keeps the user's, for proxies, certificates and index settings.
     """
@@ -204,7 +209,8 @@ def environment(kind: Kind, home: Path) -> dict[str, str]:
             if name in KEPT_ENVIRONMENT or name.startswith(KEPT_PREFIXES)
         }
         kept["HOME"] = str(home)
-    fixed = dict.fromkeys(THREAD_COUNTS, str(kind.cpus))
+    fixed = dict.fromkeys(THREAD_COUNTS, str(kind.cpus)) | dict.fromkeys(BLAS_THREAD_COUNTS, "1")
+    fixed |= cpu_class().environment
     fixed |= {"PYTHONHASHSEED": "0", "PYTHONUTF8": "1", "TZ": "UTC", "LC_ALL": "C"}
     fixed["MESA_SHADER_CACHE_DISABLE"] = "true"  # it lies in the user's home, whatever HOME says
     return kept | fixed

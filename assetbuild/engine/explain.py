@@ -15,7 +15,13 @@ from assetbuild.engine.session import Session
 
 SHOWN_CHANGES = 12
 SHOWN_CHARACTERS = 60
-NAMED_PARTS = {"code": "code", "library": "libraries", "field": "fields", "input": "inputs"}
+NAMED_PARTS = {
+    "code": "code",
+    "library": "libraries",
+    "kernel": "kernels",
+    "field": "fields",
+    "input": "inputs",
+}
 """Kind of change -> the part of a key that it is in, by name."""
 State = Literal["up to date", "would run", "waits"]
 
@@ -24,10 +30,11 @@ State = Literal["up to date", "would run", "waits"]
 class Change:
     """One reason to run.
 
-    part: `first`, `step`, `code`, `library`, `python`, `field`, `input`, `outputs`, `platform`,
-        `format`, `order` (of the entries in the fields), `lost` (an output is missing or corrupt)
-        or `forgotten` (the store has no result).
-    name: of the module, library, field, input or output. old, new: JSON data; None = absent.
+    part: `first`, `step`, `code`, `library`, `kernel` (a variable that pins CPU kernels), `python`,
+        `field`, `input`, `outputs`, `platform`, `format`, `order` (of the entries in the fields),
+        `lost` (an output is missing or corrupt) or `forgotten` (the store has no result).
+    name: of the module, library, variable, field, input or output. old, new: JSON data; None =
+        absent.
     """
 
     part: str

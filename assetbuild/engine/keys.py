@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 import json
-import platform
-import sys
 from collections.abc import Mapping
 from typing import Any
 
 from assetbuild.engine.code import PYTHON, Code
+from assetbuild.engine.cpu import cpu_class, cpu_model, platform_tag
 from assetbuild.engine.digest import canonical_json, digest_bytes
 from assetbuild.engine.step import Step
 
@@ -34,16 +32,11 @@ def key_parts(step: Step, inputs: Mapping[str, str], code: Code) -> Parts:
         "order": digest_bytes(json.dumps(fields).encode())[:16],
         "inputs": dict(sorted(inputs.items())),
         "outputs": list(step.outputs),
-        "platform": platform_tag(),
+        "platform": f"{platform_tag()} {cpu_model()}" if step.cpu_bound else platform_tag(),
+        "kernels": cpu_class().environment,
     }
 
 
 def key_of(parts: Parts) -> str:
     """SHA-256 of the parts' canonical JSON."""
     return digest_bytes(canonical_json(parts))
-
-
-@functools.cache
-def platform_tag() -> str:
-    """`linux-x86_64`: floating-point results may differ between two of them."""
-    return f"{sys.platform}-{platform.machine()}"

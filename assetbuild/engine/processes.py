@@ -1,4 +1,4 @@
-"""Steps that run on this machine: in this process, or in a child when they are isolated."""
+"""Steps that run on this machine, each in a process of its own."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class Processes(Runner):
         staged = stage(self._session, action.inputs, folder / "inputs")
         (folder / "outputs").mkdir()
         began = time.monotonic()
-        if action.step.isolated or self._is_confined(action):
+        if not action.step.in_parent or self._is_confined(action):
             result, used = self._in_child(action, folder)
         else:
             files = Files(inputs=folder / "inputs", outputs=folder / "outputs")
@@ -107,7 +107,7 @@ class Processes(Runner):
             findings=tuple(map(finding_from_json, result["findings"])),
             seconds=used.wall_s,
             cpu_seconds=used.cpu_s,
-            child=action.step.isolated,
+            child=not action.step.in_parent,
             attempts=used.attempts,
         )
 

@@ -56,7 +56,14 @@ class Step(BaseModel):
     outputs: ClassVar[tuple[str, ...]] = ()
     """Files to write; one that ends in a slash is a folder whose content the data decide."""
     isolated: ClassVar[bool] = False
-    """Run in a child process: native or heavy code, or hostile input."""
+    """Native or heavy code, or hostile input: the memory that it declares is reserved for it, and
+    it may run on another machine."""
+    in_parent: ClassVar[bool] = False
+    """Run in the process that builds, which keeps the user's environment, and not in a child: only
+    steps that compute nothing, or whose work is done by a process of their own."""
+    cpu_bound: ClassVar[bool] = False
+    """Its bytes depend on the CPU in a way that `engine/cpu.py` cannot pin: the model is part of
+    the key."""
     preload: ClassVar[tuple[str, ...]] = ()
     """Modules that the child imports once for many steps (`trimesh`).
 

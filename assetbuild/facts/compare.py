@@ -33,12 +33,66 @@ ROUNDING = 1e-14
 NAMED = 3
 """So many subjects of one difference are named."""
 
+
+def _renamed(
+    old: str, form: str, parts: Mapping[str, str], kinds: Sequence[str] = ()
+) -> dict[str, tuple[str, ...]]:
+    """Old ids -> what says it now. parts: by quantity; kinds: those about one kind of subject."""
+    found = {
+        f"{old}.{part}": tuple(f"equal.{form}.{name}" for name in names.split())
+        for part, names in parts.items()
+    }
+    return found | {f"{old}.{kind}": (f"equal.{form}.* {kind}",) for kind in kinds}
+
+
+_WAS = {
+    **_renamed(
+        "equal.mjcf",
+        "mjcf",
+        {
+            "actuator": "model missing", "com": "centre_of_mass", "ctrl": "command_range",
+            "contact": "friction condim priority solref solimp mask partners",
+            "count": "missing extra filtered", "gains": "kp kd drive_parameters",
+            "limits": "lower upper", "option": "timestep gravity", "total_mass": "mass",
+        },
+        ("body", "camera", "frame", "joint", "keyframe", "sensor", "shape"),
+    ),
+    **_renamed(
+        "equal.usd",
+        "usd",
+        {
+            "com": "centre_of_mass", "connection": "parent body", "drive": "model",
+            "excludes": "filtered", "gains": "kp kd", "joint_frame": "anchor pose",
+            "limits": "lower upper", "root": "base_pose", "surface": "friction restitution",
+            "target": "drive_target",
+        },
+        ("frame", "shape"),
+    ),
+    **_renamed(
+        "physx",
+        "physx",
+        {
+            "base": "base", "com": "centre_of_mass", "count.bodies": "missing extra",
+            "count.dof": "dof", "count.shapes": "shapes", "drive": "model drive",
+            "gains": "kp kd", "limits": "lower upper", "missing_joint": "missing",
+            "missing_link": "missing", "root": "base_pose",
+        } | {same: same for same in ("armature", "damping", "effort", "friction", "inertia", "mass",
+                                     "velocity")},
+    ),
+    **_renamed("urdf.reload", "urdf", {
+        "limits": "lower upper effort velocity", "mass": "mass centre_of_mass", "mesh": "missing",
+    }),
+    "smoke.reading": ("equal.newton.*",),
+}  # fmt: skip
+"""The rules of version 0.1, in which every check had names of its own."""
+
 EQUAL = Rule(
     "equal.*",
     "error",
     "a file says something else than the robot (`equal.<format>.<quantity>`), or lacks it "
     "(`.missing`), or has more (`.extra`)",
     "of a bundle that nobody edited, report it with both values: this is a bug",
+    was=_WAS,
 )
 
 
@@ -143,8 +197,10 @@ def _same(
 ) -> bool:
     if isinstance(old, Required) or isinstance(new, Required):
         return old is new
+    if old == new:
+        return True
     if old is None or new is None or isinstance(old, bool | str) or isinstance(new, bool | str):
-        return old == new
+        return False
     quantity = VOCABULARY.get((key.kind, key.quantity))
     comparison: Comparison = quantity.comparison if quantity else _guessed(key, old)
     if comparison == "names":
@@ -157,7 +213,7 @@ def _same(
         return _same_pose(a, b, tolerance)
     size = float(np.linalg.norm(a))
     if comparison == "length" and quantity is not None:
-        size = max(size, _size(table, key) ** {"m": 1, "m2": 2, "m3": 3}[quantity.unit])
+        size = max(size, _size(table, key, {"m": 1, "m2": 2, "m3": 3}[quantity.unit]))
     with np.errstate(invalid="ignore"):
         distance = float(np.linalg.norm(np.where(a == b, 0.0, a - b)))
     return distance <= tolerance * size + ROUNDING
@@ -193,10 +249,22 @@ def _same_pose(
     return bool(float(np.abs(turns[0] - turns[1]).max()) <= max(tolerance, 1e-15))
 
 
-def _size(table: Table, key: Key) -> float:
-    """m: root mean square distance of a mesh's corners from its body's origin."""
-    moments = table.facts.get(Key(key.kind, key.name, "corner moments"))
-    return math.sqrt(sum(moments[:3])) if isinstance(moments, tuple) else 0.0  # type: ignore[arg-type] # numbers
+def _size(table: Table, key: Key, power: int) -> float:
+    """What rounding the corners of a mesh is relative to, m to some power.
+
+    reach: root mean square distance of the corners from the body's origin. Rounding moves corners
+    by a share of it, which changes the area by the length of all edges (of even triangles) times
+    that, and the volume by the area times that: much for many small triangles far out.
+    """
+    moments, area, count = (
+        _numbers(table.facts.get(Key(key.kind, key.name, quantity)))
+        for quantity in ("corner moments", "area", "triangles")
+    )
+    if moments is None or area is None or count is None:
+        return 0.0
+    reach = math.sqrt(moments[:3].sum())
+    shares = {"area": math.sqrt(count[0] * area[0]), "volume": float(area[0])}
+    return max(reach**power, reach * shares.get(key.quantity, 0.0))
 
 
 # --- findings -------------------------------------------------------------------------------

@@ -6,20 +6,20 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
-
 from assetbuild.errors import UsageError
 from assetbuild.facts.compare import EXACT, Precision
+from assetbuild.facts.known_files import KnownFiles
+from assetbuild.facts.mjcf_copies import leave_out_copies
 from assetbuild.facts.mjcf_expected import shown_pictures
-from assetbuild.facts.mjcf_model import pose_of, read_model
+from assetbuild.facts.mjcf_meshes import Meshes
+from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.mjcf_opaque import Opaque, free_joint, opaque_of, opaque_option
 from assetbuild.facts.mjcf_words import NEVER_ALONE, Spec, is_covered, words
 from assetbuild.facts.reader import Reader
-from assetbuild.facts.reference import Reference
-from assetbuild.facts.surface import measure
+from assetbuild.facts.reference import Assets, Reference
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.robot.shapes import Mesh
-from assetbuild.simulators.mujoco import Model, caught_warnings, name_of
+from assetbuild.simulators.mujoco import Model, caught_warnings
 
 LACKS: Mapping[str, str] = {
     "robot articulation root": "MJCF has a tree of bodies, which needs no such mark",
@@ -52,12 +52,21 @@ MESHES = Precision(
 NOTHING = Opaque(frozenset(), {}, frozenset())
 
 
-def read_spec(spec: Spec, opaque: Opaque = NOTHING) -> tuple[Model, Table]:
-    """A specification compiled, and as facts; MuJoCo's ValueError where it refuses it."""
+def read_spec(
+    spec: Spec,
+    opaque: Opaque = NOTHING,
+    stated: Collection[str] = (),
+    known: KnownFiles | None = None,
+) -> tuple[Model, Table]:
+    """A specification compiled, and as facts; MuJoCo's ValueError where it refuses it.
+
+    stated: meshes whose files state normals; known: see `leave_out_copies`.
+    """
     book = Writer()
     said = words(spec)
+    copies = leave_out_copies(spec, known) if known else None
     model = spec.compile()
-    told = read_model(model, book, opaque.subjects)
+    told = read_model(model, book, opaque.subjects, Meshes(model, copies, stated))
     return model, _known(Table({**book.facts, **said}), opaque, told)
 
 
@@ -90,15 +99,17 @@ class MjcfReader(Reader):
 
     def read(self, path: Path) -> Table:
         """Read any MJCF; UsageError where MuJoCo refuses it."""
-        return self._read(path, NOTHING)[1]
+        return self._read(path, NOTHING, Assets())
 
-    def _read(self, path: Path, opaque: Opaque) -> tuple[Model, Table]:
+    def _read(self, path: Path, opaque: Opaque, assets: Assets) -> Table:
         import mujoco
 
+        known = assets.known if assets.files else None
+        stated = {name for name, surface in assets.surfaces if surface.normals}
         with caught_warnings():
             try:
                 spec = mujoco.MjSpec.from_file(str(path))
-                return read_spec(spec, opaque)
+                return read_spec(spec, opaque, stated, known)[1]
             except ValueError as error:
                 text = " ".join(str(error).replace(f"{path.parent}/", "").split())
                 raise UsageError(f"MuJoCo refuses it: {text}") from None
@@ -106,9 +117,7 @@ class MjcfReader(Reader):
     def found(self, path: Path, reference: Reference) -> Table:
         """What only MJCF can say is compared word by word."""
         opaque = opaque_of(reference.control.mjcf_only, reference)
-        model, table = self._read(path, opaque)
-        stated = {name for name, surface in reference.assets.surfaces if surface.normals}
-        return (table | _normals(model, stated)).only(self.holds)
+        return self._read(path, opaque, reference.assets).only(self.holds)
 
     def complete(self, table: Table, reference: Reference) -> Table:
         """With the words that MJCF alone has: of the source, and those of Menagerie's style."""
@@ -136,22 +145,3 @@ class MjcfReader(Reader):
                 facts[Key("shape", shape.name, "mjcf:normals")] = turned.normals
         facts |= opaque_option(reference)[1] | free_joint(reference)
         return Table({**facts, **opaque.words}).only(self.holds)
-
-
-def _normals(model: Model, stated: Collection[str]) -> Table:
-    """Words for the normals at the corners of meshes. stated: meshes whose files have any.
-
-    Of the others MuJoCo makes its own.
-    """
-    book = Writer()
-    for geom in range(model.ngeom):
-        mesh_id = int(model.geom_dataid[geom])
-        if mesh_id < 0 or name_of(model, "mesh", mesh_id) not in stated:
-            continue
-        first, count = int(model.mesh_faceadr[mesh_id]), int(model.mesh_facenum[mesh_id])
-        faces = model.mesh_facenormal[first : first + count]
-        normals = model.mesh_normal[int(model.mesh_normaladr[mesh_id]) :][faces]
-        pose = pose_of(model.geom_pos[geom], model.geom_quat[geom])
-        turned = measure(np.zeros((1, 3, 3)), None, normals).moved(pose)
-        book.put("shape", name_of(model, "geom", geom), {"mjcf:normals": turned.normals})
-    return book.table()

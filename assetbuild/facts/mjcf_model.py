@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import hashlib
 import itertools
 import json
 import math
@@ -12,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from assetbuild.facts.surface import Surface, measure
+from assetbuild.facts.mjcf_meshes import Meshes, pose_of
 from assetbuild.facts.table import Value, Writer
-from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators.joint_drives import Drive, read_drives
 from assetbuild.simulators.mujoco import Model, inertia_of, name_of, passes
 
@@ -30,7 +27,10 @@ OBJECTS = {
 
 
 def read_model(
-    model: Model, book: Writer, opaque: Collection[tuple[str, str]] = frozenset()
+    model: Model,
+    book: Writer,
+    opaque: Collection[tuple[str, str]] = frozenset(),
+    meshes: Meshes | None = None,
 ) -> frozenset[tuple[str, str]]:
     """Puts every fact of a compiled model into the book; the world's own geoms are left out.
 
@@ -57,10 +57,10 @@ def read_model(
             told.add(subject)
     for site in range(model.nsite):
         _site(model, site, book)
-    surfaces = _Surfaces(model)
+    meshes = meshes or Meshes(model)
     for geom in range(model.ngeom):
         if int(model.geom_bodyid[geom]):
-            book.put("shape", _name(model, "geom", geom), _geom(model, geom, surfaces))
+            book.put("shape", _name(model, "geom", geom), _geom(model, geom, meshes))
     for pair in _filtered(model, opaque):
         book.put("pair", " ".join(pair), {"filtered": True})
     _senses(model, book)
@@ -77,12 +77,6 @@ def _name(model: Model, kind: str, index: int) -> str:
 
 def _body_name(model: Model, index: int) -> str:
     return _name(model, "body", index) if index else ""
-
-
-def pose_of(xyz: object, quat: object) -> Pose:
-    """Return the pose that MuJoCo's arrays hold."""
-    w, x, y, z = (float(v) for v in np.asarray(quat, dtype=np.float64))
-    return Pose(vec3(np.asarray(xyz, dtype=np.float64)), normalised_quat((w, x, y, z)))
 
 
 def _numbers(values: object) -> tuple[float, ...]:
@@ -224,41 +218,7 @@ def _site(model: Model, site: int, book: Writer) -> None:
 # --- shapes ---------------------------------------------------------------------------------
 
 
-class _Surfaces:
-    """The meshes of a model in their own frames, each measured once."""
-
-    def __init__(self, model: Model) -> None:
-        self.model = model
-
-    @functools.cache  # noqa: B019 # lives as long as one reading
-    def of(self, mesh: int) -> Surface:
-        """Corners of all triangles, with texture coordinates where it has them."""
-        model = self.model
-        first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
-        faces = model.mesh_face[first : first + count]
-        vertices = model.mesh_vert[int(model.mesh_vertadr[mesh]) :]
-        uv, start = None, int(model.mesh_texcoordadr[mesh])
-        if start >= 0:
-            uv = model.mesh_texcoord[start:][model.mesh_facetexcoord[first : first + count]]
-            uv = np.stack([uv[..., 0], 1.0 - uv[..., 1]], axis=-1)  # MuJoCo counts v downwards
-        return measure(np.asarray(vertices, dtype=np.float64)[faces], uv)
-
-    @functools.cache  # noqa: B019 # as above
-    def pixels(self, texture: int) -> str:
-        """Digest of size and RGBA pixels."""
-        model = self.model
-        height, width = int(model.tex_height[texture]), int(model.tex_width[texture])
-        channels, start = int(model.tex_nchannel[texture]), int(model.tex_adr[texture])
-        data = np.asarray(model.tex_data[start : start + height * width * channels])
-        picture = data.reshape(height, width, channels).astype(np.uint8)
-        if channels == 3:
-            opaque = np.full((height, width, 1), 255, dtype=np.uint8)
-            picture = np.concatenate([picture, opaque], axis=2)
-        held = hashlib.sha256(repr((width, height)).encode() + picture.tobytes())
-        return held.hexdigest()[:16]
-
-
-def _geom(model: Model, geom: int, surfaces: _Surfaces) -> dict[str, Value]:
+def _geom(model: Model, geom: int, meshes: Meshes) -> dict[str, Value]:
     import mujoco
 
     group = int(model.geom_group[geom])
@@ -273,7 +233,10 @@ def _geom(model: Model, geom: int, surfaces: _Surfaces) -> dict[str, Value]:
         "partners": float(model.geom_conaffinity[geom]),
     }
     if kind == "mesh":
-        facts |= surfaces.of(int(model.geom_dataid[geom])).moved(pose).facts()
+        surface = meshes.of(int(model.geom_dataid[geom])).moved(pose)
+        facts |= surface.facts()
+        if surface.normals:
+            facts["mjcf:normals"] = surface.normals
     else:
         facts |= {"size": _size(kind, model.geom_size[geom]), "pose": (*pose.xyz, *pose.quat)}
     if facts["mask"] or facts["partners"]:
@@ -285,7 +248,7 @@ def _geom(model: Model, geom: int, surfaces: _Surfaces) -> dict[str, Value]:
         facts["rgba"] = rgba if own else _numbers(model.mat_rgba[material])
     if material >= 0:
         textures = [int(t) for t in np.ravel(model.mat_texid[material]) if int(t) >= 0]
-        facts |= {"texture": surfaces.pixels(textures[0])} if textures else {}
+        facts |= {"texture": meshes.pixels(textures[0])} if textures else {}
     return facts
 
 

@@ -8,7 +8,8 @@ attributes a version of MuJoCo has, all of them are walked: none is named here t
 from __future__ import annotations
 
 import functools
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -102,7 +103,7 @@ def words(spec: Spec) -> dict[Key, Value]:
             if not own:
                 found[Key(kind, name, "mjcf:there")] = True
     for kind, part in (("simulation", "option"), ("picture", "visual"), ("statistic", "stat")):
-        for attribute, value in _stated(getattr(spec, part), getattr(_empty(), part)):
+        for attribute, value in _stated(getattr(spec, part), _section(part)):
             found[Key(kind, "", f"mjcf:{attribute}")] = value
     return found
 
@@ -126,65 +127,86 @@ def is_covered(key: Key, role: str = "") -> bool:
     return key.kind == "shape" and role != "visual" and attribute in SURFACE
 
 
+@dataclass(frozen=True)
+class _Usual:
+    """An attribute of a kind of object, and its default.
+
+    default: as `_plain` has it, by `repr`; at_once: as the attribute itself tells it, to compare
+    most values without turning them into facts. parts: of a struct of attributes, these.
+    """
+
+    attribute: str
+    default: str
+    at_once: object
+    parts: tuple[_Usual, ...] = ()
+
+
 @functools.cache
-def _empty() -> Spec:
+def _section(name: str) -> tuple[_Usual, ...]:
+    """The attributes of a section of the specification: `option`."""
     import mujoco
 
-    return mujoco.MjSpec()
+    spec = mujoco.MjSpec()
+    return _usual(getattr(spec, name))
 
 
 @functools.cache
-def _blank(listed: str) -> Any:  # Any: an object of the specification
+def _blank(listed: str) -> tuple[_Usual, ...]:
+    """The attributes of the objects of a list of the specification."""
     import mujoco
 
     kind, make = KINDS[listed]
     spec = mujoco.MjSpec()
-    owner = spec.worldbody if kind in BELOW_BODY else spec
-    return (
-        _Kept(spec, getattr(owner, make)()) if kind != "plugin" else _Kept(spec, spec.add_plugin())
-    )
+    return _usual(getattr(spec.worldbody if kind in BELOW_BODY else spec, make)())
 
 
-class _Kept:
-    """A blank object and the specification that owns it, which must live as long."""
-
-    def __init__(self, spec: Spec, item: Any) -> None:  # Any: as above
-        self.spec, self.item = spec, item
-
-
-def _stated(item: Any, blank: Any, before: str = "") -> Iterator[tuple[str, Value]]:
-    """(attribute, value) that differ from a blank object's; nested ones with their path."""
-    blank = blank.item if isinstance(blank, _Kept) else blank
-    kind: Any = type(item)  # Any: mypy holds a type to be unhashable
-    for attribute in _attributes(kind):
-        if attribute in NO_FACT or attribute == "global_":  # which is `global` again
+def _usual(blank: Any) -> tuple[_Usual, ...]:  # Any: an object of the specification
+    found = []
+    for attribute in dir(type(blank)):
+        if attribute.startswith("_") or attribute in NO_FACT or attribute == "global_":
+            continue  # `global_` is `global` again
+        if not isinstance(getattr(type(blank), attribute, None), property):
             continue
         try:
-            value, usual = getattr(item, attribute), getattr(blank, attribute)
+            value = getattr(blank, attribute)
         except (AttributeError, TypeError, ValueError):
             continue
-        if callable(value):
-            continue
-        if _is_part(value):
-            yield from _stated(value, usual, f"{before}{attribute}.")
-            continue
-        plain = _plain(value)
-        if plain is not None and repr(plain) != repr(_plain(usual)):
-            yield f"{before}{attribute}", plain
+        if not callable(value):
+            parts = _usual(value) if _is_part(value) else ()
+            found.append(_Usual(attribute, repr(_plain(value)), _at_once(value), parts))
+    return tuple(found)
 
 
-@functools.cache
-def _attributes(kind: Hashable) -> tuple[str, ...]:
-    return tuple(
-        name
-        for name in dir(kind)
-        if not name.startswith("_") and isinstance(getattr(kind, name, None), property)
-    )
+def _at_once(value: Any) -> object:  # Any: whatever an attribute holds
+    if isinstance(value, bool | int | float | str | bytes) or _is_enum(value):
+        return value
+    if isinstance(value, np.ndarray):
+        return value.tobytes()
+    return () if hasattr(value, "__len__") and not len(value) else object()
+
+
+def _stated(item: Any, usual: tuple[_Usual, ...], before: str = "") -> Iterator[tuple[str, Value]]:
+    """(attribute, value) that differ from the defaults; nested ones with their path."""
+    for known in usual:
+        try:
+            value = getattr(item, known.attribute)
+        except (AttributeError, TypeError, ValueError):
+            continue
+        if known.parts:
+            yield from _stated(value, known.parts, f"{before}{known.attribute}.")
+        elif _at_once(value) != known.at_once:
+            plain = _plain(value)
+            if plain is not None and repr(plain) != known.default:
+                yield f"{before}{known.attribute}", plain
 
 
 def _is_part(value: object) -> bool:
     """Whether it is a struct of attributes, such as `visual.headlight`, and no other object."""
     return type(value).__qualname__.startswith(("MjVisual", "MjsOrientation", "MjLROpt"))
+
+
+def _is_enum(value: object) -> bool:
+    return type(value).__name__.startswith("mjt")
 
 
 def _plain(value: Any) -> Value:  # Any: whatever an attribute holds
@@ -195,7 +217,7 @@ def _plain(value: Any) -> Value:  # Any: whatever an attribute holds
         return value
     if isinstance(value, int | float | np.number):
         return float(value)
-    if type(value).__name__.startswith("mjt"):
+    if _is_enum(value):
         return str(value.name)
     if isinstance(value, bytes):
         return value.hex()

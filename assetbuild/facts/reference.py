@@ -5,11 +5,12 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from assetbuild.errors import UsageError
+from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.surface import Surface
 from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.robot.chains import find_chains
@@ -39,11 +40,22 @@ class Assets:
     """What the mesh and picture files of the robot hold, measured once.
 
     surfaces: (name of the mesh, its surface in its own frame); pixels: (file, digest of the
-    picture's pixels).
+    picture's pixels). files: (name of the mesh or picture, digest of its file's bytes), which
+    only a build states: a bundle's files are to be read as they lie.
     """
 
     surfaces: tuple[tuple[str, Surface], ...] = ()
     pixels: tuple[tuple[str, str], ...] = ()
+    files: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def known(self) -> KnownFiles:
+        """What files with the same bytes hold."""
+        surfaces, pixels = dict(self.surfaces), dict(self.pixels)
+        return KnownFiles(
+            {digest: surfaces[name] for name, digest in self.files if name in surfaces},
+            {digest: pixels[name] for name, digest in self.files if name in pixels},
+        )
 
 
 @dataclass(frozen=True)
@@ -74,7 +86,7 @@ class Reference:
         """`report/robot.json`."""
         parts: dict[str, object] = {
             "links": self.links, "tree": self.tree, "shapes": self.shapes,
-            "control": self.control, "assets": self.assets,
+            "control": self.control, "assets": replace(self.assets, files=()),
         }  # fmt: skip
         plain = {name: json.loads(encode(part)) for name, part in parts.items()}
         plain["options"] = self.options

@@ -77,17 +77,23 @@ def measure(
     """Measure (n, 3, 3) corners, m, with (n, 3, 2) texture coordinates and (n, 3, 3) normals."""
     points: Array = np.asarray(corners, dtype=np.float64).reshape(-1, 3, 3)
     a, b, c = points[:, 0], points[:, 1], points[:, 2]
-    across = np.cross(b - a, c - a)
-    area = float(np.linalg.norm(across, axis=1).sum()) / 2.0
+    across = _cross(b - a, c - a)
+    area = float(np.sqrt(np.einsum("ij,ij->i", across, across)).sum()) / 2.0
     flat = points.reshape(-1, 3)
     count = max(1, len(flat))
     mean, moments = flat.sum(axis=0) / count, flat.T @ flat / count
-    volume = float(np.einsum("ij,ij->", a - mean, np.cross(b - mean, c - mean))) / 6.0
+    volume = float(np.einsum("ij,ij->", a - mean, across)) / 6.0
     return Surface(
         len(points), area, volume,
         tuple(mean.tolist()), _six(moments), _uv_means(uv),
         _normal_means(normals),
     )  # fmt: skip
+
+
+def _cross(u: Array, v: Array) -> Array:
+    """(n, 3) products; numpy's own takes three times as long."""
+    (ux, uy, uz), (vx, vy, vz) = u.T, v.T
+    return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=1)
 
 
 def _uv_means(uv: ArrayLike | None) -> tuple[float, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from assetbuild.engine.step import Files, Step
+from assetbuild.facts.known_files import digest_of
 from assetbuild.facts.picture import pixel_digest
 from assetbuild.facts.reference import Assets
 from assetbuild.facts.surface import measure
@@ -22,12 +23,17 @@ class MeasureAssets(Step):
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads each file of `meshes/` that the robot names."""
         robot = RobotFiles(files.inputs)
-        surfaces = []
+        surfaces, pixels, digests = [], [], []
         for asset in robot.shapes.meshes:
-            mesh = read_triangles((robot.mesh_dir / asset.file).read_bytes(), asset.file)
+            data = (robot.mesh_dir / asset.file).read_bytes()
+            mesh = read_triangles(data, asset.file)
             surfaces.append((asset.name, measure(mesh.corners, mesh.uv, mesh.normals)))
-        textures = sorted({m.texture for m in robot.shapes.materials if m.texture})
-        read = {file: pixel_digest(robot.mesh_dir / file) for file in textures}
-        pixels = tuple((file, digest) for file, digest in read.items() if digest)
-        (files.outputs / "assets.json").write_bytes(encode(Assets(tuple(surfaces), pixels)))
+            digests.append((asset.name, digest_of(data)))
+        for texture in sorted({m.texture for m in robot.shapes.materials if m.texture}):
+            path = robot.mesh_dir / texture
+            if shown := pixel_digest(path):
+                pixels.append((texture, shown))
+                digests.append((texture, digest_of(path.read_bytes())))
+        assets = Assets(tuple(surfaces), tuple(pixels), tuple(digests))
+        (files.outputs / "assets.json").write_bytes(encode(assets))
         yield from ()

@@ -69,6 +69,7 @@ class Render(Step):
 
     outputs = ("images/", "pictures.json")
     isolated = True
+    cpu_bound = True  # Mesa compiles its shaders for the CPU that it finds
     preload = ("mujoco",)
     limits: ClassVar[Limits] = Limits(wall_s=180.0)
 

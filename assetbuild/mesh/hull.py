@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 COPLANAR = 1e-3
 """Angle between normals, rad, below which neighbouring triangles are one polygon."""
-CHUNK = 2_000_000
-"""Numbers per block of `beyond`: 16 MB."""
+CHUNK = 500_000
+"""Numbers per block of `beyond`: 4 MB, which a processor's cache holds."""
 FLAT = 1e-7
 """Points whose smallest extent is below this share of the largest span no volume."""
 
@@ -38,7 +38,7 @@ def convex_hull(
     given = np.asarray(points, dtype=np.float64)
     if not np.isfinite(given).all():
         raise StepError(f"{subject}: not all vertices are finite numbers")
-    distinct = np.unique(given + 0.0, axis=0)
+    distinct = _distinct(given + 0.0)
     refuse_flat(distinct, subject)
     hull = _qhull(distinct, subject)
     made = None
@@ -56,6 +56,14 @@ def convex_hull(
         order = order[: max(4, len(order) - max(1, (count - max_polygons) // 2))]
         made = _hull_of(corners, order, subject)
     return made
+
+
+def _distinct(points: Array) -> Array:
+    """`np.unique` of rows, by a quicker sort."""
+    sorted_rows = points[np.lexsort(points.T[::-1])]
+    is_new = np.ones(len(points), dtype=bool)
+    is_new[1:] = (sorted_rows[1:] != sorted_rows[:-1]).any(axis=1)
+    return np.asarray(sorted_rows[is_new])
 
 
 def _hull_of(points: Array, order: Indices, subject: str) -> TriangleMesh:
@@ -104,11 +112,12 @@ def hull_planes(hull: TriangleMesh) -> Array:
 def beyond(planes: Array, points: Array) -> Array:
     """(n,) largest signed distance of each of points (n, 3) over planes (k, 4), m, in blocks."""
     rows = max(1, CHUNK // max(len(planes), 1))
-    blocks = [
-        (points[start : start + rows] @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-        for start in range(0, len(points), rows)
-    ]
-    return np.concatenate([np.zeros(0), *blocks])
+    found = np.empty(len(points))
+    for start in range(0, len(points), rows):
+        over = points[start : start + rows] @ planes[:, :3].T
+        over += planes[:, 3]
+        over.max(axis=1, out=found[start : start + rows])
+    return found
 
 
 def polygon_count(hull: TriangleMesh) -> int:

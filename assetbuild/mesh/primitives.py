@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import astuple
@@ -91,6 +92,7 @@ def volume_of(primitive: Primitive) -> float:
     return tube + ball if isinstance(primitive, Capsule) else tube
 
 
+@functools.lru_cache(maxsize=256)
 def tessellate(primitive: Primitive) -> TriangleMesh:
     """A closed convex mesh, inscribed: its vertices lie on the primitive's surface."""
     if isinstance(primitive, Box):

@@ -41,7 +41,8 @@ def missed(origins: Array, directions: Array, mesh: TriangleMesh) -> NDArray[np.
     lower, upper = mesh.bounds
     middle, size = (lower + upper) / 2.0, mesh.diagonal
     scene = rtcore_scene.EmbreeScene()
-    kept = EmbreeMesh(scene, ((mesh.corners - middle) / size).astype(np.float32))
+    vertices = ((mesh.vertices - middle) / size).astype(np.float32)
+    kept = EmbreeMesh(scene, vertices, mesh.faces.astype(np.int32))
     struck = scene.run(
         ((origins - middle) / size).astype(np.float32), directions.astype(np.float32)
     )

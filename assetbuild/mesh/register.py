@@ -35,7 +35,8 @@ class Target:
     def __init__(self, samples: Array) -> None:
         from scipy.spatial import cKDTree
 
-        self._samples, self._tree = samples, cKDTree(samples)
+        self._samples = samples
+        self._tree = cKDTree(samples, balanced_tree=False, compact_nodes=False)
 
     def fit(self, points: Array) -> Move:
         """Iterated closest points without turning (Besl and McKay, 1992). points: (k, 3) m.

@@ -88,7 +88,7 @@ class ConvexPiece:
     def distance(self, points: Array) -> Array:
         """(n,) signed: exact sign; outside a hull it is a lower bound of the distance. m."""
         if isinstance(self.solid, TriangleMesh):
-            return beyond(hull_planes(self.solid), points)
+            return beyond_hull(self.solid)(points)
         return signed_distance(self.solid, self.X_frame_piece.inverse().apply(points))
 
     def surface(self) -> TriangleMesh:
@@ -108,11 +108,17 @@ def distance_to(solid: Primitive | Array, X_body_solid: Pose) -> Distance:
     if not isinstance(solid, np.ndarray):
         return lambda points: signed_distance(solid, X_solid_body.apply(points))
     try:
-        planes = hull_planes(convex_hull(solid))
+        outside = beyond_hull(convex_hull(solid))
     except StepError:  # flat: no inside
         lower, upper = solid.min(axis=0), solid.max(axis=0)
         return lambda points: _beyond_box(lower, upper, X_solid_body.apply(points))
-    return lambda points: beyond(planes, X_solid_body.apply(points))
+    return lambda points: outside(X_solid_body.apply(points))
+
+
+def beyond_hull(hull: TriangleMesh) -> Distance:
+    """Signed distance from a convex mesh; outside an edge as `distance_to`."""
+    planes = hull_planes(hull)
+    return lambda points: beyond(planes, points)
 
 
 def _beyond_box(lower: Array, upper: Array, points: Array) -> Array:

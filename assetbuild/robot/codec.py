@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import json
 import types
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -26,8 +27,9 @@ def encode(value: object) -> bytes:
 
 def decode(cls: type[T], data: bytes) -> T:
     """The model value that `encode` wrote; raises ValueError on anything else."""
+    kind: Any = cls  # Any: mypy holds a type to be unhashable
     try:
-        return _typed(cls, json.loads(data))  # type: ignore[no-any-return] # checked by _typed
+        return _reader(kind)(json.loads(data))  # type: ignore[no-any-return] # checked by the reader
     except (KeyError, TypeError, json.JSONDecodeError) as error:
         raise ValueError(f"not a stored {cls.__name__}: {error}") from error
 
@@ -48,37 +50,82 @@ def _plain(value: object) -> object:
     return value
 
 
-def _typed(kind: Any, raw: Any) -> Any:  # Any: walks type hints, which mypy cannot describe
+Read = Callable[[Any], Any]  # Any: plain JSON to a value, by type hints that mypy cannot describe
+
+
+@functools.cache
+def _reader(kind: Any) -> Read:  # Any: as above
+    """What turns plain JSON into a value of a type; it raises TypeError or KeyError."""
     origin = get_origin(kind)
     if origin in (Union, types.UnionType):
-        return _typed_union(kind, raw)
+        return _union_reader(get_args(kind))
     if origin is tuple:
-        items = get_args(kind)
-        if len(items) == 2 and items[1] is Ellipsis:
-            return tuple(_typed(items[0], item) for item in raw)
-        if len(items) != len(raw):
-            raise TypeError(f"expected {len(items)} values, found {len(raw)}")
-        return tuple(_typed(item, value) for item, value in zip(items, raw, strict=True))
+        return _tuple_reader(get_args(kind))
     if origin is Literal:
-        if raw not in get_args(kind):
-            raise TypeError(f"{raw!r} is not one of {get_args(kind)}")
-        return raw
-    names = _names(kind)
-    if names:
-        if raw["type"] != kind.__name__:
-            raise TypeError(f"expected {kind.__name__}, found {raw['type']}")
-        hints = _hints(kind)
-        # A bundle of an earlier version lacks the fields that came later; they have defaults.
-        there = [name for name in names if name in raw or not is_dataclass(kind)]
-        values = {name: _typed(hints[name], raw[name]) for name in there}
-        # A source may say what a recipe may not: the bounds of a model are the recipe's.
-        make: Any = kind if is_dataclass(kind) else kind.model_construct  # Any: of any class
-        return make(**values)
+        return functools.partial(_one_of, get_args(kind))
+    if _names(kind):
+        return _model_reader(kind)
+    return functools.partial(_plain_value, kind)
+
+
+def _one_of(known: tuple[object, ...], raw: object) -> object:
+    if raw not in known:
+        raise TypeError(f"{raw!r} is not one of {known}")
+    return raw
+
+
+def _plain_value(kind: type, raw: Any) -> object:  # Any: as above
     if kind is float and isinstance(raw, int | float) and not isinstance(raw, bool):
         return float(raw)
     if not isinstance(raw, kind):
         raise TypeError(f"expected {kind.__name__}, found {raw!r}")
     return raw
+
+
+def _tuple_reader(items: tuple[Any, ...]) -> Read:  # Any: as above
+    if len(items) == 2 and items[1] is Ellipsis:
+        every = _reader(items[0])
+        return lambda raw: tuple(map(every, raw))
+    readers = tuple(_reader(item) for item in items)
+
+    def read(raw: Any) -> Any:  # Any: as above
+        if len(readers) != len(raw):
+            raise TypeError(f"expected {len(readers)} values, found {len(raw)}")
+        return tuple(one(value) for one, value in zip(readers, raw, strict=True))
+
+    return read
+
+
+def _model_reader(kind: Any) -> Read:  # Any: as above
+    names, hints = _names(kind), get_type_hints(kind)
+    readers = [(name, _reader(hints[name])) for name in names]
+    is_plain = is_dataclass(kind)
+    # A source may say what a recipe may not: the bounds of a model are the recipe's.
+    make: Any = kind if is_plain else kind.model_construct  # Any: of any class
+
+    def read(raw: Any) -> Any:  # Any: as above
+        if raw["type"] != kind.__name__:
+            raise TypeError(f"expected {kind.__name__}, found {raw['type']}")
+        # A bundle of an earlier version lacks the fields that came later; they have defaults.
+        return make(**{n: one(raw[n]) for n, one in readers if n in raw or not is_plain})
+
+    return read
+
+
+def _union_reader(kinds: tuple[Any, ...]) -> Read:  # Any: as above
+    options = [kind for kind in kinds if kind is not type(None)]
+    named = {kind.__name__: _reader(kind) for kind in options}
+
+    def read(raw: Any) -> Any:  # Any: as above
+        if raw is None and len(options) < len(kinds):
+            return None
+        name = raw["type"] if isinstance(raw, dict) and len(options) > 1 else ""
+        found = [named[name]] if name in named else list(named.values()) if not name else []
+        if len(found) != 1:
+            raise TypeError(f"no single type for {raw!r}")
+        return found[0](raw)
+
+    return read
 
 
 @functools.cache
@@ -87,19 +134,3 @@ def _names(kind: Any) -> tuple[str, ...]:
     if is_dataclass(kind):
         return tuple(field.name for field in fields(kind))
     return tuple(kind.model_fields) if issubclass(kind, BaseModel) else ()
-
-
-@functools.cache
-def _hints(kind: type) -> dict[str, Any]:  # Any: as above
-    return get_type_hints(kind)
-
-
-def _typed_union(kind: Any, raw: Any) -> Any:  # Any: as above
-    if raw is None and type(None) in get_args(kind):
-        return None
-    options = [option for option in get_args(kind) if option is not type(None)]
-    if isinstance(raw, dict) and len(options) > 1:
-        options = [option for option in options if option.__name__ == raw["type"]]
-    if len(options) != 1:
-        raise TypeError(f"no single type for {raw!r}")
-    return _typed(options[0], raw)

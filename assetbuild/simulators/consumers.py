@@ -46,9 +46,9 @@ class SmokeBounds(Model):
 class ConsumerCheck(Check):
     """Base of the checks `smoke_<consumer>`: their trainer's versions are part of their key."""
 
-    # Not isolated: the work is done by a process of its own, whose place the environment names,
-    # and a GPU's runtime takes more address space than any limit would leave it.
-    isolated: ClassVar[bool] = False
+    # The work is done by a process of its own, whose place the environment names, and a GPU's
+    # runtime takes more address space than any limit would leave it.
+    in_parent: ClassVar[bool] = True
     limits: ClassVar[Limits] = Limits(wall_s=3600.0, cpus=2)
     listed_in: ClassVar[str] = "validate.smoke"
     consumer: ClassVar[str]

@@ -1,4 +1,4 @@
-"""No step knows the recipe: a new key of a recipe makes no step run again that does not read it."""
+"""Every step knows no recipe, and computes nothing in the process that builds."""
 
 from __future__ import annotations
 
@@ -7,8 +7,13 @@ import inspect
 import grimp
 import pytest
 
+from assetbuild.engine.code import Code
 from assetbuild.engine.step import Step
 from assetbuild.pipeline.reference import package_modules
+from assetbuild.simulators.consumers import ConsumerCheck
+
+NUMERIC = {"coacd", "embreex", "fast-simplification", "manifold3d", "mujoco", "networkx", "numpy"}
+NUMERIC |= {"pillow", "pin", "pycollada", "scipy", "trimesh", "usd-core", "vhacdx", "yourdfpy"}
 
 
 @pytest.fixture(scope="module")
@@ -16,17 +21,23 @@ def imports() -> grimp.ImportGraph:
     return grimp.build_graph("assetbuild")
 
 
-def steps() -> list[str]:
-    """Modules that define a step."""
-    found = set()
-    for module in package_modules():
-        for value in vars(module).values():
-            if inspect.isclass(value) and issubclass(value, Step):
-                found.add(value.__module__)
-    return sorted(found - {Step.__module__})
+def classes() -> set[type[Step]]:
+    """All steps of the package."""
+    values = (value for module in package_modules() for value in vars(module).values())
+    return {v for v in values if inspect.isclass(v) and issubclass(v, Step)} - {Step}
 
 
-@pytest.mark.parametrize("module", steps())
+@pytest.mark.parametrize("module", sorted({step.__module__ for step in classes()}))
 def test_what_a_step_imports_reaches_no_recipe(module: str, imports: grimp.ImportGraph):
     reached = imports.find_upstream_modules(module)
     assert [name for name in sorted(reached) if name.startswith("assetbuild.recipe")] == []
+
+
+def test_a_step_that_computes_runs_in_a_child_with_pinned_kernels():
+    """A trainer's figures come from a process of its own, mostly of a GPU."""
+    code = Code()
+    here = {step for step in classes() if step.in_parent and not issubclass(step, ConsumerCheck)}
+    assert here  # at least those that fetch
+    assert {s.__name__: sorted(NUMERIC & code.of(s).libraries.keys()) for s in here} == {
+        step.__name__: [] for step in here
+    }

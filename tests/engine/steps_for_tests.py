@@ -37,6 +37,10 @@ class Mix(Step):
         yield Finding("test.mixed", "info", "robot", mixed, data={"salt": self.salt, "nan": 1.5})
 
 
+class MixInParent(Mix):
+    in_parent: ClassVar[bool] = True
+
+
 class MixInChild(Mix):
     isolated: ClassVar[bool] = True
 
@@ -60,7 +64,7 @@ class Split(Step):
 
 
 class Write(Step):
-    """Writes any files, declared or not, in this process or a child."""
+    """Writes any files, declared or not."""
 
     outputs = ("out",)
     write: tuple[str, ...] = ("out",)
@@ -211,11 +215,11 @@ class Count(Step):
         return ()
 
 
-class CountInChild(Count):
-    isolated: ClassVar[bool] = True
+class CountInParent(Count):
+    in_parent: ClassVar[bool] = True
 
 
-class AlwaysDies(CountInChild):
+class AlwaysDies(Count):
     def run(self, files: Files) -> Iterable[Finding]:
         super().run(files)
         os.kill(os.getpid(), signal.SIGSEGV)
@@ -348,15 +352,10 @@ class Reads(Step):
         return (files.inputs / "in").read_text() + str([p.name for p in files.inputs.iterdir()])
 
 
-class ReadsInChild(Reads):
-    isolated: ClassVar[bool] = True
-
-
 class ReadsWhatIsReplaced(Step):
     """Waits until its input is another file of the same name, and reads that."""
 
     outputs = ("out",)
-    isolated: ClassVar[bool] = True
 
     def run(self, files: Files) -> Iterable[Finding]:
         before = (files.inputs / "in").stat().st_ino
@@ -368,8 +367,6 @@ class ReadsWhatIsReplaced(Step):
 
 class ReadsAndDies(Reads):
     """As code that cannot cope with a refused file."""
-
-    isolated: ClassVar[bool] = True
 
     def run(self, files: Files) -> Iterable[Finding]:
         super().run(files)

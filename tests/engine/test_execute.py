@@ -12,6 +12,7 @@ from steps_for_tests import (
     Misbehave,
     Mix,
     MixInChild,
+    MixInParent,
     Slow,
     Split,
     Write,
@@ -31,7 +32,7 @@ def statuses(results: dict[str, NodeResult]) -> list[str]:
     return [result.status for result in results.values()]
 
 
-@pytest.mark.parametrize("kind", [Mix, MixInChild])
+@pytest.mark.parametrize("kind", [MixInParent, MixInChild])
 def test_a_second_build_runs_nothing_and_replays_the_findings(tmp_path, source, kind):
     with Session(Store(tmp_path / "store")) as session:
         first = execute(chain(session, source, kind), session)
@@ -51,7 +52,7 @@ def test_a_child_makes_what_this_process_makes(tmp_path, source):
             results = execute(chain(session, source, kind), session)
             return [(r.outputs, r.findings) for r in results.values()]
 
-    assert build(Mix) == build(MixInChild)
+    assert build(MixInParent) == build(MixInChild)
 
 
 def test_equal_bytes_stop_the_change_early(session, source):

@@ -7,8 +7,8 @@ import json
 import pytest
 from steps_for_tests import Mix, MixInChild, Write, flip
 
-from assetbuild.engine import keys
 from assetbuild.engine.code import PYTHON, Code
+from assetbuild.engine.cpu import platform_tag
 from assetbuild.engine.execute import execute
 from assetbuild.engine.explain import Change, changes_between, explain
 from assetbuild.engine.graph import Graph
@@ -71,7 +71,9 @@ def test_code_libraries_python_and_platform_are_named():
     now = libraries["pytest"]
     assert changed(libraries={**libraries, "pytest": "1"}) == [f"library pytest: {now} -> 1"]
     assert changed(python="cpython 3.20") == [f"python: {PYTHON} -> cpython 3.20"]
-    assert changed(platform="linux-riscv") == [f"platform: {keys.platform_tag()} -> linux-riscv"]
+    assert changed(platform="linux-riscv") == [f"platform: {platform_tag()} -> linux-riscv"]
+    kernels = {**PARTS["kernels"], "OPENBLAS_CORETYPE": "Zen"}
+    assert "kernel OPENBLAS_CORETYPE: " in changed(kernels=kernels)[0]
 
 
 @pytest.mark.parametrize("part", list(PARTS))

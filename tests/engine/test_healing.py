@@ -11,6 +11,7 @@ from builds_for_tests import chain, one
 from steps_for_tests import (
     Mix,
     MixInChild,
+    MixInParent,
     flip,
 )
 
@@ -95,11 +96,13 @@ def test_a_question_about_a_lost_object_is_open_again(session, source):
 def test_a_step_that_gives_other_bytes_each_time_is_told_on(tmp_path, session, monkeypatch):
     """The store loses an output, and making it again gives other bytes."""
     planner = Planner(session)
-    first = planner.add("first", Mix())
+    first = planner.add("first", MixInParent())
     graph = planner.graph()
     digest = execute(graph, session)["first"]["out"]
     planner.add("second", Mix(), {"in": first["out"]})
-    monkeypatch.setattr(Mix, "run", lambda self, files: _write(files.outputs / "out", "new"))
+    monkeypatch.setattr(
+        MixInParent, "run", lambda self, files: _write(files.outputs / "out", "new")
+    )
     monkeypatch.setattr(session, "object", _lost_once(session, digest))
     error = execute(planner.graph(), session)["first"].error
     assert "step `first` gave other bytes when it was run again" in str(error)

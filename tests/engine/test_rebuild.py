@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from builds_for_tests import chain
-from steps_for_tests import Count, Irreproducible, Mix, MixInChild, Split
+from steps_for_tests import Count, Irreproducible, Mix, MixInChild, MixInParent, Split
 
 from assetbuild.engine.execute import execute
 from assetbuild.engine.explain import explain
@@ -23,7 +23,7 @@ def again(graph: Graph, session: Session, results, keep: Path, **options):
         return run_again(graph, session, results, runner, keep, **options)
 
 
-@pytest.mark.parametrize("kind", [Mix, MixInChild])
+@pytest.mark.parametrize("kind", [MixInParent, MixInChild])
 def test_steps_that_give_the_same_bytes_pass(session, tmp_path, source, kind):
     graph = chain(session, source, kind)
     results = execute(graph, session)

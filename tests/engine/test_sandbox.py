@@ -14,7 +14,6 @@ from steps_for_tests import (
     PreloadedWithThreads,
     Reads,
     ReadsAndDies,
-    ReadsInChild,
     ReadsWhatIsReplaced,
 )
 
@@ -48,17 +47,16 @@ def secret(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("kind", [Reads, ReadsInChild])
 @pytest.mark.parametrize("how", ["open", "native_code", "program", "link", "relative_path"])
-def test_an_undeclared_read_fails_the_step_and_names_the_file(strict, secret, kind, how):
-    error = strict(kind(path=str(secret), how=how)).error
+def test_an_undeclared_read_fails_the_step_and_names_the_file(strict, secret, how):
+    error = strict(Reads(path=str(secret), how=how)).error
     assert isinstance(error, StepError)
     assert f"step `it` reads `{secret}`, which is not among its inputs" in str(error)
 
 
 @pytest.mark.parametrize("how", ["open", "native_code"])
 def test_without_it_the_same_step_reads_the_file(session, secret, how):
-    result = one(session, ReadsInChild(path=str(secret), how=how))
+    result = one(session, Reads(path=str(secret), how=how))
     assert session.read(result["out"]) == b"undeclared"
 
 
@@ -78,7 +76,7 @@ def test_what_is_not_there_may_be_looked_for(strict, tmp_path):
 
 @pytest.mark.parametrize("how", ["writing", "input"])
 def test_inputs_and_the_own_folder_are_free(confined, strict, source, how):
-    result = strict(ReadsInChild(path="", how=how), source)
+    result = strict(Reads(path="", how=how), source)
     assert result.error is None
     assert confined.read(result["out"]) == (b"mine" if how == "writing" else b"1['in']")
 
@@ -117,6 +115,6 @@ def test_limits_still_hold(strict):
 
 
 def test_a_failed_step_is_not_remembered(strict, secret):
-    step = ReadsInChild(path=str(secret), how="open")
+    step = Reads(path=str(secret), how="open")
     assert strict(step).error is not None
     assert strict(step).error is not None

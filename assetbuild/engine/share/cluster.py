@@ -90,7 +90,8 @@ class Cluster(Runner):
 
     def run(self, action: Action) -> Made:
         """Run a step on some worker, as `Runner.run` says."""
-        if action.step.network or not action.step.isolated:
+        step = action.step
+        if step.network or step.cpu_bound or not step.isolated:
             return self._here.run(action)
         for _ in range(TRIES):  # the cache may evict inputs and results at any moment
             objects = self._objects(action)

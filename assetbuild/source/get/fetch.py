@@ -53,6 +53,7 @@ class Fetch(Step):
 
     outputs = ("archive",)
     network = True
+    in_parent = True
     limits: ClassVar[Limits] = Limits(wall_s=3600)
 
     name: str

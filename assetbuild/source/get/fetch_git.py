@@ -39,6 +39,7 @@ class FetchGit(Step):
 
     outputs = ("archive",)
     network = True
+    in_parent = True
     limits: ClassVar[Limits] = Limits(wall_s=3600)
 
     url: str

@@ -26,6 +26,7 @@ class FetchUrl(Step):
 
     outputs = ("archive",)
     network = True
+    in_parent = True
     limits: ClassVar[Limits] = Limits(wall_s=3600)
 
     url: str

@@ -40,7 +40,6 @@ class FlattenMjcf(Step):
 
     outputs = ("source.xml", "lines.json", "meshes.json", "source_map.json")
     isolated = True
-    preload = ("lxml.etree",)
     limits = Limits(wall_s=120.0, memory_mb=2048)
 
     file: str

@@ -54,7 +54,6 @@ class ReadUrdf(Step):
 
     outputs = ("links.json", "shapes.json", "meshes.json", "source_map.json", "source.urdf")
     isolated = True
-    preload = ("lxml.etree",)
     limits = Limits(wall_s=120.0, memory_mb=2048)
 
     file: str

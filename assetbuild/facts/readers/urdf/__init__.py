@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from assetbuild.errors import UsageError, Where
+from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.readers.urdf.assets import Assets, looks_of, pixels_of
 from assetbuild.facts.readers.urdf.joints import read_joints
@@ -68,7 +69,6 @@ class UrdfFacts(Reader):
     Its bodies are the source's links, before fixed joints are merged.
     """
 
-    preload: ClassVar = ("lxml.etree", "numpy")
     needs: ClassVar = ("urdf",)
     reads: ClassVar = ("links.json", "tree.json", "shapes.json", "ratings.json", "assets.json")
     form: ClassVar[str] = "urdf"
@@ -84,13 +84,20 @@ class UrdfFacts(Reader):
 
     def read(self, path: Path) -> Table:
         """Every element and attribute; UsageError where it is no URDF."""
+        return self._read(path, KnownFiles())
+
+    def found(self, path: Path, reference: Reference) -> Table:
+        """A copy of one of the robot's own meshes and pictures is not read again."""
+        return self._read(path, reference.assets.known).only(self.holds)
+
+    def _read(self, path: Path, known: KnownFiles) -> Table:
         walk, book = Walk(path), Writer()
         if walk.root.tag != "robot":
             message = f"the root element is <{walk.root.tag}>, not <robot>"
             raise UsageError(message, where=Where(path.name, walk.line(walk.root)))
         words = {f"urdf:{name}": walk.text(walk.root, name) for name in ("name", "version")}
         book.put("robot", "", {key: value for key, value in words.items() if value is not None})
-        links = Links(walk, book, Assets(path.parent, book))
+        links = Links(walk, book, Assets(path.parent, book, known))
         links.read()
         read_joints(walk, book, links.unique)
         found = book.table()

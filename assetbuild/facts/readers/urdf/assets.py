@@ -12,8 +12,9 @@ from typing import cast
 import numpy as np
 
 from assetbuild.errors import AssetBuildError
+from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.picture import pixel_digest
-from assetbuild.facts.surface import measure
+from assetbuild.facts.surface import Surface, measure
 from assetbuild.facts.table import Value, Writer
 from assetbuild.mesh.companions import companions_of, format_of, picture_of_map, relative_name
 from assetbuild.mesh.obj import read_triangles
@@ -24,6 +25,7 @@ PLAIN = frozenset((b"", b"v", b"vt", b"vn", b"f"))
 """Lines of an OBJ that are a surface."""
 NO_FACTS = frozenset((b"o", b"g", b"s", b"#"))
 """Groups and comments name things that nobody looks up."""
+UNSCALED = (1.0, 1.0, 1.0)
 LOOKS = frozenset((b"mtllib", b"usemtl"))
 HEAD = re.compile(rb"(?:[ \t]*(?:#|mtllib|usemtl|o|g)\b[^\n]*\n)*")
 
@@ -31,11 +33,12 @@ HEAD = re.compile(rb"(?:[ \t]*(?:#|mtllib|usemtl|o|g)\b[^\n]*\n)*")
 class Assets:
     """Files below the folder of a URDF, each read once."""
 
-    def __init__(self, folder: Path, book: Writer) -> None:
+    def __init__(self, folder: Path, book: Writer, known: KnownFiles) -> None:
         self.folder = folder
-        self._book = book
+        self._book, self._known = book, known
         self._meshes: dict[str, tuple[Array, Array | None, Array | None]] = {}
         self._looks: dict[str, dict[str, Value]] = {}
+        self._copies: dict[str, Surface | None] = {}
         self._pixels: dict[str, str] = {}
 
     def find(self, stated: str) -> Path | None:
@@ -53,15 +56,9 @@ class Assets:
         if path is None:
             return {"geometry": "mesh", "urdf:missing mesh": stated}
         try:
-            corners, uv, normals = self._read(stated, path)
+            surface = self._surface(stated, path, scale, pose)
         except AssetBuildError as error:
             return {"geometry": "mesh", "urdf:unreadable mesh": f"{stated}: {error.message}"}
-        placed = pose.apply(corners * np.asarray(scale))
-        if np.prod(scale) < 0.0:  # a mirror image: its triangles turn the other way
-            placed, uv = placed[:, ::-1], None if uv is None else uv[:, ::-1]
-        if normals is not None:
-            normals = normals / np.asarray(scale) @ pose.rotation.T
-        surface = measure(placed, uv, normals)
         facts = {"geometry": "mesh"} | surface.facts()
         if surface.normals:
             facts["urdf:normals"] = surface.normals
@@ -79,9 +76,32 @@ class Assets:
         if path is None:
             return {"urdf:missing texture": stated}
         if stated not in self._pixels:
-            self._pixels[stated] = pixel_digest(path)
+            self._pixels[stated] = pixel_digest(path, self._known)
         digest = self._pixels[stated]
         return {"texture": digest} if digest else {"urdf:unreadable texture": True}
+
+    def _surface(self, stated: str, path: Path, scale: tuple[float, ...], pose: Pose) -> Surface:
+        if scale == UNSCALED and (known := self._known_surface(stated, path)) is not None:
+            return known.moved(pose)
+        corners, uv, normals = self._read(stated, path)
+        placed = pose.apply(corners * np.asarray(scale))
+        if np.prod(scale) < 0.0:  # a mirror image: its triangles turn the other way
+            placed, uv = placed[:, ::-1], None if uv is None else uv[:, ::-1]
+        if normals is not None:
+            normals = normals / np.asarray(scale) @ pose.rotation.T
+        return measure(placed, uv, normals)
+
+    def _known_surface(self, stated: str, path: Path) -> Surface | None:
+        """That of the robot's mesh whose OBJ this is, after the lines that name materials."""
+        if format_of(stated) != "obj":
+            return None
+        if stated not in self._copies:
+            data = path.read_bytes()
+            start = _end_of_head(data)
+            self._copies[stated] = self._known.surface(data[start:])
+            if self._copies[stated] is not None:
+                self._take_words(stated, data[:start])
+        return self._copies[stated]
 
     def _read(self, stated: str, path: Path) -> tuple[Array, Array | None, Array | None]:
         """(n, 3, 3) corners in the file's own frame, (n, 3, 2) texture coordinates, normals."""
@@ -101,16 +121,18 @@ class Assets:
         return self._meshes[stated]
 
     def _read_obj(self, stated: str, data: bytes) -> tuple[Array, Array | None, Array | None]:
-        head = HEAD.match(data)
-        start = head.end() if head else 0
+        start = _end_of_head(data)
         plain = set(data[start:].translate(None, b"0123456789.-+eE/ \t\r").split(b"\n")) <= PLAIN
-        spoken = data[:start] if plain else data  # no words stand among the numbers
-        for word in sorted(set(re.findall(rb"(?m)^[ \t]*([^\s\d]+)", spoken))):
-            if word not in PLAIN | NO_FACTS | LOOKS and not word.startswith(b"#"):
-                self._book.skip(stated, "an element of the OBJ", word.decode("utf-8", "replace"))
-        self._looks[stated] = self._obj_looks(stated, spoken)
+        self._take_words(stated, data[:start] if plain else data)  # none among the numbers
         mesh = read_triangles(data[start:], stated)
         return mesh.corners, mesh.uv, mesh.normals
+
+    def _take_words(self, stated: str, text: bytes) -> None:
+        """Looks, and what has no meaning here, of the lines of an OBJ that are no surface."""
+        for word in sorted(set(re.findall(rb"(?m)^[ \t]*([^\s\d]+)", text))):
+            if word not in PLAIN | NO_FACTS | LOOKS and not word.startswith(b"#"):
+                self._book.skip(stated, "an element of the OBJ", word.decode("utf-8", "replace"))
+        self._looks[stated] = self._obj_looks(stated, text)
 
     def _obj_looks(self, stated: str, data: bytes) -> dict[str, Value]:
         worn = re.findall(rb"(?m)^[ \t]*usemtl[ \t]+([^\r\n]+)", data)
@@ -144,6 +166,11 @@ class Assets:
             elif key and not key.startswith("#"):
                 self._book.skip(f"{name}:{number}", f"`{key}` of a material", rest)
         return looks
+
+
+def _end_of_head(data: bytes) -> int:
+    head = HEAD.match(data)
+    return head.end() if head else 0
 
 
 def _plain_numbers(text: str) -> Value:

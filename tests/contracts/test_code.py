@@ -1,0 +1,413 @@
+"""Keys cover the code: what a step's run loads or opens is in its key, by name; nothing else is."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import grimp
+import mujoco
+import pytest
+
+import assetbuild
+from assetbuild.engine.actions import Action, Made
+from assetbuild.engine.code import Code, StepCode
+from assetbuild.engine.libraries import Libraries
+from assetbuild.engine.planner import settle
+from assetbuild.engine.processes import Processes
+from assetbuild.engine.session import Session
+from assetbuild.engine.staging import stage
+from assetbuild.engine.step import Step
+from assetbuild.engine.store import Store
+from assetbuild.engine.wire import step_to_json
+from assetbuild.pipeline.recipes import load_recipe
+from assetbuild.pipeline.reference import package_modules
+from assetbuild.pipeline.sampling_plan import plan_samples
+from assetbuild.plan import plan
+
+from .code_robots import write_robots
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+PACKAGE = Path(assetbuild.__file__).parent
+PROBE = """\
+import json, os, sys
+job = json.loads(sys.argv[1])
+sys.path[:] = job["sys_path"]
+from pathlib import Path
+from assetbuild.engine.step import Files
+from assetbuild.engine.wire import perform, step_from_json
+for file in job["runs"]:
+    if pid := os.fork():
+        os.waitpid(pid, 0)
+        continue
+    run = json.loads(Path(file).read_bytes())
+    before, opened, programs = set(sys.modules), [], []
+    def note(event, words):
+        if event == "open" and isinstance(words[0], str | bytes):
+            opened.append(os.path.abspath(os.fsdecode(words[0])))
+        elif event == "subprocess.Popen":
+            programs.append([os.fsdecode(word) for word in words[1]])
+    sys.addaudithook(note)
+    os.chdir(run["home"])
+    step = step_from_json(run["step"])
+    result, log = perform(step, Files(Path(run["inputs"]), Path(run["outputs"])), run["label"])
+    seen = {"modules": sorted(set(sys.modules) - before), "opened": opened, "programs": programs}
+    Path(file).with_name("seen.json").write_text(json.dumps({**seen, "log": log}))
+    os._exit(0)
+"""
+"""Runs each step in a process of its own, which has loaded nothing but the engine before."""
+ELSEWHERE = {
+    "assetbuild.checks.mjcf_doctor": "needs the extra `lint`",
+    "assetbuild.checks.simcheck": "needs the extra `lint`",
+    "assetbuild.checks.alignment": "needs PhysX",
+    "assetbuild.checks.physx_free_fall": "needs PhysX",
+    "assetbuild.checks.physx_readback": "needs PhysX",
+    "assetbuild.checks.smoke_isaaclab": "needs the trainer",
+    "assetbuild.checks.smoke_mjlab": "needs the trainer",
+    "assetbuild.checks.smoke_newton": "needs the trainer",
+    "assetbuild.source.get.fetch": "needs the network",
+    "assetbuild.source.get.fetch_git": "needs the network",
+    "assetbuild.source.get.fetch_url": "needs the network",
+}
+"""Steps that these builds do not run; no library or program of theirs is on every machine."""
+
+ASIDE = {
+    "charset-normalizer": "`numpy.f2py`, which scipy loads, guesses encodings of Fortran with it",
+    "cffi": "`glfw` prefers it to `ctypes` where it is installed; no step opens a window",
+    "pycparser": "needed by `cffi`",
+}
+"""Libraries that others load where they are installed, and that write no byte of ours."""
+
+
+def step_classes() -> list[type[Step]]:
+    """All that can run."""
+    found = {
+        value
+        for module in package_modules()
+        for value in vars(module).values()
+        if isinstance(value, type) and issubclass(value, Step) and value.run is not Step.run
+    }
+    bases = {base for each in found for base in each.__mro__[1:]}
+    return sorted(found - bases, key=lambda each: f"{each.__module__}:{each.__qualname__}")
+
+
+@pytest.fixture(scope="module")
+def code() -> Code:
+    return Code()
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What one run did. modules: loaded; opened: files; programs: started, as words."""
+
+    step: type[Step]
+    modules: tuple[str, ...]
+    opened: tuple[str, ...]
+    programs: tuple[tuple[str, ...], ...]
+
+
+class Recording(Processes):
+    """Runs steps, and notes the first of each class."""
+
+    def __init__(self, session: Session) -> None:
+        super().__init__(session)
+        self.first: dict[type[Step], Action] = {}
+
+    def run(self, action: Action) -> Made:
+        self.first.setdefault(type(action.step), action)
+        return super().run(action)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Seen]:
+    """One run of each class of step that three small robots need, per robot."""
+    folder = tmp_path_factory.mktemp("robots")
+    steps: list[tuple[type[Step], Path]] = []
+    for recipe in write_robots(folder):
+        loaded = load_recipe(recipe)
+        with Session(Store(folder / recipe.stem)) as session, Recording(session) as runner:
+            done = settle(lambda planner: plan(loaded, None, planner), session, runner)  # noqa: B023
+            assert not done.errors
+            if loaded.recipe.randomize:
+                sampled = settle(
+                    lambda planner: plan_samples(loaded, None, planner, keep=1, judge=5, seed=1),  # noqa: B023
+                    session,
+                    runner,
+                )
+                assert not sampled.errors
+            for number, (kind, action) in enumerate(runner.first.items()):
+                place = folder / f"{recipe.stem}-{number}"
+                steps.append((kind, laid_out(action, session, place)))
+    job = {
+        "sys_path": [str(Path(p).resolve()) for p in sys.path if p],
+        "runs": [str(f) for _, f in steps],
+    }
+    subprocess.run([sys.executable, "-P", "-c", PROBE, json.dumps(job)], check=True, timeout=900)
+    return [seen(kind, file) for kind, file in steps]
+
+
+def laid_out(action: Action, session: Session, place: Path) -> Path:
+    for name in ("outputs", "home"):
+        (place / name).mkdir(parents=True)
+    stage(session, action.inputs, place / "inputs")
+    folders = {name: str(place / name) for name in ("inputs", "outputs", "home")}
+    run = {"label": action.label, "step": step_to_json(action.step), **folders}
+    (place / "run.json").write_text(json.dumps(run))
+    return place / "run.json"
+
+
+def seen(kind: type[Step], file: Path) -> Seen:
+    raw = json.loads(file.with_name("seen.json").read_bytes())
+    assert not raw["log"], f"{kind.__module__}: {raw['log']}"
+    programs = tuple(tuple(words) for words in raw["programs"])
+    return Seen(kind, tuple(raw["modules"]), tuple(raw["opened"]), programs)
+
+
+def is_ours(name: str) -> bool:
+    return name == "assetbuild" or name.startswith("assetbuild.")
+
+
+def not_covered(run: Seen, code: StepCode, libraries: Libraries) -> Iterator[str]:
+    """What a run used that its key does not hold."""
+    names, paths = {name for name, _ in code.files}, {path for _, path in code.files}
+    started = [name for words in run.programs for name in names_of(words)]
+    for name in (*run.modules, *started):
+        if is_ours(name):
+            if name not in names and not name.startswith("assetbuild.engine"):
+                yield f"module {name}"
+        else:
+            for owner in libraries.owners(name.partition(".")[0]):
+                if owner not in (*code.libraries, *ASIDE):
+                    yield f"library {owner}"
+    for words in run.programs:
+        run_files = [word for word in words if word.endswith(".py")]
+        yield from (f"program {path}" for path in run_files if path not in paths)
+    for path in run.opened:
+        is_data = PACKAGE in Path(path).parents and not path.endswith((".py", ".pyc"))
+        if is_data and path not in paths:
+            yield f"file {path}"
+
+
+def names_of(words: tuple[str, ...]) -> Iterator[str]:
+    """Modules that the words of a Python program load."""
+    if "-m" in words:
+        yield words[words.index("-m") + 1]
+    if "-c" in words:
+        for node in ast.walk(ast.parse(words[words.index("-c") + 1])):
+            if isinstance(node, ast.Import):
+                yield from (alias.name for alias in node.names)
+            elif isinstance(node, ast.ImportFrom):
+                yield node.module or ""
+                yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+@pytest.mark.slow
+def test_what_a_run_loads_opens_or_starts_is_in_its_key(runs: list[Seen], code: Code):
+    libraries = Libraries()
+    wrong = {
+        (run.step.__module__, what)
+        for run in runs
+        for what in not_covered(run, code.of(run.step), libraries)
+    }
+    assert not wrong, "\n".join(f"{step} uses {what}" for step, what in sorted(wrong))
+
+
+@pytest.mark.slow
+def test_these_runs_are_of_every_step(runs: list[Seen]):
+    ran = {run.step.__module__ for run in runs}
+    assert {step.__module__ for step in step_classes()} - ran == ELSEWHERE.keys()
+
+
+# -- a changed statement
+
+
+def test_no_collision_step_reaches_the_recipe(code: Code):
+    for step in step_classes():
+        reached = [name for name in code.of(step).modules if name.startswith("assetbuild.recipe")]
+        assert reached == [], step.__module__
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a copy of the package, for one test at a time to edit."""
+    folder = tmp_path_factory.mktemp("copy")
+    shutil.copytree(PACKAGE, folder / "assetbuild", ignore=shutil.ignore_patterns("__pycache__"))
+    return folder
+
+
+KEYS = """\
+import importlib, json, sys
+from pathlib import Path
+from assetbuild.engine import code as code_module
+from assetbuild.engine.code import Code
+package = Path(code_module.__file__).parents[1]
+assert package == Path(sys.argv[1]) / "assetbuild"
+steps = [(m, getattr(importlib.import_module(m), c)) for m, c in json.loads(sys.argv[2])]
+
+def look(edited=""):
+    for name, path in list(code_module._FIRST_SEEN):
+        if path == edited:
+            del code_module._FIRST_SEEN[name, path]
+    code = Code(Path(sys.argv[3]))
+    found = {module: code.of(step).modules for module, step in steps}
+    if not edited:
+        code.save()
+    return found
+
+before = look()
+report = {}
+for path in sorted(package.rglob("*.py")):
+    text = path.read_bytes()
+    found = []
+    for more in (b"\\n# a comment\\n", b"\\nADDED_STATEMENT = 1\\n"):
+        path.write_bytes(text + more)
+        now = look(str(path))
+        found.append([module for module in now if now[module] != before[module]])
+    path.write_bytes(text)
+    look(str(path))
+    name = ".".join(path.relative_to(package.parent).with_suffix("").parts)
+    report[name.removesuffix(".__init__")] = found
+print(json.dumps({"before": {m: sorted(n) for m, n in before.items()}, "changed": report}))
+"""
+
+
+@pytest.mark.slow
+def test_a_changed_statement_changes_the_keys_of_the_steps_that_reach_it_and_no_others(copy: Path):
+    steps = json.dumps(sorted((each.__module__, each.__name__) for each in step_classes()))
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", KEYS, str(copy), steps, str(copy / "code")],
+        env={**os.environ, "PYTHONPATH": str(copy)},
+        capture_output=True,
+        text=True,
+        timeout=1200,
+    )
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    reached: dict[str, set[str]] = {}
+    for step, names in answer["before"].items():
+        for name in names:
+            reached.setdefault(name, set()).add(step)
+    for module, (by_comment, by_statement) in answer["changed"].items():
+        assert by_comment == [], module
+        if module in reached:
+            assert set(by_statement) == reached[module], module
+        else:  # a package that holds nothing until now
+            is_above = any(name.startswith(f"{module}.") for name in reached)
+            assert is_above or by_statement == [], module
+
+
+def test_the_closures_are_those_of_another_reader_of_imports(code: Code):
+    imports = grimp.build_graph("assetbuild", exclude_type_checking_imports=True, cache_dir=None)
+    for step in step_classes():
+        upstream = imports.find_upstream_modules(step.__module__)
+        expected = {name for name in upstream if not name.startswith("assetbuild.engine")}
+        missed = expected - {name for name, _ in code.of(step).files}
+        assert not missed, (step.__module__, missed)
+
+
+# -- builds with an edited package
+
+LEGS = """\
+schema: assetbuild/v1
+robot: four_legs
+source: {path: ., urdf: four_legs.urdf, license: MIT}
+collision: {default: {method: keep}}
+targets: [urdf, mjcf]
+"""
+
+
+class Edited:
+    """A robot, and a copy of the package that builds it."""
+
+    def __init__(self, folder: Path, package: Path) -> None:
+        self.folder, self.package = folder, package
+        shutil.copyfile(ROBOTS / "four_legs.urdf", folder / "four_legs.urdf")
+        (folder / "legs.yaml").write_text(LEGS)
+
+    def edit(self, module: str, old: str, new: str) -> None:
+        path = self.package / "assetbuild" / module
+        text = path.read_text()
+        assert text.count(old) == 1
+        path.write_text(text.replace(old, new))
+
+    def build(self) -> dict[str, str]:
+        """Label -> why it ran, of the steps that ran."""
+        done = self.run("build", "legs.yaml", "-o", "out", "--log-json", "log", "--fail-on=never")
+        assert done.returncode == 0, done.stderr
+        events = [json.loads(line) for line in (self.folder / "log").read_text().splitlines()]
+        return {e["step"]: e["reason"] for e in events if e.get("status") == "ran"}
+
+    def run(self, *words: str) -> subprocess.CompletedProcess[str]:
+        environment = {"PYTHONPATH": str(self.package), "ASSETBUILD_CACHE": str(self.folder / "c")}
+        return subprocess.run(
+            [sys.executable, "-P", "-m", "assetbuild", *words],
+            cwd=self.folder,
+            env={**os.environ, **environment},
+            capture_output=True,
+            text=True,
+            timeout=600,
+        )
+
+
+@pytest.fixture
+def edited(tmp_path: Path, copy: Path) -> Edited:
+    package = tmp_path / "package"
+    shutil.copytree(copy, package)
+    return Edited(tmp_path, package)
+
+
+@pytest.mark.slow
+def test_a_build_runs_exactly_the_steps_whose_code_was_edited(edited: Edited, code: Code):
+    first = edited.build()
+    assert {"read_urdf", "merge_fixed_joints", "urdf", "mjcf"} <= first.keys()
+    mass = mass_of(edited.folder / "out")
+
+    edited.edit("robot/inertia.py", "mass = math.fsum(", "mass = 2.0 * math.fsum(")
+    reasons = edited.build()
+    assert reasons["merge_fixed_joints"] == "code assetbuild.robot.inertia changed"
+    # A calf of 0.2 kg and its foot of 0.05 kg are combined, on each leg.
+    assert mass_of(edited.folder / "out") - mass == pytest.approx(4 * 0.25)
+    reach = labels_that_reach("assetbuild.robot.inertia", edited, code)
+    assert reach <= reasons.keys() < first.keys()
+    assert all("input" in why for label, why in reasons.items() if label not in reach)
+
+    edited.edit("robot/inertia.py", '"""One rigid body made', '"""A rigid body made')
+    edited.edit("recipe/models.py", "class Recipe(", "ADDED = 1\n\n\nclass Recipe(")
+    assert edited.build() == {}
+
+    edited.edit("mesh/hull.py", "import numpy as np\n", "import numpy as np\n\nADDED = 1\n")
+    ran = edited.build()
+    assert ran
+    assert set(ran.values()) == {"code assetbuild.mesh.hull changed"}
+    assert ran.keys() == labels_that_reach("assetbuild.mesh.hull", edited, code)
+
+
+def mass_of(bundle: Path) -> float:
+    model = mujoco.MjModel.from_xml_path(str(bundle / "mjcf/four_legs.xml"))
+    return float(model.body_mass.sum())
+
+
+def labels_that_reach(module: str, edited: Edited, code: Code) -> set[str]:
+    """Labels of the steps of that build whose code holds a module."""
+    reach = {
+        (is_check(each.__module__), each.step_name())
+        for each in step_classes()
+        if module in code.of(each).modules
+    }
+    nodes = json.loads(edited.run("plan", "legs.yaml", "--format", "json").stdout)["nodes"]
+    return {
+        node["label"]
+        for node in nodes
+        if (node["label"].startswith("check "), node["step"]) in reach
+    }
+
+
+def is_check(module: str) -> bool:
+    return module.startswith(("assetbuild.checks.", "assetbuild.facts.readers."))

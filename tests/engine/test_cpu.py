@@ -1,0 +1,146 @@
+"""CPUs of one class compute the same bytes, whatever kernels libraries choose by themselves."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import kernels_for_tests
+import pytest
+from builds_for_tests import one
+from kernels_for_tests import Kernels
+
+from assetbuild.engine import cpu
+from assetbuild.engine.code import Code
+from assetbuild.engine.cpu import UNKNOWN, X86_CLASSES, cpu_class, platform_tag, x86_class
+from assetbuild.engine.keys import key_parts
+from assetbuild.engine.session import Session
+from assetbuild.engine.store import Store
+
+V3 = "avx avx2 fma bmi1 bmi2 f16c abm movbe ssse3 sse4_1 sse4_2 popcnt"
+CODE = Code()
+IS_V3 = cpu_class().name == "v3"
+USERS = (
+    {"OPENBLAS_CORETYPE": "Haswell"},
+    {"OPENBLAS_CORETYPE": "SkylakeX"},
+    {"OPENBLAS_CORETYPE": "Zen"},
+    {"OPENBLAS_CORETYPE": "Sandybridge"},
+    {"OPENBLAS_CORETYPE": "Prescott", "OPENBLAS_NUM_THREADS": "7"},
+    {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL"},
+    {"NPY_ENABLE_CPU_FEATURES": "X86_V3"},
+    {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"},
+    {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F,-AVX512VL,-AVX512DQ,-AVX512BW"},
+)
+"""What users set, knowingly or not."""
+
+
+def made(tmp_path: Path) -> tuple[dict, dict]:
+    with Session(Store(tmp_path / "store"), build="test") as session:
+        result = one(session, Kernels())
+        assert result.error is None
+        return tuple(json.loads(session.read(result[f"{n}.json"])) for n in ("chosen", "numbers"))
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory) -> tuple[dict, dict]:
+    return made(tmp_path_factory.mktemp("plain"))
+
+
+@pytest.mark.parametrize("environment", USERS, ids=lambda e: " ".join(map("=".join, e.items())))
+def test_a_child_computes_the_same_whatever_the_user_asks_of_libraries(
+    tmp_path, monkeypatch, plain, environment
+):
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert made(tmp_path) == plain
+
+
+@pytest.mark.skipif(not IS_V3, reason="this CPU lacks AVX2 or FMA")
+def test_a_cpu_with_more_than_avx2_uses_the_kernels_of_one_without(plain):
+    chosen, _ = plain
+    assert set(chosen["blas"].values()) == {"Haswell"}
+    assert len(chosen["blas"]) == 2  # numpy's and scipy's own
+    assert not [name for name in chosen["numpy"] if "512" in name or name == "X86_V4"]
+    assert "X86_V3" in chosen["numpy"] or "AVX2" in chosen["numpy"]
+
+
+@pytest.mark.skipif(not IS_V3, reason="this CPU lacks AVX2 or FMA")
+@pytest.mark.parametrize("older", X86_CLASSES[1:], ids=lambda each: each.name)
+def test_another_class_computes_other_bytes_and_has_another_key(
+    tmp_path, monkeypatch, plain, older
+):
+    tag = platform_tag()
+    monkeypatch.setattr(cpu, "cpu_class", lambda: older)
+    monkeypatch.setattr("assetbuild.engine.children.cpu_class", lambda: older)
+    theirs = made(tmp_path)
+    assert theirs[1].keys() == plain[1].keys()
+    for name in ("product", "exp", "libm"):
+        assert theirs[1][name] != plain[1][name]
+    platform_tag.cache_clear()
+    try:
+        assert platform_tag() == tag.replace("-v3", f"-{older.name}")
+    finally:
+        platform_tag.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("flags", "name"),
+    [
+        (V3, "v3"),
+        (V3 + " avx512f avx512vl", "v3"),
+        (V3.replace(" fma", ""), "v2"),  # a virtual machine may hide some
+        ("avx ssse3 sse4_1 sse4_2 popcnt", "v2"),
+        ("ssse3 sse4_1 sse4_2 popcnt", "v1"),
+        ("", "v1"),
+    ],
+)
+def test_the_class_of_a_cpu_follows_from_what_it_can_do(flags, name):
+    assert x86_class(frozenset(flags.split())).name == name
+
+
+def test_only_a_step_that_cannot_be_pinned_has_the_model_in_its_key(monkeypatch):
+    pinned = key_parts(Kernels(), {}, CODE)
+    assert pinned["platform"] == platform_tag()
+    monkeypatch.setattr(Kernels, "cpu_bound", True)
+    assert key_parts(Kernels(), {}, CODE)["platform"] == f"{platform_tag()} {cpu.cpu_model()}"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="emulates other x86 CPUs")
+@pytest.mark.skipif(not shutil.which("qemu-x86_64"), reason="needs qemu-x86_64 (qemu-user)")
+@pytest.mark.skipif(not IS_V3, reason="this CPU lacks AVX2 or FMA")
+@pytest.mark.parametrize("model", ["Haswell", "Skylake-Client", "EPYC-Rome", "max"])
+def test_an_emulated_cpu_of_another_maker_computes_the_same(model):
+    """Without the pins it computes other bytes than this CPU where this one has AVX-512."""
+    bare = {"PATH": os.environ["PATH"], "OPENBLAS_NUM_THREADS": "1"}
+    pinned = bare | cpu_class().environment
+    expected = numbers_of([sys.executable], pinned)
+    emulated = ["qemu-x86_64", "-cpu", model, sys.executable]
+    assert numbers_of(emulated, pinned) == expected
+    if "avx512f" in cpu._cpuinfo()["flags"].split():
+        assert numbers_of([sys.executable], bare) != expected
+
+
+def numbers_of(program: list[str], environment: dict[str, str]) -> dict[str, str]:
+    done = subprocess.run(
+        [*program, kernels_for_tests.__file__],
+        env=environment | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return json.loads(done.stdout)
+
+
+def test_a_machine_that_nothing_is_known_of_pins_nothing(monkeypatch):
+    monkeypatch.setattr(platform, "machine", lambda: "riscv64")
+    cpu_class.cache_clear()
+    try:
+        assert cpu_class() is UNKNOWN
+    finally:
+        cpu_class.cache_clear()
