@@ -13,8 +13,23 @@ from assetbuild.pipeline.reference import package_modules
 from assetbuild.simulators.consumers import ConsumerCheck
 
 NUMERIC = frozenset(
-    "coacd embreex fast-simplification manifold3d mujoco networkx numpy pillow pin pycollada scipy "
-    "trimesh usd-core vhacdx yourdfpy".split()
+    [
+        "coacd",
+        "embreex",
+        "fast-simplification",
+        "manifold3d",
+        "mujoco",
+        "networkx",
+        "numpy",
+        "pillow",
+        "pin",
+        "pycollada",
+        "scipy",
+        "trimesh",
+        "usd-core",
+        "vhacdx",
+        "yourdfpy",
+    ]
 )
 
 
