@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from fnmatch import fnmatchcase
 from typing import Literal, get_args
 
 Severity = Literal["error", "warning", "info"]
@@ -52,6 +53,19 @@ class Finding:
         return asdict(self) | {"data": {k: self.data[k] for k in sorted(self.data)}}
 
 
+RENAMED: dict[str, tuple[str, ...]] = {}
+"""`was` of all rules that have been declared so far."""
+
+
+def is_now(old: str, finding: Finding) -> bool:
+    """Whether a finding says what the rule with the old id `old` said."""
+    said = f"{finding.rule} {finding.subject.partition(' ')[0]}"
+    return any(
+        fnmatchcase(said, pattern if " " in pattern else f"{pattern} *")
+        for pattern in RENAMED.get(old, ())
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Rule:
     """What the code can find, declared beside it as a constant; calling it makes the finding.
@@ -59,12 +73,19 @@ class Rule:
     id: `family.name`; a last part `*` stands for what the call names: see `named`.
     severity: the usual one, or several of which the first is the usual one.
     meaning, remedy: a cell each of docs/reference/rules/<family>.md, in Markdown.
+    was: old ids, which recipes may still waive for one minor version -> patterns of what says it
+    now, as `equal.usd.lower`, or `equal.mjcf.* joint`: of joints alone.
     """
 
     id: str
     severity: Severity | tuple[Severity, ...]
     meaning: str
     remedy: str
+    was: Mapping[str, tuple[str, ...]] = field(default_factory=dict, hash=False)
+
+    def __post_init__(self) -> None:
+        """The old ids are known as soon as the rule is declared."""
+        RENAMED.update(self.was)
 
     @property
     def severities(self) -> tuple[Severity, ...]:
@@ -75,7 +96,7 @@ class Rule:
         """The rule with `part` in place of its `*`: `equal.mjcf.*` -> `equal.mjcf.mass`."""
         if not self.id.endswith("*"):
             raise ValueError(f"rule `{self.id}` has no `*` that a name could replace")
-        return replace(self, id=self.id.removesuffix("*") + part)
+        return replace(self, id=self.id.removesuffix("*") + part, was={})
 
     def __call__(
         self,

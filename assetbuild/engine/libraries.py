@@ -44,8 +44,7 @@ class Libraries:
         self._folders = _metadata_folders()
         self._stamp = digest_bytes(canonical_json(sorted(map(str, self._folders.values()))))
         if self._stamp not in _READ:
-            usable = known is not None and known.get("stamp") == self._stamp
-            _READ[self._stamp] = _Read(**known["read"]) if known and usable else _Read()
+            _READ[self._stamp] = _earlier(known, self._stamp)
         self._read = _READ[self._stamp]
         self._versions: dict[str, str] = {}
         self.is_new = False
@@ -107,10 +106,15 @@ class Libraries:
         return self._versions[name]
 
 
-def is_kept(raw: Mapping[str, Any]) -> bool:  # Any: JSON
-    """Whether this is what `Libraries.to_json` gives."""
-    read = raw["read"]
-    return isinstance(read["owners"], dict) and isinstance(read["needs"], dict) and len(read) == 2
+def _earlier(known: Mapping[str, Any] | None, stamp: str) -> _Read:  # Any: JSON
+    """What an earlier process read, if it was about these distributions."""
+    try:
+        if known is not None and known["stamp"] == stamp:
+            read = known["read"]
+            return _Read({k: list(v) for k, v in read["owners"].items()}, dict(read["needs"]))
+    except (KeyError, TypeError, ValueError, AttributeError):
+        pass
+    return _Read()
 
 
 def _normal(name: str) -> str:

@@ -33,12 +33,66 @@ ROUNDING = 1e-14
 NAMED = 3
 """So many subjects of one difference are named."""
 
+
+def _renamed(
+    old: str, form: str, parts: Mapping[str, str], kinds: Sequence[str] = ()
+) -> dict[str, tuple[str, ...]]:
+    """Old ids -> what says it now. parts: by quantity; kinds: those about one kind of subject."""
+    found = {
+        f"{old}.{part}": tuple(f"equal.{form}.{name}" for name in names.split())
+        for part, names in parts.items()
+    }
+    return found | {f"{old}.{kind}": (f"equal.{form}.* {kind}",) for kind in kinds}
+
+
+_WAS = {
+    **_renamed(
+        "equal.mjcf",
+        "mjcf",
+        {
+            "actuator": "model missing", "com": "centre_of_mass", "ctrl": "command_range",
+            "contact": "friction condim priority solref solimp mask partners",
+            "count": "missing extra filtered", "gains": "kp kd drive_parameters",
+            "limits": "lower upper", "option": "timestep gravity", "total_mass": "mass",
+        },
+        ("body", "camera", "frame", "joint", "keyframe", "sensor", "shape"),
+    ),
+    **_renamed(
+        "equal.usd",
+        "usd",
+        {
+            "com": "centre_of_mass", "connection": "parent body", "drive": "model",
+            "excludes": "filtered", "gains": "kp kd", "joint_frame": "anchor pose",
+            "limits": "lower upper", "root": "base_pose", "surface": "friction restitution",
+            "target": "drive_target",
+        },
+        ("frame", "shape"),
+    ),
+    **_renamed(
+        "physx",
+        "physx",
+        {
+            "base": "base", "com": "centre_of_mass", "count.bodies": "missing extra",
+            "count.dof": "dof", "count.shapes": "shapes", "drive": "model drive",
+            "gains": "kp kd", "limits": "lower upper", "missing_joint": "missing",
+            "missing_link": "missing", "root": "base_pose",
+        } | {same: same for same in ("armature", "damping", "effort", "friction", "inertia", "mass",
+                                     "velocity")},
+    ),
+    **_renamed("urdf.reload", "urdf", {
+        "limits": "lower upper effort velocity", "mass": "mass centre_of_mass", "mesh": "missing",
+    }),
+    "smoke.reading": ("equal.newton.*",),
+}  # fmt: skip
+"""The rules of version 0.1, in which every check had names of its own."""
+
 EQUAL = Rule(
     "equal.*",
     "error",
     "a file says something else than the robot (`equal.<format>.<quantity>`), or lacks it "
     "(`.missing`), or has more (`.extra`)",
     "of a bundle that nobody edited, report it with both values: this is a bug",
+    was=_WAS,
 )
 
 

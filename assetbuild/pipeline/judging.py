@@ -157,7 +157,9 @@ def locator(
 
     def locate(subject: str) -> str:
         if subject.startswith("recipe "):
-            keys = subject.removeprefix("recipe ").split(".")
+            key = subject.removeprefix("recipe ")
+            # A rule's name has dots of its own.
+            keys = key.split(".", 1) if key.startswith("rules.") else key.split(".")
             where = recipe.where(tuple(int(k) if k.isdigit() else k for k in keys))
             # Not as seen from the working folder: the report must not depend on that.
             return str(replace(where, file=Path(where.file).name))

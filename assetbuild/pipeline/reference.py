@@ -111,6 +111,7 @@ def _page(family: str, held: list[Entry]) -> str:
         "[All rules](../rules.md), and how a recipe changes their severity.\n\n"
         "| rule | severity | meaning | what to do |\n| --- | --- | --- | --- |\n"
         + "".join(_row(entry.rule) for entry in held)
+        + "".join(_old_names(entry.rule) for entry in held)
         + "\nIn the code:\n\n"
         + "".join(named)
     )
@@ -120,6 +121,14 @@ def _row(rule: Rule) -> str:
     severities = ", ".join(rule.severities)
     cells = (f"`{rule.id}`", severities, rule.meaning, rule.remedy)
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
+
+
+def _old_names(rule: Rule) -> str:
+    """What recipes may still call it, for one minor version."""
+    if not rule.was:
+        return ""
+    named = ", ".join(f"`{old}`" for old in sorted(rule.was))
+    return f"\nOld names that `rules:` in a recipe may still use for `{rule.id}`: {named}.\n"
 
 
 def _summary(module: ModuleType) -> str:

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 from assetbuild import __version__
-from assetbuild.findings import SEVERITIES, Finding, Rule, worst_first
+from assetbuild.findings import RENAMED, SEVERITIES, Finding, Rule, is_now, worst_first
 from assetbuild.recipe.models import Waiver
 from assetbuild.report.verdict import CheckResult, Verdict, judge
 
 FailOn = Literal["error", "warning", "never"]
 
+OLD_NAME = Rule(
+    "rules.renamed",
+    "info",
+    "the recipe changes a rule by a name that it had before",
+    "write the new name; the old one works for one minor version",
+)
 UNUSED = Rule("rules.unused", "info", "the recipe changes a rule that found nothing", "remove it")
 
 
@@ -54,7 +60,8 @@ def make_report(
     commands: trainer -> the command with which it tries the bundle.
     """
     placed = [f if f.where else f.at(locate(f.subject)) for f in _once(findings)]
-    final = worst_first([_waived(f, waivers) for f in placed] + _unused(placed, waivers))
+    told = [f.at(locate(f.subject)) for f in (*_unused(placed, waivers), *_renamed(waivers))]
+    final = worst_first([_waived(f, waivers) for f in placed] + told)
     return Report(robot, judge(final, checks, commands), tuple(final), checks)
 
 
@@ -75,7 +82,8 @@ def fails(report: Report, fail_on: FailOn) -> bool:
 
 
 def _waived(finding: Finding, waivers: Mapping[str, Waiver]) -> Finding:
-    waiver = waivers.get(finding.rule)
+    old = (waiver for name, waiver in waivers.items() if is_now(name, finding))
+    waiver = waivers.get(finding.rule) or next(old, None)
     if waiver is None or waiver.severity == finding.severity:
         return finding
     data = {**finding.data, "severity_before": finding.severity, "because": waiver.because}
@@ -90,5 +98,14 @@ def _unused(findings: Sequence[Finding], waivers: Mapping[str, Waiver]) -> list[
             f"recipe rules.{rule}", f"the recipe changes rule `{rule}`, which found nothing", hint
         )
         for rule in waivers
-        if rule not in found
+        if rule not in found and rule not in RENAMED
     ]
+
+
+def _renamed(waivers: Mapping[str, Waiver]) -> Iterator[Finding]:
+    """What the rules are called now that the recipe changes by their old names."""
+    for old in waivers:
+        if old in RENAMED:
+            new = dict.fromkeys(f"`{pattern.partition(' ')[0]}`" for pattern in RENAMED[old])
+            message = f"rule `{old}` is called {', '.join(new)} now"
+            yield OLD_NAME(f"recipe rules.{old}", message, "write the new name")

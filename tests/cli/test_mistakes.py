@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 
 import pytest
@@ -73,6 +74,15 @@ def test_more_mistakes_than_a_screen_holds_are_counted(legs: Legs):
     done = legs.build()
     assert len(errors(done.stderr)) == 20
     assert done.stderr.splitlines()[-1] == "and 10 more errors"
+
+
+def test_a_rule_waived_by_the_name_it_had_before_is_named_anew(legs: Legs):
+    legs.edit("targets:", "rules: {urdf.reload.mass: {severity: info, because: known}}\ntargets:")
+    assert legs.build().returncode == 0
+    report = json.loads((legs.bundle / "report/report.json").read_text())
+    told = [one for one in report["findings"] if one["rule"].startswith("rules.")]
+    assert [(one["rule"], one["where"]) for one in told] == [("rules.renamed", "legs.yaml:8:9")]
+    assert "is called `equal.urdf.mass`" in told[0]["message"]
 
 
 ROBOTS = {

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
+from fnmatch import fnmatchcase
 from pathlib import Path
 from types import ModuleType
 
@@ -16,6 +19,7 @@ from assetbuild.pipeline.reference import Entry, entries_of, package_modules, ru
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "assetbuild"
 REFERENCE = ROOT / "docs" / "reference"
+LEGS = "schema: assetbuild/v1\nrobot: r\nsource: {path: ., urdf: r.urdf}\ntargets: [urdf]\n"
 RENEW = "python -m assetbuild.pipeline.reference docs/reference"
 TREES = {
     path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
@@ -76,6 +80,28 @@ def test_every_rule_says_what_it_means_and_what_to_do(entries):
         assert not rule.meaning.endswith(".") and not rule.remedy.endswith("."), rule.id
         assert set(rule.severities) <= set(SEVERITIES), rule.id
         assert len(set(rule.severities)) == len(rule.severities), rule.id
+
+
+def test_old_names_lead_to_rules_that_there_are(entries):
+    known = {entry.rule.id for entry in entries}
+    for rule in (entry.rule for entry in entries):
+        for old, patterns in rule.was.items():
+            assert old not in known
+            for pattern in (pattern.partition(" ")[0] for pattern in patterns):
+                assert fnmatchcase(pattern, rule.id) or pattern in known, f"{old}: {pattern}"
+
+
+def test_a_program_that_reads_a_recipe_knows_all_old_names(entries, tmp_path: Path):
+    """A waiver is matched where the recipe was read, and no rule is imported only for that."""
+    (tmp_path / "r.yaml").write_text(LEGS)
+    program = (
+        "import sys\nfrom assetbuild.findings import RENAMED\n"
+        "from assetbuild.pipeline.recipes import load_recipe\n"
+        "load_recipe(sys.argv[1])\nprint(*RENAMED, sep='\\n')"
+    )
+    command = [sys.executable, "-c", program, str(tmp_path / "r.yaml")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert set(done.stdout.split()) == {old for entry in entries for old in entry.rule.was}
 
 
 def severities_stated(call: ast.Call) -> set[str]:

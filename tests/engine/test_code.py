@@ -14,6 +14,7 @@ import pytest
 
 from assetbuild.engine import code as code_module
 from assetbuild.engine import libraries as libraries_module
+from assetbuild.engine import stamps
 from assetbuild.engine.code import Code, StepCode
 from assetbuild.engine.step import Step
 from assetbuild.errors import MachineError
@@ -259,7 +260,7 @@ def reads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     found: list[str] = []
     read = code_module._read
 
-    def noted(name: str, path: str) -> tuple[str, tuple[str, ...]]:
+    def noted(name: str, path: str) -> list[str]:
         found.append(name)
         return read(name, path)
 
@@ -277,7 +278,7 @@ def one_process(folder: Path, step: type[Step]) -> Mapping[str, str]:
 
 @pytest.fixture
 def never_racy(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(code_module, "is_racy", lambda _: False)
+    monkeypatch.setattr(stamps, "is_racy", lambda *_: False)
 
 
 def test_the_next_process_reads_nothing_again(package, tmp_path, reads, never_racy):
@@ -310,7 +311,8 @@ def test_a_file_that_was_written_just_now_is_read_again(package, tmp_path, reads
         lambda _: "",
         lambda text: json.dumps({**json.loads(text), "files": {"/a": [1]}}),
         lambda text: json.dumps({**json.loads(text), "format": 0}),
-        lambda text: json.dumps({**json.loads(text), "libraries": {"stamp": "", "read": {}}}),
+        lambda text: json.dumps({**json.loads(text), "notes": {"stamp": "", "read": {}}}),
+        lambda text: json.dumps({**json.loads(text), "notes": []}),
     ],
 )
 def test_a_spoilt_cache_counts_as_empty(package, tmp_path, never_racy, spoil: Callable[[str], str]):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from assetbuild.findings import Finding
+from assetbuild.checks import urdf_kinematics
+from assetbuild.facts import compare
+from assetbuild.findings import RENAMED, Finding
 from assetbuild.recipe.models import Waiver
 from assetbuild.report.document import fails, make_report
 from assetbuild.report.verdict import CheckResult
@@ -48,6 +50,43 @@ def test_a_waiver_for_a_rule_that_found_nothing_is_told():
     waivers = {"inertia.tirangle": Waiver(severity="info", because="whatever it is")}
     report = make_report("r", [], {}, waivers, nowhere)
     assert [finding.rule for finding in report.findings] == ["rules.unused"]
+
+
+def test_the_old_names_stand_beside_the_new_ones():
+    for rule in (compare.EQUAL, urdf_kinematics.DIFFERS):
+        assert rule.was
+        assert rule.was.keys() <= RENAMED.keys()
+
+
+def test_a_waiver_under_an_old_name_works_and_names_the_new_one():
+    off = Finding("equal.physx.kd", "error", "joint hip", "kd is 3 in PhysX, 4 in the robot")
+    waivers = {"physx.gains": Waiver(severity="info", because="measured on the robot")}
+    report = make_report("r", [off], {}, waivers, nowhere)
+    assert [f.rule for f in report.findings] == ["equal.physx.kd", "rules.renamed"]
+    assert [f.severity for f in report.findings] == ["info", "info"]
+    assert report.findings[0].data["because"] == "measured on the robot"
+    assert report.findings[1].subject == "recipe rules.physx.gains"
+    said = "rule `physx.gains` is called `equal.physx.kp`, `equal.physx.kd` now"
+    assert report.findings[1].message == said
+
+
+def test_a_waiver_under_an_old_name_that_finds_nothing_is_told_once():
+    waivers = {"urdf.reload.kinematics": Waiver(severity="info", because="known")}
+    report = make_report("r", [], {}, waivers, nowhere)
+    assert [finding.rule for finding in report.findings] == ["rules.renamed"]
+
+
+def test_an_old_name_about_joints_leaves_bodies_alone():
+    found = [
+        Finding("equal.mjcf.missing", "error", subject, "the MJCF lacks it")
+        for subject in ("body shank", "joint knee")
+    ]
+    waivers = {"equal.mjcf.joint": Waiver(severity="info", because="a spare")}
+    severities = {
+        f.subject: f.severity for f in make_report("r", found, {}, waivers, nowhere).findings
+    }
+    assert severities["joint knee"] == "info"
+    assert severities["body shank"] == "error"
 
 
 def test_fail_on_decides_what_fails():

@@ -35,6 +35,11 @@ OFF = Rule(
     "a row of the comparison with MuJoCo is off (an error beyond the coarse limit); the how-to "
     "on Isaac Lab describes the rows",
     "read the report's table of `alignment`",
+    was={
+        "alignment.physx.kd_plus_damping": ("alignment.physx.kd", "alignment.physx.damping"),
+        "alignment.physx.contact_friction": ("alignment.physx.static_friction",),
+        "alignment.physx.root": ("alignment.physx.base_pose",),
+    },
 )
 
 
