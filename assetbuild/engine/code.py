@@ -17,22 +17,21 @@ from __future__ import annotations
 
 import gc
 import importlib.util
-import json
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
-from typing import Any
 
-from assetbuild.engine.digest import Signature, is_racy, replace_file, signature_of
+from assetbuild.engine.digest import Signature, signature_of
 from assetbuild.engine.libraries import Libraries
+from assetbuild.engine.stamps import Stamps
 from assetbuild.engine.syntax import MUST, SYNTAX_FORMAT, read_data, read_module
 from assetbuild.errors import MachineError
 
-CACHE_LIMIT = 4000
-"""Files kept in one cache file; several installations may share a store."""
+FILES_KEPT = 4000
+"""In one cache; several installations may share a store."""
 DIGITS = 32
 """Of a module's digest in a key: 128 bits."""
 PACKAGE = "assetbuild"
@@ -76,11 +75,9 @@ class Code:
     """
 
     def __init__(self, folder: Path | None = None) -> None:
-        self._kept = folder and folder / f"{PYTHON.replace(' ', '-')}.json"
-        known = _load(self._kept) if self._kept else {}
-        self._files: dict[str, list[Any]] = known.get("files", {})  # Any: JSON
-        self._is_new = False
-        self._libraries = Libraries(known.get("libraries"))
+        kept = folder and folder / f"{PYTHON.replace(' ', '-')}.json"
+        self._stamps = Stamps(kept, form=SYNTAX_FORMAT, limit=FILES_KEPT)
+        self._libraries = Libraries(self._stamps.notes)
         self._packages = _Packages()
         self._targets: dict[tuple[str, str], tuple[list[str], set[str]]] = {}
         self._closures: dict[str, StepCode] = {}
@@ -127,15 +124,9 @@ class Code:
 
     def save(self) -> None:
         """Write what was learnt; OSError passes."""
-        if self._kept is None or not (self._is_new or self._libraries.is_new):
-            return
-        entry = {
-            "format": SYNTAX_FORMAT,
-            "files": dict(list(self._files.items())[-CACHE_LIMIT:]),
-            "libraries": self._libraries.to_json(),
-        }
-        replace_file(self._kept, json.dumps(entry).encode())
-        self._is_new = self._libraries.is_new = False
+        if self._libraries.is_new:
+            self._stamps.notes = self._libraries.to_json()
+        self._stamps.save()
 
     def _closure(self, start: str) -> StepCode:
         own = start.partition(".")[0]
@@ -211,38 +202,19 @@ class Code:
 
     def _file(self, name: str, path: str) -> _File:
         if (name, path) not in _FIRST_SEEN:
-            signature = signature_of(os.stat(path))  # noqa: PTH116 - first, then the content
-            place = f"{name} {path}"
-            known = self._files.get(place)
-            if known is None or known[:5] != [*signature]:
-                digest, imports = _read(name, path)
-                known = [*signature, digest, "\n".join(imports)]
-                if not is_racy(signature):
-                    self._files.pop(place, None)
-                    self._files[place] = known
-                    self._is_new = True
-            _FIRST_SEEN[name, path] = _File(signature, known[5], tuple(known[6].splitlines()))
+            found = os.stat(path)  # noqa: PTH116 - on a hot path
+            text = self._stamps.find(f"{name} {path}", found, lambda: "\n".join(_read(name, path)))
+            digest, *imports = text.split("\n")
+            _FIRST_SEEN[name, path] = _File(signature_of(found), digest, tuple(imports))
         return _FIRST_SEEN[name, path]
 
 
-def _read(name: str, path: str) -> tuple[str, tuple[str, ...]]:
+def _read(name: str, path: str) -> list[str]:
+    """The digest, and what the file imports."""
     if "/" not in name and path.endswith(".py"):
-        return read_module(name, path)
-    return read_data(path), ()
-
-
-def _load(path: Path) -> Mapping[str, Any]:  # Any: JSON
-    """What an earlier process kept, as far as it can be used."""
-    try:
-        raw = json.loads(path.read_bytes())
-        if raw["format"] == SYNTAX_FORMAT and all(
-            len(entry) == 7 and isinstance(entry[5], str) and isinstance(entry[6], str)
-            for entry in raw["files"].values()
-        ):
-            return dict(raw)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        pass
-    return {}
+        digest, imports = read_module(name, path)
+        return [digest, *imports]
+    return [read_data(path)]
 
 
 class _Packages:

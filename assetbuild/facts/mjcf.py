@@ -96,8 +96,6 @@ class MjcfReader(Reader):
 
     preload: ClassVar[tuple[str, ...]] = ("mujoco",)
     precision: ClassVar[Precision] = MESHES
-    knows_copies: ClassVar[bool] = True
-    """Whether copies of the robot's own files need not be compiled: see `mjcf_copies`."""
 
     def read(self, path: Path) -> Table:
         """Read any MJCF; UsageError where MuJoCo refuses it."""
@@ -106,7 +104,7 @@ class MjcfReader(Reader):
     def _read(self, path: Path, opaque: Opaque, assets: Assets) -> Table:
         import mujoco
 
-        known = assets.known if self.knows_copies and assets.files else None
+        known = assets.known if assets.files else None
         stated = {name for name, surface in assets.surfaces if surface.normals}
         with caught_warnings():
             try:

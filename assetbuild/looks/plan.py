@@ -1,7 +1,7 @@
 """How the robot looks: light meshes, pictures, the geometry of the 3D view. Nothing that trains.
 
     shapes, meshes -> light meshes -> viewer
-    control -> pose    tree, light meshes, pose -> picture model -> pictures
+    tree, light meshes, pose -> picture model -> pictures
 
 No gain, no friction and no timestep reaches these steps, so a new one draws nothing anew.
 """
@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from assetbuild.engine.graph import Node, Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.kinds import Target
-from assetbuild.looks.keep_pose import KeepPose
 from assetbuild.looks.lighten import Lighten
 from assetbuild.looks.render import Render
 from assetbuild.looks.viewer import Viewer
@@ -25,16 +24,15 @@ PICTURE_MODEL = "picture model"
 """An MJCF to look at; what it has to say about the robot, the target `mjcf` says too."""
 
 
-def looks(recipe: Recipe, robot: Mapping[str, Ref], p: Planner) -> dict[str, Node]:
+def looks(recipe: Recipe, robot: Mapping[str, Ref], pose: Ref, p: Planner) -> dict[str, Node]:
     """The nodes `viewer` and, of a robot that MJCF can hold, `pictures`."""
     ports = {port: robot[port] for port in ("shapes.json", "meshes/")}
     light = p.add("light meshes", Lighten(), ports)
     shown = {name: light[name] for name in ports} | {"tree.json": robot["tree.json"]}
     nodes = {"viewer": p.add("viewer", Viewer(), shown)}
     if "mjcf" in recipe.targets:  # else the recipe may hold what MJCF refuses
-        pose = p.add("pose", KeepPose(), {"control.json": robot["control.json"]})
         target = load_plugin(Target, "mjcf")
-        shown |= {"control.json": pose["control.json"]}
+        shown |= {"control.json": pose}
         model = p.add(PICTURE_MODEL, target.configure(recipe), shown)
         step = Render(renderer=renderer(p.world))
         nodes["pictures"] = p.add("pictures", step, {"mjcf/": model["mjcf/"]})

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from assetbuild import __version__
+from assetbuild.body.measure_bodies import Measured
 from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.graph import Graph, Ref
 from assetbuild.engine.make import NodeResult
@@ -45,8 +46,8 @@ from assetbuild.report.bundle import (
 )
 from assetbuild.report.card import model_card
 from assetbuild.report.document import Report
-from assetbuild.report.facts import Subject
 from assetbuild.report.html import Picture, View, html_page
+from assetbuild.report.subject import Subject
 from assetbuild.report.summary import summary
 from assetbuild.robot.codec import decode
 from assetbuild.robot.model import Control, Tree
@@ -66,7 +67,7 @@ def bundle_files(
     pins = [(each, held.pin_of(each.source) if held else None) for each, held in locks]
     told = [(each, dict(pin.model_dump()) if pin else {}) for each, pin in pins]
     tree, shapes, control = built.robot()
-    subject = Subject(recipe, told[0][1], tree, shapes, control)
+    subject = Subject(recipe, told[0][1], tree, shapes, control, built.measured())
     reference = built.reference(stated_options(recipe, asked_sections()))
     files = [
         *built.targets(),
@@ -142,6 +143,12 @@ class _Built:
             for port in ("tree.json", "shapes.json", "control.json")
         )
         return decode(Tree, tree), decode(Shapes, shapes), decode(Control, control)
+
+    def measured(self) -> Measured:
+        """What the report shows of the bodies."""
+        if self.outline.bodies is None:
+            raise AssertionError("a whole plan has it")
+        return decode(Measured, self.read(self.outline.bodies))
 
     def reference(self, options: Mapping[str, Any]) -> Reference:  # Any: plain JSON
         """That robot with what its files hold, for whoever compares."""
@@ -250,7 +257,7 @@ def _lies_there(files: list[BundleFile], out: Path, session: Session) -> bool:
         if not same_provenance(ours, theirs):
             return False
         wanted[PROVENANCE] = digest_bytes(theirs)
-    return lies_there(out, wanted, session.world.stat_cache.digest)
+    return lies_there(out, wanted, session.world.stamps.digest)
 
 
 def _place(file: BundleFile, path: Path, out: Path, session: Session) -> None:

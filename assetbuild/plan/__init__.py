@@ -16,8 +16,10 @@ from dataclasses import dataclass, field
 
 from assetbuild.body.lint_bodies import LintBodies
 from assetbuild.body.lint_links import LintLinks
+from assetbuild.body.measure_bodies import MeasureBodies
 from assetbuild.body.merge_fixed_joints import MergeFixedJoints
 from assetbuild.compose.plan import Ready, compose
+from assetbuild.control.keep_pose import KeepPose
 from assetbuild.control.keep_ratings import KeepRatings
 from assetbuild.control.plan import control, control_step, own_side
 from assetbuild.engine.graph import Node, Ref
@@ -50,8 +52,8 @@ class Outline:
     skipped: checks that this machine cannot run, and why. looks: pictures and the 3D view.
     subjects: what a node works on, where the node itself does not know. edits: label of an edit's
     node -> its key in the recipe. expanded: the URDF behind a xacro, which its lines count.
-    ranges: `dr.yaml`, where the recipe randomizes. composed: the recipe of a composite, which
-    knows the lines of its parts.
+    ranges: `dr.yaml`, where the recipe randomizes. bodies: what the report shows of them.
+    composed: the recipe of a composite, which knows the lines of its parts.
     """
 
     composed: LoadedRecipe | None = None
@@ -66,6 +68,7 @@ class Outline:
     subjects: dict[str, str] = field(default_factory=dict)
     edits: dict[str, tuple[str | int, ...]] = field(default_factory=dict)
     ranges: Node | None = None
+    bodies: Ref | None = None
 
 
 def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = True) -> Outline:
@@ -123,13 +126,16 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
         {port: outline.robot[port] for port in ("shapes.json", "meshes/")},
     )
     outline.robot["assets.json"] = measured["assets.json"]
+    pose = p.add("pose", KeepPose(), {"control.json": controlled})["control.json"]
+    inputs = {"tree.json": tree["tree.json"], "control.json": pose}
+    outline.bodies = p.add("measure_bodies", MeasureBodies(), inputs)["bodies.json"]
     outline.targets = _targets(recipe, outline.robot, p)
     if recipe.randomize is not None:
         ranges = StateRanges(robot=recipe.robot, randomize=recipe.randomize)
         ports = {port: outline.robot[port] for port in ("tree.json", "control.json")}
         outline.ranges = p.add("state_ranges", ranges, ports)
     if drawn:
-        outline.looks = looks(recipe, outline.robot, p)
+        outline.looks = looks(recipe, outline.robot, pose, p)
     _checks(recipe, outline, _sources(recipe, outline, read), p)
     return outline
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 
 from assetbuild.report.document import Report
-from assetbuild.report.facts import Subject, center_of_mass, principal
 from assetbuild.report.grade import grade
+from assetbuild.report.subject import Subject
 from assetbuild.report.tables import Record, Table, markdown_table, records, table
 from assetbuild.report.verdict import verdict_rows
 from assetbuild.robot.inertia import total_mass
@@ -78,7 +78,7 @@ def _counts(subject: Subject) -> Table:
         "moving joints": len(tree.moving_joints),
         "actuators": sum(a.model != "passive" for a in control.actuators),
         "total mass, kg": total_mass(tree),
-        f"centre of mass at {start.name or 'the initial pose'}, m": center_of_mass(tree, start),
+        f"centre of mass at {start.name or 'the initial pose'}, m": subject.measured.com_m,
         "visual shapes": len(shapes.of("visual")),
         "collision shapes": len(shapes.of("collision")),
         "triangles of all meshes": sum(asset.faces for asset in shapes.meshes),
@@ -100,13 +100,13 @@ def _quality(subject: Subject, report: Report) -> Table:
 def _bodies(subject: Subject) -> Table:
     def columns(body: Body) -> Record:
         inertial = body.inertial
-        moments, axes = principal(inertial) if inertial else (None, None)
+        measured = subject.measured.by_body.get(body.name)
         return {
             "body": body.name,
             "mass, kg": inertial and inertial.mass_kg,
             "centre of mass, m": inertial and inertial.com_m,
-            "principal moments, kg m2": moments,
-            "their axes, wxyz": axes,
+            "principal moments, kg m2": measured and measured.moments_kg_m2,
+            "their axes, wxyz": measured and measured.axes,
             "inertia xx, yy, zz, xy, xz, yz, kg m2": inertial and inertial.inertia_com_kg_m2,
         }
 

@@ -12,9 +12,9 @@ from assetbuild import __version__
 from assetbuild.findings import SEVERITIES, Finding, is_consequence
 from assetbuild.report.card import card_tables
 from assetbuild.report.document import Report
-from assetbuild.report.facts import Subject
 from assetbuild.report.figures import check_section, folded_table
 from assetbuild.report.markup import asset, code, filled, folded, prose
+from assetbuild.report.subject import Subject
 from assetbuild.report.tables import html_table, text_of
 from assetbuild.report.verdict import CheckResult, verdict_rows
 from assetbuild.report.view import view_data

@@ -7,12 +7,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import asdict
 
-from assetbuild.report.facts import Subject, ellipsoid, principal
+from assetbuild.report.subject import Subject
 from assetbuild.report.tables import text_of
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.model import Body, Joint, Tree
+from assetbuild.robot.model import Body, Joint
 from assetbuild.robot.pose import Pose
-from assetbuild.robot.tree import forward_kinematics
 
 
 def view_data(subject: Subject) -> str:
@@ -29,7 +28,7 @@ def view_data(subject: Subject) -> str:
         "robot": subject.recipe.robot,
         "floating": tree.base == "floating",
         "root": tree.root,
-        "size": _size(tree),
+        "size": subject.measured.size_m,
         "bodies": [_body(body, subject) for body in tree.bodies],
         "joints": [_joint(joint) for joint in tree.joints],
         "poses": poses,
@@ -39,12 +38,6 @@ def view_data(subject: Subject) -> str:
 
 def _plain_pose(pose: Pose) -> dict[str, object]:
     return {"xyz": list(pose.xyz), "quat": list(pose.quat)}
-
-
-def _size(tree: Tree) -> float:
-    """Largest distance between two body frames at zero, m: the scale of arrows and dots."""
-    points = [pose.xyz for pose in forward_kinematics(tree, {}).values()]
-    return max([0.1, *(math.dist(points[0], point) for point in points)])
 
 
 def _joint(joint: Joint) -> dict[str, object]:
@@ -73,9 +66,9 @@ def _body(body: Body, subject: Subject) -> dict[str, object]:
     if body.inertial is None:
         return row
     row["com"] = list(body.inertial.com_m)
-    axes = ellipsoid(body.inertial)
-    if axes is not None:
-        row["ellipsoid"] = {"axes": list(axes), "quat": list(principal(body.inertial)[1])}
+    measured = subject.measured.by_body[body.name]
+    if measured.semi_axes_m is not None:
+        row["ellipsoid"] = {"axes": list(measured.semi_axes_m), "quat": list(measured.axes)}
     return row
 
 
@@ -85,7 +78,8 @@ def _facts(body: Body, subject: Subject) -> Iterator[tuple[str, str]]:
     if body.inertial is not None:
         yield "mass", f"{body.inertial.mass_kg:.6g} kg"
         yield "centre of mass", f"{text_of(body.inertial.com_m)} m"
-        yield "principal moments", f"{text_of(principal(body.inertial)[0])} kg m²"
+        moments = subject.measured.by_body[body.name].moments_kg_m2
+        yield "principal moments", f"{text_of(moments)} kg m²"
     merged = [frame.name for frame in tree.frames if frame.body == body.name]
     if merged:
         yield "holds", ", ".join(merged)

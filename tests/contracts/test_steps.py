@@ -12,10 +12,8 @@ from assetbuild.engine.step import Step
 from assetbuild.pipeline.reference import package_modules
 from assetbuild.simulators.consumers import ConsumerCheck
 
-NUMERIC = frozenset(
-    "coacd embreex fast-simplification manifold3d mujoco networkx numpy pillow pin pycollada scipy "
-    "trimesh usd-core vhacdx yourdfpy".split()
-)
+NUMERIC = {"coacd", "embreex", "fast-simplification", "manifold3d", "mujoco", "networkx", "numpy"}
+NUMERIC |= {"pillow", "pin", "pycollada", "scipy", "trimesh", "usd-core", "vhacdx", "yourdfpy"}
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from assetbuild.engine import code as code_module
+from assetbuild.engine import stamps
 from assetbuild.engine.code import Code, StepCode
 from assetbuild.engine.step import Step
 from assetbuild.errors import MachineError
@@ -257,7 +258,7 @@ def reads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     found: list[str] = []
     read = code_module._read
 
-    def noted(name: str, path: str) -> tuple[str, tuple[str, ...]]:
+    def noted(name: str, path: str) -> list[str]:
         found.append(name)
         return read(name, path)
 
@@ -275,7 +276,7 @@ def one_process(folder: Path, step: type[Step]) -> Mapping[str, str]:
 
 @pytest.fixture
 def never_racy(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(code_module, "is_racy", lambda _: False)
+    monkeypatch.setattr(stamps, "is_racy", lambda *_: False)
 
 
 def test_the_next_process_reads_nothing_again(package, tmp_path, reads, never_racy):

@@ -107,7 +107,7 @@ def test_a_locked_joint_is_held_where_its_limits_meet(tmp_path: Path) -> None:
 
 def test_bodies_with_spaces_in_their_names_make_pairs_of_two(tmp_path: Path) -> None:
     """One body is called `world`, which MuJoCo keeps for itself: then names are exchanged."""
-    robot, names = tiny_quadruped(), {"trunk": "world", "FR_hip": "FR hip", "FR_thigh": "FR"}
+    robot, names = tiny_quadruped(), {"trunk": "world", "FR_hip": "hip FR", "FR_thigh": "FR"}
 
     def renamed(part: T) -> T:
         text = encode(part).decode()
@@ -130,6 +130,7 @@ def test_a_pair_is_not_taken_for_another_whose_names_are_cut_elsewhere() -> None
 
 
 HIP, CALF = "joint FR_hip_joint", "joint FR_calf_joint"
+EXCLUDED = '<exclude body1="RL_hip" body2="trunk"/>'
 PLANTED = [
     ("mass", "body FR_hip", r'mass="0.5"', 'mass="0.500000001"'),
     ("centre_of_mass", "body FR_hip", r'pos="0 -0.005 0"', 'pos="0 -0.00500000001 0"'),
@@ -154,6 +155,8 @@ PLANTED = [
     ("timestep", "simulation", r'timestep="0.005"', 'timestep="0.004"'),
     ("filtered", "pair RL_thigh trunk", r"</mujoco>",
      '<contact><exclude body1="RL_thigh" body2="trunk"/></contact></mujoco>'),
+    ("excludes", "pair RL_hip trunk", r"</mujoco>",
+     f"<contact>{2 * EXCLUDED}</contact></mujoco>"),
     ("anchor", HIP, r'<joint name="FR_hip_joint"', r'\g<0> pos="0 0 0.001"'),
     # Words that MJCF alone has, of which no vocabulary knows.
     ("solmix", "shape trunk_collision", r'<geom name="trunk_collision"', r'\g<0> solmix="3"'),
@@ -180,6 +183,8 @@ def test_a_planted_change_is_found(
     [
         ("mjcf", "mean_corner", "shape skin", r'pos="0.01 0.02 0.03"', 'pos="0.04 0.02 0.03"'),
         ("mjcf", "mimic_multiplier", "joint b_joint", r'polycoef="0.25 -1.5', 'polycoef="0.25 1.5'),
+        ("mjcf", "name1", "equality b_joint_copy", r'(<joint name="b_joint)("[^>]* polycoef[^>]*/>)',
+         r"\1\2\1_copy\2"),
         ("mjx", "armature", "joint lift", r'armature="0.3"', 'armature="0.5"'),
         ("mjx", "iterations", "simulation", r' iterations="4"', ' iterations="40"'),
         ("bare", "mass", "body base", r' mass="1"', ' mass="3"'),

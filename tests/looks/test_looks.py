@@ -14,8 +14,8 @@ import trimesh
 from PIL import Image
 from tiny import TinyRobot, pendulum, run_step, tiny_quadruped, write_robot_ports
 
+from assetbuild.control.keep_pose import KeepPose
 from assetbuild.engine.world import World
-from assetbuild.looks.keep_pose import KeepPose
 from assetbuild.looks.lighten import Lighten
 from assetbuild.looks.render import CAPTION, Render, caption
 from assetbuild.looks.viewer import SPAN_M, Viewer, in_bytes, three_js

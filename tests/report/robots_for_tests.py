@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from tiny import TinyRobot, tiny_quadruped
 
+from assetbuild.body.measure_bodies import measure
 from assetbuild.pipeline.recipes import whole_model
 from assetbuild.recipe.models import Recipe
-from assetbuild.report.facts import Subject
+from assetbuild.report.subject import Subject
 
 
 def recipe(**more: object) -> Recipe:
@@ -18,4 +19,5 @@ def recipe(**more: object) -> Recipe:
 
 def subject(robot: TinyRobot | None = None) -> Subject:
     robot = robot or tiny_quadruped()
-    return Subject(recipe(), {}, robot.tree, robot.shapes, robot.control)
+    measured = measure(robot.tree, robot.control)
+    return Subject(recipe(), {}, robot.tree, robot.shapes, robot.control, measured)

@@ -15,12 +15,13 @@ from pathlib import Path
 import pytest
 from tiny import FOOT_RADIUS_M, SEGMENT_M, TinyRobot, run_step, tiny_quadruped, write_robot_ports
 
+from assetbuild.body.measure_bodies import measure
 from assetbuild.findings import Finding
 from assetbuild.kinds import Check
 from assetbuild.plugins import load_plugin, plugin_names
 from assetbuild.report.document import make_report
-from assetbuild.report.facts import Subject
 from assetbuild.report.html import html_page
+from assetbuild.report.subject import Subject
 from assetbuild.report.verdict import CheckResult
 from assetbuild.robot.inertia import rotate_tensor
 from assetbuild.robot.model import Body, Joint
@@ -160,7 +161,8 @@ def checked(robot: TinyRobot, folder: Path) -> tuple[list[Finding], str]:
             bad = any(f.severity == "error" for f in own)
             checks[name] = CheckResult("fail" if bad else "pass")
     report = make_report("tiny", found, checks, {}, lambda _: "")
-    subject = Subject(RECIPE, {}, robot.tree, robot.shapes, robot.control)
+    measured = measure(robot.tree, robot.control)
+    subject = Subject(RECIPE, {}, robot.tree, robot.shapes, robot.control, measured)
     return [f for f in found if f.severity != "info"], html_page(report, subject, [], None)
 
 

@@ -1,4 +1,4 @@
-"""What of the control data decides how a robot looks: its keyframes and what may touch what."""
+"""What of the control data poses a robot: its keyframes and what may touch what."""
 
 from __future__ import annotations
 
