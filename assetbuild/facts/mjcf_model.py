@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from assetbuild.facts.mjcf_meshes import Meshes, pose_of
-from assetbuild.facts.table import Value, Writer
+from assetbuild.facts.table import Value, Writer, pair_name
 from assetbuild.simulators.joint_drives import Drive, read_drives
 from assetbuild.simulators.mujoco import Model, inertia_of, name_of, passes
 
@@ -64,10 +64,10 @@ def read_model(
         if int(model.geom_bodyid[geom]):
             book.put("shape", _name(model, "geom", geom), _geom(model, geom, meshes))
     for pair in _filtered(model, opaque):
-        book.put("pair", " ".join(pair), {"filtered": True})
+        book.put("pair", pair_name(*pair), {"filtered": True})
     for pair, count in _excluded(model).items():
         if count > 1:
-            book.put("pair", " ".join(pair), {"mjcf:excludes": float(count)})
+            book.put("pair", pair_name(*pair), {"mjcf:excludes": float(count)})
     _senses(model, book)
     for key in range(model.nkey):
         _keyframe(model, key, moving, drives, book)

@@ -9,7 +9,7 @@ import itertools
 
 from assetbuild.facts.reference import Reference, filtered_pairs, pose_value
 from assetbuild.facts.sketch import SKETCH
-from assetbuild.facts.table import Key, Table, Value, Writer
+from assetbuild.facts.table import Key, Table, Value, Writer, pair_name
 from assetbuild.facts.usd_inventory import inventory
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import MOVING, Actuator, Joint, Tree
@@ -243,8 +243,7 @@ def _shape_pairs(reference: Reference, book: Writer) -> None:
             touch = all(s.mask or s.partners for s in (first, second))
             meet = first.mask & second.partners or second.mask & first.partners
             if touch and not meet:
-                names = " ".join(sorted((a.name, b.name)))
-                book.put("shape pair", names, {"usd:filtered": True})
+                book.put("shape pair", pair_name(a.name, b.name), {"usd:filtered": True})
 
 
 SHADERS: dict[str, dict[str, str]] = {

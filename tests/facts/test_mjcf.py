@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TypeVar
 
 import pytest
 from gripper import gripper
@@ -28,12 +29,15 @@ from assetbuild.facts.readers.bare import BareFacts
 from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.facts.readers.mjx import MjxFacts
 from assetbuild.facts.readers.scene import SceneFacts
+from assetbuild.facts.table import pair_name, pair_of
 from assetbuild.findings import Finding
+from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Body, Limits
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
 from assetbuild.targets.mjx import Mjx
 
+T = TypeVar("T")
 FORMS: dict[str, tuple[type[Reader], type, str, str]] = {
     "mjcf": (MjcfFacts, Mjcf, "mjcf", "robot.xml"),
     "mjx": (MjxFacts, Mjx, "mjx", "robot_mjx.xml"),
@@ -99,6 +103,30 @@ def test_a_locked_joint_is_held_where_its_limits_meet(tmp_path: Path) -> None:
     assert check(locked, tmp_path / "a") == []
     found = check(locked, tmp_path / "b", replaced('polycoef="0 0', 'polycoef="0.1 0'))
     assert [f.rule for f in found] == ["equal.mjcf.lower", "equal.mjcf.upper"]
+
+
+def test_bodies_with_spaces_in_their_names_make_pairs_of_two(tmp_path: Path) -> None:
+    """One body is called `world`, which MuJoCo keeps for itself: then names are exchanged."""
+    robot, names = tiny_quadruped(), {"trunk": "world", "FR_hip": "hip FR", "FR_thigh": "FR"}
+
+    def renamed(part: T) -> T:
+        text = encode(part).decode()
+        for old, new in names.items():
+            text = text.replace(f'"{old}"', f'"{new}"')
+        return decode(type(part), text.encode())
+
+    tree, shapes, control = (renamed(part) for part in (robot.tree, robot.shapes, robot.control))
+    assert check(replace(robot, tree=tree, shapes=shapes, control=control), tmp_path) == []
+
+
+def test_a_pair_is_not_taken_for_another_whose_names_are_cut_elsewhere() -> None:
+    pairs = [("a b", "c"), ("a", "b c"), ("a", "c"), ('"a', "b"), ("", "a\\ b")]
+    assert len({pair_name(*pair) for pair in pairs}) == len(pairs)
+    for pair in pairs:
+        assert (
+            pair_of(pair_name(*pair)) == pair_of(pair_name(*reversed(pair))) == tuple(sorted(pair))
+        )
+    assert pair_name("FR_thigh", "trunk") == "FR_thigh trunk"
 
 
 HIP, CALF = "joint FR_hip_joint", "joint FR_calf_joint"
