@@ -19,7 +19,7 @@ import gc
 import importlib.util
 import os
 import sys
-from collections.abc import Iterable
+import threading
 from dataclasses import dataclass
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
@@ -81,9 +81,17 @@ class Code:
         self._packages = _Packages()
         self._targets: dict[tuple[str, str], tuple[list[str], set[str]]] = {}
         self._closures: dict[str, StepCode] = {}
+        self._codes: dict[type, StepCode] = {}
+        self._lock = threading.Lock()
 
     def of(self, step: type) -> StepCode:
         """The code of a step class. MachineError when its source is not to be found."""
+        if step not in self._codes:
+            with self._lock:
+                self._codes[step] = self._code(step)
+        return self._codes[step]
+
+    def _code(self, step: type) -> StepCode:
         module = step.__module__
         if module not in self._closures:
             collects = gc.isenabled()
@@ -97,19 +105,19 @@ class Code:
         stated = getattr(step, "tools", ())  # of a plug-in that was written for assetbuild 0.1
         if not stated:
             return code
-        libraries = self.versions([*code.libraries, *stated])
+        libraries = self._libraries.with_requirements([*code.libraries, *stated])
         return StepCode(code.modules, libraries, code.files)
 
-    def versions(self, distributions: Iterable[str]) -> dict[str, str]:
-        """Name -> version of installed distributions, and of those that they require."""
-        return self._libraries.with_requirements(distributions)
-
     def check(self, step: type) -> None:
-        """MachineError when the code of a step was edited since this process looked at it.
+        """MachineError when the code of a step has changed since this process looked at it.
 
-        A child process loads a module later than that, so what it made may be that of either.
+        A child process loads it later than that, so what it made may be that of either.
         """
-        for name, path in self.of(step).files:
+        code = self.of(step)
+        for library in code.libraries:
+            if not self._libraries.is_there(library):
+                raise _changed(f"the library `{library}`")
+        for name, path in code.files:
             seen = _FIRST_SEEN[name, path]
             try:
                 if signature_of(os.stat(path)) == seen.signature:  # noqa: PTH116 - on a hot path
@@ -118,15 +126,15 @@ class Code:
             except OSError:
                 digest = "gone"
             if digest != seen.digest:
-                raise MachineError(
-                    f"`{path}` was edited while a step ran that uses it", hint="build again"
-                )
+                raise _changed(f"`{path}`")
 
     def save(self) -> None:
         """Write what was learnt; OSError passes."""
-        if self._libraries.is_new:
-            self._stamps.notes = self._libraries.to_json()
-        self._stamps.save()
+        with self._lock:
+            if self._libraries.is_new:
+                self._stamps.notes = self._libraries.to_json()
+                self._libraries.is_new = False
+            self._stamps.save()
 
     def _closure(self, start: str) -> StepCode:
         own = start.partition(".")[0]
@@ -153,7 +161,7 @@ class Code:
         owners = {owner for top in libraries for owner in self._libraries.owners(top)}
         return StepCode(
             {name: digest[:DIGITS] for name, digest in digests if digest},
-            self.versions(sorted(owners)),
+            self._libraries.with_requirements(sorted(owners)),
             tuple(sorted(files.items())),
         )
 
@@ -207,6 +215,12 @@ class Code:
             digest, *imports = text.split("\n")
             _FIRST_SEEN[name, path] = _File(signature_of(found), digest, tuple(imports))
         return _FIRST_SEEN[name, path]
+
+
+def _changed(what: str) -> MachineError:
+    return MachineError(
+        f"{what} was changed while a step ran that uses it", hint="start the program again"
+    )
 
 
 def _read(name: str, path: str) -> list[str]:

@@ -29,8 +29,9 @@ OFF = ("disable", "disabled", "off", "false", "0")
 
 
 def renderer(world: World) -> str:
-    """What this machine would draw with: `egl 50_mesa`, `osmesa`, `cgl`, or `none`.
+    """What this machine would draw with: `egl 50_mesa renderD128`, `osmesa`, `cgl`, or `none`.
 
+    Drivers of EGL, then devices: without one the same driver draws in software, or not at all.
     Looks at files and loads the dispatcher only, so it costs a millisecond. `MUJOCO_GL=disable`,
     as MuJoCo's own Python package understands it, draws nothing.
     """
@@ -40,10 +41,16 @@ def renderer(world: World) -> str:
         return "cgl"
     drivers = _drivers(world)
     if drivers and world.can_load("libEGL.so.1"):
-        return f"egl {' '.join(drivers)}"
+        return f"egl {' '.join([*drivers, *_devices(world)])}"
     if any(world.can_load(f"libOSMesa.so{suffix}") for suffix in ("", ".8", ".6")):
         return "osmesa"
     return "none"
+
+
+def _devices(world: World) -> list[str]:
+    cards = world.names(Path("/dev"), starts=("nvidia",))
+    numbered = [name for name in cards if name.removeprefix("nvidia").isdigit()]
+    return [*world.names(Path("/dev/dri"), starts=("renderd",)), *numbered]
 
 
 def _drivers(world: World) -> list[str]:

@@ -133,3 +133,25 @@ def test_only_what_a_recipe_names_is_imported(site: Path):
     text = recipe.read_text().replace(", sdf]", "]").replace("sdf: {static: true}\n", "")
     recipe.write_text(text)
     assert run(site, "check", "crate.yaml").returncode == 0
+
+
+def test_an_edit_of_its_code_is_no_null_build(site: Path):
+    def builds() -> bool:
+        log = site.parent / "out.run.json"
+        log.unlink(missing_ok=True)
+        done = run(site, "build", "crate.yaml", "-o", "out", "--fail-on", "never")
+        assert done.returncode == 0, done.stderr
+        return log.exists()
+
+    assert builds()
+    assert not builds()
+    plugin = next(path for path in site.rglob("*.py") if "wind" in path.name)
+    text = plugin.read_text(encoding="utf-8")
+    assert "0.5 * " in text
+    plugin.write_text(text.replace("0.5 * ", "0.25 * "), encoding="utf-8")
+    assert builds()
+    report = json.loads((site.parent / "out/report/report.json").read_bytes())
+    assert report["checks"]["wind"]["figures"]["force_N"] == pytest.approx(0.25 * 1.2 * 900 * 0.5)
+    assert not builds()
+    (plugin.parent / "new.py").write_text("", encoding="utf-8")
+    assert builds()
