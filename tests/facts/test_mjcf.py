@@ -183,7 +183,8 @@ def test_a_planted_change_is_found(
     [
         ("mjcf", "mean_corner", "shape skin", r'pos="0.01 0.02 0.03"', 'pos="0.04 0.02 0.03"'),
         ("mjcf", "mimic_multiplier", "joint b_joint", r'polycoef="0.25 -1.5', 'polycoef="0.25 1.5'),
-        ("mjcf", "name1", "equality b_joint_copy", r'(<joint name="b_joint)("[^>]* polycoef[^>]*/>)',
+        ("mjcf", "name1", "equality b_joint_copy",
+         r'(<joint name="b_joint)("[^>]* polycoef[^>]*/>)',
          r"\1\2\1_copy\2"),
         ("mjx", "armature", "joint lift", r'armature="0.3"', 'armature="0.5"'),
         ("mjx", "iterations", "simulation", r' iterations="4"', ' iterations="40"'),
