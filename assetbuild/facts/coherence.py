@@ -16,7 +16,7 @@ from pathlib import Path
 
 from assetbuild.facts.compare import Precision, differences, equality_findings
 from assetbuild.facts.reference import Reference, robot_table
-from assetbuild.facts.table import Key, Table, Value
+from assetbuild.facts.table import Key, Table, Value, pair_name
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Tree
 from assetbuild.robot.tree import merge_fixed_joints
@@ -52,7 +52,9 @@ def other_sections(reference: Reference, bundle: Path) -> Iterator[Finding]:
 
 
 def _sections(said: object) -> Table:
-    return Table({Key("recipe", "", f"recipe:{path}"): value for path, value in leaves(said)})
+    """An entry that is null stands there."""
+    found = ((path, "null" if value is None else value) for path, value in leaves(said))
+    return Table({Key("recipe", "", f"recipe:{path}"): value for path, value in found})
 
 
 def leaves(value: object, path: str = "") -> Iterator[tuple[str, Value]]:
@@ -144,9 +146,9 @@ def _canonical(reference: Reference) -> dict[Key, tuple[Value, Value]]:
             key = Key(kind, joint.name, "robot:length of axis")
             found[key] = 1.0, math.hypot(*joint.axis)
     for pair in reference.control.excludes:
-        first, second = sorted(pair)
-        key = Key("pair", f"{first} {second}", "robot:order")
-        found[key] = (first, second), tuple(pair)
+        name = pair_name(*sorted(pair))
+        found[Key("pair", name, "robot:order")] = tuple(sorted(pair)), tuple(pair)
+        found[Key("pair", name, "robot:bodies")] = 2.0, float(len(set(pair)))
     return found
 
 

@@ -21,10 +21,9 @@ def opened(path: Path) -> Iterator[Usd.Stage]:
     try:
         stage = Usd.Stage.Open(str(path))
         if not stage.GetDefaultPrim():
-            raise UsageError(
-                f"`{path}` has no default prim, so nothing says which of its prims is the robot",
-                hint="set `defaultPrim` in it",
-            )
+            said = stage.GetRootLayer().defaultPrim or "nothing"
+            meant = "a default prim, which says which of the prims is the robot"
+            raise StatementError("stage", said, meant, path.name)
         for broken in stage.GetCompositionErrors():
             _refuse(str(broken), path.parent)
         yield stage

@@ -52,6 +52,7 @@ def twice(entries: list[Any], name: str) -> None:  # Any: JSON
             "control.excludes base slide",
             lambda r: r["control"].update(excludes=[["base", "slide"]] * 2),
         ),
+        ("bodies", "pair base base", lambda r: r["control"].update(excludes=[["base", "base"]])),
         ("order", "pair base slide", lambda r: r["control"].update(excludes=[["slide", "base"]])),
         (
             "length_of_axis",
@@ -76,6 +77,7 @@ def test_links_and_bodies_that_differ_are_found(
         ("mjlab.foot_scan.radius", lambda o: o["mjlab"].pop("foot_scan")),
         ("mjlab.pose.walking[2]", lambda o: o["mjlab"]["pose"]["walking"].append(0.6)),
         ("feet", lambda o: o.update(feet=1.0)),
+        ("feet", lambda o: o.pop("feet")),
     ],
 )
 def test_sections_are_those_that_the_build_recorded(

@@ -246,6 +246,13 @@ def test_a_shape_without_its_name_is_found(tmp_path: Path):
     assert found.data == {"expected": "trunk_collision", "found": None}
 
 
+def test_a_tensor_that_is_turned_is_found(tmp_path: Path):
+    """Also that of a ball, which is the same from all sides."""
+    edit = ('"0.0 -0.005 0.0" rpy="0.0 0.0 0.0"', '"0.0 -0.005 0.0" rpy="1 0 0"')
+    findings = proved(edited(tiny_quadruped(), tmp_path / "in", edit))
+    assert "equal.urdf.inertial_axes" in {f.rule for f in findings}
+
+
 def test_a_mimic_joint_is_compared_with_its_coefficients(tmp_path: Path):
     faults = {
         "mimic_multiplier": ('multiplier="-1.0"', 'multiplier="-3"'),

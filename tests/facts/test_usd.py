@@ -598,7 +598,7 @@ def test_any_stage_is_read_in_metres_and_kilograms(tmp_path: Path) -> None:
 def test_a_stage_without_a_default_prim_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "none.usda"
     Usd.Stage.CreateNew(str(path)).Save()
-    with pytest.raises(UsageError, match="no default prim"):
+    with pytest.raises(UsageError, match="`nothing` is not a default prim"):
         UsdReader(robot="none").read(path)
 
 

@@ -93,7 +93,7 @@ def number_changes(value: float) -> dict[str, float]:
 
 def is_same(one: float, two: float) -> bool:
     """Whether two numbers are one, but for rounding."""
-    return one == two or math.isclose(one, two, rel_tol=ENOUGH)
+    return one == two or math.isclose(one, two, rel_tol=ENOUGH, abs_tol=RESIDUE)
 
 
 def vector_changes(

@@ -11,7 +11,7 @@ import numpy as np
 from assetbuild.facts.readers.urdf.assets import Assets
 from assetbuild.facts.table import Value, Writer
 from assetbuild.facts.xml import Walk
-from assetbuild.robot.pose import Pose, quat_of_rpy, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, quat_of_rpy, vec3
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -91,6 +91,8 @@ class Links:
         pose = read_origin(walk, inertial)
         mass = walk.number(walk.first(inertial, "mass"), "value")
         facts: dict[str, Value] = {"mass": mass or 0.0, "centre of mass": pose.xyz}
+        if pose.quat != IDENTITY.quat:  # which the tensor of a ball does not show
+            facts["urdf:inertial axes"] = pose.quat
         element = walk.first(inertial, "inertia")
         said = [walk.number(element, f"i{axes}") for axes in ("xx", "yy", "zz", "xy", "xz", "yz")]
         if element is not None:
