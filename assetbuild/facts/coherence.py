@@ -19,6 +19,7 @@ from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Key, Table, Value, pair_name
 from assetbuild.findings import Finding
 from assetbuild.robot.model import Tree
+from assetbuild.robot.shapes import Mesh
 from assetbuild.robot.tree import merge_fixed_joints
 
 HELD = "links", "tree", "shapes", "control", "assets"
@@ -88,6 +89,8 @@ def _meshes(reference: Reference) -> tuple[dict[Key, Value], dict[Key, Value]]:
     expected: dict[Key, Value] = {}
     found: dict[Key, Value] = {}
     surfaces = dict(reference.assets.surfaces)
+    solid = reference.shapes.of("collision")
+    pieces = {shape.geometry.mesh for shape in solid if isinstance(shape.geometry, Mesh)}
     for mesh in reference.shapes.meshes:
         surface = surfaces.get(mesh.name)
         rows: dict[str, tuple[Value, Value]] = {
@@ -95,6 +98,8 @@ def _meshes(reference: Reference) -> tuple[dict[Key, Value], dict[Key, Value]]:
             "vertices": (float(mesh.vertices), float(surface.vertices) if surface else None),
             "file": (mesh.file, f"{mesh.name}.obj"),
         }
+        if mesh.name not in pieces:
+            rows["convex"] = mesh.convex, False  # only hulls that were made to collide are
         for word, (said, measured) in rows.items():
             expected[Key("mesh", mesh.name, f"robot:{word}")] = said
             found[Key("mesh", mesh.name, f"robot:{word}")] = measured

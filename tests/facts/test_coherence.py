@@ -43,6 +43,7 @@ def twice(entries: list[Any], name: str) -> None:  # Any: JSON
         ("source's_damping", "joint a_joint", lambda r: r["tree"]["joints"][2].update(damping=9.0)),
         ("triangles", "mesh block", lambda r: r["shapes"]["meshes"][1].update(faces=13)),
         ("vertices", "mesh block", lambda r: r["shapes"]["meshes"][1].update(vertices=0)),
+        ("convex", "mesh skin", lambda r: r["shapes"]["meshes"][0].update(convex=True)),
         ("file", "mesh block", lambda r: r["shapes"]["meshes"][1].update(file="skin.obj")),
         ("entries", "shapes.shapes skin", lambda r: twice(r["shapes"]["shapes"], "skin")),
         ("entries", "control.actuators lift", lambda r: twice(r["control"]["actuators"], "lift")),
