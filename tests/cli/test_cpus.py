@@ -105,7 +105,8 @@ def manifest(project: Path, place: Path, environment: dict[str, str], emulator: 
     if emulator:
         place.mkdir()
         wrapper = place / "python"
-        wrapper.write_text(f'#!/bin/sh\nexec {emulator} {sys.executable} "$@"\n')
+        lines = ("#!/bin/sh", f"echo >> {place}/emulated", f'exec {emulator} {sys.executable} "$@"')
+        wrapper.write_text("\n".join(lines))
         wrapper.chmod(0o755)
         program = f"import sys; sys.executable = {str(wrapper)!r}; {program}"
     words = ["build", "arm.yaml", "-o", str(place / "bundle"), "--fail-on", "never"]
@@ -150,3 +151,4 @@ def test_on_an_emulated_cpu_of_another_maker_the_manifest_is_the_same(
     """Neither has AVX-512, and of approximate instructions such as RCPPS each has its own."""
     emulated = manifest(project, tmp_path / "place", {}, f"qemu-x86_64 -cpu {model}")
     assert emulated == gold
+    assert (tmp_path / "place/emulated").stat().st_size >= 4  # so many workers
