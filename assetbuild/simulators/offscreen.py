@@ -11,15 +11,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from assetbuild.engine.world import World
 from assetbuild.errors import StepError
 from assetbuild.robot.pose import Vec3
 from assetbuild.simulators.mujoco import Data, Model
+
+if TYPE_CHECKING:
+    from assetbuild.engine.world import World
 
 Pixels = NDArray[np.uint8]
 VENDORS = ("/usr/share/glvnd/egl_vendor.d", "/etc/glvnd/egl_vendor.d")

@@ -77,6 +77,20 @@ def test_the_page_of_the_how_to_builds_a_robot(site: Path):
     assert 'size="0.102 0.152 0.202"' in (bundle / "mjcf/crate.xml").read_text()
 
 
+def test_its_steps_run_again_when_its_code_is_edited(site: Path):
+    words = ("build", "crate.yaml", "-o", "out", "--fail-on", "never", "--log-json", "log")
+    run(site, *words)
+    path = site / "acme_assets/sdf.py"
+    text = path.read_text()
+    path.write_text(text.replace('version="1.10"', 'version="1.11"') + "# an edit\n")
+    run(site, *words)
+    events = map(json.loads, (site.parent / "log").read_text().splitlines())
+    ran = {event["step"]: event["reason"] for event in events if event.get("status") == "ran"}
+    assert ran["sdf"] == "code acme_assets.sdf changed"
+    assert "mjcf" not in ran
+    assert 'version="1.11"' in (site.parent / "out/sdf/crate.sdf").read_text()
+
+
 def test_its_reader_finds_an_edited_file_and_what_it_does_not_know(site: Path):
     run(site, "build", "crate.yaml", "-o", "out", "--fail-on", "never")
     path = site.parent / "out/sdf/crate.sdf"
