@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
-from assetbuild.engine.digest import StatCache, digest_bytes
+from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.questions import (
     BETWEEN,
     BYTES,
@@ -28,6 +28,7 @@ from assetbuild.engine.questions import (
     answer,
     pattern_of,
 )
+from assetbuild.engine.stamps import Stamps
 from assetbuild.errors import SourceError
 
 Record = dict[Question, str]
@@ -47,7 +48,7 @@ class World:
 
     def __init__(self) -> None:
         self.record: Record = {}
-        self.stat_cache = StatCache()
+        self.stamps = Stamps()
         self._whole = self
         self._files: dict[str, Path] = {}
 
@@ -79,7 +80,7 @@ class World:
     def _digest(self, question: Question) -> str:
         path = question[1]
         try:
-            digest = self._whole.stat_cache.digest(path)
+            digest = self._whole.stamps.digest(path)
         except OSError as error:
             reason = error.strerror or str(error)
             raise SourceError(f"cannot read `{path}`: {reason}") from None
@@ -102,7 +103,7 @@ class World:
         """SourceError when one of these files is not what it was when first seen."""
         for path in paths:
             try:
-                same = self._whole.stat_cache.digest(path) == self.digest(Path(path))
+                same = self._whole.stamps.digest(path) == self.digest(Path(path))
             except OSError:
                 same = False
             if not same:

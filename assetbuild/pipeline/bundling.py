@@ -257,7 +257,7 @@ def _lies_there(files: list[BundleFile], out: Path, session: Session) -> bool:
         if not same_provenance(ours, theirs):
             return False
         wanted[PROVENANCE] = digest_bytes(theirs)
-    return lies_there(out, wanted, session.world.stat_cache.digest)
+    return lies_there(out, wanted, session.world.stamps.digest)
 
 
 def _place(file: BundleFile, path: Path, out: Path, session: Session) -> None:

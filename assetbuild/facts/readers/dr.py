@@ -22,7 +22,10 @@ RANGES = "how the robot may vary; what it is stands in the other files"
 FACTORS = ("kp", "kd", "damping", "friction", "armature", "effort")
 _DRAWN = frozenset({"nominal", "range"})
 KNOWN: Mapping[str, frozenset[str]] = {
-    "": frozenset({"schema", "robot", "seed"}),
+    "": frozenset({
+        "schema", "robot", "seed",
+        "section links", "section joints", "section payloads", "section contact",
+    }),
     "body": frozenset({
         "mass nominal", "mass range", "density", "com nominal", "com shift", "log_cholesky alpha",
         "log_cholesky d", "log_cholesky s", "log_cholesky t", "source",
@@ -39,6 +42,8 @@ KNOWN: Mapping[str, frozenset[str]] = {
 }  # fmt: skip
 """What `dr.yaml` may say of each kind of subject; keys within keys are joined by a space."""
 SECTIONS = {"links": "body", "joints": "joint", "payloads": "payload"}
+SECTION = "section"
+"""Each section stands there, however empty."""
 
 
 class Dr(Reader):
@@ -80,6 +85,7 @@ class Dr(Reader):
         said, book = reference.options.get("randomize"), Writer()
         if not said:
             return book.table()
+        _put(book, "", {f"{SECTION} {name}": True for name in (*SECTIONS, "contact")})
         head = {"schema": "assetbuild/dr/v1", "robot": self.robot, "seed": str(said.get("seed", 0))}
         _put(book, "", head)
         for body in reference.tree.bodies:
@@ -167,6 +173,8 @@ def _contact(friction: float, said: Mapping[str, Any]) -> dict[str, Any]:
 
 def _subject(keys: tuple[str, ...]) -> tuple[str, str, tuple[str, ...]]:
     """(kind, name, the rest) of the keys that lead to a leaf."""
+    if keys[1:] == (SECTION,):
+        return "", "", (f"{SECTION} {keys[0]}",)
     if len(keys) > 1 and keys[0] in SECTIONS:
         return SECTIONS[keys[0]], keys[1], keys[2:]
     if len(keys) > 1 and keys[0] == "contact":
@@ -197,6 +205,10 @@ def _leaves(path: Path) -> Iterator[tuple[str, tuple[str, ...], Any]]:  # Any: Y
         node = loader.get_single_node()
         if node is None:
             return
+        tops = node.value if isinstance(node, yaml.MappingNode) else ()
+        for key, _ in tops:
+            if key.value in (*SECTIONS, "contact"):
+                yield f"{path.name}:{key.start_mark.line + 1}", (key.value, SECTION), True
         found = list(_below(node, ()))
         for keys, leaf in found:
             line = leaf.start_mark.line + 1

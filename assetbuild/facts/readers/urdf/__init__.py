@@ -14,7 +14,7 @@ from assetbuild.facts.readers.urdf.assets import Assets, looks_of, pixels_of
 from assetbuild.facts.readers.urdf.joints import read_joints
 from assetbuild.facts.readers.urdf.links import Links
 from assetbuild.facts.reference import Reference, geometry_facts, robot_table
-from assetbuild.facts.table import Table, Value, Writer
+from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.xml import Walk
 from assetbuild.robot.model import MOVING, Control, Joint
 from assetbuild.robot.pose import Pose
@@ -124,7 +124,11 @@ class UrdfFacts(Reader):
         _normals(reference, book)
         _materials(reference, book)
         whole = stated.only(lambda key: key.kind != "shape" or key.name not in capsules)
-        return whole | book.table()
+        table = whole | book.table()
+        named: dict[Key, Value] = {
+            Key("shape", name, "urdf:name"): name for name in table.names("shape")
+        }
+        return table | Table(named)
 
 
 def _ratings(joint: Joint, control: Control) -> Iterator[tuple[str, Value]]:
