@@ -32,7 +32,7 @@ from assetbuild.robot.pose import IDENTITY, Array, Pose
 from assetbuild.robot.shapes import Mesh, Role, Shape
 
 MOST_POINTS = 4000
-"""Of a body's visual vertices, evenly spread over their list: enough for a percentile."""
+"""Most visual vertices of a body, evenly spread over their list: enough for a percentile."""
 SURFACE_POINTS, SHAPE_POINTS = 15_000, 300
 """Samples of a body's visual surface, and of one collision shape."""
 BETTER = 0.7

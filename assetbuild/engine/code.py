@@ -33,7 +33,7 @@ from assetbuild.errors import MachineError
 FILES_KEPT = 4000
 """In one cache; several installations may share a store."""
 DIGITS = 32
-"""Of a module's digest in a key: 128 bits."""
+"""Hexadecimal digits of a module's digest in a key: 128 bits."""
 PACKAGE = "assetbuild"
 FRAME = "assetbuild.engine.step"
 PYTHON = f"{sys.implementation.name} {sys.version_info.major}.{sys.version_info.minor}"

@@ -204,6 +204,30 @@ class World:
             self._kind(Path(place))
         return True
 
+    def installed(self, modules: Iterable[str]) -> None:
+        """Note which distributions there are, and the files of modules that plug in; see `Code`.
+
+        modules: top-level ones, maybe not imported yet. Where a distribution lies among others,
+        the stamp of that folder is part of the null build's identity.
+        """
+        self.variable("PYTHONPATH")
+        for folder in sys.path:
+            if not folder.endswith("-packages"):
+                for name in self.names(Path(folder), ends=(".dist-info", ".egg-info")):
+                    points = Path(folder, name, "entry_points.txt")
+                    if self.is_file(points):
+                        self.digest(points)
+        for module in modules:
+            found = importlib.util.find_spec(module)
+            if found is None:
+                continue
+            if found.origin and not found.submodule_search_locations:
+                self.digest(Path(found.origin))
+            for folder in found.submodule_search_locations or ():
+                for path in self.below(Path(folder), ()):
+                    if self.is_file(path):
+                        self.digest(path)
+
     def can_load(self, library: str) -> bool:
         """Does the loader find a shared library, such as `libEGL.so.1`?"""
         own = self.variable("LD_LIBRARY_PATH") or ""

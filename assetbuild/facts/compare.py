@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from assetbuild.facts.sketch import SKETCH, told
 from assetbuild.facts.table import Key, Table, Value
 from assetbuild.facts.vocabulary import (
     RANKS,
@@ -161,7 +162,8 @@ def differences(before: Table, after: Table, precision: Precision) -> list[Diffe
             continue
         old, now = _value(before, key), _value(after, key)
         if not _same(key, old, now, precision, before):
-            found.append(Difference(key, _plain(old), _plain(now)))
+            sides = told(old, now) if key.quantity.endswith(SKETCH) else (_plain(old), _plain(now))
+            found.append(Difference(key, *sides))
     return sorted(found, key=lambda d: RANKS.index(d.rank))
 
 

@@ -23,7 +23,8 @@ class Surface:
     of all corners, so that an open mesh has the same wherever it lies. mean: (3,) m, mean of all
     corners. moments: xx, yy, zz, xy, xz, yz, m2, of the mean of their outer products. uv: means of
     u, v, uu, vv, uv; empty without texture. normals: means of x, y, z, xx, yy, zz, xy, xz, yz of
-    the normals that the file states at its corners; empty where it states none.
+    the normals that the file states at its corners; empty where it states none. vertices: places
+    in the file; sketch: see `facts.sketch`; both of the file as it lies, whatever its frame.
     """
 
     triangles: int
@@ -33,6 +34,8 @@ class Surface:
     moments: tuple[float, ...]
     uv: tuple[float, ...] = ()
     normals: tuple[float, ...] = ()
+    vertices: int = 0
+    sketch: str = ""
 
     def __post_init__(self) -> None:
         lengths = len(self.mean), len(self.moments), len(self.uv), len(self.normals)
@@ -48,7 +51,7 @@ class Surface:
         return Surface(
             self.triangles, self.area, self.volume,
             tuple((mean + shift).tolist()), _six(second), self.uv,
-            self._turned_normals(turn),
+            self._turned_normals(turn), self.vertices, self.sketch,
         )  # fmt: skip
 
     def _turned_normals(self, turn: Array) -> tuple[float, ...]:

@@ -25,7 +25,7 @@ from assetbuild.simulators.usd_names import (
 )
 
 BY_PAIRS = "PhysicsFilteredPairsAPI"
-"""Of two bodies either may carry it; the pairs that never touch are compared instead."""
+"""Either of two bodies may carry this schema; the pairs that never touch are compared instead."""
 ARTICULATION = ("PhysicsArticulationRootAPI", "PhysxArticulationAPI", "NewtonArticulationRootAPI")
 BODY = ("PhysicsRigidBodyAPI", "PhysxRigidBodyAPI")
 SURFACE = ("PhysicsMaterialAPI", "NewtonMaterialAPI")
@@ -34,7 +34,7 @@ LAW = "PhysxMimicJointAPI"
 """Applied once for an axis, whose name the facts of the joint hold."""
 BOUND = frozenset({"PhysicsCollisionAPI", "MaterialBindingAPI"})
 STRENGTH = "usd:material:binding:physics bindMaterialAs"
-"""Of what collides: how its physics material is bound."""
+"""This metadata says how the physics material of a collider is bound."""
 JOINT_TYPES = {"fixed": "PhysicsFixedJoint", "prismatic": "PhysicsPrismaticJoint"}
 
 Row = tuple[str, str, Iterable[str]]

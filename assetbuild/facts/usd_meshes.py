@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
+from assetbuild.facts.sketch import SKETCH, sketch_of
 from assetbuild.facts.surface import Surface, cross, lengths, measure
 from assetbuild.facts.table import Value
 from assetbuild.facts.usd_prims import Prim, Units, rigid
@@ -50,6 +51,7 @@ class Meshes:
         own: dict[str, Value] = {
             "usd:subdivisionScheme": prim.text("subdivisionScheme") or "catmullClark",
             "usd:doubleSided": bool(prim.flag("doubleSided")),
+            f"usd:{SKETCH}": one.surface.sketch,
         }
         if surface.normals:
             own["usd:corner normals"] = surface.normals
@@ -97,7 +99,8 @@ def _measure(prim: Usd.Prim, units: Units) -> Measured:
     }
     if not sound:
         words["usd:topology"] = "its faces do not fit its points"
-    return Measured(corners, uv, measure(corners, uv, normals), words)
+    surface = replace(measure(corners, uv, normals), sketch=sketch_of(corners, uv, normals))
+    return Measured(corners, uv, surface, words)
 
 
 def _triangles(counts: Whole, *, flip: bool) -> Whole:

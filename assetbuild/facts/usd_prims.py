@@ -48,7 +48,7 @@ class Units:
     kilogram: float = 1.0
 
     def length(self, angular: bool) -> float:
-        """Of a coordinate: rad or m in one of USD's units."""
+        """Return how many rad or m one of USD's units of a coordinate is."""
         return math.pi / 180.0 if angular else self.metre
 
     def effort(self, angular: bool) -> float:
@@ -322,13 +322,13 @@ def rigid(matrix: Array) -> tuple[Pose, Array]:
 
 
 def pose_of(position: object, turn: object, scale: Array) -> Pose:
-    """Of `localPos` and `localRot`; what is not stated is the origin."""
+    """Return the pose that `localPos` and `localRot` state; the origin where they state nothing."""
     xyz = (0.0, 0.0, 0.0) if position is None else vec3(np.array(position) * scale)
     return Pose(xyz, quat_of_gf(turn))
 
 
 def quat_of_gf(turn: object) -> Quat:
-    """Of a Gf.Quat; PhysX takes one without length for none at all."""
+    """Return a Gf.Quat as (w, x, y, z); PhysX ignores a quaternion of length zero."""
     if not isinstance(turn, Gf.Quatf | Gf.Quatd):
         return IDENTITY.quat
     w, (x, y, z) = float(turn.GetReal()), map(float, turn.GetImaginary())

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.facts.known_files import digest_of
 from assetbuild.facts.picture import pixel_digest
 from assetbuild.facts.reference import Assets
+from assetbuild.facts.sketch import sketch_of
 from assetbuild.facts.surface import measure
 from assetbuild.findings import Finding
 from assetbuild.mesh.hulls import hull_or_points, write_hulls
@@ -33,7 +35,12 @@ class MeasureAssets(Step):
         for asset in robot.shapes.meshes:
             data = (robot.mesh_dir / asset.file).read_bytes()
             mesh = read_triangles(data, asset.file)
-            surfaces.append((asset.name, measure(mesh.corners, mesh.uv, mesh.normals)))
+            corners, uv, normals = mesh.corners, mesh.uv, mesh.normals
+            surface = measure(corners, uv, normals)
+            surface = replace(
+                surface, vertices=len(mesh.vertices), sketch=sketch_of(corners, uv, normals)
+            )
+            surfaces.append((asset.name, surface))
             hulls.append(hull_or_points(mesh))
             digests.append((asset.name, digest_of(data)))
         for texture in sorted({m.texture for m in robot.shapes.materials if m.texture}):

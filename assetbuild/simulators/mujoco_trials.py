@@ -30,7 +30,7 @@ from assetbuild.simulators.mujoco import (
 )
 
 SWING_RAD, SWING_M = 0.1, 0.02
-"""How far a drive is told to move its joint; less where the range is short."""
+"""How far a drive is commanded to move its joint; less where the range is short."""
 FREQUENCY_HZ = 2.0
 TOUCH_M = 0.005
 """Shapes nearer than this to the floor count as standing on it."""

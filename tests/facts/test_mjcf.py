@@ -183,7 +183,8 @@ def test_a_planted_change_is_found(
     [
         ("mjcf", "mean_corner", "shape skin", r'pos="0.01 0.02 0.03"', 'pos="0.04 0.02 0.03"'),
         ("mjcf", "mimic_multiplier", "joint b_joint", r'polycoef="0.25 -1.5', 'polycoef="0.25 1.5'),
-        ("mjcf", "name1", "equality b_joint_copy", r'(<joint name="b_joint)("[^>]* polycoef[^>]*/>)',
+        ("mjcf", "name1", "equality b_joint_copy",
+         r'(<joint name="b_joint)("[^>]* polycoef[^>]*/>)',
          r"\1\2\1_copy\2"),
         ("mjx", "armature", "joint lift", r'armature="0.3"', 'armature="0.5"'),
         ("mjx", "iterations", "simulation", r' iterations="4"', ' iterations="40"'),
@@ -203,6 +204,19 @@ def test_a_planted_change_of_a_gripper_is_found_in_every_form(
     found = check(gripper(), tmp_path, replaced(pattern, new), form)
     named = {(f.rule, s) for f in found for s in (f.subject, *f.data.get("subjects", ()))}
     assert (f"equal.{form}.{rule}", subject) in named
+
+
+@pytest.mark.parametrize("line", [r"(?m)^(f) (\S+) (\S+)", r"(?m)^(v) (\S+) (\S+)"])
+@pytest.mark.parametrize("form", ["mjcf", "mjx", "bare"])
+def test_one_line_of_a_mesh_is_found_in_every_form(form: str, line: str, tmp_path: Path) -> None:
+    """A face that is turned over; a corner of which two numbers are exchanged."""
+    reader, target, name, file = FORMS[form]
+    inputs = check_inputs(tmp_path, gripper(), target(robot="robot"), name)
+    mesh = next((inputs / name / file).parent.glob("assets/block*.obj"))
+    mesh.write_text(re.sub(line, r"\1 \3 \2", mesh.read_text(), count=1))
+    found = {f.rule: f.data for f in run_step(reader(robot="robot"), inputs, tmp_path / "out")}
+    sides = found[f"equal.{form}.triangles_of_the_file"]
+    assert sides["expected"] != sides["found"]
 
 
 def test_a_finding_carries_both_values(tmp_path: Path) -> None:

@@ -123,7 +123,9 @@ def _source(text: str) -> str:
 
 
 def _matter(inertial: Inertial, matter: Mapping[str, Any]) -> dict[str, Any]:
-    """Of one body. The pseudo-inertia becomes U J U', U = exp(alpha) [[A, t], [0, 1]].
+    """Return the facts of one body.
+
+    Its pseudo-inertia becomes U J U', U = exp(alpha) [[A, t], [0, 1]].
 
     So the mass changes by exp(2 alpha): alpha is half the logarithm of the density's factor; A has
     exp(d) on its diagonal and s above it; t is the shift, m (Rucker and Wensing, 2022).
@@ -146,7 +148,7 @@ def _matter(inertial: Inertial, matter: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _joint(row: Actuator | None, ranges: Mapping[str, Any]) -> dict[str, Any]:
-    """Of one joint; a factor of a number that it does not have, or of 1, draws nothing."""
+    """Return the facts of one joint; a factor of 1, or of a number it lacks, draws nothing."""
     bias = ranges["encoder_bias"]
     facts = {"delay": ranges["delay"], "encoder_bias": [-bias, bias]}
     for key in FACTORS:
@@ -158,7 +160,7 @@ def _joint(row: Actuator | None, ranges: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _contact(friction: float, said: Mapping[str, Any]) -> dict[str, Any]:
-    """Of all surfaces; nothing of the robot bounces where nobody says so."""
+    """Return the facts of all surfaces; they do not bounce unless the recipe says so."""
     facts: dict[str, Any] = {}
     if said.get("friction") is not None:
         facts = {"friction nominal": friction, "friction range": said["friction"]}
