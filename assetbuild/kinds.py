@@ -10,6 +10,7 @@ Every target and check finds the robot under the same input names; `RobotFiles` 
                    so that a new gain leaves its readers alone; only where `reads` names it
     meshes/        the assets, `<name>.obj`
     assets.json    Assets: what these files hold, measured; only where `reads` names it
+    hulls.npz      the convex hulls of these meshes; only where `reads` names it
 
 A check finds each target that it `needs` as a folder of that name (`mjcf/`, `usd/`), and the
 untouched description (but for comments) as `source.urdf` when `needs` says "source"; an MJCF as
@@ -23,19 +24,21 @@ import json
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Protocol, Self, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, get_args
 
 from pydantic import ConfigDict
 from pydantic.fields import FieldInfo
 
 from assetbuild.engine.step import Files, Step
-from assetbuild.engine.world import World
 from assetbuild.findings import Finding, rounded
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Body, Inertial, Joint, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Mesh, SourceShape, SourceShapes, Sphere
+
+if TYPE_CHECKING:
+    from assetbuild.engine.world import World
 
 ROBOT_PORTS = ("links.json", "tree.json", "shapes.json", "control.json", "meshes/")
 

@@ -50,6 +50,12 @@ def load_plugin(kind: type[P], name: str) -> type[P]:
     return plugin
 
 
+def foreign_modules() -> tuple[str, ...]:
+    """Top-level modules of other distributions that hold plug-ins; none of them is imported."""
+    found = (point.module for point in _points() if point.group.startswith("assetbuild."))
+    return tuple(sorted({module.partition(".")[0] for module in found}))
+
+
 def _group(kind: type[Step]) -> str:
     return str(getattr(kind, "group"))  # noqa: B009 # a class constant of the kinds alone
 
@@ -64,7 +70,9 @@ def _own(group: str) -> tuple[str, ...]:
 def _foreign(group: str) -> Mapping[str, EntryPoint]:
     """Entry points of other distributions, by name."""
     found: dict[str, EntryPoint] = {}
-    for point in entry_points(group=f"assetbuild.{group}"):
+    for point in _points():
+        if point.group != f"assetbuild.{group}":
+            continue
         taken = _distribution(found[point.name]) if point.name in found else ""
         taken = "assetbuild itself" if point.name in _own(group) else taken
         if taken:
@@ -75,6 +83,13 @@ def _foreign(group: str) -> Mapping[str, EntryPoint]:
             )
         found[point.name] = point
     return found
+
+
+@functools.cache
+def _points() -> tuple[EntryPoint, ...]:
+    """Of all distributions: reading them takes most of the time."""
+    points = entry_points()
+    return tuple(point for group in points.groups for point in points.select(group=group))
 
 
 def _distribution(point: EntryPoint) -> str:

@@ -106,6 +106,7 @@ def serve() -> None:
     for room in (cli, checks, targets):
         for module in pkgutil.iter_modules(room.__path__, f"{room.__name__}."):
             importlib.import_module(module.name)
+    _read_the_code_of_steps()
     gc.freeze()  # so that the end of a fork does not touch, and copy, all of it
     answers = os.dup(1)
     for line in iter(sys.stdin.buffer.readline, b""):
@@ -116,6 +117,18 @@ def serve() -> None:
         os.write(answers, f"{pid}\n".encode())
         status = os.waitpid(pid, 0)[1]
         os.write(answers, f"{os.waitstatus_to_exitcode(status)}\n".encode())
+
+
+def _read_the_code_of_steps() -> None:
+    """Once for all forks; each would read the package again for its own empty store."""
+    from assetbuild.engine.code import Code
+    from assetbuild.engine.step import Step
+
+    code, waiting = Code(), [Step]
+    while waiting:
+        for kind in waiting.pop().__subclasses__():
+            code.of(kind)
+            waiting.append(kind)
 
 
 def _become(job: dict[str, list[str]]) -> NoReturn:

@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from assetbuild.compose.names import Member
+from assetbuild.engine.world import World
 from assetbuild.errors import RecipeError
 from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe
@@ -51,7 +52,7 @@ def loaded(file: str, tables: Mapping[str, Any]) -> LoadedRecipe:
     head = {"schema": "assetbuild/v1", "robot": "r", "source": {"path": ".", "urdf": "r.urdf"}}
     text = yaml.safe_dump({**head, **tables}, sort_keys=False, default_flow_style=False)
     root = parse(text.encode(), file, RecipeError)
-    return LoadedRecipe(validated(Recipe, root, RecipeError), Path(file), file, None, (), root)
+    return LoadedRecipe(validated(Recipe, root, RecipeError), Path(file), file, None, root, World())
 
 
 def members(base: Named, **parts: Named) -> list[Member]:

@@ -78,7 +78,7 @@ def measure(tree: Tree, control: Control) -> Measured:
 
 
 def center_of_mass(tree: Tree, keyframe: Keyframe) -> Vec3 | None:
-    """Of the whole robot in the world at a keyframe, m; None without mass."""
+    """Return the whole robot's centre of mass in the world at a keyframe, m; None without mass."""
     X_root_body = forward_kinematics(tree, dict(keyframe.joints))
     X_world_root = tree.root_pose(keyframe)
     mass, moment = 0.0, np.zeros(3)

@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from assetbuild.engine.step import Files
-from assetbuild.engine.world import World
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import write_figures
 from assetbuild.simulators.consumers import FAILED, NOT_FINITE, SINKS, ConsumerCheck, SmokeBounds
 from assetbuild.simulators.environments import Environment
+
+if TYPE_CHECKING:
+    from assetbuild.engine.world import World
 
 BEYOND_IMPORTS = ("assetbuild.simulators._isaaclab_child",)
 VARIABLE = "ASSETBUILD_ISAACLAB"

@@ -133,7 +133,7 @@ def _plain(stem: str) -> str:
 
 
 def _digest(path: Path) -> str:
-    """Of the content; "" where there is no file."""
+    """Return the SHA-256 of the content; "" where there is no file."""
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
 
 

@@ -26,7 +26,7 @@ EXTERNAL = frozenset({"ideal_pd", "dc_motor"})
 """Models whose PD law runs outside of the simulator: here it is put inside."""
 SHOWN_PAIRS = 40
 DEEP_M = 0.001
-"""Of two bodies at the start: what is less is the roundness of a hull."""
+"""Two bodies may overlap by this at the start: hulls are a little rounder than meshes."""
 LARGEST_DOFS = 300
 """A file of anybody may hold a cloth; steps of it take minutes."""
 ALONE_S, ALONE_FALL = 2.0, 0.5

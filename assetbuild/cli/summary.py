@@ -17,9 +17,9 @@ from assetbuild.report.document import Report
 
 SHOWN_RULES = 12
 SHOWN_NAMES = 8
-"""Of those that a rule speaks of besides the first one."""
+"""So many subjects of a rule are named besides the first one."""
 LEAST_LINES = 6
-"""Of findings, however small the terminal is."""
+"""So many lines of findings are shown, however small the terminal is."""
 _COLOURS = {"error": "31", "warning": "33", "yes": "32", "no": "31"}
 
 
@@ -120,7 +120,7 @@ def finding_lines(
 ) -> list[str]:
     """Errors and warnings; what merely informs stands in the report.
 
-    A rule that speaks of many subjects is told once, with the names of the others. width, room:
+    A rule that speaks of many subjects is shown once, with the names of the others. width, room:
     columns and lines of a terminal; None = lines of any length, `SHOWN_RULES` rules.
     """
     loud = [finding for finding in findings if finding.severity != "info"]

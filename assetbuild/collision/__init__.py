@@ -52,7 +52,7 @@ PRELOAD = (
 AS_GOOD_IOU = 0.01
 """A reused result may be worse by this much, the error of sampled volumes."""
 AS_GOOD = 0.01
-"""Of the diagonal: the same for distances."""
+"""Distances of a reused result may be worse by this share of the diagonal."""
 
 LIBRARY_FAILED = Rule(
     "collision.library_failed",
@@ -120,7 +120,7 @@ class CollisionMethod(Step):
 
     @property
     def native_limits(self) -> NativeLimits:
-        """Of one run of a native library: the fields `cpu_limit` and `memory_limit_mb`."""
+        """Limits of one run of a native library: the fields `cpu_limit` and `memory_limit_mb`."""
         default = NativeLimits()
         return NativeLimits(
             getattr(self, "cpu_limit", None) or default.cpu_s,

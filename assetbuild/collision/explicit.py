@@ -22,7 +22,7 @@ from assetbuild.robot.pose import Pose, quat_of_rpy
 from assetbuild.robot.shapes import Box, Capsule, Cylinder, Sphere
 
 CONVEX = 0.99
-"""Volume / volume of the hull: below it a mesh is told not to be convex."""
+"""Volume / volume of the hull: below it a mesh is reported as not convex."""
 
 OPEN_PIECE = Rule(
     "collision.open_piece",

@@ -19,7 +19,7 @@ CENTRES = 400
 GROWTH = (0.0, 0.5, 1.0)
 """Radii tried: to the surface, and beyond it by these shares of `margin`."""
 LEAST = 1e-3
-"""Of the mesh's volume: a sphere that adds less is not worth it."""
+"""A sphere that adds less than this share of the mesh's volume is left out."""
 
 
 class Spheres(CollisionMethod):

@@ -120,7 +120,7 @@ class PartControl:
 
     @property
     def pose_in_root(self) -> Pose:
-        """Of the part's own world, in which its root may stand anywhere."""
+        """The pose of the part's own world in its root, which may stand anywhere in it."""
         for item in self.said.control.mjcf_only:
             if item.place == "root":
                 said = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader's
@@ -150,7 +150,7 @@ class PartControl:
     # --- poses --------------------------------------------------------------------------------
 
     def _commands(self) -> Iterator[tuple[str, tuple[tuple[str, float], ...]]]:
-        """Of each keyframe of the whole; those of joints that the recipe moves are left out."""
+        """Yield each keyframe's commands in the whole, without joints that the recipe moves."""
         joint_of = {a.name: a.joint for a in self.said.control.actuators if a.name}
         said = dict(self.said.ctrl)
         for key in self.keys:
@@ -164,7 +164,7 @@ class PartControl:
             )
 
     def left_out(self, base: SourceControl | None) -> tuple[str, ...]:
-        """Of how the part is simulated what is neither the base's nor MuJoCo's own."""
+        """Return the part's options that are neither the base's nor MuJoCo's defaults."""
         timestep = base.control.simulation.timestep if base else TIMESTEP_S
         own, bases = _options(self.said), _options(base)
         found = []

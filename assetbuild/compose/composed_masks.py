@@ -46,7 +46,7 @@ class _Side:
     """How many bits were added."""
 
     def masks(self) -> set[Masks]:
-        """Of all its shapes; those that are made anew get the common ones."""
+        """Return the masks of all its shapes; shapes that are made anew get the common ones."""
         control = self.said.control
         found = {(c.mask, c.partners) for c in (control.contact, *(c for _, c in control.contacts))}
         return found | {_of_geom(e) for e in _geoms(control.mjcf_only)}

@@ -20,7 +20,7 @@ from assetbuild.control.senses import (
     placed_cameras,
     placed_sensors,
 )
-from assetbuild.control.source_control import Stated, join, joined_keyframes
+from assetbuild.control.source_control import StatedControl, join, joined_keyframes
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import Gather, did_you_mean
 from assetbuild.findings import Finding, Rule
@@ -156,7 +156,7 @@ class ControlStep(Step):
             simulation=self.simulation,
         )
         if source is not None:
-            stated = Stated(self.sides, self.rows, self.contact.links, parts)
+            stated = StatedControl(self.sides, self.rows, self.contact.links, parts)
             joined = join(control, source, tree, shapes, stated)
             control = joined.control
             yield from joined.findings

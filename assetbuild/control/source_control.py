@@ -47,7 +47,7 @@ NEW_SURFACE = Rule(
 
 
 @dataclass
-class Joined:
+class JoinedControl:
     """The control of the robot, and what is said about joining."""
 
     control: Control
@@ -55,7 +55,7 @@ class Joined:
 
 
 @dataclass(frozen=True)
-class Stated:
+class StatedControl:
     """What the recipe says. sides: see `Side`; rows: of the actuator table; surfaces: by pattern
     of links; poses: of parts in keyframes that only the base's source has, by joint.
     """
@@ -77,8 +77,8 @@ class Stated:
 
 
 def join(
-    control: Control, source: SourceControl, tree: Tree, shapes: Shapes, stated: Stated
-) -> Joined:
+    control: Control, source: SourceControl, tree: Tree, shapes: Shapes, stated: StatedControl
+) -> JoinedControl:
     """The source's words where the recipe has none. control: as the recipe alone makes it."""
     said, findings = source.control, list[Finding]()
     bodies = _Bodies(tree, findings)
@@ -98,7 +98,7 @@ def join(
         cameras=_by_name(control.cameras, said.cameras),
         mjcf_only=mjcf_only,
     )
-    return Joined(joined, [*findings, *explain_opaque(mjcf_only)])
+    return JoinedControl(joined, [*findings, *explain_opaque(mjcf_only)])
 
 
 def _by_name(own: tuple[T, ...], said: Sequence[T]) -> tuple[T, ...]:
@@ -111,7 +111,7 @@ def _by_name(own: tuple[T, ...], said: Sequence[T]) -> tuple[T, ...]:
 # --- drives and poses -----------------------------------------------------------------------
 
 
-def _actuators(control: Control, said: Control, stated: Stated) -> tuple[Actuator, ...]:
+def _actuators(control: Control, said: Control, stated: StatedControl) -> tuple[Actuator, ...]:
     """One for each moving joint in tree order; a row without armature leaves the source's."""
     rows = stated.rows
     silent = [row.joints for row in rows if row.armature is None and row.motor is None]
@@ -149,7 +149,7 @@ def joined_keyframes(
 
 
 def _commands(
-    source: SourceControl, keyframes: tuple[Keyframe, ...], stated: Stated
+    source: SourceControl, keyframes: tuple[Keyframe, ...], stated: StatedControl
 ) -> Iterator[MjcfOnly]:
     """The commands of the source's keyframes, by actuator.
 
@@ -177,7 +177,7 @@ def _moved(joint: str, before: Mapping[str, float], now: Mapping[str, float]) ->
 
 
 def _simulation(own: Simulation, said: Simulation, base: Side) -> Simulation:
-    """Of a composite as the base says; only an MJCF says anything itself."""
+    """Return a composite's options as the base states them; only an MJCF states any itself."""
     if not base.from_mjcf:
         return own
     said = said.model_copy(update={"decimation": own.decimation})  # no MJCF states one
@@ -194,7 +194,11 @@ def _recipe_wins(section: str, own: M, said: M, base: Side) -> M:
 
 
 def _contacts(
-    own: Contact, source: SourceControl, shapes: Shapes, stated: Stated, findings: list[Finding]
+    own: Contact,
+    source: SourceControl,
+    shapes: Shapes,
+    stated: StatedControl,
+    findings: list[Finding],
 ) -> tuple[Contact, tuple[tuple[str, Contact], ...]]:
     """The common surface and those that differ; what the recipe says holds for all of them."""
     said, by_prefix = source.control, dict(source.surfaces)
@@ -242,7 +246,7 @@ def _kept(
     said: Control,
     bodies: _Bodies,
     shapes: Shapes,
-    stated: Stated,
+    stated: StatedControl,
     findings: list[Finding],
 ) -> Iterator[MjcfOnly]:
     """All but what the recipe replaced, and what names a body that was merged away."""
@@ -276,7 +280,7 @@ def _kept(
         findings.append(_gone(gone))
 
 
-def _replaced(said: Control, stated: Stated) -> frozenset[str]:
+def _replaced(said: Control, stated: StatedControl) -> frozenset[str]:
     """Names of the source's drives that the recipe's table takes the place of."""
     found = {a.name for a in said.actuators if a.name and stated.replaces(a.joint)}
     for item in said.mjcf_only:

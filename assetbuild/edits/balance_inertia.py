@@ -21,7 +21,7 @@ from assetbuild.robot.model import Body, Inertial, Tree
 from assetbuild.robot.shapes import SourceShapes
 
 ROOM = 1e-9
-"""Of C: A + B = C to the last bit is lost where somebody turns the axes, as MuJoCo does."""
+"""A + B exceeds C by this share of C: turning the axes, as MuJoCo does, loses exact equality."""
 
 BALANCE_INERTIA = Rule(
     "edit.balance_inertia",

@@ -20,7 +20,7 @@ from assetbuild.robot.pose import Array, Vec3, vec3
 from assetbuild.robot.shapes import SourceShapes
 
 SHARE = 0.1
-"""Of the mass that could be taken out of the body before its tensor became impossible."""
+"""Share of the mass that can be taken out of the body before its tensor becomes impossible."""
 BALL = 1e-9
 """Moment of each new mass, as a share of the body's least: no engine takes a point of 0."""
 MEETS_M = 1e-9

@@ -212,6 +212,7 @@ def environment(kind: Kind, home: Path) -> dict[str, str]:
     fixed = dict.fromkeys(THREAD_COUNTS, str(kind.cpus)) | dict.fromkeys(BLAS_THREAD_COUNTS, "1")
     fixed |= cpu_class().environment
     fixed |= {"PYTHONHASHSEED": "0", "PYTHONUTF8": "1", "TZ": "UTC", "LC_ALL": "C"}
+    fixed["MESA_SHADER_CACHE_DISABLE"] = "true"  # it lies in the user's home, whatever HOME says
     return kept | fixed
 
 

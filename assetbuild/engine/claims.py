@@ -144,13 +144,11 @@ def remove_abandoned(folders: Iterable[Path]) -> None:
 class Turns:
     """One at a time per name, among all threads and processes that share a folder.
 
-    A turn is a link that names its holder: it appears whole, and for one of them only. The same
-    thread may take a name that it holds already.
+    A turn is a link that names its holder: it appears whole, and for one of them only.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._mine = threading.local()
 
     @contextmanager
     def turn(
@@ -162,17 +160,11 @@ class Turns:
         saves work, it guards nothing: what two of them write at once is the same.
         done: asked while waiting; True ends the wait.
         """
-        held: set[str] = self._mine.__dict__.setdefault("held", set())
-        if name in held:
-            yield
-            return
         path = self._folder / name
         me = self._wait(path, time.monotonic() + patience_s, done)
-        held.add(name)
         try:
             yield
         finally:
-            held.discard(name)
             with suppress(OSError):
                 if me and str(path.readlink()) == me:
                     release(path)

@@ -17,24 +17,23 @@ from __future__ import annotations
 
 import gc
 import importlib.util
-import json
 import os
 import sys
-from collections.abc import Iterable, Mapping
+import threading
 from dataclasses import dataclass
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
-from typing import Any
 
-from assetbuild.engine.digest import Signature, is_racy, replace_file, signature_of
+from assetbuild.engine.digest import Signature, signature_of
 from assetbuild.engine.libraries import Libraries
+from assetbuild.engine.stamps import Stamps
 from assetbuild.engine.syntax import MUST, SYNTAX_FORMAT, read_data, read_module
 from assetbuild.errors import MachineError
 
-CACHE_LIMIT = 4000
-"""Files kept in one cache file; several installations may share a store."""
+FILES_KEPT = 4000
+"""In one cache; several installations may share a store."""
 DIGITS = 32
-"""Of a module's digest in a key: 128 bits."""
+"""Hexadecimal digits of a module's digest in a key: 128 bits."""
 PACKAGE = "assetbuild"
 FRAME = "assetbuild.engine.step"
 PYTHON = f"{sys.implementation.name} {sys.version_info.major}.{sys.version_info.minor}"
@@ -76,17 +75,23 @@ class Code:
     """
 
     def __init__(self, folder: Path | None = None) -> None:
-        self._kept = folder and folder / f"{PYTHON.replace(' ', '-')}.json"
-        known = _load(self._kept) if self._kept else {}
-        self._files: dict[str, list[Any]] = known.get("files", {})  # Any: JSON
-        self._is_new = False
-        self._libraries = Libraries(known.get("libraries"))
+        kept = folder and folder / f"{PYTHON.replace(' ', '-')}.json"
+        self._stamps = Stamps(kept, form=SYNTAX_FORMAT, limit=FILES_KEPT)
+        self._libraries = Libraries(self._stamps.notes)
         self._packages = _Packages()
         self._targets: dict[tuple[str, str], tuple[list[str], set[str]]] = {}
         self._closures: dict[str, StepCode] = {}
+        self._codes: dict[type, StepCode] = {}
+        self._lock = threading.Lock()
 
     def of(self, step: type) -> StepCode:
         """The code of a step class. MachineError when its source is not to be found."""
+        if step not in self._codes:
+            with self._lock:
+                self._codes[step] = self._code(step)
+        return self._codes[step]
+
+    def _code(self, step: type) -> StepCode:
         module = step.__module__
         if module not in self._closures:
             collects = gc.isenabled()
@@ -100,19 +105,19 @@ class Code:
         stated = getattr(step, "tools", ())  # of a plug-in that was written for assetbuild 0.1
         if not stated:
             return code
-        libraries = self.versions([*code.libraries, *stated])
+        libraries = self._libraries.with_requirements([*code.libraries, *stated])
         return StepCode(code.modules, libraries, code.files)
 
-    def versions(self, distributions: Iterable[str]) -> dict[str, str]:
-        """Name -> version of installed distributions, and of those that they require."""
-        return self._libraries.with_requirements(distributions)
-
     def check(self, step: type) -> None:
-        """MachineError when the code of a step was edited since this process looked at it.
+        """MachineError when the code of a step has changed since this process looked at it.
 
-        A child process loads a module later than that, so what it made may be that of either.
+        A child process loads it later than that, so what it made may be that of either.
         """
-        for name, path in self.of(step).files:
+        code = self.of(step)
+        for library in code.libraries:
+            if not self._libraries.is_there(library):
+                raise _changed(f"the library `{library}`")
+        for name, path in code.files:
             seen = _FIRST_SEEN[name, path]
             try:
                 if signature_of(os.stat(path)) == seen.signature:  # noqa: PTH116 - on a hot path
@@ -121,21 +126,15 @@ class Code:
             except OSError:
                 digest = "gone"
             if digest != seen.digest:
-                raise MachineError(
-                    f"`{path}` was edited while a step ran that uses it", hint="build again"
-                )
+                raise _changed(f"`{path}`")
 
     def save(self) -> None:
         """Write what was learnt; OSError passes."""
-        if self._kept is None or not (self._is_new or self._libraries.is_new):
-            return
-        entry = {
-            "format": SYNTAX_FORMAT,
-            "files": dict(list(self._files.items())[-CACHE_LIMIT:]),
-            "libraries": self._libraries.to_json(),
-        }
-        replace_file(self._kept, json.dumps(entry).encode())
-        self._is_new = self._libraries.is_new = False
+        with self._lock:
+            if self._libraries.is_new:
+                self._stamps.notes = self._libraries.to_json()
+                self._libraries.is_new = False
+            self._stamps.save()
 
     def _closure(self, start: str) -> StepCode:
         own = start.partition(".")[0]
@@ -162,7 +161,7 @@ class Code:
         owners = {owner for top in libraries for owner in self._libraries.owners(top)}
         return StepCode(
             {name: digest[:DIGITS] for name, digest in digests if digest},
-            self.versions(sorted(owners)),
+            self._libraries.with_requirements(sorted(owners)),
             tuple(sorted(files.items())),
         )
 
@@ -211,38 +210,25 @@ class Code:
 
     def _file(self, name: str, path: str) -> _File:
         if (name, path) not in _FIRST_SEEN:
-            signature = signature_of(os.stat(path))  # noqa: PTH116 - first, then the content
-            place = f"{name} {path}"
-            known = self._files.get(place)
-            if known is None or known[:5] != [*signature]:
-                digest, imports = _read(name, path)
-                known = [*signature, digest, "\n".join(imports)]
-                if not is_racy(signature):
-                    self._files.pop(place, None)
-                    self._files[place] = known
-                    self._is_new = True
-            _FIRST_SEEN[name, path] = _File(signature, known[5], tuple(known[6].splitlines()))
+            found = os.stat(path)  # noqa: PTH116 - on a hot path
+            text = self._stamps.find(f"{name} {path}", found, lambda: "\n".join(_read(name, path)))
+            digest, *imports = text.split("\n")
+            _FIRST_SEEN[name, path] = _File(signature_of(found), digest, tuple(imports))
         return _FIRST_SEEN[name, path]
 
 
-def _read(name: str, path: str) -> tuple[str, tuple[str, ...]]:
+def _changed(what: str) -> MachineError:
+    return MachineError(
+        f"{what} was changed while a step ran that uses it", hint="start the program again"
+    )
+
+
+def _read(name: str, path: str) -> list[str]:
+    """The digest, and what the file imports."""
     if "/" not in name and path.endswith(".py"):
-        return read_module(name, path)
-    return read_data(path), ()
-
-
-def _load(path: Path) -> Mapping[str, Any]:  # Any: JSON
-    """What an earlier process kept, as far as it can be used."""
-    try:
-        raw = json.loads(path.read_bytes())
-        if raw["format"] == SYNTAX_FORMAT and all(
-            len(entry) == 7 and isinstance(entry[5], str) and isinstance(entry[6], str)
-            for entry in raw["files"].values()
-        ):
-            return dict(raw)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        pass
-    return {}
+        digest, imports = read_module(name, path)
+        return [digest, *imports]
+    return [read_data(path)]
 
 
 class _Packages:

@@ -10,6 +10,7 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,18 @@ _REQUIREMENT = re.compile(r"\s*([\w.-]+)\s*(?:\[([^\]]*)\])?[^;]*;?(.*)", re.DOT
 _EXTRA = re.compile(r"""\bextra\s*==\s*["']([^"']+)["']""")
 
 
+@dataclass
+class _Read:
+    """What the metadata hold. owners: top-level module -> distributions; needs: by requirement."""
+
+    owners: dict[str, list[str]] | None = None
+    needs: dict[str, list[str]] = field(default_factory=dict)
+
+
+_READ: dict[str, _Read] = {}
+"""By the set of installed distributions."""
+
+
 class Libraries:
     """The distributions on `sys.path`, as they are now.
 
@@ -30,44 +43,52 @@ class Libraries:
     def __init__(self, known: Mapping[str, Any] | None = None) -> None:  # Any: JSON
         self._folders = _metadata_folders()
         self._stamp = digest_bytes(canonical_json(sorted(map(str, self._folders.values()))))
-        known = known if known and known.get("stamp") == self._stamp else {}
-        self._owners: dict[str, list[str]] | None = known.get("owners")
-        self._needs: dict[str, list[str]] = dict(known.get("needs", {}))
+        if self._stamp not in _READ:
+            _READ[self._stamp] = _earlier(known, self._stamp)
+        self._read = _READ[self._stamp]
         self._versions: dict[str, str] = {}
         self.is_new = False
 
     def to_json(self) -> dict[str, object]:
         """Plain data for the next process."""
-        return {"stamp": self._stamp, "owners": self._owners, "needs": self._needs}
+        return {"stamp": self._stamp, "read": vars(self._read)}
 
     def owners(self, module: str) -> tuple[str, ...]:
         """Distributions that install a top-level module; () for the standard library and others.
 
         An editable installation owns nothing here: its files are code that anyone may edit.
         """
-        if self._owners is None:
-            self._owners, self.is_new = {}, True
+        if self._read.owners is None:
+            owners: dict[str, list[str]] = {}
             for name, folder in sorted(self._folders.items()):
                 for top in sorted(_tops(folder)):
-                    self._owners.setdefault(top, []).append(name)
-        return tuple(self._owners.get(module, ()))
+                    owners.setdefault(top, []).append(name)
+            self._read.owners, self.is_new = owners, True
+        return tuple(self._read.owners.get(module, ()))
 
     def with_requirements(self, names: Iterable[str]) -> dict[str, str]:
         """Name -> version of these distributions, if installed, and of what they require."""
         found: dict[str, str] = {}
         waiting = list(names)
+        seen = set(waiting)
         while waiting:
-            name, _, extra = waiting.pop().partition("[")
+            label = waiting.pop()
+            name, _, extra = label.rstrip("]").partition("[")
             name = _normal(name)
-            label = f"{name}[{extra}"
-            if name not in self._folders or (name in found and not extra):
+            if name not in self._folders:
                 continue
-            if label not in self._needs:
-                self._needs[label] = list(_requirements(self._folders[name], extra.rstrip("]")))
-                self.is_new = True
             found[name] = self.version(name)
-            waiting += self._needs[label]
+            if label not in self._read.needs:
+                self._read.needs[label] = list(_requirements(self._folders[name], extra))
+                self.is_new = True
+            fresh = [each for each in self._read.needs[label] if each not in seen]
+            seen.update(fresh)
+            waiting += fresh
         return dict(sorted(found.items()))
+
+    def is_there(self, name: str) -> bool:
+        """Whether a distribution is still installed in the version that it had."""
+        return self._folders[name].exists()
 
     def version(self, name: str) -> str:
         """The version of an installed distribution, or `not installed`."""
@@ -83,6 +104,17 @@ class Libraries:
                 else metadata.Distribution.at(folder).version
             )
         return self._versions[name]
+
+
+def _earlier(known: Mapping[str, Any] | None, stamp: str) -> _Read:  # Any: JSON
+    """What an earlier process read, if it was about these distributions."""
+    try:
+        if known is not None and known["stamp"] == stamp:
+            read = known["read"]
+            return _Read({k: list(v) for k, v in read["owners"].items()}, dict(read["needs"]))
+    except (KeyError, TypeError, ValueError, AttributeError):
+        pass
+    return _Read()
 
 
 def _normal(name: str) -> str:

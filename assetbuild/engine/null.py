@@ -159,7 +159,7 @@ def renewed(lines: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def identity() -> str:
-    """This installation: Python, our own files, where it imports from, what is installed there.
+    """This installation: Python, our own files, and what is installed beside them.
 
     Installing or removing a distribution changes the stamp of its site-packages folder; an
     edit of our own files (an editable installation) changes the sum of their stamps.
@@ -180,10 +180,7 @@ def identity() -> str:
                     stamps += found.st_mtime_ns + found.st_ctime_ns
                     sizes += found.st_size
     parts = [assetbuild.__version__, sys.version.split()[0], sys.prefix, sys.platform]
-    import zlib
-
-    path = zlib.crc32("\0".join(sys.path).encode("utf-8", "surrogatepass"))
-    parts += [str(count), str(stamps), str(sizes), f"{path:08x}"]
+    parts += [str(count), str(stamps), str(sizes)]
     for folder in sorted({p for p in sys.path if p.endswith("-packages")}):
         try:
             found = os.stat(folder)

@@ -57,7 +57,7 @@ class Places:
 
 
 def places(folder: Path, declared: Iterable[Path]) -> Places:
-    """For a step with the private folder `folder`, whose inputs link to `declared` objects."""
+    """For a step with the private folder `folder`, whose inputs link to objects in `declared`."""
     paths = sysconfig.get_paths()
     code = [paths[name] for name in ("stdlib", "platstdlib", "purelib", "platlib")]
     code += [*sys.path, *site.getsitepackages(), os.path.dirname(sys.executable)]  # noqa: PTH120
@@ -76,7 +76,8 @@ def _existing(paths: Iterable[str]) -> tuple[str, ...]:
 def enter(folder: Path) -> None:
     """Split this process: the caller goes on confined; its parent watches and ends as it ends."""
     inputs = folder / "inputs"
-    declared = [p.resolve() for p in inputs.rglob("*") if not p.is_dir()]
+    # The folders of objects: one that another step makes as well is a new file of the same name.
+    declared = {p.resolve().parent for p in inputs.rglob("*") if not p.is_dir()}
     allowed = places(folder, declared)
     ours, theirs = socket.socketpair()
     watcher = os.getpid()

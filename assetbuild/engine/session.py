@@ -8,8 +8,8 @@ from pathlib import Path
 
 from assetbuild.engine.actions import Actions, SharedCache
 from assetbuild.engine.code import Code
-from assetbuild.engine.digest import StatCache
 from assetbuild.engine.journal import Journal
+from assetbuild.engine.stamps import Stamps
 from assetbuild.engine.store import Listing, LostObjectError, Store
 from assetbuild.engine.world import World, edited
 
@@ -37,7 +37,7 @@ class Session:
         self.journal = Journal(store.root, builds or {"": build})
         self.code = Code(store.root / "code")
         self.world = (world or World()).whole
-        self.world.stat_cache = StatCache(store.root / "stat.json", rehash=rehash)
+        self.world.stamps = Stamps(store.root / "stat.json", fresh=rehash)
         self._listings: dict[str, Listing] = {}
 
     def __enter__(self) -> Session:
@@ -51,7 +51,7 @@ class Session:
 
     def save(self) -> None:
         """Write what was learnt and the journal; a full disk costs only speed."""
-        for part in (self.world.stat_cache, self.code, self.journal):
+        for part in (self.world.stamps, self.code, self.journal):
             with suppress(OSError):
                 part.save()
 

@@ -11,7 +11,7 @@ from typing import Any
 from assetbuild.engine.digest import digest_bytes, digest_file
 from assetbuild.errors import MachineError
 
-SYNTAX_FORMAT = 1
+SYNTAX_FORMAT = "syntax 1"
 """Raised when the digest of the same file, or what is found in it, changes."""
 STATED = "BEYOND_IMPORTS"
 VERSION = "__version__"

@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
-from assetbuild.engine.digest import StatCache, digest_bytes
+from assetbuild.engine.digest import digest_bytes
 from assetbuild.engine.questions import (
     BETWEEN,
     BYTES,
@@ -28,6 +28,7 @@ from assetbuild.engine.questions import (
     answer,
     pattern_of,
 )
+from assetbuild.engine.stamps import Stamps
 from assetbuild.errors import SourceError
 
 Record = dict[Question, str]
@@ -47,7 +48,7 @@ class World:
 
     def __init__(self) -> None:
         self.record: Record = {}
-        self.stat_cache = StatCache()
+        self.stamps = Stamps()
         self._whole = self
         self._files: dict[str, Path] = {}
 
@@ -79,8 +80,9 @@ class World:
     def _digest(self, question: Question) -> str:
         path = question[1]
         try:
-            digest = self._whole.stat_cache.digest(path)
+            digest = self._whole.stamps.digest(path)
         except OSError as error:
+            self._ask((STAMP, path, ""))  # `watch` waits for what can be read
             reason = error.strerror or str(error)
             raise SourceError(f"cannot read `{path}`: {reason}") from None
         self._files[digest] = Path(path)
@@ -102,7 +104,7 @@ class World:
         """SourceError when one of these files is not what it was when first seen."""
         for path in paths:
             try:
-                same = self._whole.stat_cache.digest(path) == self.digest(Path(path))
+                same = self._whole.stamps.digest(path) == self.digest(Path(path))
             except OSError:
                 same = False
             if not same:
@@ -202,6 +204,30 @@ class World:
         for place in places:
             self._kind(Path(place))
         return True
+
+    def installed(self, modules: Iterable[str]) -> None:
+        """Note which distributions there are, and the files of modules that plug in; see `Code`.
+
+        modules: top-level ones, maybe not imported yet. Where a distribution lies among others,
+        the stamp of that folder is part of the null build's identity.
+        """
+        self.variable("PYTHONPATH")
+        for folder in sys.path:
+            if not folder.endswith("-packages"):
+                for name in self.names(Path(folder), ends=(".dist-info", ".egg-info")):
+                    points = Path(folder, name, "entry_points.txt")
+                    if self.is_file(points):
+                        self.digest(points)
+        for module in modules:
+            found = importlib.util.find_spec(module)
+            if found is None:
+                continue
+            if found.origin and not found.submodule_search_locations:
+                self.digest(Path(found.origin))
+            for folder in found.submodule_search_locations or ():
+                for path in self.below(Path(folder), ()):
+                    if self.is_file(path):
+                        self.digest(path)
 
     def can_load(self, library: str) -> bool:
         """Does the loader find a shared library, such as `libEGL.so.1`?"""

@@ -195,7 +195,10 @@ def _stated(limit: Value) -> Value:
 
 
 def physx_expected(reference: Reference, *, drive_type: str, mimics: bool) -> Table:
-    """Of the robot, in its initial pose. mimics: whether the USD couples them."""
+    """Return what PhysX must hold of the robot in its initial pose.
+
+    mimics: whether the USD couples them.
+    """
     table = as_physx(robot_table(reference), drive_type)
     book, control = Writer(), reference.control
     book.facts |= table.facts
@@ -264,7 +267,7 @@ def physx_table(
 
 
 def _motion(X: Pose) -> dict[str, Value]:
-    """Of the motion of a body in its own frame while its joint goes from 0 to `physx.TURN`."""
+    """Return type, axis and anchor of a joint from X, its body's motion from 0 to `physx.TURN`."""
     w, *turn = X.quat if X.quat[0] >= 0.0 else (-v for v in X.quat)
     half, moved = float(np.linalg.norm(turn)), float(np.linalg.norm(X.xyz))
     if 2.0 * math.atan2(half, w) <= physx.TURN / 2.0:
@@ -300,7 +303,7 @@ def _held_joint(joint: physx.HeldJoint) -> dict[str, Value]:
 
 
 def newton_expected(reference: Reference, *, coupled: Callable[[Joint], bool]) -> Table:
-    """Of the robot. coupled: whether a file says that a joint mimics another."""
+    """Return what Newton must hold of the robot. coupled: does a file say that a joint mimics?"""
     tree, table = reference.tree, as_newton(robot_table(reference))
     free = {
         joint.name for joint in tree.moving_joints if joint.mimic is not None and not coupled(joint)

@@ -1,7 +1,7 @@
 """Meshes and pictures of an MJCF that MuJoCo need not read: copies of the robot's own files.
 
-The full MJCF is compiled with all of its files, which proves what MuJoCo makes of each. Its other
-forms name the same files; of those with the same bytes only the use is left to be proved.
+What MuJoCo makes of the robot's files is proved once, by the check `mjcf_compiles`. Of a copy with
+the same bytes only the use is left to be proved.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from typing import Any
 from assetbuild.facts.mjcf_opaque import attributes_of, mjcf_names, source_commands
 from assetbuild.facts.mjcf_words import SURFACE
 from assetbuild.facts.reference import Reference, filtered_pairs, pose_value, robot_table
-from assetbuild.facts.table import Key, Table, Value
+from assetbuild.facts.table import Key, Table, Value, pair_name, pair_of
 from assetbuild.robot.chains import axis_in_body, find_chains
 from assetbuild.robot.model import Actuator, Joint, Tree
 from assetbuild.robot.pose import quat_between, rotation_of
@@ -212,7 +212,7 @@ def _shapes(reference: Reference, facts: dict[Key, Value]) -> None:
     touching = _touching(reference)
     for pair in filtered_pairs(reference.tree, reference.shapes, reference.control):
         if not set(pair) <= touching:
-            del facts[Key("pair", " ".join(pair), "filtered")]  # masks say it
+            del facts[Key("pair", pair_name(*pair), "filtered")]  # masks say it
     pictures = {material.name: material.texture or "" for material in reference.shapes.materials}
     for shape in reference.shapes.shapes:
         meets = [facts.get(Key("shape", shape.name, bits)) for bits in ("mask", "partners")]
@@ -288,9 +288,8 @@ def _renamed(facts: Mapping[Key, Value], names: Mapping[str, str]) -> dict[Key, 
             kind, name = value.split(" ", 1)
             value = f"{kind} {changed.get(name, name)}"
         if key.kind == "pair":
-            key = key._replace(
-                name=" ".join(sorted(changed.get(n, n) for n in key.name.split(" ")))
-            )
+            one, other = (changed.get(name, name) for name in pair_of(key.name))
+            key = key._replace(name=pair_name(one, other))
         found[key] = value
     return found
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import itertools
 import json
 import math
+from collections import Counter
 from collections.abc import Collection, Iterator
 from typing import Any
 
 import numpy as np
 
 from assetbuild.facts.mjcf_meshes import Meshes, pose_of
-from assetbuild.facts.table import Value, Writer
+from assetbuild.facts.table import Value, Writer, pair_name
 from assetbuild.simulators.joint_drives import Drive, read_drives
 from assetbuild.simulators.mujoco import Model, inertia_of, name_of, passes
 
@@ -51,9 +52,10 @@ def read_model(
     told = {("actuator", _name(model, "actuator", drive.index)) for drive in drives}
     for drive in drives:
         _drive(model, drive, book)
+    followers: set[str] = set()
     for equality in range(model.neq):
         subject = ("equality", str(model.eq(equality).name))
-        if subject not in opaque and _equality(model, equality, book):
+        if subject not in opaque and _equality(model, equality, followers, book):
             told.add(subject)
     for site in range(model.nsite):
         _site(model, site, book)
@@ -62,7 +64,10 @@ def read_model(
         if int(model.geom_bodyid[geom]):
             book.put("shape", _name(model, "geom", geom), _geom(model, geom, meshes))
     for pair in _filtered(model, opaque):
-        book.put("pair", " ".join(pair), {"filtered": True})
+        book.put("pair", pair_name(*pair), {"filtered": True})
+    for pair, count in _excluded(model).items():
+        if count > 1:
+            book.put("pair", pair_name(*pair), {"mjcf:excludes": float(count)})
     _senses(model, book)
     for key in range(model.nkey):
         _keyframe(model, key, moving, drives, book)
@@ -188,12 +193,18 @@ def general_text(model: Model, index: int) -> str:
     )
 
 
-def _equality(model: Model, index: int, book: Writer) -> bool:
-    """A mimic joint, or one that is locked; False of every other kind, a word of MJCF."""
+def _equality(model: Model, index: int, followers: set[str], book: Writer) -> bool:
+    """A mimic joint, or one that is locked; False of every other kind, a word of MJCF.
+
+    followers: joints that an equality before this one leads or locks.
+    """
     if int(model.eq_type[index]) != 2:  # mjEQ_JOINT
         return False
     follower, leader = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
     name, data = _name(model, "joint", follower), _numbers(model.eq_data[index])
+    if name in followers:
+        return False  # a second one acts beside the first
+    followers.add(name)
     facts: dict[str, Value] = {"lower": data[0], "upper": data[0]}
     if leader >= 0:
         facts = {
@@ -276,6 +287,13 @@ def contact_facts(model: Model, geom: int) -> dict[str, Value]:
         "margin": float(model.geom_margin[geom]),
         "gap": float(model.geom_gap[geom]),
     }
+
+
+def _excluded(model: Model) -> Counter[tuple[str, str]]:
+    """How often each pair of bodies (sorted names) is excluded."""
+    ends = ((int(pair) >> 16, int(pair) & 0xFFFF) for pair in model.exclude_signature)
+    names = (sorted((_body_name(model, a), _body_name(model, b))) for a, b in ends)
+    return Counter((first, second) for first, second in names)
 
 
 def _filtered(

@@ -133,7 +133,7 @@ def _owned(kind: str, attributes: str) -> dict[Key, Value]:
 
 
 def attributes_of(element: str) -> dict[str, str]:
-    """Of an element's text."""
+    """Return the attributes of an element, which is given as text."""
     from defusedxml.ElementTree import fromstring
 
     return dict(fromstring(element).attrib)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,9 @@ from typing import Any
 from assetbuild.errors import UsageError
 from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.surface import Surface
-from assetbuild.facts.table import Table, Value, Writer
-from assetbuild.robot.chains import find_chains
+from assetbuild.facts.table import Table, Value, Writer, pair_name
 from assetbuild.robot.codec import decode, encode
+from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import (
     MOVING,
@@ -157,7 +157,7 @@ def robot_table(reference: Reference, *, merged: bool = True) -> Table:
             book.put("joint", joint.name, drive_facts(joint, reference.control))
     _shapes(tree, reference, book)
     for first, second in filtered_pairs(tree, reference.shapes, reference.control):
-        book.put("pair", f"{first} {second}", {"filtered": True})
+        book.put("pair", pair_name(first, second), {"filtered": True})
     _senses(tree, reference.control, book)
     for key in reference.control.keyframes:
         _keyframe(key, tree, book)
@@ -295,46 +295,25 @@ def surface_facts(contact: Contact) -> dict[str, Value]:
 def filtered_pairs(tree: Tree, shapes: Shapes, control: Control) -> Iterator[tuple[str, str]]:
     """Pairs of bodies (sorted) that both may touch something, and never each other.
 
-    Excluded by the recipe; one rigid piece; parent and child, unless the parent is part of the
-    world: MuJoCo's rules, which every format must follow. Or masks that never meet.
+    They are excluded by the recipe, or by MuJoCo's own rule, which every format must follow, or
+    their masks never meet. `robot.contact_filter` defines that rule for readers and writers; the
+    proof that it is MuJoCo's is the compiled model, which the reader of MJCF asks.
     """
     own = dict(control.contacts)
     solid: dict[str, list[Contact]] = {}
     for shape in shapes.of("collision"):
         body = tree.placement(shape.link)[0]
         solid.setdefault(body, []).append(own.get(shape.name, control.contact))
-    chains = find_chains(tree, {shape.link for shape in shapes.shapes})
-    piece, above = _rigid_pieces(tree, {link for chain in chains for link in chain.between})
+    rule = ContactFilter.of(tree, shapes, control)
     excluded = {frozenset(pair) for pair in control.excludes}
-    parents = not any("filterparent" in item.element for item in control.mjcf_only)
     for first, second in itertools.combinations(sorted(solid), 2):
-        a, b = piece[first], piece[second]
-        near = parents and "" not in (a, b) and (above.get(a) == b or above.get(b) == a)
         meets = any(
             one.mask & two.partners or two.mask & one.partners
             for one in solid[first]
             for two in solid[second]
         )
-        if frozenset((first, second)) in excluded or a == b or near or not meets:
+        if frozenset((first, second)) in excluded or rule.passes(first, second) or not meets:
             yield first, second
-
-
-def _rigid_pieces(tree: Tree, between: Collection[str]) -> tuple[dict[str, str], dict[str, str]]:
-    """(body -> its piece, piece -> the piece above): bodies that fixed joints hold together.
-
-    A piece is named by its topmost body, that of the world "". between: massless links in a row
-    of joints, which are one joint to the bodies at its ends.
-    """
-    piece = {tree.root: "" if tree.base == "fixed" else tree.root}
-    above: dict[str, str] = {}
-    for joint in tree.joints:  # parents first
-        if joint.kind == "fixed":
-            piece[joint.child] = piece[joint.parent]
-        else:
-            piece[joint.child] = joint.child
-            over = piece[joint.parent]
-            above[joint.child] = above[over] if over in between else over
-    return piece, above
 
 
 # --- sensors, cameras, poses ----------------------------------------------------------------

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -31,6 +33,21 @@ class Key(NamedTuple):
     def is_foreign(self) -> bool:
         """Whether it is a word of one format rather than of the vocabulary."""
         return ":" in self.quantity
+
+
+def pair_name(one: str, other: str) -> str:
+    """The name of a pair as a subject: both names, sorted; one with a space is quoted."""
+    return " ".join(
+        json.dumps(name, ensure_ascii=False) if re.search(r'[\s"]', name) or not name else name
+        for name in sorted((one, other))
+    )
+
+
+def pair_of(name: str) -> tuple[str, str]:
+    """The two names behind `pair_name`."""
+    words = re.findall(r'"(?:[^"\\]|\\.)*"|[^\s"]+', name)
+    one, other = (json.loads(word) if word.startswith('"') else word for word in words)
+    return one, other
 
 
 @dataclass(frozen=True)

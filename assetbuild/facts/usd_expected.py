@@ -8,7 +8,9 @@ from __future__ import annotations
 import itertools
 
 from assetbuild.facts.reference import Reference, filtered_pairs, pose_value
-from assetbuild.facts.table import Key, Table, Value, Writer
+from assetbuild.facts.sketch import SKETCH
+from assetbuild.facts.table import Key, Table, Value, Writer, pair_name
+from assetbuild.facts.usd_inventory import inventory
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import MOVING, Actuator, Joint, Tree
 from assetbuild.robot.pose import IDENTITY
@@ -54,6 +56,7 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
     for material in reference.shapes.materials:
         _material(material, reference, book)
     _identifiers(reference, book)
+    book.facts |= dict(inventory(robot, reference, book.facts))
     return book.table()
 
 
@@ -199,12 +202,14 @@ def _shape(shape: Shape, reference: Reference, options: UsdOptions, book: Writer
 
 
 def _normals(shape: Shape, mesh: str, reference: Reference) -> dict[str, Value]:
-    """Those that the mesh states, in its body's axes; of its faces where it states none."""
+    """Its triangles; the normals that the mesh states, in its body's axes, else its faces'."""
     surface = dict(reference.assets.surfaces)[mesh]
+    facts: dict[str, Value] = {f"usd:{SKETCH}": surface.sketch or None}
     if not surface.normals:
-        return {"usd:normals": "of its faces"}
+        return facts | {"usd:normals": "of its faces"}
     _, pose = reference.tree.shape_placement(shape)
-    return {"usd:normals": "of its corners", "usd:corner normals": surface.moved(pose).normals}
+    normals = surface.moved(pose).normals
+    return facts | {"usd:normals": "of its corners", "usd:corner normals": normals}
 
 
 def _solid_bodies(reference: Reference) -> dict[str, list[Shape]]:
@@ -238,8 +243,22 @@ def _shape_pairs(reference: Reference, book: Writer) -> None:
             touch = all(s.mask or s.partners for s in (first, second))
             meet = first.mask & second.partners or second.mask & first.partners
             if touch and not meet:
-                names = " ".join(sorted((a.name, b.name)))
-                book.put("shape pair", names, {"usd:filtered": True})
+                book.put("shape pair", pair_name(a.name, b.name), {"usd:filtered": True})
+
+
+SHADERS: dict[str, dict[str, str]] = {
+    "UsdPreviewSurface": {
+        "inputs:diffuseColor": "color3f", "inputs:opacity": "float", "inputs:roughness": "float",
+        "inputs:metallic": "float", "outputs:surface": "token",
+    },
+    "UsdPrimvarReader_float2": {"inputs:varname": "string", "outputs:result": "float2"},
+    "UsdUVTexture": {
+        "inputs:file": "asset", "inputs:sourceColorSpace": "token", "inputs:wrapS": "token",
+        "inputs:wrapT": "token", "inputs:scale": "float4", "inputs:st": "float2",
+        "outputs:rgb": "float3",
+    },
+}  # fmt: skip
+"""Types of the inputs and outputs by kind of shader, as their specification has them."""
 
 
 # --- materials -------------------------------------------------------------------------------
@@ -262,6 +281,9 @@ def _material(material: Material, reference: Reference, book: Writer) -> None:
             "usd:UsdUVTexture:scale": (*material.rgba[:3], 1.0),  # the colour tints the picture
             "usd:UsdPrimvarReader_float2:varname": "st",
         }
+    kinds = list(SHADERS) if material.texture is not None else ["UsdPreviewSurface"]
+    for kind in kinds:
+        facts |= {f"usd:{kind}:type of {port}": name for port, name in SHADERS[kind].items()}
     shapes = reference.shapes.of("visual")
     if material.name not in {shape.material for shape in shapes}:
         facts["usd:rgba"] = tuple(material.rgba)

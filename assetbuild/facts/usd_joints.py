@@ -14,7 +14,7 @@ import numpy as np
 
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Value, Writer
-from assetbuild.facts.usd_prims import LENGTH, QUATERNIONS, Places, Prim, Units, pose_of
+from assetbuild.facts.usd_prims import Places, Prim, Units, pose_of
 from assetbuild.robot.pose import Array, Pose, rotation_of
 
 TYPES = {
@@ -55,10 +55,8 @@ class JointPrim:
             np.ones(3) if not body or not self.bodies[int(side)] else places.rigid(body)[1]
         )
         position = self.prim.take(f"physics:localPos{side}")
-        turn = self.prim.take(f"physics:localRot{side}")
-        if isinstance(turn, QUATERNIONS) and abs(turn.GetLength() - 1.0) > LENGTH:
-            length = {f"usd:length of physics:localRot{side}": turn.GetLength()}
-            self.prim.book.put("prim", self.prim.path, length)
+        name = f"physics:localRot{side}"
+        turn = self.prim.turned(name, self.prim.take(name))
         return pose_of(position, turn, scale * places.units.metre)
 
     @property

@@ -40,7 +40,10 @@ class Looks:
         owner = next((p for p in self.names if prim.path.startswith(f"{p}/")), "")
         name = self.names.get(owner, prim.path)
         kind = prim.text("info:id") or prim.path
-        inputs = [key for key in prim.left if key.startswith("inputs:")]
+        ports = [key for key in prim.left if key.startswith(("inputs:", "outputs:"))]
+        inputs = [key for key in ports if key.startswith("inputs:")]
+        types = {key: str(prim.left[key].GetMetadata("typeName")) for key in ports}
+        self.book.put("material", name, {f"usd:{kind}:type of {k}": t for k, t in types.items()})
         values: dict[str, object] = {}
         for key in inputs:
             source = prim.source(key)
@@ -97,7 +100,9 @@ def take_bindings(prim: Prim) -> None:
     """What a prim binds: the materials that shapes end up with are compared."""
     for name in ("material:binding", "material:binding:physics"):
         prim.targets(name, BINDING)
-        prim.note(name, "bindMaterialAs")
+        strength = prim.note(name, "bindMaterialAs")
+        if strength is not None:
+            prim.book.put("prim", prim.path, {f"usd:{name} bindMaterialAs": strength})
 
 
 def _strength(relation: Usd.Relationship) -> object:

@@ -14,17 +14,16 @@ An attribute of a schema that is not applied has no meaning for any runtime: it 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Sdf, Usd, UsdGeom
 
-from assetbuild.errors import UsageError
-from assetbuild.facts.table import Value, Writer
+from assetbuild.facts.table import Key, Value, Writer
+from assetbuild.facts.usd_inventory import prim_facts
 from assetbuild.robot.pose import IDENTITY, Array, Pose, Quat, normalised_quat, quat_of, vec3
 
 PLAIN = frozenset(
@@ -34,8 +33,9 @@ PLAIN = frozenset(
 RIGID = 1e-9
 """Scales nearer to 1 than this are rounding."""
 QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
-LENGTH = 1e-3
-"""A quaternion as long as this from 1 is not one that was rounded."""
+LENGTH = 1e-6
+"""A quaternion whose length differs from 1 by more was not rounded to float32: USD turns by the
+angle of its real part alone, other runtimes make it a unit first."""
 UNLIMITED = 1e30
 """PhysX takes numbers beyond for infinite."""
 
@@ -48,7 +48,7 @@ class Units:
     kilogram: float = 1.0
 
     def length(self, angular: bool) -> float:
-        """Of a coordinate: rad or m in one of USD's units."""
+        """Return how many rad or m one of USD's units of a coordinate is."""
         return math.pi / 180.0 if angular else self.metre
 
     def effort(self, angular: bool) -> float:
@@ -93,18 +93,20 @@ class Prim:
         for name, prop in self.left.items():
             if prop.IsCustom():
                 self.book.put("prim", self.path, {f"usd:{name} is custom": True})
-            if not isinstance(prop, Usd.Attribute):
-                continue
-            spec, kind = known.GetSchemaAttributeSpec(name), str(prop.GetTypeName())
-            wanted = str(spec.typeName) if spec else ""
-            if name.startswith("xformOp:"):
-                wanted = "double" if kind.rstrip("23df4h") in ("float", "half") else ""
-                wanted = "quatd" if kind in ("quatf", "quath") else wanted
-            elif not spec and kind in ("double", "half", "int64"):
-                wanted = "float"
-            if wanted and wanted != kind:
-                said = f"{kind}, where {wanted} is meant"
-                self.book.put("prim", self.path, {f"usd:type of {name}": said})
+            spec = known.GetSchemaPropertySpec(name)
+            uniform = spec.variability == Sdf.VariabilityUniform if spec else is_uniform(prop)
+            meant = "uniform" if uniform else "varying"
+            for stated in prop.GetPropertyStack():  # what composes is the schema's declaration
+                varies = str(stated.variability).removeprefix("Sdf.Variability").lower()
+                self._declared(f"variability of {name}", varies, meant)
+                if isinstance(prop, Usd.Attribute):
+                    kind = str(stated.GetInfo("typeName"))
+                    wanted = str(spec.typeName) if spec else type_meant(name, kind)
+                    self._declared(f"type of {name}", kind, wanted)
+
+    def _declared(self, word: str, said: str, meant: str) -> None:
+        if said != meant:
+            self.book.put("prim", self.path, {f"usd:{word}": f"{said}, where {meant} is meant"})
 
     @property
     def type(self) -> str:
@@ -133,10 +135,17 @@ class Prim:
         return schema in self.applied
 
     def take(self, name: str, schema: str = "") -> object:
-        """The value of an attribute; None where none stands there, or its schema is not applied."""
+        """The value of an attribute; None where none stands there, or its schema is not applied.
+
+        Of a schema that USD does not know a runtime has values of its own, which may be any.
+        """
         if schema and not self.has(schema):
             return None
         found = self.left.get(name)
+        has_value = isinstance(found, Usd.Attribute) and found.HasAuthoredValue()
+        known = self.prim.GetPrimDefinition().GetSchemaPropertySpec(name)
+        if schema and not has_value and not known:
+            self.book.put("prim", self.path, {f"usd:{name}": "not stated"})
         if not isinstance(found, Usd.Attribute):
             return None
         del self.left[name]
@@ -144,7 +153,7 @@ class Prim:
             self.book.skip(self.path, f"{name} over time", found.GetTimeSamples())
         if found.HasAuthoredConnections() and name not in self.connected:
             self.book.skip(self.path, f"{name}.connect", found.GetConnections())
-        return found.Get() if found.HasAuthoredValue() else None
+        return found.Get() if has_value else None
 
     def number(self, name: str, schema: str = "", unit: float = 1.0) -> float | None:
         """A number in SI units; None where it is unlimited or not stated."""
@@ -211,11 +220,15 @@ class Prim:
             value = self.take(name)
             if value is None:
                 self.book.put("prim", self.path, {f"usd:{name}": "no value"})
-            # USD turns by the angle of its real part alone, other runtimes make it a unit first.
-            if isinstance(value, QUATERNIONS) and abs(value.GetLength() - 1.0) > LENGTH:
-                self.book.put("prim", self.path, {f"usd:length of {name}": value.GetLength()})
+            self.turned(name, value)
         for name in ("visibility", "purpose"):  # both are inherited: see the shapes
             self.take(name)
+
+    def turned(self, name: str, value: object) -> object:
+        """The value of an attribute; a word where it is a quaternion of another length than 1."""
+        if isinstance(value, QUATERNIONS) and abs(value.GetLength() - 1.0) > LENGTH:
+            self.book.put("prim", self.path, {f"usd:length of {name}": value.GetLength()})
+        return value
 
     def close(self) -> None:
         """Notes all that is left as unread."""
@@ -232,102 +245,46 @@ class Prim:
                 self.book.skip(self.path, f"{name}.connect", found.GetConnections())
             elif value is not None and (default is None or value != default):
                 self.book.skip(self.path, name, value)
-        for schema in self.schemas:
-            self.book.skip(self.path, "apiSchemas", schema)
         for key, value in self.metadata.items():
             self.book.skip(self.path, key, value)
         for (name, key), value in self.notes.items():
             self.book.skip(self.path, f"{name} ({key})", value)
 
 
-# --- the stage -------------------------------------------------------------------------------
+def is_uniform(prop: Usd.Property) -> bool:
+    """Whether a property that no schema of USD has may not vary over time."""
+    return isinstance(prop, Usd.Relationship) or prop.GetName() == "xformOpOrder"
 
 
-@contextmanager
-def opened(path: Path) -> Iterator[Usd.Stage]:
-    """The stage with its default variants; UsageError where USD cannot make sense of it."""
-    try:
-        stage = Usd.Stage.Open(str(path))
-        if not stage.GetDefaultPrim():
-            raise UsageError(
-                f"`{path}` has no default prim, so nothing says which of its prims is the robot",
-                hint="set `defaultPrim` in it",
-            )
-        yield stage
-    except Tf.ErrorException as error:
-        raise UsageError(f"`{path}` is not readable as USD: {error}") from None
+def type_meant(name: str, kind: str) -> str:
+    """The type of an attribute that no schema of USD has, declared as `kind`.
 
-
-def units_of(stage: Usd.Stage) -> Units:
-    """Units of a stage; UsageError where one is not positive."""
-    units = Units(UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage))
-    if not (units.metre > 0.0 and units.kilogram > 0.0):
-        raise UsageError(
-            f"its units are {units.metre:g} m and {units.kilogram:g} kg",
-            hint="`metersPerUnit` and `kilogramsPerUnit` must be positive",
-        )
-    return units
-
-
-_LAYER = frozenset({"subLayers", "subLayerOffsets", "documentation", "comment"})
-"""No facts: what they compose is compared."""
-
-
-def stage_facts(stage: Usd.Stage, units: Units, book: Writer) -> None:
-    """Units, up axis and metadata of the stage, and of every layer that it is made of.
-
-    Runtimes scale and turn a layer whose units differ from the stage's.
+    Numbers of simulators are single precision, places double. A type without a name in USD has no
+    value.
     """
-    book.put("robot", "", {
-        "up axis": str(UsdGeom.GetStageUpAxis(stage)),
-        "metres per unit": units.metre,
-        "kilograms per unit": units.kilogram,
-    })  # fmt: skip
-    book.put("stage", "", {"usd:defaultPrim": str(stage.GetDefaultPrim().GetName())})
-    own: dict[str, list[Value]] = {}
-    for layer in stage.GetUsedLayers():
-        root = layer.pseudoRoot
-        fields = [key for key in root.ListInfoKeys() if key not in _LAYER]
-        if layer.anonymous and not fields:
-            continue
-        for key in fields:
-            if key in ("upAxis", "metersPerUnit", "kilogramsPerUnit"):
-                value = root.GetInfo(key)
-                own.setdefault(key, []).append(value if isinstance(value, float) else str(value))
-            elif key == "defaultPrim":
-                if not layer.GetPrimAtPath(f"/{layer.defaultPrim}"):
-                    book.skip(layer.GetDisplayName(), key, layer.defaultPrim)
-            else:
-                book.skip(layer.GetDisplayName(), key, root.GetInfo(key))
-    for key, values in own.items():
-        differing = tuple(sorted({str(value) for value in values}))
-        book.put("stage", "", {f"usd:{key} of layers": differing})
+    if name.startswith(("inputs:", "outputs:")):
+        return kind  # of a shader, whose kind says what it must be
+    if not Sdf.ValueTypeNames.Find(kind):
+        return "a type of USD"
+    if name.startswith("xformOp:"):
+        if kind in ("quatf", "quath"):
+            return "quatd"
+        return re.sub("^(float|half)", "double", kind)
+    return "float" if kind in ("double", "half", "int64") else kind
 
 
-def variant_facts(prim: Usd.Prim, book: Writer) -> None:
-    """Variant sets with their selections, and what the variants say that are not selected."""
-    sets = prim.GetVariantSets()
-    for name in sets.GetNames():
-        chosen = sets.GetVariantSelection(name)
-        book.put("stage", "", {
-            f"usd:variants of {name}": tuple(sorted(sets.GetVariantSet(name).GetVariantNames())),
-            f"usd:selected {name}": chosen,
-        })  # fmt: skip
-        for spec in prim.GetPrimStack():
-            found = spec.variantSets[name].variants if name in spec.variantSets else {}
-            for variant in found.keys():  # noqa: SIM118 # a proxy of USD, not a dictionary
-                if variant != chosen:
-                    said = " ".join(_said_by(found[variant].primSpec))
-                    book.put("stage", "", {f"usd:variant {name}={variant}": said})
+def acts(prim: Usd.Prim) -> bool:
+    """Whether a runtime sees it: active, defined and loaded."""
+    return bool(prim.IsActive() and prim.IsDefined() and prim.IsLoaded() and not prim.IsAbstract())
 
 
-def _said_by(spec: Sdf.PrimSpec) -> Iterator[str]:
-    """What a variant adds: its metadata, properties and children by name."""
-    for key in spec.ListInfoKeys():
-        if key not in PLAIN:
-            yield str(key)
-    yield from (str(found.name) for found in spec.properties)
-    yield from (str(found.name) for found in spec.nameChildren)
+def listed(prim: Usd.Prim) -> Iterator[tuple[Key, Value]]:
+    """The facts of the inventory: its type and applied schemas, or why it does not act."""
+    path, kind = str(prim.GetPath()), str(prim.GetTypeName())
+    if not acts(prim):
+        state = "inactive" if not prim.IsActive() else "not defined"
+        kind = f"{kind} {state}".strip()
+    yield from prim_facts(path, kind, prim.GetPrimTypeInfo().GetAppliedAPISchemas())
 
 
 # --- poses -----------------------------------------------------------------------------------
@@ -365,13 +322,13 @@ def rigid(matrix: Array) -> tuple[Pose, Array]:
 
 
 def pose_of(position: object, turn: object, scale: Array) -> Pose:
-    """Of `localPos` and `localRot`; what is not stated is the origin."""
+    """Return the pose that `localPos` and `localRot` state; the origin where they state nothing."""
     xyz = (0.0, 0.0, 0.0) if position is None else vec3(np.array(position) * scale)
     return Pose(xyz, quat_of_gf(turn))
 
 
 def quat_of_gf(turn: object) -> Quat:
-    """Of a Gf.Quat; PhysX takes one without length for none at all."""
+    """Return a Gf.Quat as (w, x, y, z); PhysX ignores a quaternion of length zero."""
     if not isinstance(turn, Gf.Quatf | Gf.Quatd):
         return IDENTITY.quat
     w, (x, y, z) = float(turn.GetReal()), map(float, turn.GetImaginary())

@@ -16,16 +16,9 @@ from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.facts.usd_joints import JointPrim, joint_facts
 from assetbuild.facts.usd_looks import Looks, take_bindings
-from assetbuild.facts.usd_prims import (
-    Places,
-    Prim,
-    opened,
-    quat_of_gf,
-    stage_facts,
-    units_of,
-    variant_facts,
-)
+from assetbuild.facts.usd_prims import Places, Prim, acts, listed, quat_of_gf
 from assetbuild.facts.usd_shapes import ShapePrim, pair_facts, read_shapes
+from assetbuild.facts.usd_stage import opened, stage_facts, units_of, variant_facts
 from assetbuild.robot.inertia import rotate_tensor
 from assetbuild.robot.pose import Pose
 
@@ -131,9 +124,8 @@ def _all(found: Sorted) -> list[Prim]:
 def _sort(prim: Usd.Prim, above: Above, found: Sorted, book: Writer) -> None:
     """One prim and all below it."""
     path = str(prim.GetPath())
-    if not (prim.IsActive() and prim.IsDefined() and prim.IsLoaded()) or prim.IsAbstract():
-        state = "inactive" if not prim.IsActive() else "not defined"
-        book.skip(path, "prim", state)
+    book.facts |= dict(listed(prim))
+    if not acts(prim):
         return
     one = Prim(prim, book)
     parent = prim.GetParent()
@@ -152,15 +144,15 @@ def _sort(prim: Usd.Prim, above: Above, found: Sorted, book: Writer) -> None:
     elif prim.IsA(UsdGeom.Gprim):
         collider = one if one.has("PhysicsCollisionAPI") else above.collider
         found.shapes.append(ShapePrim(one, above.body, above.group, above.holder, collider))
-    elif one.type not in CONTAINERS:
-        book.skip(path, "prim", one.type)
+    elif one.type in CONTAINERS:
+        above = _below(one, above, str(parent.GetPath()), found)
     else:
-        above = _below(one, above, str(parent.GetPath()), found, book)
+        found.others.append(one)
     for child in prim.GetFilteredChildren(Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)):
         _sort(child, above, found, book)
 
 
-def _below(one: Prim, above: Above, parent: str, found: Sorted, book: Writer) -> Above:
+def _below(one: Prim, above: Above, parent: str, found: Sorted) -> Above:
     """A prim that only holds others: a group, what names a shape, or a frame without anything."""
     collider = one if one.has("PhysicsCollisionAPI") else above.collider
     below = replace(above, collider=collider)
@@ -175,11 +167,7 @@ def _below(one: Prim, above: Above, parent: str, found: Sorted, book: Writer) ->
     elif parent == above.body and above.body and one.type == "Xform":
         found.frames.append((one, above.body))
     else:
-        if empty and one.path.count("/") > 1:
-            book.skip(one.path, "prim", f"an empty {one.type or 'prim'}")
         found.others.append(one)
-    if one.type == "Scope" and above.body:
-        book.skip(one.path, "type", one.type)  # it has no transform, and hides that of its parents
     one.placed()
     return below
 
@@ -223,14 +211,18 @@ def _mass(prim: Prim, places: Places) -> dict[str, Value]:
     facts: dict[str, Value] = {"mass": mass or 0.0}
     center = prim.take("physics:centerOfMass", schema)
     moments = prim.take("physics:diagonalInertia", schema)
-    axes = quat_of_gf(prim.take("physics:principalAxes", schema))
+    name = "physics:principalAxes"
+    axes = prim.turned(name, prim.take(name, schema))
     if center is not None:
         point = np.array(center, dtype=np.float64) * scale * units.metre
         facts["centre of mass"] = tuple(float(v) for v in point)
     if moments is not None:
         unit = units.inertia(True)
         xx, yy, zz = (float(v) * unit for v in moments)  # type: ignore[attr-defined] # a Gf vector
-        facts["inertia"] = tuple(rotate_tensor((xx, yy, zz, 0.0, 0.0, 0.0), axes))
+        diagonal = (xx, yy, zz, 0.0, 0.0, 0.0)
+        facts["inertia"] = tuple(rotate_tensor(diagonal, quat_of_gf(axes)))
+        if axes is None:  # which runtimes take for no turn, though USD's own is no rotation at all
+            facts["usd:principalAxes"] = "not stated"
         if not np.allclose(scale, 1.0):
             prim.book.skip(prim.path, "physics:diagonalInertia", f"of a body scaled by {scale}")
     return facts

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
-from pxr import Sdf, Usd, UsdPhysics, UsdShade
+from pxr import Gf, Sdf, Usd, UsdPhysics, UsdShade
 
 from assetbuild.facts.reference import Reference, pose_value
 from assetbuild.facts.table import Table, Value, Writer
+from assetbuild.facts.usd_inventory import STRENGTH, SURFACE, prim_facts
 from assetbuild.facts.usd_looks import Looks, take_bindings
 from assetbuild.facts.usd_meshes import extent_text
-from assetbuild.facts.usd_prims import (
-    PLAIN,
-    Places,
-    Prim,
-    opened,
-    stage_facts,
-    units_of,
-)
+from assetbuild.facts.usd_prims import LENGTH, PLAIN, Places, Prim, acts, listed
+from assetbuild.facts.usd_stage import opened, stage_facts, units_of
 from assetbuild.robot.floor import floor_of
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.pose import IDENTITY, Pose
@@ -29,8 +25,16 @@ FLOOR_M = 20.0
 """Edge of the floor as it is drawn; it collides without end."""
 CLEARANCE_M = 1e-3
 """The soles start a millimetre above the floor: PhysX throws out what starts inside of it."""
-MOVED = frozenset({"xformOp:translate", "xformOp:orient"})
-CONTAINERS = frozenset({"Xform", "Scope"})
+MOVED = {"xformOp:translate": "double3", "xformOp:orient": "quatd"}
+PRIMS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("/World", "Xform", ()),
+    ("/World/physics", "PhysicsScene", ("PhysxSceneAPI",)),
+    ("/World/floor", "Plane", ("PhysicsCollisionAPI", "MaterialBindingAPI")),
+    ("/World/light", "DomeLight", ()),
+    ("/World/PhysicsMaterials", "Scope", ()),
+    ("/World/PhysicsMaterials/floor", "Material", (*SURFACE, "PhysxMaterialAPI")),
+)
+"""Path, type and applied schemas of each prim of the scene but the robot's."""
 
 
 def read_scene(path: Path) -> Table:
@@ -47,10 +51,7 @@ def _read(stage: Usd.Stage) -> Table:
     book.put("stage", "", {"usd:type": str(top.GetTypeName())})
     prims: list[Prim] = []
     for child in stage.GetPseudoRoot().GetAllChildren():
-        if child == top:
-            prims += _world(child, places, book)
-        else:
-            book.skip(str(child.GetPath()), "prim", child.GetTypeName())
+        prims += _world(child, places, book)
     materials = [p for p in prims if p.prim.IsA(UsdShade.Material)]
     looks = Looks(materials, [], book)
     for prim in prims:
@@ -60,8 +61,6 @@ def _read(stage: Usd.Stage) -> Table:
             _floor(prim, places, looks, book)
         elif prim.type.endswith("Light"):
             _light(prim, book)
-        elif prim.type not in CONTAINERS and prim not in materials:
-            book.skip(prim.path, "prim", prim.type)
     looks.unbound()
     for prim in prims:
         prim.placed()
@@ -74,12 +73,12 @@ def _world(prim: Usd.Prim, places: Places, book: Writer) -> list[Prim]:
     """All prims of the scene itself; a prim that refers to another file is the robot."""
     stage = prim.GetStage()
     layers = [layer for layer in stage.GetLayerStack() if not layer.anonymous]
-    if not (prim.IsActive() and prim.IsDefined()) or prim.IsAbstract():
-        book.skip(str(prim.GetPath()), "prim", "inactive or not defined")
-        return []
     specs = [spec for layer in layers if (spec := layer.GetPrimAtPath(prim.GetPath()))]
     if any(spec.hasReferences or spec.hasPayloads for spec in specs):
         _robot(prim, specs, places, book)
+        return []
+    book.facts |= dict(listed(prim))
+    if not acts(prim):
         return []
     found = [Prim(prim, book)]
     for child in prim.GetAllChildren():
@@ -118,8 +117,17 @@ def _overs(spec: Sdf.PrimSpec, bodies: set[Sdf.Path], book: Writer, *, top: bool
         if key not in PLAIN | arcs:
             book.skip(str(spec.path), key, spec.GetInfo(key))
     for found in spec.properties:
+        value = getattr(found, "default", found)
         if not (spec.path in bodies and found.name in MOVED):
-            book.skip(str(spec.path), found.name, getattr(found, "default", found))
+            book.skip(str(spec.path), found.name, value)
+            continue
+        kind = str(found.GetInfo("typeName"))
+        if kind != MOVED[found.name]:
+            said = f"{kind}, where {MOVED[found.name]} is meant"
+            book.put("prim", str(spec.path), {f"usd:type of {found.name}": said})
+        if isinstance(value, Gf.Quatd) and abs(value.GetLength() - 1.0) > LENGTH:
+            length = {f"usd:length of {found.name}": value.GetLength()}
+            book.put("prim", str(spec.path), length)
     for child in spec.nameChildren:
         _overs(child, bodies, book)
 
@@ -131,11 +139,14 @@ def _physics(prim: Prim, places: Places, book: Writer) -> None:
     strength = 9.81 if not isinstance(magnitude, float) or magnitude < 0.0 else magnitude
     unit = 1.0 if strength == 9.81 else places.units.metre
     length = float(np.linalg.norm(direction)) or 1.0
+    if abs(length - 1.0) > LENGTH:
+        book.put("simulation", "", {"usd:length of gravityDirection": length})
     gravity = direction / length * strength * unit
     rate = prim.number("physxScene:timeStepsPerSecond", "PhysxSceneAPI")
     book.put("simulation", "", {
         "gravity": tuple(float(v) for v in gravity),
         "timestep": 1.0 / rate if rate else None,
+        "usd:gravityMagnitude": None if magnitude is None else strength * unit,
     })  # fmt: skip
 
 
@@ -193,6 +204,7 @@ def scene_table(robot: str, reference: Reference) -> Table:
     book.put("simulation", "", {
         "gravity": tuple(simulation.gravity),
         "timestep": 1.0 / round(1.0 / simulation.timestep),  # USD has whole steps per second
+        "usd:gravityMagnitude": math.dist(simulation.gravity, (0.0, 0.0, 0.0)),
     })  # fmt: skip
     ground = floor_of(tree, control)
     book.put("floor", "", {
@@ -216,4 +228,6 @@ def scene_table(robot: str, reference: Reference) -> Table:
         start = IDENTITY if base is None else Pose((0.0, 0.0, CLEARANCE_M)) @ base
     for body, pose in forward_kinematics(tree, dict(initial.joints)).items():
         book.put("start", body, {"usd:initial pose": pose_value(start @ pose)})
+    book.facts |= {key: value for row in PRIMS for key, value in prim_facts(*row)}
+    book.put("prim", "/World/floor", {STRENGTH: "weakerThanDescendants"})
     return book.table()

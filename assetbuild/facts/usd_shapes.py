@@ -10,7 +10,7 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from assetbuild.facts.reference import pose_value
-from assetbuild.facts.table import Value, Writer
+from assetbuild.facts.table import Value, Writer, pair_name
 from assetbuild.facts.usd_looks import Looks
 from assetbuild.facts.usd_meshes import Meshes, extent_text
 from assetbuild.facts.usd_prims import Places, Prim, rigid
@@ -198,11 +198,10 @@ def pair_facts(
         ]
         kept = [frozenset(pair) in never for pair in pairs]
         if all(kept):
-            book.put(
-                "pair", f"{names.get(left, left)} {names.get(right, right)}", {"filtered": True}
-            )
+            named = pair_name(names.get(left, left), names.get(right, right))
+            book.put("pair", named, {"filtered": True})
             continue
         for (a, b), is_apart in zip(pairs, kept, strict=True):
             if is_apart:
-                both = sorted((colliders[a].name, colliders[b].name))
-                book.put("shape pair", " ".join(both), {"usd:filtered": True})
+                both = pair_name(colliders[a].name, colliders[b].name)
+                book.put("shape pair", both, {"usd:filtered": True})

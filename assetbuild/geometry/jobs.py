@@ -59,7 +59,7 @@ class Job:
 
     @property
     def label(self) -> str:
-        """Of its node."""
+        """The label of the job's node."""
         name = self.method.step_name() if self.method else "keep"
         per_shape = self.method is None or self.method.scope == "shape"
         return f"{name} {self.shapes[0].name if per_shape else self.link}"

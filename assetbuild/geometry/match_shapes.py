@@ -29,7 +29,7 @@ SAME = 1.2
 """Mean distance between two samplings / that of one surface sampled twice: 1 = the same."""
 AREA = 0.03
 EXTENT = 0.02
-"""Of the area, and of the size: candidates differ by no more."""
+"""Candidates differ by no more than these shares of the area and of the size."""
 MIRRORS = ((1.0, 1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, -1.0))
 
 

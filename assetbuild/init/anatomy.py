@@ -33,7 +33,7 @@ _SHANK = re.compile(r"(?i).*(shank|shin|calf|thigh|leg|knee).*")
 _WHEEL = re.compile(r"(?i).*(wheel|caster).*")
 _FLYING = re.compile(r"(?i).*(propeller|flying|drone|copter|quadrotor|hector|iris).*")
 _PROP = re.compile(r"(?i)(.*[_/-])?prop_?\d*([_-].*)?")
-"""Of which something that flies has several: a gripper may have one prop, too."""
+"""Something that flies has several of these; a gripper may have one `prop`, too."""
 _WORLD = ("world", "map", "odom", "universe")
 
 LOW = 0.15

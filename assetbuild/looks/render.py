@@ -23,7 +23,7 @@ from assetbuild.simulators.offscreen import Pixels, Studio, View
 WIDTH, HEIGHT = 640, 480
 TILE_WIDTH, TILE_HEIGHT = 200, 150
 ELEVATION, FOV = -18.0, 45.0
-"""Of the camera, degrees; the field of view is MuJoCo's default."""
+"""Elevation and field of view of the camera, degrees; MuJoCo's default field of view."""
 TURN = 0.3
 """rad (or share of the range of a sliding joint) by which a joint is turned to show its sign."""
 DRAWING_S = 150.0
@@ -127,7 +127,7 @@ class Stage:
         self._spare = frozenset(np.flatnonzero(pieces & np.isin(bodies, visual)).tolist())
         """Collision geometry of bodies that have visual geometry to be seen by."""
         self.looks = (0, 2) if len(visual) else (0, 3)
-        """Of a robot without any visual geometry one sees what collides, not an empty floor."""
+        """Groups of geoms that are drawn: without visual geometry, the collision geometry."""
         self.seen = f"the {'visual' if len(visual) else 'collision'} geometry"
         scale = model.vis.scale
         # MuJoCo draws decorations in units of the model's mean size, which a small head decides.

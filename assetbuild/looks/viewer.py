@@ -26,7 +26,7 @@ from assetbuild.robot.shapes import Geometry, Mesh, Shapes
 
 BEYOND_IMPORTS = ("trimesh",)
 SPAN_M = 0.03
-"""Distances between visual and collision geometry are told up to this; beyond it, all is one."""
+"""Distances between visual and collision geometry are shown up to this one, larger ones alike."""
 LIBRARY = re.compile(r'/\*\*\s*\* @license.*?"__esModule",\{value:!0\}\)\}\)\);', re.DOTALL)
 """three.js with its licence line, as trimesh ships it inside its notebook viewer (MIT)."""
 

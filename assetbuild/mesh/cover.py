@@ -30,11 +30,11 @@ POINTS = 2**14
 SAMPLES = 4000
 """Surface samples on each side."""
 LEAST_INSIDE = 32
-"""Of POINTS: with fewer inside, their share says nothing."""
+"""With fewer of POINTS inside, their share says nothing."""
 GRID = 48
 """Rays of the see-through test along each edge of a square, for six directions."""
 CLOSE = 1e-4
-"""Of the diagonal: a surface sample nearer to the mesh than this lies on it."""
+"""A surface sample nearer to the mesh than this share of the diagonal lies on it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,13 +43,13 @@ from assetbuild.robot.shapes import Capsule, Cylinder, Primitive, Sphere
 POINTS = 4096
 """Sobol points that the union is fitted to: a share is known to 0.008."""
 MARGIN = 0.1
-"""Of the size: room about the mesh in which sticking out is seen."""
+"""Room around the mesh in which sticking out is seen, as a share of its size."""
 SOFTNESS = (0.02, 0.005)
-"""Of the diagonal: how soft the surfaces are in each round of the refinement."""
+"""Softness of the surfaces in each round of the refinement, as a share of the diagonal."""
 MISSING_WEIGHT = 1.25
 """What is missing counts more than what sticks out: contact must not be lost."""
 DISTANCE_WEIGHT = 15.0
-"""Of the mean distance between the surfaces / the diagonal, beside shares of the volume."""
+"""Weight of the mean distance between the surfaces / the diagonal, beside shares of the volume."""
 SAMPLES = 1024
 """Points of the surface that the mean distance is taken from."""
 SHRUNK = (1.0, 0.95, 0.9, 0.85, 0.8)
@@ -88,7 +88,7 @@ class Cloud:
         )
 
     def score(self, distance: Array) -> float:
-        """Of a union with these signed distances (n,), m; 0 is a perfect cover."""
+        """Score a union by its signed distances (n,), m; 0 is a perfect cover."""
         near = np.abs(distance[:POINTS]) < SOFTNESS[-1] * self.size
         occupied = (distance <= 0.0).astype(np.float64)
         return self._score(occupied, near.astype(np.float64), distance)
@@ -280,7 +280,7 @@ class _Way:
         return np.column_stack([-self._scale * by_point @ rotation.T, *by_turn, sizes])
 
     def bounds(self) -> list[tuple[float, float]]:
-        """Of each variable; a capsule may lose its length altogether."""
+        """Return least and most of each variable; a capsule may lose its whole length."""
         shift, turn, size = BOUNDS
         longest = 2.0 * size if isinstance(self._primitive, Capsule | Cylinder) else size
         sizes = [(-size, size)] * (len(self._sizes) - 1) + [(-longest, size)]

@@ -115,7 +115,7 @@ class _Materials:
         return SurfaceMaterial(name, rgba, texture)
 
     def _picture(self, image: Any, name: str) -> str | None:
-        """The name of the picture; one that is not among `pictures` is told as lost."""
+        """The name of the picture; one that is not among `pictures` is reported as lost."""
         if image is None:
             return name if name in self._textured else None
         try:

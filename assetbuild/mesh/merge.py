@@ -12,7 +12,7 @@ from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.robot.pose import Array
 
 NEAR = 0.005
-"""Of the size of all: parts whose bounds are nearer than this are neighbours."""
+"""Parts whose bounds are nearer than this share of the size of all are neighbours."""
 
 
 def grown_to(parts: Sequence[TriangleMesh], surface: Array, reach: float) -> list[TriangleMesh]:

@@ -19,7 +19,7 @@ from assetbuild.robot.shapes import Primitive
 RAYS = ((0.31, 0.67, 0.67), (-0.8, 0.36, 0.48), (0.1, -0.2, -0.97))
 """Directions of the parity test: skew, so that no ray runs along a wall."""
 STEP = 1e-5
-"""Of the diagonal, beyond a surface just struck, so that float32 does not strike it again."""
+"""A ray goes on this share of the diagonal behind a surface: float32 must not hit it twice."""
 CROSSINGS = 64
 """Most surfaces that one ray is followed through."""
 
@@ -101,7 +101,7 @@ class ConvexPiece:
 def distance_to(solid: Primitive | Array, X_body_solid: Pose) -> Distance:
     """Signed distance from a primitive, or from the convex hull of points (n, 3).
 
-    Outside an edge of a hull the nearest plane is told, which is less than the distance; of points
+    Outside an edge of a hull the nearest plane counts, which is less than the distance; of points
     in one plane, which have no hull, the distance from their axis-aligned box.
     """
     X_solid_body = X_body_solid.inverse()

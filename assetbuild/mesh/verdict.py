@@ -81,9 +81,9 @@ def _flat_pieces(subject: str, quality: Quality) -> Finding:
 
 def _gap(subject: str, reference: Reference, quality: Quality, how: str) -> Finding:
     outside = 1e3 * quality.max_outside_m
-    open_note = " (the mesh is open: its inside is a majority of three rays)"
+    open_note = " (not watertight; the inside is estimated by ray casting)"
     if reference.hollow:
-        open_note = " (the mesh has no inside: compared with its convex hull)"
+        open_note = " (the mesh encloses no volume; it is compared with its convex hull)"
     return GAP(
         subject,
         f"{how}: {quality.pieces} pieces, up to {outside:.2g} mm outside, "
@@ -128,7 +128,9 @@ def _missed(
     said = []
     for key, (found, most) in over.items():
         factor, unit = units.get(key, (100.0, " %"))
-        said.append(f"`{key}` is {factor * found:.3g}{unit} instead of {factor * most:.3g}{unit}")
+        said.append(
+            f"`{key}` is {factor * found:.3g}{unit}, above the limit of {factor * most:.3g}{unit}"
+        )
     yield TOLERANCE(
         subject,
         "; ".join(said),
@@ -172,8 +174,8 @@ def _places(
         if found > place.max_outside:
             yield REGION(
                 subject,
-                f"collision sticks out by {1e3 * found:.3g} mm instead of "
-                f"{1e3 * place.max_outside:.3g} mm in a region",
+                f"collision sticks out by {1e3 * found:.3g} mm in a region, above the limit of "
+                f"{1e3 * place.max_outside:.3g} mm",
                 hint="raise `max_hulls`, or the region's `max_outside`",
                 data={"found_m": round(found, 6), "allowed_m": place.max_outside},
             )

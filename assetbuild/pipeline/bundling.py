@@ -86,7 +86,11 @@ def bundle_files(
         "assetbuild_host": platform.node(),
         "assetbuild_python": platform.python_version(),
     }
-    parameters = {"recipe": loaded.path.name, "variant": loaded.variant}
+    parameters = {
+        "recipe": loaded.path.name,
+        "variant": loaded.variant,
+        "sections": reference.options,
+    }
     recipe_digest = session.world.digest(loaded.path)
     files.append(provenance(files, recipe_digest, parameters, materials, run))
     return files
@@ -257,7 +261,7 @@ def _lies_there(files: list[BundleFile], out: Path, session: Session) -> bool:
         if not same_provenance(ours, theirs):
             return False
         wanted[PROVENANCE] = digest_bytes(theirs)
-    return lies_there(out, wanted, session.world.stat_cache.digest)
+    return lies_there(out, wanted, session.world.stamps.digest)
 
 
 def _place(file: BundleFile, path: Path, out: Path, session: Session) -> None:

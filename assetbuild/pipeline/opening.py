@@ -28,6 +28,7 @@ from assetbuild.lock import (
 )
 from assetbuild.pipeline.recipes import load_recipe
 from assetbuild.plan import Outline, plan
+from assetbuild.plugins import foreign_modules
 from assetbuild.recipe.loader import LoadedRecipe, shown_path
 from assetbuild.recipe.source import Source
 from assetbuild.source.get.pins import resolve, resolve_git
@@ -74,6 +75,7 @@ def open_session(
         for each in loaded
     }
     builds = names if len(names) > 1 else {"": "".join(names.values())}
+    loaded[0].world.whole.installed(foreign_modules())
     return Session(
         open_store(Path(cache_root())),
         builds=builds,

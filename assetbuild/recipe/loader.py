@@ -67,7 +67,7 @@ def load(
 
     model_of: the recipe with the keys that a tree may have, and the names in it that no plug-in
     has; whole: with all keys that there are, to explain what is wrong. All variants are checked,
-    also those that nobody asked for, and all mistakes are told at once.
+    also those that nobody asked for, and all mistakes are reported at once.
     """
 
     def check(root: Node) -> Recipe:
@@ -192,7 +192,7 @@ def with_motor_file(root: Node, recipe: Path, world: World) -> Node:
     entries = dict(root.value) if isinstance(root.value, dict) else {}
     named = entries.get("motor_file")
     if named is None or not isinstance(named.node.value, str):
-        return root  # a wrong type is told with all other errors of the recipe
+        return root  # a wrong type is reported with all other errors of the recipe
     path = Path(os.path.normpath(recipe.parent / named.node.value))
     file = shown_path(path)
     motors = parse(read_small_file(path, file, RecipeError, world), file, RecipeError)

@@ -129,7 +129,7 @@ class _Box:
         )
 
     def nearest(self, point: Point) -> Point:
-        """Of its points."""
+        """Return the point of the rectangle that is nearest to `point`."""
         x, y = point
         return min(max(x, self.left), self.right), min(max(y, self.top), self.bottom)
 

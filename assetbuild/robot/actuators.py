@@ -278,7 +278,7 @@ def _inertias(
     by_joint: Mapping[str, _Matched],
     start: Mapping[str, float],
 ) -> dict[str, float]:
-    """Of the joints whose gains need one, kg m2 or kg."""
+    """Return the inertia that each joint moves whose gains need it, kg m2 or kg."""
     wanted = {
         name: entry
         for name, entry in by_joint.items()

@@ -49,7 +49,7 @@ class Dynamics:
     motions: Mapping[str, Motion]
 
     def column(self, joint: str) -> int:
-        """Of a joint's coordinate."""
+        """Return the column of a joint's coordinate in the mass matrix."""
         return self.free + self.joints.index(joint)
 
     @property

@@ -5,7 +5,7 @@ turn by q about `a` is one by q about -M a, with M = diag(1, -1, 1) for the plan
 the right axis is -M a (two knees about +y) both sides have equal ranges; where it is M a (two hips
 about +x) they are [l, u] and [-u, -l].
 
-Robots are never quite symmetric: a difference is told as information. What a slip explains is a
+Robots are never quite symmetric: a difference is reported as information. What a slip explains is a
 warning: a range or a pose with the other side's sign, a mass or a gain twice that of its twin.
 """
 

@@ -24,7 +24,7 @@ from assetbuild.robot.model import Inertial
 from assetbuild.robot.pose import Array, Vec3, vec3
 
 MOST_POINTS = 200
-"""Of a body's corners, to find the ellipsoid around all of them."""
+"""Most corners of a body that are taken to find the ellipsoid around all of them."""
 MOST_ROUNDS = 200
 """A draw that fits in none of so many attempts: the ranges do not fit the link."""
 
@@ -84,7 +84,7 @@ class Room:
 
 @dataclass(frozen=True)
 class Rooms:
-    """Of all bodies with mass."""
+    """The room of every body with mass."""
 
     rooms: tuple[Room, ...] = ()
 

@@ -56,7 +56,7 @@ class Motion:
 
     @property
     def unit(self) -> str:
-        """Of its coordinate."""
+        """The unit of the joint's coordinate."""
         return "rad" if self.turns else "m"
 
 

@@ -39,9 +39,9 @@ from assetbuild.robot.ranges import (
 )
 
 WASTEFUL = 0.5
-"""Share of draws that fit into the link, below which the ranges are told to be too wide."""
+"""Share of draws that fit into the link, below which the ranges are reported as too wide."""
 NOISES = (0.1, 0.2, 0.3)
-"""Of the independent noise on principal moments that the statistics put beside our draws."""
+"""Independent noise on principal moments that the statistics compare our draws with."""
 
 ACCEPTANCE = Rule(
     "randomize.acceptance",

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 KEPT_EVENTS = ("reset_base", "reset_robot_joints", "base_com", "encoder_bias", "foot_friction")
-"""Of mjlab's velocity task; a push could topple any robot and says nothing about it."""
+"""Events of mjlab's velocity task that stay; a push could topple any robot and shows nothing."""
 
 
 def main(path: Path) -> None:

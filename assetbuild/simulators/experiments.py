@@ -51,7 +51,7 @@ class Swing(Model):
 
 @dataclass(frozen=True)
 class FreeFall:
-    """Of the whole robot's centre of mass. drop along gravity, sideways across it; m."""
+    """How the whole robot's centre of mass fell. drop: along gravity; sideways: across it; m."""
 
     seconds: float
     drop_m: float
@@ -61,7 +61,7 @@ class FreeFall:
 
     @property
     def relative_error(self) -> float:
-        """Of the drop; infinite when nothing finite came out."""
+        """The error of the drop, relative to the expected one; infinite without a finite result."""
         if not self.finite:
             return math.inf
         return abs(self.drop_m - self.expected_m) / max(self.expected_m, 1e-12)

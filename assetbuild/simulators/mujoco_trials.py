@@ -30,7 +30,7 @@ from assetbuild.simulators.mujoco import (
 )
 
 SWING_RAD, SWING_M = 0.1, 0.02
-"""How far a drive is told to move its joint; less where the range is short."""
+"""How far a drive is commanded to move its joint; less where the range is short."""
 FREQUENCY_HZ = 2.0
 TOUCH_M = 0.005
 """Shapes nearer than this to the floor count as standing on it."""
@@ -241,12 +241,33 @@ def polygon_margin(points: Array, inside: Array) -> float | None:
 
     Outside of a corner the nearest side's line is nearer than the corner: the sign counts.
     """
-    from scipy.spatial import ConvexHull
-
     if len(points) < 3 or np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] < 1e-3:
         return None
-    sides = ConvexHull(points).equations  # (k, 3): outward normal and offset
-    return -float((sides[:, :2] @ inside + sides[:, 2]).max())
+    corners = _hull_corners(points)
+    along = np.roll(corners, -1, axis=0) - corners
+    outward = np.column_stack([along[:, 1], -along[:, 0]])
+    outward /= np.linalg.norm(outward, axis=1)[:, None]
+    return float(np.einsum("ij,ij->i", outward, corners - inside).min())
+
+
+def _hull_corners(points: Array) -> Array:
+    """(k, 2) corners of the convex hull of points (n, 2), counter-clockwise.
+
+    The monotone chain of Andrew (1979); importing scipy's takes as long as this whole check.
+    """
+    ordered = sorted({(float(x), float(y)) for x, y in points})
+    corners: list[tuple[float, float]] = []
+    for side in (ordered, ordered[::-1]):
+        chain: list[tuple[float, float]] = []
+        for x, y in side:
+            while len(chain) >= 2:
+                (ax, ay), (bx, by) = chain[-2:]
+                if (bx - ax) * (y - ay) > (by - ay) * (x - ax):
+                    break
+                chain.pop()
+            chain.append((x, y))
+        corners += chain[:-1]
+    return np.array(corners)
 
 
 def stands_free(model: Model) -> bool:

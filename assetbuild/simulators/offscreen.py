@@ -11,15 +11,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from assetbuild.engine.world import World
 from assetbuild.errors import StepError
 from assetbuild.robot.pose import Vec3
 from assetbuild.simulators.mujoco import Data, Model
+
+if TYPE_CHECKING:
+    from assetbuild.engine.world import World
 
 Pixels = NDArray[np.uint8]
 VENDORS = ("/usr/share/glvnd/egl_vendor.d", "/etc/glvnd/egl_vendor.d")
@@ -29,8 +31,9 @@ OFF = ("disable", "disabled", "off", "false", "0")
 
 
 def renderer(world: World) -> str:
-    """What this machine would draw with: `egl 50_mesa`, `osmesa`, `cgl`, or `none`.
+    """What this machine would draw with: `egl 50_mesa renderD128`, `osmesa`, `cgl`, or `none`.
 
+    Drivers of EGL, then devices: without one the same driver draws in software, or not at all.
     Looks at files and loads the dispatcher only, so it costs a millisecond. `MUJOCO_GL=disable`,
     as MuJoCo's own Python package understands it, draws nothing.
     """
@@ -40,10 +43,16 @@ def renderer(world: World) -> str:
         return "cgl"
     drivers = _drivers(world)
     if drivers and world.can_load("libEGL.so.1"):
-        return f"egl {' '.join(drivers)}"
+        return f"egl {' '.join([*drivers, *_devices(world)])}"
     if any(world.can_load(f"libOSMesa.so{suffix}") for suffix in ("", ".8", ".6")):
         return "osmesa"
     return "none"
+
+
+def _devices(world: World) -> list[str]:
+    cards = world.names(Path("/dev"), starts=("nvidia",))
+    numbered = [name for name in cards if name.removeprefix("nvidia").isdigit()]
+    return [*world.names(Path("/dev/dri"), starts=("renderd",)), *numbered]
 
 
 def _drivers(world: World) -> list[str]:

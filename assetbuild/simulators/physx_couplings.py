@@ -22,7 +22,7 @@ from assetbuild.simulators.experiments import Sine
 NARROW, WIDE = 1e-4, 0.5
 """rad or m: least range of a leader that shows a line; the range of one without limits."""
 SHARE = 0.3
-"""Of the leader's range: how far it swings to one side of the middle."""
+"""How far the leader swings to one side of the middle, as a share of its range."""
 FREQUENCY_HZ, STEP_S, STEPS = 2.5, 0.001, 200
 KP, KD = 2500.0, 100.0
 """Per unit of inertia: 1/s2 and 1/s."""
@@ -92,7 +92,7 @@ def experiments(tree: Tree, control: Control) -> tuple[physx.Experiment, ...]:
 
 
 def measured(tree: Tree, outcomes: Mapping[str, physx.Outcome]) -> dict[str, Coupling]:
-    """Of each follower, once the solver has settled.
+    """Return the coupling of each follower, measured once the solver has settled.
 
     A line that does not show is left out, and so are all after a failure.
     """

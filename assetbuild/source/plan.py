@@ -94,7 +94,7 @@ def repository(loaded: LoadedRecipe) -> str:
     git = str(loaded.recipe.source.git)
     if "://" in git or SCP_LIKE.match(git):
         return git
-    return str((loaded.path.parent / Path(git).expanduser()).resolve())
+    return str(loaded.world.real(loaded.path.parent / Path(git).expanduser()))
 
 
 def description_of(loaded: LoadedRecipe, source: SourceFiles, p: Planner) -> Description | None:

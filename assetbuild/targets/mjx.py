@@ -50,7 +50,7 @@ HULL = Rule(
 
 
 class MjxOptions(Model):
-    """Of the target `mjx`, the model for MJX and mujoco_warp: `<robot>_mjx.xml`."""
+    """Solver options of the model for MJX and mujoco_warp: `<robot>_mjx.xml`."""
 
     integrator: Literal["Euler", "RK4", "implicitfast"] = Field(
         "implicitfast", description="`implicit` does not run on MJX"

@@ -90,7 +90,7 @@ def _publish(out: Path, digests: dict[str, str], session: Session) -> dict[str, 
     """What a bundle has besides: its manifest."""
     text = json.dumps(digests)
     own = {"manifest.json": digest_bytes(text.encode())}
-    if lies_there(out, digests | own, session.world.stat_cache.digest):
+    if lies_there(out, digests | own, session.world.stamps.digest):
         return own
     staging = new_staging(out)
     for name, digest in digests.items():

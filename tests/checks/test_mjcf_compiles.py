@@ -9,7 +9,9 @@ import pytest
 from tiny import check_inputs, pendulum, run_step, tiny_quadruped
 
 from assetbuild.checks.mjcf_compiles import MjcfCompiles
+from assetbuild.facts.reference import Assets
 from assetbuild.findings import Finding
+from assetbuild.robot.codec import encode
 from assetbuild.targets.mjcf import Mjcf
 
 
@@ -56,6 +58,7 @@ def test_a_warning_of_the_compiler_becomes_a_finding(tmp_path: Path) -> None:
     """Two parts with two timesteps: MuJoCo takes one and warns."""
     (tmp_path / "mjcf").mkdir()
     (tmp_path / "part").mkdir()
+    (tmp_path / "assets.json").write_bytes(encode(Assets()))
     (tmp_path / "part/hand.xml").write_text(
         '<mujoco model="hand"><option timestep="0.01"/><worldbody><body name="b"/></worldbody>'
         "</mujoco>"

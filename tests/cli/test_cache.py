@@ -13,7 +13,7 @@ import pytest
 
 from assetbuild.cli.cache import size_of_text
 from assetbuild.engine.session import Session
-from assetbuild.engine.store import Store
+from assetbuild.engine.store import Store, open_store
 from assetbuild.pipeline import building
 
 
@@ -58,9 +58,10 @@ def test_a_wrong_size_is_explained(tmp_path: Path):
 
 def test_a_build_without_a_store_warns_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "file").touch()
-    monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "file" / "store"))
     roots: list[Path] = []
     monkeypatch.setattr(building, "_jobs", lambda *_: [])
+    opened = Session(open_store(tmp_path / "file" / "store"))
+    monkeypatch.setattr(building, "open_session", lambda *_, **__: opened)
 
     def build(_: object, session: Session, *__: object) -> list[object]:
         roots.append(session.store.root)

@@ -107,7 +107,7 @@ def test_a_tolerance_that_cannot_be_met_says_by_how_much_and_what_to_change(tmp_
     said = findings["collision.tolerance"]
     assert said.data["max_overcover_found"] == pytest.approx(0.5 / 3.0, abs=1e-3)
     assert said.data["max_overcover_allowed"] == 0.05
-    assert "`max_overcover` is 16.7 % instead of 5 %" in said.message
+    assert "`max_overcover` is 16.7 %, above the limit of 5 %" in said.message
     assert "max_hulls" in said.hint
 
 

@@ -234,6 +234,24 @@ def test_no_collision_step_reaches_the_recipe(code: Code):
         assert reached == [], step.__module__
 
 
+COMPUTED_WITH = {
+    "assetbuild.engine.digest": "downloads are compared with the lock by their digests",
+    "assetbuild.engine.landlock": "what a xacro may open",
+}
+"""Modules of the engine that steps compute with; another would run most steps when it changes."""
+
+
+def test_steps_compute_with_these_modules_of_the_engine_and_no_others(code: Code):
+    found = {
+        name
+        for step in step_classes()
+        if not step.__module__.startswith("assetbuild.checks.smoke_")  # they look for a trainer
+        for name in code.of(step).modules
+        if name.startswith("assetbuild.engine")
+    }
+    assert found == COMPUTED_WITH.keys()
+
+
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a copy of the package, for one test at a time to edit."""

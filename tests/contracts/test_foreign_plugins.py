@@ -77,6 +77,20 @@ def test_the_page_of_the_how_to_builds_a_robot(site: Path):
     assert 'size="0.102 0.152 0.202"' in (bundle / "mjcf/crate.xml").read_text()
 
 
+def test_its_steps_run_again_when_its_code_is_edited(site: Path):
+    words = ("build", "crate.yaml", "-o", "out", "--fail-on", "never", "--log-json", "log")
+    run(site, *words)
+    path = site / "acme_assets/sdf.py"
+    text = path.read_text()
+    path.write_text(text.replace('version="1.10"', 'version="1.11"') + "# an edit\n")
+    run(site, *words)
+    events = map(json.loads, (site.parent / "log").read_text().splitlines())
+    ran = {event["step"]: event["reason"] for event in events if event.get("status") == "ran"}
+    assert ran["sdf"] == "code acme_assets.sdf changed"
+    assert "mjcf" not in ran
+    assert 'version="1.11"' in (site.parent / "out/sdf/crate.sdf").read_text()
+
+
 def test_its_reader_finds_an_edited_file_and_what_it_does_not_know(site: Path):
     run(site, "build", "crate.yaml", "-o", "out", "--fail-on", "never")
     path = site.parent / "out/sdf/crate.sdf"
@@ -133,3 +147,25 @@ def test_only_what_a_recipe_names_is_imported(site: Path):
     text = recipe.read_text().replace(", sdf]", "]").replace("sdf: {static: true}\n", "")
     recipe.write_text(text)
     assert run(site, "check", "crate.yaml").returncode == 0
+
+
+def test_an_edit_of_its_code_is_no_null_build(site: Path):
+    def builds() -> bool:
+        log = site.parent / "out.run.json"
+        log.unlink(missing_ok=True)
+        done = run(site, "build", "crate.yaml", "-o", "out", "--fail-on", "never")
+        assert done.returncode == 0, done.stderr
+        return log.exists()
+
+    assert builds()
+    assert not builds()
+    plugin = next(path for path in site.rglob("*.py") if "wind" in path.name)
+    text = plugin.read_text(encoding="utf-8")
+    assert "0.5 * " in text
+    plugin.write_text(text.replace("0.5 * ", "0.25 * "), encoding="utf-8")
+    assert builds()
+    report = json.loads((site.parent / "out/report/report.json").read_bytes())
+    assert report["checks"]["wind"]["figures"]["force_N"] == pytest.approx(0.25 * 1.2 * 900 * 0.5)
+    assert not builds()
+    (plugin.parent / "new.py").write_text("", encoding="utf-8")
+    assert builds()

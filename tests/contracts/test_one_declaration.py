@@ -15,7 +15,7 @@ import pytest
 from tiny import TinyRobot, check_inputs, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.control.control import ControlStep
-from assetbuild.control.source_control import Stated, join
+from assetbuild.control.source_control import StatedControl, join
 from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.findings import Finding
 from assetbuild.quantities import Model
@@ -108,7 +108,7 @@ def test_the_recipe_wins_over_an_mjcf_where_it_states_the_key(key: str):
     source = SourceControl(with_other(robot, key).control)
     own = robot.control
     for stated, winner in (((), source.control), ((key,), own)):
-        sides = Stated((Side(from_mjcf=True, stated=stated),))
+        sides = StatedControl((Side(from_mjcf=True, stated=stated),))
         joined = join(own, source, robot.tree, robot.shapes, sides).control
         name = key.partition(".")[2]
         assert getattr(getattr(joined, section), name) == getattr(getattr(winner, section), name)

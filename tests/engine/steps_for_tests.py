@@ -352,6 +352,19 @@ class Reads(Step):
         return (files.inputs / "in").read_text() + str([p.name for p in files.inputs.iterdir()])
 
 
+class ReadsWhatIsReplaced(Step):
+    """Waits until its input is another file of the same name, and reads that."""
+
+    outputs = ("out",)
+
+    def run(self, files: Files) -> Iterable[Finding]:
+        before = (files.inputs / "in").stat().st_ino
+        while (files.inputs / "in").stat().st_ino == before:
+            time.sleep(0.01)
+        (files.outputs / "out").write_bytes((files.inputs / "in").read_bytes())
+        return ()
+
+
 class ReadsAndDies(Reads):
     """As code that cannot cope with a refused file."""
 

@@ -168,10 +168,20 @@ def test_a_cache_that_fails_is_told(tmp_path, robot, workers, server):
     assert "the shared cache failed while step `slow" in str(errors[0])
 
 
-def test_a_worker_with_other_versions_refuses_and_names_them(tmp_path, monkeypatch, server):
+@pytest.mark.parametrize(
+    ("other", "named"),
+    [
+        ({"libraries": {"mujoco": "3.0"}}, "library mujoco: 3.0 -> "),
+        ({"code": {"assetbuild.mesh.hull": "0"}}, "code assetbuild.mesh.hull is gone"),
+        ({"python": "cpython 3.1"}, "python: cpython 3.1 -> "),
+    ],
+)
+def test_a_worker_that_is_installed_differently_refuses_and_says_how(
+    tmp_path, monkeypatch, server, other, named
+):
     monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "store"))
     step = MixInChild()
-    parts = key_parts(step, {}, Code()) | {"libraries": {"mujoco": "3.0"}}
+    parts = key_parts(step, {}, Code()) | other
     spec = {
         "label": "it",
         "parts": parts,
@@ -182,7 +192,7 @@ def test_a_worker_with_other_versions_refuses_and_names_them(tmp_path, monkeypat
     }
     answer = json.loads(run_action(json.dumps(spec)))
     assert "is not installed like the machine that builds: " in answer["error"]["message"]
-    assert "mujoco" in answer["error"]["message"]
+    assert named in answer["error"]["message"]
 
 
 @pytest.mark.parametrize(

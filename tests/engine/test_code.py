@@ -7,11 +7,14 @@ import itertools
 import json
 import sys
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from assetbuild.engine import code as code_module
+from assetbuild.engine import libraries as libraries_module
+from assetbuild.engine import stamps
 from assetbuild.engine.code import Code, StepCode
 from assetbuild.engine.step import Step
 from assetbuild.errors import MachineError
@@ -257,7 +260,7 @@ def reads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     found: list[str] = []
     read = code_module._read
 
-    def noted(name: str, path: str) -> tuple[str, tuple[str, ...]]:
+    def noted(name: str, path: str) -> list[str]:
         found.append(name)
         return read(name, path)
 
@@ -275,7 +278,7 @@ def one_process(folder: Path, step: type[Step]) -> Mapping[str, str]:
 
 @pytest.fixture
 def never_racy(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(code_module, "is_racy", lambda _: False)
+    monkeypatch.setattr(stamps, "is_racy", lambda *_: False)
 
 
 def test_the_next_process_reads_nothing_again(package, tmp_path, reads, never_racy):
@@ -308,6 +311,8 @@ def test_a_file_that_was_written_just_now_is_read_again(package, tmp_path, reads
         lambda _: "",
         lambda text: json.dumps({**json.loads(text), "files": {"/a": [1]}}),
         lambda text: json.dumps({**json.loads(text), "format": 0}),
+        lambda text: json.dumps({**json.loads(text), "notes": {"stamp": "", "read": {}}}),
+        lambda text: json.dumps({**json.loads(text), "notes": []}),
     ],
 )
 def test_a_spoilt_cache_counts_as_empty(package, tmp_path, never_racy, spoil: Callable[[str], str]):
@@ -331,9 +336,40 @@ def test_an_edit_while_a_step_runs_is_found(package):
     package.write("weigh.py", "# only a comment\n" + PLAIN)
     code.check(step)
     package.write("weigh.py", PLAIN.replace("2", "7"))
-    with pytest.raises(MachineError, match=r"weigh.py` was edited while a step ran"):
+    with pytest.raises(MachineError, match=r"weigh.py` was changed while a step ran"):
         code.check(step)
     assert Code().of(step) == code.of(step)  # this process has loaded the old code
+
+
+def test_an_upgrade_while_a_step_runs_is_found(package, tmp_path):
+    package.write("weigh.py", STEP.format(body="import meshlib"))
+    install(tmp_path, "meshlib", "1", "meshlib")
+    package.look()
+    step = sys.modules[f"{package.name}.weigh"].Weigh
+    code = Code()
+    code.check(step)
+    (tmp_path / "meshlib-1.dist-info").rename(tmp_path / "meshlib-2.dist-info")
+    with pytest.raises(MachineError, match=r"the library `meshlib` was changed while a step ran"):
+        code.check(step)
+
+
+def test_requirements_may_go_in_a_circle(package, tmp_path):
+    package.write("weigh.py", STEP.format(body="import egg"))
+    install(tmp_path, "egg", "1", "egg", requires=("hen[all]",))
+    install(tmp_path, "hen", "1", "hen", requires=("hen[all]; extra == 'all'", "egg"))
+    assert package.look().libraries == {"egg": "1", "hen": "1"}
+
+
+def test_threads_that_ask_at_once_have_one_answer(package):
+    package.write("weigh.py", "import numpy\n" + PLAIN)
+    package.look()
+    step = sys.modules[f"{package.name}.weigh"].Weigh
+    for _ in range(20):
+        libraries_module._READ.clear()
+        code = Code()
+        with ThreadPoolExecutor(8) as pool:
+            found = list(pool.map(lambda _: code.of(step), range(8)))  # noqa: B023
+        assert all("numpy" in each.libraries for each in found)
 
 
 def test_a_step_without_a_file_is_refused():

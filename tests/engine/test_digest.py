@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from assetbuild.engine import digest
-from assetbuild.engine.digest import StatCache, canonical_json, digest_file, is_racy, signature_of
+from assetbuild.engine import digest, stamps
+from assetbuild.engine.digest import canonical_json, digest_file, is_racy, signature_of
+from assetbuild.engine.stamps import Stamps
 
 
 @pytest.fixture
@@ -30,7 +31,7 @@ def reads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         seen.append(str(path))
         return digest_file(path)
 
-    monkeypatch.setattr(digest, "digest_file", counted)
+    monkeypatch.setattr(stamps, "digest_file", counted)
     return seen
 
 
@@ -47,17 +48,17 @@ def test_digest_of_a_file_is_its_sha256(tmp_path: Path):
 def test_an_unchanged_old_file_is_read_once(tmp_path, later, reads):
     path = tmp_path / "a"
     path.write_text("one")
-    cache = StatCache(tmp_path / "cache.json")
+    cache = Stamps(tmp_path / "cache.json")
     first = cache.digest(path)
     cache.save()
-    assert StatCache(tmp_path / "cache.json").digest(path) == first
+    assert Stamps(tmp_path / "cache.json").digest(path) == first
     assert reads == [str(path)]
 
 
 def test_a_fresh_file_is_never_trusted(tmp_path, reads):
     path = tmp_path / "a"
     path.write_text("one")
-    cache = StatCache()
+    cache = Stamps()
     cache.digest(path)
     cache.digest(path)
     assert len(reads) == 2
@@ -74,7 +75,7 @@ def test_a_same_size_edit_with_its_mtime_put_back_is_noticed(tmp_path, later):
     path = tmp_path / "a"
     path.write_text("one")
     before = path.stat()
-    cache = StatCache()
+    cache = Stamps()
     first = cache.digest(path)
     path.write_text("two")
     os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
@@ -84,7 +85,7 @@ def test_a_same_size_edit_with_its_mtime_put_back_is_noticed(tmp_path, later):
 
 def test_a_thousand_quick_edits_are_all_noticed(tmp_path):
     path = tmp_path / "a"
-    cache = StatCache()
+    cache = Stamps()
     for number in range(1000):
         path.write_text(f"{number:04}")
         assert cache.digest(path) == hashlib.sha256(f"{number:04}".encode()).hexdigest()
@@ -93,45 +94,43 @@ def test_a_thousand_quick_edits_are_all_noticed(tmp_path):
 def test_a_cache_cut_at_any_byte_counts_as_empty(tmp_path, later):
     source = tmp_path / "a"
     source.write_text("one")
-    whole_cache = StatCache(tmp_path / "cache.json")
+    whole_cache = Stamps(tmp_path / "cache.json")
     right = whole_cache.digest(source)
     whole_cache.save()
     whole = (tmp_path / "cache.json").read_bytes()
     for end in range(len(whole)):
         (tmp_path / "cut.json").write_bytes(whole[:end])
-        assert StatCache(tmp_path / "cut.json").digest(source) == right
+        assert Stamps(tmp_path / "cut.json").digest(source) == right
 
 
-@pytest.mark.parametrize(
-    "entry", [[1, 2, 3, 4, 5], ["a", 2, 3, 4, 5, "d" * 64], [1, 2, 3, 4, 5, "short"], None]
-)
+@pytest.mark.parametrize("entry", [[1, 2, 3, 4, 5], [1, 2, 3, 4, 5, 6], 1, None])
 def test_a_foreign_cache_counts_as_empty(tmp_path, entry):
-    text = json.dumps({"format": 1, "files": {"x": entry}})
+    text = json.dumps({"format": "digests", "files": {"x": entry}, "notes": None})
     (tmp_path / "cache.json").write_text(text)
-    assert StatCache(tmp_path / "cache.json")._old == {}
+    assert Stamps(tmp_path / "cache.json")._old == {}
 
 
 def test_two_builds_keep_each_others_entries(tmp_path, later):
     for name in "ab":
         (tmp_path / name).write_text(name)
-    one, other = StatCache(tmp_path / "cache.json"), StatCache(tmp_path / "cache.json")
+    one, other = Stamps(tmp_path / "cache.json"), Stamps(tmp_path / "cache.json")
     one.digest(tmp_path / "a")
     other.digest(tmp_path / "b")
     one.save()
     other.save()
-    assert len(StatCache(tmp_path / "cache.json")._old) == 2
+    assert len(Stamps(tmp_path / "cache.json")._old) == 2
 
 
 def test_rehash_trusts_nothing(tmp_path, later, reads):
     (tmp_path / "a").write_text("one")
-    cache = StatCache(tmp_path / "cache.json")
+    cache = Stamps(tmp_path / "cache.json")
     cache.digest(tmp_path / "a")
     cache.save()
-    StatCache(tmp_path / "cache.json", rehash=True).digest(tmp_path / "a")
+    Stamps(tmp_path / "cache.json", fresh=True).digest(tmp_path / "a")
     assert len(reads) == 2
 
 
 def test_a_folder_or_device_is_no_source(tmp_path):
     for path in (tmp_path, Path(os.devnull)):
         with pytest.raises(OSError, match="not a regular file"):
-            StatCache().digest(path)
+            Stamps().digest(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from pathlib import Path
 
 import pytest
 from builds_for_tests import chain, is_alive, one
@@ -19,10 +20,12 @@ from steps_for_tests import (
 )
 
 from assetbuild.engine import make
+from assetbuild.engine.actions import Action, Made
 from assetbuild.engine.children import CancelledError
 from assetbuild.engine.execute import Event, execute, first_error
 from assetbuild.engine.make import NodeResult
 from assetbuild.engine.planner import Planner
+from assetbuild.engine.runner import Runner
 from assetbuild.engine.session import Session
 from assetbuild.engine.store import Store
 from assetbuild.errors import SourceError, StepError
@@ -229,3 +232,32 @@ def test_a_stopped_build_tells_no_step_error(session, monkeypatch):
     monkeypatch.setattr(make.Maker, "make", lambda *_: (_ for _ in ()).throw(CancelledError))
     with pytest.raises(CancelledError):
         one(session, Mix())
+
+
+class Elsewhere(Runner):
+    """Makes every output without running the step."""
+
+    places = 2
+    memory_mb = 1024
+    closed = False
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.seen: list[Action] = []
+
+    def run(self, action: Action) -> Made:
+        self.seen.append(action)
+        digest = self.session.store.put_bytes(action.label.encode())
+        return Made(dict.fromkeys(action.step.outputs, digest))
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def test_whatever_runs_actions_is_a_runner(session: Session, source: Path):
+    with Elsewhere(session) as runner:
+        results = execute(chain(session, source), session, runner)
+    assert [action.label for action in runner.seen] == ["first", "second", "third"]
+    assert runner.seen[1].inputs == {"in": results["first"]["out"]}
+    assert session.read(results["third"]["out"]) == b"third"
+    assert runner.closed

@@ -16,9 +16,9 @@ from builds_for_tests import chain, one
 from steps_for_tests import Mix
 
 from assetbuild.engine import digest
-from assetbuild.engine.digest import StatCache
 from assetbuild.engine.execute import execute
 from assetbuild.engine.session import Session
+from assetbuild.engine.stamps import Stamps
 from assetbuild.engine.store import Store
 
 DAY_NS = 86_400 * 10**9
@@ -50,7 +50,7 @@ def test_a_thousand_edits_within_one_coarse_tick_are_all_noticed(tmp_path, monke
         return SimpleNamespace(**rounded, **{n: getattr(found, n) for n in kept})
 
     monkeypatch.setattr(digest.os, "stat", coarse)
-    path, cache = tmp_path / "a", StatCache()
+    path, cache = tmp_path / "a", Stamps()
     stale = 0
     for number in range(1000):
         path.write_text(f"{number:04}")
@@ -61,7 +61,7 @@ def test_a_thousand_edits_within_one_coarse_tick_are_all_noticed(tmp_path, monke
 @pytest.mark.parametrize("step_ns", [DAY_NS, -DAY_NS])
 def test_a_clock_that_steps_by_a_day_hides_no_edit(tmp_path, monkeypatch, step_ns):
     """F11: our clock runs a day ahead of, or behind, that of the file system, from here on."""
-    path, cache = tmp_path / "a", StatCache()
+    path, cache = tmp_path / "a", Stamps()
     path.write_text("0")
     cache.digest(path)
     plain = time.time_ns

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import threading
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from steps_for_tests import (
     PreloadedWithThreads,
     Reads,
     ReadsAndDies,
+    ReadsWhatIsReplaced,
 )
 
 from assetbuild.engine import sandbox
@@ -77,6 +79,24 @@ def test_inputs_and_the_own_folder_are_free(confined, strict, source, how):
     result = strict(Reads(path="", how=how), source)
     assert result.error is None
     assert confined.read(result["out"]) == (b"mine" if how == "writing" else b"1['in']")
+
+
+def test_an_object_that_another_step_makes_meanwhile_stays_readable(confined, strict, source):
+    done = threading.Event()
+
+    def make_again() -> None:
+        while not done.wait(0.2):
+            confined.store.put_bytes(source.read_bytes())
+
+    other = threading.Thread(target=make_again)
+    other.start()
+    try:
+        result = strict(ReadsWhatIsReplaced(), source)
+    finally:
+        done.set()
+        other.join()
+    assert result.error is None
+    assert confined.read(result["out"]) == source.read_bytes()
 
 
 def test_ordinary_steps_give_the_same_bytes(strict, session, source, tmp_path):

@@ -118,8 +118,6 @@ def test_nobody_waits_for_ever(tmp_path: Path):
             entered.append(time.monotonic() - began)
 
     with turns.turn("k", patience_s=1):
-        with turns.turn("k", patience_s=1):  # the same thread: healing may come back to it
-            pass
         other = threading.Thread(target=wait)
         other.start()
         other.join(10)

@@ -88,6 +88,7 @@ def test_what_we_write_is_what_the_recipe_asks_for(ranges: dict[str, Any], tmp_p
         ("contact", "restitution_range", "range: [0.0, 0.1]", "range: [0.0, 0.2]"),
         ("", "seed", f"seed: {2**63 - 1}", f"seed: {2**63 - 2}"),
         ("", "schema", "dr/v1", "dr/v2"),
+        ("", "section_payloads", "payloads:", "paid:"),
     ],
 )
 def test_a_wrong_range_is_named(subject: str, quantity: str, old: str, new: str, tmp_path: Path):

@@ -156,6 +156,25 @@ def test_an_armature_of_nothing_is_found(generation: str, tmp_path: Path):
     assert found["equal.isaaclab.armature"]["found"] == 0.0
 
 
+@pytest.mark.parametrize("generation", ["2", "3"])
+@pytest.mark.parametrize("field", ["armature=0.01,", "viscous_friction=0.1,", "friction=0.2,"])
+def test_what_the_module_leaves_to_the_usd_is_found(generation: str, field: str, tmp_path: Path):
+    """Isaac Lab takes the USD's number for one that a module does not state."""
+    one = built(tiny_quadruped(), tmp_path)
+    assert field in one.file(generation).read_text()
+    found = one.edited(generation, lambda text: re.sub(rf"\n +{field}", "", text))
+    assert {None} == {said["found"] for said in found.values()}
+
+
+def test_a_start_that_is_not_stated_and_names_in_another_order_are_found(tmp_path: Path):
+    one = built(tiny_quadruped(), tmp_path)
+    found = one.edited("2", lambda text: text.replace('"FR_hip_joint": 0.0,', "", 1))
+    assert found["equal.isaaclab.start"] == {"expected": 0.0, "found": None}
+    listed = r'"(FR_hip_joint)",(\s+)"(FR_thigh_joint)",'
+    found = one.edited("2", lambda text: re.sub(listed, r'"\3",\2"\1",', text))
+    assert set(found) == {"equal.isaaclab.place_in_its_group"}
+
+
 def test_each_generation_has_its_own_order_of_quaternions(tmp_path: Path):
     one = built(quadruped(), tmp_path)
     rot = re.search(r"rot=(\(.*\)),", one.file("2").read_text())

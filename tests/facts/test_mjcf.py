@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TypeVar
 
 import pytest
 from gripper import gripper
@@ -28,12 +29,15 @@ from assetbuild.facts.readers.bare import BareFacts
 from assetbuild.facts.readers.mjcf import MjcfFacts
 from assetbuild.facts.readers.mjx import MjxFacts
 from assetbuild.facts.readers.scene import SceneFacts
+from assetbuild.facts.table import pair_name, pair_of
 from assetbuild.findings import Finding
+from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.model import Body, Limits
 from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.mjlab import Mjlab
 from assetbuild.targets.mjx import Mjx
 
+T = TypeVar("T")
 FORMS: dict[str, tuple[type[Reader], type, str, str]] = {
     "mjcf": (MjcfFacts, Mjcf, "mjcf", "robot.xml"),
     "mjx": (MjxFacts, Mjx, "mjx", "robot_mjx.xml"),
@@ -101,7 +105,32 @@ def test_a_locked_joint_is_held_where_its_limits_meet(tmp_path: Path) -> None:
     assert [f.rule for f in found] == ["equal.mjcf.lower", "equal.mjcf.upper"]
 
 
+def test_bodies_with_spaces_in_their_names_make_pairs_of_two(tmp_path: Path) -> None:
+    """One body is called `world`, which MuJoCo keeps for itself: then names are exchanged."""
+    robot, names = tiny_quadruped(), {"trunk": "world", "FR_hip": "hip FR", "FR_thigh": "FR"}
+
+    def renamed(part: T) -> T:
+        text = encode(part).decode()
+        for old, new in names.items():
+            text = text.replace(f'"{old}"', f'"{new}"')
+        return decode(type(part), text.encode())
+
+    tree, shapes, control = (renamed(part) for part in (robot.tree, robot.shapes, robot.control))
+    assert check(replace(robot, tree=tree, shapes=shapes, control=control), tmp_path) == []
+
+
+def test_a_pair_is_not_taken_for_another_whose_names_are_cut_elsewhere() -> None:
+    pairs = [("a b", "c"), ("a", "b c"), ("a", "c"), ('"a', "b"), ("", "a\\ b")]
+    assert len({pair_name(*pair) for pair in pairs}) == len(pairs)
+    for pair in pairs:
+        assert (
+            pair_of(pair_name(*pair)) == pair_of(pair_name(*reversed(pair))) == tuple(sorted(pair))
+        )
+    assert pair_name("FR_thigh", "trunk") == "FR_thigh trunk"
+
+
 HIP, CALF = "joint FR_hip_joint", "joint FR_calf_joint"
+EXCLUDED = '<exclude body1="RL_hip" body2="trunk"/>'
 PLANTED = [
     ("mass", "body FR_hip", r'mass="0.5"', 'mass="0.500000001"'),
     ("centre_of_mass", "body FR_hip", r'pos="0 -0.005 0"', 'pos="0 -0.00500000001 0"'),
@@ -126,6 +155,8 @@ PLANTED = [
     ("timestep", "simulation", r'timestep="0.005"', 'timestep="0.004"'),
     ("filtered", "pair RL_thigh trunk", r"</mujoco>",
      '<contact><exclude body1="RL_thigh" body2="trunk"/></contact></mujoco>'),
+    ("excludes", "pair RL_hip trunk", r"</mujoco>",
+     f"<contact>{2 * EXCLUDED}</contact></mujoco>"),
     ("anchor", HIP, r'<joint name="FR_hip_joint"', r'\g<0> pos="0 0 0.001"'),
     # Words that MJCF alone has, of which no vocabulary knows.
     ("solmix", "shape trunk_collision", r'<geom name="trunk_collision"', r'\g<0> solmix="3"'),
@@ -152,6 +183,9 @@ def test_a_planted_change_is_found(
     [
         ("mjcf", "mean_corner", "shape skin", r'pos="0.01 0.02 0.03"', 'pos="0.04 0.02 0.03"'),
         ("mjcf", "mimic_multiplier", "joint b_joint", r'polycoef="0.25 -1.5', 'polycoef="0.25 1.5'),
+        ("mjcf", "name1", "equality b_joint_copy",
+         r'(<joint name="b_joint)("[^>]* polycoef[^>]*/>)',
+         r"\1\2\1_copy\2"),
         ("mjx", "armature", "joint lift", r'armature="0.3"', 'armature="0.5"'),
         ("mjx", "iterations", "simulation", r' iterations="4"', ' iterations="40"'),
         ("bare", "mass", "body base", r' mass="1"', ' mass="3"'),
@@ -170,6 +204,19 @@ def test_a_planted_change_of_a_gripper_is_found_in_every_form(
     found = check(gripper(), tmp_path, replaced(pattern, new), form)
     named = {(f.rule, s) for f in found for s in (f.subject, *f.data.get("subjects", ()))}
     assert (f"equal.{form}.{rule}", subject) in named
+
+
+@pytest.mark.parametrize("line", [r"(?m)^(f) (\S+) (\S+)", r"(?m)^(v) (\S+) (\S+)"])
+@pytest.mark.parametrize("form", ["mjcf", "mjx", "bare"])
+def test_one_line_of_a_mesh_is_found_in_every_form(form: str, line: str, tmp_path: Path) -> None:
+    """A face that is turned over; a corner of which two numbers are exchanged."""
+    reader, target, name, file = FORMS[form]
+    inputs = check_inputs(tmp_path, gripper(), target(robot="robot"), name)
+    mesh = next((inputs / name / file).parent.glob("assets/block*.obj"))
+    mesh.write_text(re.sub(line, r"\1 \3 \2", mesh.read_text(), count=1))
+    found = {f.rule: f.data for f in run_step(reader(robot="robot"), inputs, tmp_path / "out")}
+    sides = found[f"equal.{form}.triangles_of_the_file"]
+    assert sides["expected"] != sides["found"]
 
 
 def test_a_finding_carries_both_values(tmp_path: Path) -> None:

@@ -188,6 +188,21 @@ def test_swapped_gains_are_found(tmp_path: Path):
     assert len(found["equal.mjlab.kd"]["subjects"]) == 12
 
 
+@pytest.mark.parametrize("field", ["armature=0.01,", "frictionloss=0.2,", "viscous_damping=0.1,"])
+def test_what_the_module_does_not_state_is_found(field: str, tmp_path: Path):
+    one = built(tiny_quadruped(), tmp_path, **WALKER)
+    assert field in one.path.read_text()
+    found = one.edited(lambda text: re.sub(rf"\n +{field}", "", text))
+    assert {None} == {said["found"] for said in found.values()}
+
+
+def test_joints_in_another_order_are_found(tmp_path: Path):
+    one = built(tiny_quadruped(), tmp_path, **WALKER)
+    listed = r'(JOINTS = \(\s+)("\w+",)(\s+)("\w+",)'
+    found = one.edited(lambda text: re.sub(listed, r"\1\4\3\2", text))
+    assert found["equal.mjlab.place_in_joints"]["expected"] in (0, 1)
+
+
 def test_a_negated_start_is_found(tmp_path: Path):
     one = built(tiny_quadruped(), tmp_path, **WALKER)
     found = one.edited(lambda text: text.replace(": 0.8,", ": -0.8,"))

@@ -238,6 +238,14 @@ def test_both_values_and_the_line_are_told(tmp_path: Path):
     assert found.where.startswith("bot.urdf:")
 
 
+def test_a_shape_without_its_name_is_found(tmp_path: Path):
+    """Its place among the others says which one it is."""
+    edit = ('<collision name="trunk_collision">', "<collision>")
+    (found,) = proved(edited(tiny_quadruped(), tmp_path / "in", edit))
+    assert (found.rule, found.subject) == ("equal.urdf.name", "shape trunk_collision")
+    assert found.data == {"expected": "trunk_collision", "found": None}
+
+
 def test_a_mimic_joint_is_compared_with_its_coefficients(tmp_path: Path):
     faults = {
         "mimic_multiplier": ('multiplier="-1.0"', 'multiplier="-3"'),

@@ -68,6 +68,14 @@ def set_to(path: str, value: object) -> Spoil:
         ("initial_pose", "start FR_calf",
          set_to("/World/robot/FR_calf.xformOp:translate", Gf.Vec3d(0, 0, 1))),
         ("defaultprim", "stage", lambda s: s.SetDefaultPrim(s.GetPrimAtPath("/World/robot"))),
+        ("type", "prim /World/eye", lambda s: s.DefinePrim("/World/eye", "Camera")),
+        ("type", "prim /other", lambda s: s.DefinePrim("/other", "Xform")),
+        ("type", "prim /World/floor_copy", lambda s: Sdf.CopySpec(
+            s.GetRootLayer(), "/World/floor", s.GetRootLayer(), "/World/floor_copy")),
+        ("gravitymagnitude", "simulation", lambda s: s.GetAttributeAtPath(
+            "/World/physics.physics:gravityMagnitude").Clear()),
+        ("orient", "prim /World/robot/FR_hip", lambda s: s.GetAttributeAtPath(
+            "/World/robot/FR_hip.xformOp:orient").Set(Gf.Quatd(1.0, 0.01, 0.0, 0.0))),
         ("robot", "stage", lambda s: s.GetPrimAtPath("/World/robot").GetReferences().AddReference(
             "./robot.usda", "/robot/trunk")),
     ],
@@ -92,8 +100,6 @@ def test_what_changed_is_named(rule: str, subject: str, spoil: Spoil, tmp_path: 
             "Physics").SetVariantSelection("none")),
         ("/World/floor", lambda s: s.GetPrimAtPath("/World/floor").CreateAttribute(
             "x", Sdf.ValueTypeNames.Int).Set(1)),
-        ("/World/eye", lambda s: s.DefinePrim("/World/eye", "Camera")),
-        ("/other", lambda s: s.DefinePrim("/other", "Xform")),
     ],
 )  # fmt: skip
 def test_what_nothing_compares_is_reported(where: str, spoil: Spoil, tmp_path: Path) -> None:

@@ -11,6 +11,8 @@ ENOUGH = 1e-6
 """Relative: two numbers closer than this count as one, and no mutation makes one of the other."""
 FROM_ZERO = 0.01
 """What a zero becomes, which has no percentage: SI units."""
+RESIDUE = 1e-12
+"""What rounding leaves of a zero, SI units: of a number below it no share is a change."""
 
 WORDS = (
     ("Euler", "implicitfast", "implicit", "RK4"),
@@ -73,7 +75,7 @@ class Mutation:
 def number_changes(value: float) -> dict[str, float]:
     """What to make of a number, by the name of the change; of an integer with integers."""
     whole = isinstance(value, int)
-    if value == 0:
+    if abs(value) < RESIDUE:
         return {"from zero": 1 if whole else FROM_ZERO}
     if not math.isfinite(value):
         return {"finite": 1.0, "zero": 0.0}

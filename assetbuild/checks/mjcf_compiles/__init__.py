@@ -9,10 +9,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from assetbuild.checks.mjcf_compiles import lint_model, lint_xml
+from assetbuild.checks.mjcf_compiles.files import read_otherwise
 from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
+from assetbuild.facts.reference import Assets
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
+from assetbuild.robot.codec import decode
 from assetbuild.robot.mirror import Tolerances, mirror_findings
 from assetbuild.robot.twins import twins
 from assetbuild.simulators.mujoco import Loaded, load
@@ -29,11 +32,12 @@ class MjcfCompiles(Check):
     isolated = True
     preload = ("mujoco",)
     needs = ("mjcf",)
-    reads = ()
+    reads = ("assets.json",)
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Reads `mjcf/*.xml` with their assets."""
+        """Reads `mjcf/*.xml` with their assets, and what these are."""
         figures: dict[str, object] = {}
+        assets = decode(Assets, (files.inputs / "assets.json").read_bytes())
         for path in sorted((files.inputs / "mjcf").glob("*.xml")):
             try:
                 loaded = load(path)
@@ -59,6 +63,7 @@ class MjcfCompiles(Check):
             if path.name != "scene.xml":  # the scene includes the robot: nothing twice
                 yield from lint_xml.lint(lint_xml.read(path))
                 yield from lint_model.lint(model)
+                yield from read_otherwise(model, assets)
         write_figures(files, figures)
 
 

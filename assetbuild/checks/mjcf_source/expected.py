@@ -20,7 +20,7 @@ from assetbuild.facts.compare import EXACT, Difference, Precision, differences
 from assetbuild.facts.mjcf import MESHES
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.surface import Surface
-from assetbuild.facts.table import Key, Table, Value
+from assetbuild.facts.table import Key, Table, Value, pair_of
 from assetbuild.robot.inertia import combine, move_inertial
 from assetbuild.robot.model import Inertial, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, vec3
@@ -244,7 +244,7 @@ def _as_wholes(found: list[Difference], before: Table, after: Table) -> list[Dif
 def _is_added(kind: str, name: str, ours: Subjects, stated: frozenset[str]) -> bool:
     """Whether the recipe, or a rule of the build, adds to what the source has."""
     if kind == "pair":
-        bodies = set(name.split(" "))
+        bodies = set(pair_of(name))
         above = {str(ours["body", body]["parent"]) for body in bodies}
         return bool(above & bodies) or "exclude" in stated
     return kind in ("sensor", "frame", "camera") and "senses" in stated

@@ -11,7 +11,7 @@ import numpy as np
 
 from assetbuild.facts.mjcf import read_spec
 from assetbuild.facts.mjcf_words import COVERED, Spec
-from assetbuild.facts.table import Value
+from assetbuild.facts.table import Value, pair_name
 from assetbuild.simulators.joint_drives import read_drive
 from assetbuild.simulators.mujoco import Model, name_of, passes
 
@@ -159,7 +159,7 @@ def _couplings(model: Model, facts: Subjects) -> None:
     import mujoco
 
     for first, second in _apart(model):
-        facts["pair", f"{first} {second}"] = {"filtered": True}
+        facts["pair", pair_name(first, second)] = {"filtered": True}
     for index in range(model.neq):
         own = facts.get(("equality", name_of(model, "eq", index)), {})
         kind, connects = int(model.eq_objtype[index]), mujoco.mjtEq.mjEQ_CONNECT

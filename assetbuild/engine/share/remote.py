@@ -17,8 +17,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from assetbuild.engine.actions import Made, made_from_json
@@ -26,6 +25,13 @@ from assetbuild.engine.digest import canonical_json
 from assetbuild.engine.share.offers import Offers
 from assetbuild.engine.store import LostObjectError, Store
 from assetbuild.errors import UsageError
+
+if TYPE_CHECKING:
+    from assetbuild.engine.share.remote_http import HttpPlace
+    from assetbuild.engine.share.remote_s3 import S3Place
+
+    Place = HttpPlace | S3Place
+    """Where names are read and written, each within its time and size. Threads may share it."""
 
 ENTRY_FORMAT = 1
 ENTRY_BYTES = 16 << 20
@@ -50,29 +56,6 @@ class Budget:
     object_bytes: int = 4 << 30
     errors: int = TOLERATED_ERRORS
     offer_s: float = 2.0
-
-
-class Place(Protocol):
-    """Where names are read and written, each within its time and size. Threads may share it."""
-
-    name: str
-    """Its address, without credentials."""
-
-    def get(self, name: str, limit: int) -> bytes | None:
-        """A small body; None when there is none of this name."""
-        ...
-
-    def save(self, name: str, size: int, dest: Path) -> bool:
-        """Write a body of exactly `size` bytes to a file; False when it is not all there."""
-        ...
-
-    def has(self, name: str, size: int | None = None) -> bool:
-        """Is it there already, of this size if one is given?"""
-        ...
-
-    def put(self, name: str, body: bytes | Path) -> None:
-        """Upload bytes or a file."""
-        ...
 
 
 def place_of(url: str, request_s: float) -> Place:

@@ -153,7 +153,7 @@ class _Cuttable:
 
 
 class _Deadline:
-    """Of one request. connection: which it uses now."""
+    """Ends one request in time. connection: the one that the request uses now."""
 
     def __init__(self) -> None:
         self.is_over = False

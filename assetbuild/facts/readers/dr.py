@@ -22,7 +22,10 @@ RANGES = "how the robot may vary; what it is stands in the other files"
 FACTORS = ("kp", "kd", "damping", "friction", "armature", "effort")
 _DRAWN = frozenset({"nominal", "range"})
 KNOWN: Mapping[str, frozenset[str]] = {
-    "": frozenset({"schema", "robot", "seed"}),
+    "": frozenset({
+        "schema", "robot", "seed",
+        "section links", "section joints", "section payloads", "section contact",
+    }),
     "body": frozenset({
         "mass nominal", "mass range", "density", "com nominal", "com shift", "log_cholesky alpha",
         "log_cholesky d", "log_cholesky s", "log_cholesky t", "source",
@@ -39,6 +42,8 @@ KNOWN: Mapping[str, frozenset[str]] = {
 }  # fmt: skip
 """What `dr.yaml` may say of each kind of subject; keys within keys are joined by a space."""
 SECTIONS = {"links": "body", "joints": "joint", "payloads": "payload"}
+SECTION = "section"
+"""Each section stands there, however empty."""
 
 
 class Dr(Reader):
@@ -80,6 +85,7 @@ class Dr(Reader):
         said, book = reference.options.get("randomize"), Writer()
         if not said:
             return book.table()
+        _put(book, "", {f"{SECTION} {name}": True for name in (*SECTIONS, "contact")})
         head = {"schema": "assetbuild/dr/v1", "robot": self.robot, "seed": str(said.get("seed", 0))}
         _put(book, "", head)
         for body in reference.tree.bodies:
@@ -117,7 +123,9 @@ def _source(text: str) -> str:
 
 
 def _matter(inertial: Inertial, matter: Mapping[str, Any]) -> dict[str, Any]:
-    """Of one body. The pseudo-inertia becomes U J U', U = exp(alpha) [[A, t], [0, 1]].
+    """Return the facts of one body.
+
+    Its pseudo-inertia becomes U J U', U = exp(alpha) [[A, t], [0, 1]].
 
     So the mass changes by exp(2 alpha): alpha is half the logarithm of the density's factor; A has
     exp(d) on its diagonal and s above it; t is the shift, m (Rucker and Wensing, 2022).
@@ -140,7 +148,7 @@ def _matter(inertial: Inertial, matter: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _joint(row: Actuator | None, ranges: Mapping[str, Any]) -> dict[str, Any]:
-    """Of one joint; a factor of a number that it does not have, or of 1, draws nothing."""
+    """Return the facts of one joint; a factor of 1, or of a number it lacks, draws nothing."""
     bias = ranges["encoder_bias"]
     facts = {"delay": ranges["delay"], "encoder_bias": [-bias, bias]}
     for key in FACTORS:
@@ -152,7 +160,7 @@ def _joint(row: Actuator | None, ranges: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _contact(friction: float, said: Mapping[str, Any]) -> dict[str, Any]:
-    """Of all surfaces; nothing of the robot bounces where nobody says so."""
+    """Return the facts of all surfaces; they do not bounce unless the recipe says so."""
     facts: dict[str, Any] = {}
     if said.get("friction") is not None:
         facts = {"friction nominal": friction, "friction range": said["friction"]}
@@ -167,6 +175,8 @@ def _contact(friction: float, said: Mapping[str, Any]) -> dict[str, Any]:
 
 def _subject(keys: tuple[str, ...]) -> tuple[str, str, tuple[str, ...]]:
     """(kind, name, the rest) of the keys that lead to a leaf."""
+    if keys[1:] == (SECTION,):
+        return "", "", (f"{SECTION} {keys[0]}",)
     if len(keys) > 1 and keys[0] in SECTIONS:
         return SECTIONS[keys[0]], keys[1], keys[2:]
     if len(keys) > 1 and keys[0] == "contact":
@@ -197,6 +207,10 @@ def _leaves(path: Path) -> Iterator[tuple[str, tuple[str, ...], Any]]:  # Any: Y
         node = loader.get_single_node()
         if node is None:
             return
+        tops = node.value if isinstance(node, yaml.MappingNode) else ()
+        for key, _ in tops:
+            if key.value in (*SECTIONS, "contact"):
+                yield f"{path.name}:{key.start_mark.line + 1}", (key.value, SECTION), True
         found = list(_below(node, ()))
         for keys, leaf in found:
             line = leaf.start_mark.line + 1

@@ -26,7 +26,6 @@ class MjcfFacts(MjcfReader):
     suffixes = (".xml", ".mjcf")
     asks = ("mjcf",)
     lacks = LACKS
-    knows_copies = False
 
     section = "validate"
     equality: Positive = Field(

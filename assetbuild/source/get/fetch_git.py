@@ -47,7 +47,7 @@ class FetchGit(Step):
     commit: str
     """40 hex digits."""
     sha256: str
-    """Of `tree_digest`."""
+    """What `tree_digest` must return for the fetched tree."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Fetch, export, compare."""

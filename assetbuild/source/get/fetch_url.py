@@ -13,7 +13,7 @@ from assetbuild.findings import Finding
 
 MAX_BYTES = 2 << 30
 TIMEOUT_S = 60.0
-"""Of each wait for the server, not of the whole download."""
+"""Limit of each wait for the server, not of the whole download."""
 _CHUNK = 1 << 20
 
 

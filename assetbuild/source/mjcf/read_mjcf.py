@@ -36,7 +36,7 @@ class ReadMjcf(Step):
     """Reads `source.xml`, `lines.json` and the mesh files below `files/`.
 
     MuJoCo compiles the source; the Robot gets the compiled numbers in full precision. What the
-    Robot has no words for travels as `MjcfOnly`; what cannot travel is told (`mjcf.dropped`).
+    Robot has no words for travels as `MjcfOnly`; what cannot travel is reported (`mjcf.dropped`).
     Raises SourceError with file and line for what is no robot of rigid bodies on joints.
     """
 
@@ -116,7 +116,7 @@ def _tree(name: str, links: Links, drives: Drives) -> Tree:
 def _commands(
     sections: Sections, drives: Drives, links: Links
 ) -> tuple[tuple[str, tuple[tuple[str, float], ...]], ...]:
-    """Of each keyframe by actuator; those of position drives count from the joint's `ref`."""
+    """Return each keyframe's commands by actuator; position drives count from the joint's `ref`."""
     by_joint = {actuator.joint: actuator for actuator in drives.actuators}
     rest = {
         name: links.rest.get(joint, 0.0)

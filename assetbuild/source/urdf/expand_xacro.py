@@ -55,7 +55,7 @@ class ExpandXacro(Step):
     """`$(find NAME)` -> folder below the source root."""
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Expand; what xacro warned of is told once each."""
+        """Expand; each of xacro's warnings is reported once."""
         answer = self._expanded(files.inputs / "tree")
         if "error" in answer:
             error = self._error(answer)

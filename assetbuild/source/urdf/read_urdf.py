@@ -1,4 +1,4 @@
-"""Read a URDF strictly: what is wrong is told with its line, what has no home is told too."""
+"""Read a URDF strictly: what is wrong, or has no place in the model, is reported with its line."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class ReadUrdf(Step):
     who must not believe this reader.
 
     Comments and formatting change nothing but `source_map.json` and the lines in `meshes.json`.
-    Raises SourceError with `file:line`; of several mistakes the first in the file is told.
+    Raises SourceError with `file:line`; of several mistakes the first in the file is reported.
     """
 
     outputs = ("links.json", "shapes.json", "meshes.json", "source_map.json", "source.urdf")

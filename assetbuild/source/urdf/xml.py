@@ -244,7 +244,7 @@ def _refuse_doctype(data: bytes, file: str) -> None:
     try:
         parser.Parse(data, True)
     except (StopIteration, expat.ExpatError, ValueError):
-        return  # broken XML is told by the real parser, which knows more encodings too
+        return  # the real parser reports broken XML, which knows more encodings too
 
 
 def _doctype(file: str, line: int) -> SourceError:

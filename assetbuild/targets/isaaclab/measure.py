@@ -47,7 +47,7 @@ FALL_S, SETTLE_S, RAISED_M = {fall!r}, {settle!r}, 1.0
 
 
 def numbers(values):
-    """Of the first environment, as plain lists; Isaac Lab 3 wraps its tensors."""
+    """Return the values of the first environment as plain lists; Isaac Lab 3 wraps its tensors."""
     return getattr(values, "torch", values)[0].cpu().tolist()
 
 

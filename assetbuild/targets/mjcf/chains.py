@@ -36,7 +36,7 @@ class Seats:
         }
 
     def joints(self, body: str) -> tuple[Joint, ...]:
-        """Of a body, outermost first, in the order in which MuJoCo applies them."""
+        """Return a body's joints, outermost first, in the order in which MuJoCo applies them."""
         if body in self.chains:
             return self.chains[body].joints
         above = self._tree.joint_above.get(body)

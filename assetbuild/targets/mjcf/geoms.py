@@ -72,7 +72,7 @@ class GeomElements:
         fixed: Mapping[Role, Mapping[str, str]] = {"visual": hidden, "collision": solid}
         own = dict(control.contacts)
         self.classes: list[DefaultClass] = []
-        """Of the roles that any shape has."""
+        """The default classes of the roles that any shape has."""
         self._uses: dict[str, Use] = {}
         for role, always in fixed.items():
             rows = [

@@ -251,8 +251,8 @@ class RobotXml:
         }
 
     def resting_pose(self) -> Pose:
-        """Of the root before any keyframe: a fixed one where it is held, a floating one at the
-        height of the initial keyframe, else 0."""
+        """Return the root's pose before any keyframe: a fixed root where it is held, a floating one
+        at the height of the initial keyframe, else 0."""
         initial = self.control.initial_keyframe
         if self.tree.base == "fixed" or initial is None:
             return self.tree.X_world_root

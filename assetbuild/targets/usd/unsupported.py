@@ -56,9 +56,10 @@ MANY_LINKS = Rule(
 )
 LIMIT_CLAMPED = Rule(
     "usd.limit_clamped",
-    "warning",
-    "PhysX clamps a limit beyond a full turn",
-    "make the joint continuous",
+    "info",
+    "a limit is beyond a full turn: PhysX's documentation says that it is clamped there; PhysX 0.7 "
+    "holds and reaches it",
+    "nothing, or make the joint continuous for other versions of PhysX",
 )
 ONE_SIDED_LIMIT = Rule(
     "usd.one_sided_limit",
@@ -130,8 +131,9 @@ def _limits(joint: Joint) -> Iterator[Finding]:
     if is_angular(joint) and worst > MAX_ANGLE_DEG + 1e-3:
         yield LIMIT_CLAMPED(
             f"joint {joint.name}",
-            f"limit {worst:.6g}° lies beyond ±360°, where PhysX clamps it",
-            hint="make the joint continuous, or narrow its limits",
+            f"limit {worst:.6g}° lies beyond ±360°, where PhysX clamps it by its documentation; "
+            "PhysX 0.7 does not",
+            hint="for other versions of PhysX make the joint continuous, or narrow its limits",
             data={"limit_deg": worst},
         )
 

@@ -34,6 +34,8 @@ DRIVE = {
     "saturation_effort": "stall",
 }
 """Fields of a drive -> quantities, in both generations."""
+LEFT_TO_THE_USD = ("armature", "friction", "viscous_friction")
+"""What is not written here Isaac Lab leaves as it stands in the USD."""
 FOREIGN: Mapping[str, tuple[str, ...]] = {
     "kp": ("stiffness",),
     "kd": ("damping",),
@@ -119,8 +121,6 @@ def _start(start: object, generation: Generation, names: Names, book: Writer, wh
     pose = _pose(start.take("pos"), start.take("rot"), generation)
     length = math.hypot(*pose[3:]) if pose else None  # of another one than 1 PhysX refuses it
     book.put("robot", "", {"start pose": pose, f"{FORM}:length of rot": length})
-    for joint in names.joints.values():  # Isaac Lab starts the others at 0
-        book.put("joint", joint, {"start": 0.0})
     for field, quantity in (("joint_pos", "start"), ("joint_vel", f"{FORM}:start velocity")):
         for joint, value in spread(start.take(field), "joint", names, book, where):
             book.put("joint", joint, {quantity: value})
@@ -156,7 +156,9 @@ def _drive(
     patterns = texts(drive.take("joint_names_expr"))
     joints = dict.fromkeys(name for p in patterns for name in names.of(p, "joint"))
     facts: dict[str, Value] = {
-        quantity: drive.take(field) for field, quantity in DRIVE.items() if field in drive.fields
+        quantity: drive.take(field)
+        for field, quantity in DRIVE.items()
+        if field in drive.fields or field in LEFT_TO_THE_USD
     }
     facts["model"] = model_of(drive.last, facts.get("kp"), facts.get("kd"))
     facts |= {f"{FORM}:actuator": drive.name, f"{FORM}:group": group}
@@ -172,11 +174,11 @@ def _drive(
     else:
         book.skip(place, "delay", steps)
     _left(drive, f"actuators.{group}", where, book)
-    for joint in joints:
+    for number, joint in enumerate(joints):
         if ("joint", joint) in book.places:
             book.skip(place, f"joint {joint} again", group)
             continue
-        book.put("joint", joint, facts)
+        book.put("joint", joint, facts | {f"{FORM}:place in its group": number})
         book.place("joint", joint, place)
 
 

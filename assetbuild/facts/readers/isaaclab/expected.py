@@ -153,13 +153,15 @@ def _class_of(drive: Actuator, *, delayed: bool) -> str:
 def _drives(reference: Reference, generation: Generation, book: Writer) -> set[str]:
     """Numbers of every moving joint; returns the classes that they need."""
     randomize, timestep = randomize_of(reference), reference.control.simulation.timestep
-    groups: dict[tuple[object, ...], int] = {}
+    groups: dict[tuple[object, ...], list[str]] = {}
     classes = set()
     for drive in reference.control.actuators:
         steps = ranges_of(randomize, drive.joint).delay if drive.model == "ideal_pd" else (0, 0)
         numbers = _numbers(drive)
         kind = _class_of(drive, delayed=steps != (0, 0))
-        place = groups.setdefault((*numbers, steps), len(groups))
+        members = groups.setdefault((*numbers, steps), [])
+        place = list(groups).index((*numbers, steps))
+        members.append(drive.joint)
         kp = drive.kp if drive.model in LOOPS else 0.0
         kd = drive.kd if drive.model in (*LOOPS, "velocity") else 0.0
         facts: dict[str, Value] = {
@@ -168,6 +170,7 @@ def _drives(reference: Reference, generation: Generation, book: Writer) -> set[s
             "damping": drive.damping, "delay": delay_s(steps, timestep),
             f"{FORM}:actuator": kind, f"{FORM}:dynamic_friction": drive.friction,
             f"{FORM}:group": f"{drive.motor or drive.model}_{place}",
+            f"{FORM}:place in its group": len(members) - 1,
         }  # fmt: skip
         if drive.model == "dc_motor":
             facts["stall"] = stall_of(drive)

@@ -32,6 +32,8 @@ DRIVE = {
     "gear": "gear",
 }
 """mjlab's fields -> the vocabulary's quantities."""
+ALWAYS = ("armature", "frictionloss", "viscous_damping")
+"""The bare MJCF leaves these to the module."""
 UNLIMITED = 1e9
 """N m or N: a motor of mjlab needs a limit, so this one says that there is none."""
 IN_BARE = "stands in the bare MJCF"
@@ -181,7 +183,7 @@ def _drive(
     joints = tuple(dict.fromkeys(name for p in patterns for name in names.of(p, "joint")))
     facts: dict[str, Value] = {"model": MODELS.get(drive.name, drive.name)}
     for field, quantity in DRIVE.items():
-        if field in drive.fields:
+        if field in drive.fields or field in ALWAYS:
             facts[quantity] = drive.take(field)
     if facts["model"] == "motor" and facts.get("effort") == UNLIMITED:
         facts["effort"] = None
@@ -191,11 +193,11 @@ def _drive(
     elif lags != [None, None]:
         book.skip(place, "delay", lags)
     _left(drive, f"actuator of {', '.join(patterns)}", where, book)
-    for joint in joints:
+    for number, joint in enumerate(joints):
         if ("joint", joint) in book.places:
             book.skip(place, f"joint {joint} again", drive.name)
             continue
-        book.put("joint", joint, facts)
+        book.put("joint", joint, facts | {f"{FORM}:place in its group": number})
         book.place("joint", joint, place)
     return joints
 
@@ -215,8 +217,8 @@ def _by_joint(module: Module, names: Names, book: Writer) -> None:
     for joint, value in scale:
         book.put("joint", joint, {f"{FORM}:action scale": value})
     for name in ("JOINTS", "KNEES"):
-        for joint in texts(module.constant(name)):
-            book.put("joint", joint, {f"{FORM}:in {name}": True})
+        for number, joint in enumerate(texts(module.constant(name))):
+            book.put("joint", joint, {f"{FORM}:place in {name}": number})
     spreads = module.constant("POSE_SPREAD")
     for name, value in _items(spreads):
         book.put("robot", "", {f"{FORM}:{name}": value})

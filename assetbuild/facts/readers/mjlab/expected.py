@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -59,7 +59,7 @@ def expected_table(reference: Reference, robot: str) -> Table:
         event.put(FORM, book)
     walks = reference.tree.base == "floating" and bool(feet) and bool(drives)
     if walks:
-        _walk(asked["pose"], drives, book)
+        _walk(asked["pose"], _groups(randomize_of(reference), drives), book)
     text = _text(reference, asked, drives, feet, events, walks=walks)
     put_words(Module.parsed(text, "expected"), FORM, book, said.READ)
     return said.with_task_facts(book).table()
@@ -160,18 +160,32 @@ def _drives(
             scale = min(action["effort_share"] * drive.effort / drive.kp, most)
             facts[f"{FORM}:action scale"] = scale
         book.put("joint", drive.joint, facts)
+    for joints in _groups(randomize, drives):
+        for number, joint in enumerate(joints):
+            book.put("joint", joint, {f"{FORM}:place in its group": number})
+
+
+def _groups(randomize: Randomize | None, drives: list[Actuator]) -> list[list[str]]:
+    """Joints whose drives have equal numbers and ranges, which stand together."""
+    groups: dict[tuple[Actuator, str], list[str]] = {}
+    for drive in drives:
+        numbers = replace(drive, joint="", name="", source="")
+        drawn = ranges_of(randomize, drive.joint).model_dump_json()
+        groups.setdefault((numbers, drawn), []).append(drive.joint)
+    return list(groups.values())
 
 
 def _walk(
     pose: dict[str, Any],  # Any: JSON
-    drives: list[Actuator],
+    groups: list[list[str]],
     book: Writer,
 ) -> None:
     """Which joints the velocity task keeps near their start, and how near."""
-    for drive in drives:
-        book.put("joint", drive.joint, {f"{FORM}:in JOINTS": True})
-        if re.fullmatch(pose["knees"], drive.joint):
-            book.put("joint", drive.joint, {f"{FORM}:in KNEES": True})
+    names = [joint for joints in groups for joint in joints]
+    knees = [name for name in names if re.fullmatch(pose["knees"], name)]
+    for word, listed in (("JOINTS", names), ("KNEES", knees)):
+        for number, joint in enumerate(listed):
+            book.put("joint", joint, {f"{FORM}:place in {word}": number})
     for gait in ("standing", "walking", "running"):
         book.put("robot", "", {f"{FORM}:std_{gait}": tuple(pose[gait])})
 

@@ -77,9 +77,10 @@ class Links:
         for role in ROLES:
             for index, element in enumerate(walk.all(link, role)):
                 said = f"{name}_{role}" + (f"_{index}" if index else "")
-                shape = self.unique("shape", walk.text(element, "name") or said)
+                stated = walk.text(element, "name")
+                shape = self.unique("shape", stated or said)
                 book.place("shape", shape, walk.where(element))
-                book.put("shape", shape, {"role": role, "body": name})
+                book.put("shape", shape, {"role": role, "body": name, "urdf:name": stated})
                 book.put("shape", shape, self._shape(element, role))
 
     def _inertial(self, link: _Element) -> dict[str, Value]:

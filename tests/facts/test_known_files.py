@@ -1,0 +1,123 @@
+"""A copy of the robot's own mesh or picture is known by its bytes, and proves no less."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import pytest
+from gripper import gripper
+from tiny import check_inputs, run_step
+
+from assetbuild.checks.mjcf_compiles import MjcfCompiles
+from assetbuild.facts.compare import FLOAT32, Precision, differences
+from assetbuild.facts.mjcf_copies import leave_out_copies
+from assetbuild.facts.reader import Reader
+from assetbuild.facts.readers.bare import BareFacts
+from assetbuild.facts.readers.mjcf import MjcfFacts
+from assetbuild.facts.readers.mjx import MjxFacts
+from assetbuild.facts.readers.urdf import UrdfFacts
+from assetbuild.facts.reference import Assets, Reference
+from assetbuild.findings import Finding
+from assetbuild.robot.codec import decode, encode
+from assetbuild.targets.mjcf import Mjcf
+from assetbuild.targets.mjlab import Mjlab
+from assetbuild.targets.mjx import Mjx
+from assetbuild.targets.urdf import Urdf
+
+FORMS: dict[str, tuple[type[Reader], type, str, str]] = {
+    "mjcf": (MjcfFacts, Mjcf, "robot.xml", "assets/tile.obj"),
+    "mjx": (MjxFacts, Mjx, "robot_mjx.xml", "assets/tile.obj"),
+    "mjlab": (BareFacts, Mjlab, "mjcf/robot_bare.xml", "mjcf/assets/tile.obj"),
+    "urdf": (UrdfFacts, Urdf, "robot.urdf", "meshes/tile.obj"),
+}
+"""By target: reader, target, main file and a mesh of it."""
+
+
+def written(form: str, folder: Path) -> Path:
+    return check_inputs(folder, gripper(), FORMS[form][1](robot="robot"), form)
+
+
+def proved(form: str, inputs: Path) -> list[Finding]:
+    return run_step(FORMS[form][0](robot="robot"), inputs, inputs.parent / "out")
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_copy_says_what_a_full_reading_says(form: str, tmp_path: Path) -> None:
+    inputs = written(form, tmp_path)
+    reference = Reference.of_ports(inputs, {})
+    unknown = replace(reference, assets=replace(reference.assets, files=()))
+    reader, file = FORMS[form][0](robot="robot"), inputs / form / FORMS[form][2]
+    known, read = (reader.found(file, one) for one in (reference, unknown))
+    assert reference.assets.files
+    assert differences(read, known, Precision(FLOAT32)) == []
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(
+    ("old", "new", "rule"),
+    [("v 0 0 0", "v 0 0 0.0001", "mean_corner"), ("vn 0 0 1", "vn 0 0.6 0.8", "normals")],
+)
+def test_a_copy_with_one_other_number_is_read(
+    form: str, old: str, new: str, rule: str, tmp_path: Path
+) -> None:
+    inputs = written(form, tmp_path)
+    mesh = inputs / form / FORMS[form][3]
+    text = mesh.read_text()
+    assert old in text
+    mesh.write_text(text.replace(old, new, 1))
+    found = {(f.rule, f.subject) for f in proved(form, inputs)}
+    assert (f"equal.{FORMS[form][0].form}.{rule}", "shape skin") in found
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_copy_used_otherwise_is_found(form: str, tmp_path: Path) -> None:
+    inputs = written(form, tmp_path)
+    file = inputs / form / FORMS[form][2]
+    named = r'(<mesh [^>]*"[^"]*tile.obj")'
+    text, count = re.subn(named, r'\1 scale="1 1 1.001"', file.read_text(), count=1)
+    assert count == 1
+    file.write_text(text)
+    found = {(f.rule, f.subject) for f in proved(form, inputs)}
+    assert (f"equal.{FORMS[form][0].form}.area", "shape skin") in found
+
+
+def test_what_acts_is_compiled_from_its_file(tmp_path: Path) -> None:
+    inputs = written("mjcf", tmp_path)
+    known = Reference.of_ports(inputs, {}).assets.known
+    path = inputs / "mjcf/robot.xml"
+    copies = leave_out_copies(mujoco.MjSpec.from_file(str(path)), known)
+    assert sorted(copies.surfaces) == ["tile"], "`block` collides"
+    assert len(copies.pixels) == 1
+    # A body whose mass follows from its mesh needs the mesh.
+    path.write_text(re.sub(r"<inertial [^>]*/>", "", path.read_text()))
+    copies = leave_out_copies(mujoco.MjSpec.from_file(str(path)), known)
+    assert not copies.surfaces
+
+
+def test_a_bundle_states_no_bytes_so_its_files_are_read(tmp_path: Path) -> None:
+    reference = Reference.of_ports(written("mjcf", tmp_path), {})
+    assert json.loads(reference.to_json())["assets"]["files"] == []
+
+
+@pytest.mark.parametrize(
+    ("spoil", "rule", "subject"),
+    [
+        (lambda a: replace(a, surfaces=tuple((n, replace(s, area=2.0 * s.area))
+                                             for n, s in a.surfaces)), "area", "file block"),
+        (lambda a: replace(a, pixels=(("wood.png", "0" * 16),)), "texture", "file wood.png"),
+    ],
+)  # fmt: skip
+def test_mujoco_must_read_a_file_as_the_build_does(
+    spoil: Callable[[Assets], Assets], rule: str, subject: str, tmp_path: Path
+) -> None:
+    inputs = written("mjcf", tmp_path)
+    assert run_step(MjcfCompiles(), inputs, tmp_path / "good") == []
+    file = inputs / "assets.json"
+    file.write_bytes(encode(spoil(decode(Assets, file.read_bytes()))))
+    found = {(f.rule, f.subject) for f in run_step(MjcfCompiles(), inputs, tmp_path / "bad")}
+    assert (f"equal.mjcf.{rule}", subject) in found
