@@ -1,13 +1,18 @@
-"""Does a bundle's own robot agree with itself: links, merged bodies, drives and meshes?
+"""Does a bundle's own robot agree with itself: links, merged bodies, drives, meshes, sections?
 
 `report/robot.json` holds the links before merging and the bodies after; merged again, the links
-must give the bodies.
+must give the bodies. Each thing stands there once. The sections of the recipe stand in
+`provenance.json` too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 
 from assetbuild.facts.compare import Precision, differences, equality_findings
 from assetbuild.facts.reference import Reference, robot_table
@@ -16,6 +21,9 @@ from assetbuild.findings import Finding
 from assetbuild.robot.model import Tree
 from assetbuild.robot.tree import merge_fixed_joints
 
+HELD = "links", "tree", "shapes", "control", "assets"
+"""Parts of the robot whose lists name each thing once."""
+
 
 def incoherent(reference: Reference) -> Iterator[Finding]:
     """A finding `equal.robot.<quantity>` for each fact that the robot tells in two ways."""
@@ -23,16 +31,123 @@ def incoherent(reference: Reference) -> Iterator[Finding]:
     merged, _ = merge_fixed_joints(reference.links, True, kept)
     again = _with_ratings(robot_table(replace(reference, tree=merged)), merged)
     stated = _with_ratings(robot_table(reference), reference.tree)
-    measured = {name: float(surface.triangles) for name, surface in reference.assets.surfaces}
-    counted: dict[Key, Value] = {
-        Key("mesh", mesh.name, "robot:triangles"): float(mesh.faces)
-        for mesh in reference.shapes.meshes
-    }
-    found: dict[Key, Value] = {key: measured.get(key.name) for key in counted}
+    expected, found = _meshes(reference)
+    for key, (wanted, said) in {**_once(reference), **_canonical(reference)}.items():
+        expected[key], found[key] = wanted, said
     different = differences(
-        Table({**stated.facts, **counted}), Table({**again.facts, **found}), Precision()
+        Table({**stated.facts, **expected}), Table({**again.facts, **found}), Precision()
     )
     yield from equality_findings(different, "robot", "the links of report/robot.json", {})
+
+
+def other_sections(reference: Reference, bundle: Path) -> Iterator[Finding]:
+    """A finding for each entry of the recipe's sections that `provenance.json` tells otherwise."""
+    try:
+        statement = json.loads((bundle / "provenance.json").read_bytes())
+        built = statement["predicate"]["buildDefinition"]["externalParameters"]["sections"]
+    except (OSError, ValueError, LookupError, TypeError):
+        return  # of a bundle that an earlier version built
+    found = differences(_sections(built), _sections(reference.options), Precision())
+    yield from equality_findings(found, "robot", "report/robot.json", {}, "provenance.json")
+
+
+def _sections(said: object) -> Table:
+    return Table({Key("recipe", "", f"recipe:{path}"): value for path, value in leaves(said)})
+
+
+def leaves(value: object, path: str = "") -> Iterator[tuple[str, Value]]:
+    """(path, value) of all leaves of plain JSON; items of a list go by their names.
+
+    A second item of one name has its place behind it. What is empty is a leaf.
+    """
+    if isinstance(value, Mapping) and value:
+        for key, item in value.items():
+            yield from leaves(item, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list | tuple) and value:
+        seen = set()
+        for index, item in enumerate(value):
+            named = item.get("name", item.get("joint")) if isinstance(item, Mapping) else None
+            again = f"[{index}]" if not named or named in seen else ""
+            seen.add(named)
+            yield from leaves(item, f"{path}.{named}{again}" if named else f"{path}{again}")
+    elif isinstance(value, bool | str) or value is None:
+        yield path, value
+    elif isinstance(value, int | float):
+        yield path, float(value)
+    else:
+        yield path, "nothing"
+
+
+# --- what stands there twice ------------------------------------------------------------------
+
+
+def _meshes(reference: Reference) -> tuple[dict[Key, Value], dict[Key, Value]]:
+    """What the list of meshes says, and what was measured in their files."""
+    expected: dict[Key, Value] = {}
+    found: dict[Key, Value] = {}
+    surfaces = dict(reference.assets.surfaces)
+    for mesh in reference.shapes.meshes:
+        surface = surfaces.get(mesh.name)
+        rows: dict[str, tuple[Value, Value]] = {
+            "triangles": (float(mesh.faces), float(surface.triangles) if surface else None),
+            "vertices": (float(mesh.vertices), float(surface.vertices) if surface else None),
+            "file": (mesh.file, f"{mesh.name}.obj"),
+        }
+        for word, (said, measured) in rows.items():
+            expected[Key("mesh", mesh.name, f"robot:{word}")] = said
+            found[Key("mesh", mesh.name, f"robot:{word}")] = measured
+    return expected, found
+
+
+def _once(reference: Reference) -> dict[Key, tuple[Value, Value]]:
+    """(1, how often) of each named thing that a list has more than once."""
+    robot = json.loads(reference.to_json())
+    counts: Counter[tuple[str, str]] = Counter()
+    for part in HELD:
+        counts.update(_named(robot[part], part))
+    return {
+        Key(where, name, "robot:entries"): (1.0, float(count))
+        for (where, name), count in counts.items()
+        if count > 1
+    }
+
+
+def _named(value: object, path: str) -> Iterator[tuple[str, str]]:
+    """(path of a list, name of an item) for every list of named items."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from _named(item, f"{path}.{key}")
+    elif isinstance(value, list):
+        for item in value:
+            name = _name(item)
+            if name:
+                yield path, name
+            yield from _named(item, f"{path}.{name}" if name else path)
+
+
+def _name(item: object) -> str:
+    """Of an entry with a name, of a pair that begins with one, of a pair of bodies."""
+    if isinstance(item, dict):
+        return str(item.get("name") or item.get("joint") or "")
+    if isinstance(item, list) and item and isinstance(item[0], str):
+        return " ".join(item) if all(isinstance(part, str) for part in item) else item[0]
+    return ""
+
+
+def _canonical(reference: Reference) -> dict[Key, tuple[Value, Value]]:
+    """(as it must be, as it stands there) of what has one way of being written."""
+    found: dict[Key, tuple[Value, Value]] = {
+        Key("robot", "", "robot:name"): (reference.links.name, reference.tree.name)
+    }
+    for kind, tree in (("link's joint", reference.links), ("joint", reference.tree)):
+        for joint in tree.joints:
+            key = Key(kind, joint.name, "robot:length of axis")
+            found[key] = 1.0, math.hypot(*joint.axis)
+    for pair in reference.control.excludes:
+        first, second = sorted(pair)
+        key = Key("pair", f"{first} {second}", "robot:order")
+        found[key] = (first, second), tuple(pair)
+    return found
 
 
 def _with_ratings(table: Table, tree: Tree) -> Table:

@@ -11,12 +11,13 @@ from assetbuild.facts.compare import EXACT, Precision
 from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.mjcf_copies import leave_out_copies
 from assetbuild.facts.mjcf_expected import shown_pictures
-from assetbuild.facts.mjcf_meshes import Meshes
+from assetbuild.facts.mjcf_meshes import Meshes, sketches
 from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.mjcf_opaque import Opaque, free_joint, opaque_of, opaque_option
 from assetbuild.facts.mjcf_words import NEVER_ALONE, Spec, is_covered, words
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Assets, Reference
+from assetbuild.facts.sketch import SKETCH
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.robot.shapes import Mesh
 from assetbuild.simulators.mujoco import Model, caught_warnings
@@ -109,7 +110,8 @@ class MjcfReader(Reader):
         with caught_warnings():
             try:
                 spec = mujoco.MjSpec.from_file(str(path))
-                return read_spec(spec, opaque, stated, known)[1]
+                files = sketches(spec, known or KnownFiles())
+                return read_spec(spec, opaque, stated, known)[1] | Table(files)
             except ValueError as error:
                 text = " ".join(str(error).replace(f"{path.parent}/", "").split())
                 raise UsageError(f"MuJoCo refuses it: {text}") from None
@@ -143,5 +145,9 @@ class MjcfReader(Reader):
                     reference.tree.shape_placement(shape)[1]
                 )
                 facts[Key("shape", shape.name, "mjcf:normals")] = turned.normals
+            if isinstance(shape.geometry, Mesh) and (
+                sketch := surfaces[shape.geometry.mesh].sketch
+            ):
+                facts[Key("shape", shape.name, f"mjcf:{SKETCH}")] = sketch
         facts |= opaque_option(reference)[1] | free_joint(reference)
         return Table({**facts, **opaque.words}).only(self.holds)

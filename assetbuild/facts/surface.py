@@ -23,7 +23,8 @@ class Surface:
     of all corners, so that an open mesh has the same wherever it lies. mean: (3,) m, mean of all
     corners. moments: xx, yy, zz, xy, xz, yz, m2, of the mean of their outer products. uv: means of
     u, v, uu, vv, uv; empty without texture. normals: means of x, y, z, xx, yy, zz, xy, xz, yz of
-    the normals that the file states at its corners; empty where it states none.
+    the normals that the file states at its corners; empty where it states none. vertices: places
+    in the file; sketch: see `facts.sketch`; both of the file as it lies, whatever its frame.
     """
 
     triangles: int
@@ -33,6 +34,8 @@ class Surface:
     moments: tuple[float, ...]
     uv: tuple[float, ...] = ()
     normals: tuple[float, ...] = ()
+    vertices: int = 0
+    sketch: str = ""
 
     def __post_init__(self) -> None:
         lengths = len(self.mean), len(self.moments), len(self.uv), len(self.normals)
@@ -48,7 +51,7 @@ class Surface:
         return Surface(
             self.triangles, self.area, self.volume,
             tuple((mean + shift).tolist()), _six(second), self.uv,
-            self._turned_normals(turn),
+            self._turned_normals(turn), self.vertices, self.sketch,
         )  # fmt: skip
 
     def _turned_normals(self, turn: Array) -> tuple[float, ...]:
@@ -77,8 +80,8 @@ def measure(
     """Measure (n, 3, 3) corners, m, with (n, 3, 2) texture coordinates and (n, 3, 3) normals."""
     points: Array = np.asarray(corners, dtype=np.float64).reshape(-1, 3, 3)
     a, b, c = points[:, 0], points[:, 1], points[:, 2]
-    across = _cross(b - a, c - a)
-    area = float(np.sqrt(np.einsum("ij,ij->i", across, across)).sum()) / 2.0
+    across = cross(b - a, c - a)
+    area = float(lengths(across).sum()) / 2.0
     flat = points.reshape(-1, 3)
     count = max(1, len(flat))
     mean, moments = flat.sum(axis=0) / count, flat.T @ flat / count
@@ -90,8 +93,13 @@ def measure(
     )  # fmt: skip
 
 
-def _cross(u: Array, v: Array) -> Array:
-    """(n, 3) products; numpy's own takes three times as long."""
+def lengths(vectors: Array) -> Array:
+    """(n,) lengths of (n, 3) vectors."""
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
+
+
+def cross(u: Array, v: Array) -> Array:
+    """(n, 3) cross products; numpy's own takes three times as long."""
     (ux, uy, uz), (vx, vy, vz) = u.T, v.T
     return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=1)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 
 from assetbuild.facts.reference import Reference, filtered_pairs, pose_value
+from assetbuild.facts.sketch import SKETCH
 from assetbuild.facts.table import Key, Table, Value, Writer, pair_name
 from assetbuild.facts.usd_inventory import inventory
 from assetbuild.robot.initial import initial_pose
@@ -201,12 +202,14 @@ def _shape(shape: Shape, reference: Reference, options: UsdOptions, book: Writer
 
 
 def _normals(shape: Shape, mesh: str, reference: Reference) -> dict[str, Value]:
-    """Those that the mesh states, in its body's axes; of its faces where it states none."""
+    """Its triangles; the normals that the mesh states, in its body's axes, else its faces'."""
     surface = dict(reference.assets.surfaces)[mesh]
+    facts: dict[str, Value] = {f"usd:{SKETCH}": surface.sketch or None}
     if not surface.normals:
-        return {"usd:normals": "of its faces"}
+        return facts | {"usd:normals": "of its faces"}
     _, pose = reference.tree.shape_placement(shape)
-    return {"usd:normals": "of its corners", "usd:corner normals": surface.moved(pose).normals}
+    normals = surface.moved(pose).normals
+    return facts | {"usd:normals": "of its corners", "usd:corner normals": normals}
 
 
 def _solid_bodies(reference: Reference) -> dict[str, list[Shape]]:

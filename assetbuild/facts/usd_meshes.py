@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
-from assetbuild.facts.surface import Surface, measure
+from assetbuild.facts.sketch import SKETCH, sketch_of
+from assetbuild.facts.surface import Surface, cross, lengths, measure
 from assetbuild.facts.table import Value
 from assetbuild.facts.usd_prims import Prim, Units, rigid
 from assetbuild.robot.pose import Array
@@ -50,6 +51,7 @@ class Meshes:
         own: dict[str, Value] = {
             "usd:subdivisionScheme": prim.text("subdivisionScheme") or "catmullClark",
             "usd:doubleSided": bool(prim.flag("doubleSided")),
+            f"usd:{SKETCH}": one.surface.sketch,
         }
         if surface.normals:
             own["usd:corner normals"] = surface.normals
@@ -97,7 +99,8 @@ def _measure(prim: Usd.Prim, units: Units) -> Measured:
     }
     if not sound:
         words["usd:topology"] = "its faces do not fit its points"
-    return Measured(corners, uv, measure(corners, uv, normals), words)
+    surface = replace(measure(corners, uv, normals), sketch=sketch_of(corners, uv, normals))
+    return Measured(corners, uv, surface, words)
 
 
 def _triangles(counts: Whole, *, flip: bool) -> Whole:
@@ -174,11 +177,12 @@ def _normals(
 def _wrong_normals(normals: Array, corners: Array) -> int:
     """How many normals are not their triangles'. (n, 3), and (n, 3, 3) corners."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    across = np.cross(b - a, c - a)
-    size = np.linalg.norm(across, axis=1)
-    off = np.linalg.norm(normals * size[:, None] - across, axis=1)
+    across = cross(b - a, c - a)
+    size = lengths(across)
+    off = lengths(normals * size[:, None] - across)
     # Corners are float32: an edge is off by 1e-7 of their distance from the origin.
-    longest = np.maximum(np.linalg.norm(b - a, axis=1), np.linalg.norm(c - a, axis=1))
-    rounding = NEAR * size + 4e-7 * np.abs(corners).max(axis=(1, 2)) * longest
+    longest = np.maximum(lengths(b - a), lengths(c - a))
+    farthest = np.maximum.reduce([*np.abs(corners.reshape(-1, 9)).T])
+    rounding = NEAR * size + 4e-7 * farthest * longest
     tiny = size <= 1e-3 * longest * longest + 1e-20
     return int(np.sum((off > rounding) & ~tiny))

@@ -3,31 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.facts.known_files import digest_of
 from assetbuild.facts.picture import pixel_digest
 from assetbuild.facts.reference import Assets
+from assetbuild.facts.sketch import sketch_of
 from assetbuild.facts.surface import measure
 from assetbuild.findings import Finding
+from assetbuild.mesh.hulls import hull_or_points, write_hulls
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
 
 
 class MeasureAssets(Step):
-    """`shapes.json`, `meshes/` -> `assets.json`: surface of every mesh, pixels of every picture."""
+    """`shapes.json`, `meshes/` -> `assets.json`, `hulls.npz`.
 
-    outputs = ("assets.json",)
+    The surface and the hull of every mesh, the pixels of every picture.
+    """
+
+    outputs = ("assets.json", "hulls.npz")
+    isolated = True
+    preload = ("numpy", "scipy.spatial", "fast_simplification")
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads each file of `meshes/` that the robot names."""
         robot = RobotFiles(files.inputs)
-        surfaces, pixels, digests = [], [], []
+        surfaces, hulls, pixels, digests = [], [], [], []
         for asset in robot.shapes.meshes:
             data = (robot.mesh_dir / asset.file).read_bytes()
             mesh = read_triangles(data, asset.file)
-            surfaces.append((asset.name, measure(mesh.corners, mesh.uv, mesh.normals)))
+            corners, uv, normals = mesh.corners, mesh.uv, mesh.normals
+            surface = measure(corners, uv, normals)
+            surface = replace(
+                surface, vertices=len(mesh.vertices), sketch=sketch_of(corners, uv, normals)
+            )
+            surfaces.append((asset.name, surface))
+            hulls.append(hull_or_points(mesh))
             digests.append((asset.name, digest_of(data)))
         for texture in sorted({m.texture for m in robot.shapes.materials if m.texture}):
             path = robot.mesh_dir / texture
@@ -36,4 +50,5 @@ class MeasureAssets(Step):
                 digests.append((texture, digest_of(path.read_bytes())))
         assets = Assets(tuple(surfaces), tuple(pixels), tuple(digests))
         (files.outputs / "assets.json").write_bytes(encode(assets))
+        write_hulls(files.outputs / "hulls.npz", hulls)
         yield from ()

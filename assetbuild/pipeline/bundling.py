@@ -86,7 +86,11 @@ def bundle_files(
         "assetbuild_host": platform.node(),
         "assetbuild_python": platform.python_version(),
     }
-    parameters = {"recipe": loaded.path.name, "variant": loaded.variant}
+    parameters = {
+        "recipe": loaded.path.name,
+        "variant": loaded.variant,
+        "sections": reference.options,
+    }
     recipe_digest = session.world.digest(loaded.path)
     files.append(provenance(files, recipe_digest, parameters, materials, run))
     return files

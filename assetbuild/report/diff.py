@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from assetbuild.errors import UsageError
+from assetbuild.facts.coherence import leaves
 from assetbuild.facts.compare import Difference, Precision, differences, shown
 from assetbuild.facts.table import Key, Table
 from assetbuild.facts.vocabulary import RANKS, VOCABULARY, Rank, Required
-from assetbuild.report.sides import DERIVED, ROBOT, Side, leaves
+from assetbuild.report.sides import DERIVED, ROBOT, Side
 from assetbuild.report.tables import markdown_table, table
 from assetbuild.simulators.readings import FALL, HEIGHT
 

@@ -13,6 +13,7 @@ from typing import Any
 from assetbuild.engine.digest import digest_file
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import AssetBuildError, UsageError
+from assetbuild.facts.coherence import leaves
 from assetbuild.facts.compare import EXACT, FLOAT32, Precision
 from assetbuild.facts.reader import BROKEN, Reader
 from assetbuild.facts.reference import Assets, Reference, robot_table
@@ -106,21 +107,6 @@ def _whole_robot(reference: Reference, report: Mapping[str, Any]) -> Table:  # A
     for path, value in leaves(dict(reference.options)):
         facts[Key("recipe", "", f"recipe:{path}")] = value
     return Table({**merged.facts, **facts, **_motion(report, reference)})
-
-
-def leaves(value: object, path: str = "") -> Iterator[tuple[str, Value]]:
-    """(path, value) of all leaves of plain JSON; items of a list go by their names."""
-    if isinstance(value, Mapping):
-        for key, item in value.items():
-            yield from leaves(item, f"{path}.{key}" if path else str(key))
-    elif isinstance(value, list | tuple):
-        for index, item in enumerate(value):
-            named = item.get("name", item.get("joint")) if isinstance(item, Mapping) else None
-            yield from leaves(item, f"{path}.{named}" if named else f"{path}[{index}]")
-    elif isinstance(value, bool | str) or value is None:
-        yield path, value
-    else:
-        yield path, float(str(value))
 
 
 def _numbers(value: object) -> Iterator[tuple[str, float]]:

@@ -206,6 +206,19 @@ def test_a_planted_change_of_a_gripper_is_found_in_every_form(
     assert (f"equal.{form}.{rule}", subject) in named
 
 
+@pytest.mark.parametrize("line", [r"(?m)^(f) (\S+) (\S+)", r"(?m)^(v) (\S+) (\S+)"])
+@pytest.mark.parametrize("form", ["mjcf", "mjx", "bare"])
+def test_one_line_of_a_mesh_is_found_in_every_form(form: str, line: str, tmp_path: Path) -> None:
+    """A face that is turned over; a corner of which two numbers are exchanged."""
+    reader, target, name, file = FORMS[form]
+    inputs = check_inputs(tmp_path, gripper(), target(robot="robot"), name)
+    mesh = next((inputs / name / file).parent.glob("assets/block*.obj"))
+    mesh.write_text(re.sub(line, r"\1 \3 \2", mesh.read_text(), count=1))
+    found = {f.rule: f.data for f in run_step(reader(robot="robot"), inputs, tmp_path / "out")}
+    sides = found[f"equal.{form}.triangles_of_the_file"]
+    assert sides["expected"] != sides["found"]
+
+
 def test_a_finding_carries_both_values(tmp_path: Path) -> None:
     found = check(pendulum(), tmp_path, lambda text: text.replace('mass="1"', 'mass="1.5"'))
     mass = next(f for f in found if f.rule == "equal.mjcf.mass")

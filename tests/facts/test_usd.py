@@ -403,6 +403,22 @@ def test_the_output_of_a_shader_has_its_type(typed: str, tmp_path: Path) -> None
     assert (found.data["expected"], found.data["found"]) == ("token", typed.split()[0])
 
 
+def test_one_face_that_is_turned_over_is_found(tmp_path: Path) -> None:
+    """Both values say where it is, as it stands there."""
+
+    def turn(stage: Usd.Stage) -> None:
+        (mesh,) = (p for p in stage.Traverse() if str(p.GetPath()).endswith("block/mesh"))
+        indices = UsdGeom.Mesh(mesh).GetFaceVertexIndicesAttr()
+        first, second, *others = indices.Get()
+        indices.Set([second, first, *others])
+
+    findings = check(gripper(), tmp_path, turn, layer="payloads/geometries.usdc")
+    found = next(f for f in findings if f.rule == "equal.usd.triangles_of_the_file")
+    values = [str(found.data[side]) for side in ("expected", "found")]
+    assert all(value.startswith("12, one at (") for value in values)
+    assert sorted(values[0].split()) == sorted(values[1].split())
+
+
 def test_a_layer_that_is_no_usd_is_one_finding(tmp_path: Path) -> None:
     """With the prim, the statement as it stands there, and where."""
     inputs = check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot="robot"), "usd")

@@ -14,6 +14,7 @@ from assetbuild.facts.readers.urdf.assets import Assets, looks_of, pixels_of
 from assetbuild.facts.readers.urdf.joints import read_joints
 from assetbuild.facts.readers.urdf.links import Links
 from assetbuild.facts.reference import Reference, geometry_facts, robot_table
+from assetbuild.facts.sketch import SKETCH
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.xml import Walk
 from assetbuild.robot.model import MOVING, Control, Joint
@@ -175,9 +176,10 @@ def _normals(reference: Reference, book: Writer) -> None:
     surfaces = dict(reference.assets.surfaces)
     for shape in reference.shapes.shapes:
         if isinstance(shape.geometry, Mesh):
-            normals = surfaces[shape.geometry.mesh].moved(shape.X_link_shape).normals
-            if normals:
-                book.put("shape", shape.name, {"urdf:normals": normals})
+            surface = surfaces[shape.geometry.mesh].moved(shape.X_link_shape)
+            book.put("shape", shape.name, {f"urdf:{SKETCH}": surface.sketch or None})
+            if surface.normals:
+                book.put("shape", shape.name, {"urdf:normals": surface.normals})
 
 
 def _materials(reference: Reference, book: Writer) -> None:

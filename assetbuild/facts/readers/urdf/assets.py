@@ -6,6 +6,7 @@ import hashlib
 import posixpath
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
@@ -14,6 +15,7 @@ import numpy as np
 from assetbuild.errors import AssetBuildError
 from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.picture import pixel_digest
+from assetbuild.facts.sketch import SKETCH, sketch_of
 from assetbuild.facts.surface import Surface, measure
 from assetbuild.facts.table import Value, Writer
 from assetbuild.mesh.companions import companions_of, format_of, picture_of_map, relative_name
@@ -62,6 +64,7 @@ class Assets:
         facts = {"geometry": "mesh"} | surface.facts()
         if surface.normals:
             facts["urdf:normals"] = surface.normals
+        facts[f"urdf:{SKETCH}"] = surface.sketch
         if format_of(stated) != "obj":
             facts["urdf:mesh file"] = _digest(path)  # with its colours, names and normals
         return facts
@@ -84,12 +87,13 @@ class Assets:
         if scale == UNSCALED and (known := self._known_surface(stated, path)) is not None:
             return known.moved(pose)
         corners, uv, normals = self._read(stated, path)
+        sketch = sketch_of(corners, uv, normals)
         placed = pose.apply(corners * np.asarray(scale))
         if np.prod(scale) < 0.0:  # a mirror image: its triangles turn the other way
             placed, uv = placed[:, ::-1], None if uv is None else uv[:, ::-1]
         if normals is not None:
             normals = normals / np.asarray(scale) @ pose.rotation.T
-        return measure(placed, uv, normals)
+        return replace(measure(placed, uv, normals), sketch=sketch)
 
     def _known_surface(self, stated: str, path: Path) -> Surface | None:
         """That of the robot's mesh whose OBJ this is, after the lines that name materials."""
