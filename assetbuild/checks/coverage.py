@@ -18,8 +18,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.mesh.holes import holes
-from assetbuild.mesh.hulls import common_hull, read_hulls
-from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.hulls import common_hull, read_meshes
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.register import Move, Target
@@ -81,7 +80,7 @@ class Coverage(Check):
 
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")
-    reads = ("tree.json", "shapes.json", "meshes/", "hulls.npz")
+    reads = ("tree.json", "shapes.json", "triangles.npz", "hulls.npz")
 
     section = "validate"
 
@@ -155,11 +154,8 @@ class Parts:
 
     def __init__(self, robot: RobotFiles) -> None:
         self.tree = robot.tree
-        self._meshes = {
-            asset.name: read_triangles((robot.mesh_dir / asset.file).read_bytes())
-            for asset in robot.shapes.meshes
-        }
-        self._hulls = read_hulls(robot.hulls, list(self._meshes))
+        self._meshes = read_meshes(robot.triangles, robot.shapes)
+        self._hulls = read_meshes(robot.hulls, robot.shapes)
         self._placed: dict[tuple[str, Role], list[tuple[Shape, Pose]]] = {}
         for shape in robot.shapes.shapes:
             body, X_body_shape = self.tree.shape_placement(shape)
