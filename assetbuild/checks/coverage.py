@@ -75,6 +75,10 @@ class Fit:
     size_m: float
 
 
+IN_MM = ("not_covered_mm", "sticks_out_mm", "shift_mm")
+"""Figures of a body that are compared with `max_shift`."""
+
+
 class Coverage(Check):
     """Findings `coverage.*`; figures: a row for each body with both kinds of geometry."""
 
@@ -114,7 +118,8 @@ class Coverage(Check):
              "distance_after_mm": round(1e3 * m.after_m, 1)}
             for name, (_, m) in moves.items()
         ]  # fmt: skip
-        write_figures(files, {"bodies": rows, "shapes": moved})
+        limits = dict.fromkeys(IN_MM, 1e3 * self.max_shift)
+        write_figures(files, {"bodies": rows, "shapes": moved}, limits)
         beside = set()
         for name, fit in fits.items():
             largest = max(map(abs, fit.shift_m))

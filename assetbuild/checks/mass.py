@@ -30,6 +30,8 @@ from assetbuild.robot.shapes import Role
 
 SMALLEST_KG = 0.01
 """Lighter bodies are screws and sensors: nobody measures them."""
+OUTSIDE = 0.1
+"""Of a body's size: how far its centre of mass may lie outside of its geometry, warning."""
 SLENDER = 2.5
 """Middle over least principal moment, of body and of hull, from which an axis is meant."""
 BROKEN = 5.0
@@ -108,7 +110,10 @@ class Mass(Check):
              "long_axes_apart_rad": row.angle_rad}
             for name, row in found.items()
         ]  # fmt: skip
-        write_figures(files, {"total_kg": total, "datasheet_kg": self.total_kg, "bodies": rows})
+        figures = {"total_kg": total, "datasheet_kg": self.total_kg, "bodies": rows}
+        smallest_m = min((row.size_m for row in found.values()), default=1.0)
+        limits = {"long_axes_apart_rad": self.max_angle, "center_outside_m": OUTSIDE * smallest_m}
+        write_figures(files, figures, limits)
         yield from self._judge_total(total)
         for name, row in found.items():
             yield from self._judge(name, row)
@@ -135,7 +140,7 @@ class Mass(Check):
                 hint="is the mass ten times too large or small, or the mesh in other units?",
                 data={"density_kg_m3": row.density, "mass_kg": row.mass_kg},
             )
-        if row.outside_m > 0.1 * row.size_m:
+        if row.outside_m > OUTSIDE * row.size_m:
             yield CENTER(
                 f"link {name}",
                 f"the centre of mass is {1e3 * row.outside_m:.3g} mm outside of the geometry",
