@@ -34,9 +34,10 @@ MOST_POINTS = 4000
 """Most visual vertices of a body, evenly spread over their list: enough for a percentile."""
 SURFACE_POINTS, SHAPE_POINTS = 15_000, 300
 """Samples of a body's visual surface, and of one collision shape."""
-BETTER = 0.7
+BETTER = 0.5
 """A shape is beside its place when its distance from the visual surface would be less than this
-share of what it is. Simplified shapes are as far from it wherever they go."""
+share of what it is, and of the move that is allowed: then it fits. Simplified shapes are as far
+from it wherever they go."""
 LEFT = 0.1
 """A hole of which less than this is left is filled."""
 
@@ -141,7 +142,8 @@ class Coverage(Check):
             yield from _filled(parts, name)
 
     def _judge_shape(self, name: str, body: str, move: Move) -> Iterator[Finding]:
-        if move.length_m > self.max_shape_shift and move.after_m < BETTER * move.before_m:
+        fits = BETTER * min(move.before_m, self.max_shape_shift)
+        if move.length_m > self.max_shape_shift and move.after_m < fits:
             towards = ", ".join(f"{1e3 * v:.3g}" for v in move.shift_m)
             yield SHAPE_SHIFT(
                 f"shape {name}",
