@@ -10,7 +10,8 @@ Every target and check finds the robot under the same input names; `RobotFiles` 
                    so that a new gain leaves its readers alone; only where `reads` names it
     meshes/        the assets, `<name>.obj`
     assets.json    Assets: what these files hold, measured; only where `reads` names it
-    hulls.npz      the convex hulls of these meshes; only where `reads` names it
+    triangles.npz  these meshes in one file, quicker to read; only where `reads` names it
+    hulls.npz      their convex hulls, likewise
 
 A check finds each target that it `needs` as a folder of that name (`mjcf/`, `usd/`), and the
 untouched description (but for comments) as `source.urdf` when `needs` says "source"; an MJCF as

@@ -18,8 +18,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.mesh.holes import holes
-from assetbuild.mesh.hulls import common_hull, read_hulls
-from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.hulls import common_hull, read_meshes
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.register import Move, Target
@@ -35,9 +34,10 @@ MOST_POINTS = 4000
 """Most visual vertices of a body, evenly spread over their list: enough for a percentile."""
 SURFACE_POINTS, SHAPE_POINTS = 15_000, 300
 """Samples of a body's visual surface, and of one collision shape."""
-BETTER = 0.7
+BETTER = 0.5
 """A shape is beside its place when its distance from the visual surface would be less than this
-share of what it is. Simplified shapes are as far from it wherever they go."""
+share of what it is, and of the move that is allowed: then it fits. Simplified shapes are as far
+from it wherever they go."""
 LEFT = 0.1
 """A hole of which less than this is left is filled."""
 
@@ -85,7 +85,7 @@ class Coverage(Check):
 
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")
-    reads = ("tree.json", "shapes.json", "meshes/", "hulls.npz")
+    reads = ("tree.json", "shapes.json", "triangles.npz", "hulls.npz")
 
     section = "validate"
 
@@ -142,7 +142,8 @@ class Coverage(Check):
             yield from _filled(parts, name)
 
     def _judge_shape(self, name: str, body: str, move: Move) -> Iterator[Finding]:
-        if move.length_m > self.max_shape_shift and move.after_m < BETTER * move.before_m:
+        fits = BETTER * min(move.before_m, self.max_shape_shift)
+        if move.length_m > self.max_shape_shift and move.after_m < fits:
             towards = ", ".join(f"{1e3 * v:.3g}" for v in move.shift_m)
             yield SHAPE_SHIFT(
                 f"shape {name}",
@@ -160,11 +161,8 @@ class Parts:
 
     def __init__(self, robot: RobotFiles) -> None:
         self.tree = robot.tree
-        self._meshes = {
-            asset.name: read_triangles((robot.mesh_dir / asset.file).read_bytes())
-            for asset in robot.shapes.meshes
-        }
-        self._hulls = read_hulls(robot.hulls, list(self._meshes))
+        self._meshes = read_meshes(robot.triangles, robot.shapes)
+        self._hulls = read_meshes(robot.hulls, robot.shapes)
         self._placed: dict[tuple[str, Role], list[tuple[Shape, Pose]]] = {}
         for shape in robot.shapes.shapes:
             body, X_body_shape = self.tree.shape_placement(shape)

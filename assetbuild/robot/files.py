@@ -65,3 +65,8 @@ class RobotFiles:
     def hulls(self) -> Path:
         """File with the hulls of these meshes: see `mesh.hulls`."""
         return self.folder / "hulls.npz"
+
+    @property
+    def triangles(self) -> Path:
+        """File with these meshes themselves, likewise."""
+        return self.folder / "triangles.npz"
