@@ -16,8 +16,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from fnmatch import fnmatchcase
-from typing import Literal, get_args
+from math import floor, isfinite, log10
+from typing import Literal, TypeVar, get_args
 
+T = TypeVar("T")
 Severity = Literal["error", "warning", "info"]
 Scalar = float | int | str | bool | None
 Data = Mapping[str, Scalar | tuple[Scalar, ...]]
@@ -114,7 +116,30 @@ class Rule:
             raise ValueError(f"rule `{self.id}` does not declare the severity `{severity}`")
         if self.id.endswith("*"):
             raise ValueError(f"rule `{self.id}` has a part without a name: `named` gives it one")
-        return Finding(self.id, severity, subject, message, hint, where, data or {})
+        told = {name: steady(value) for name, value in (data or {}).items()}
+        return Finding(self.id, severity, subject, message, hint, where, told)
+
+
+def steady(value: T) -> T:
+    """Without the digits that differ between CPUs: 12 significant ones.
+
+    Of several numbers, those of the largest: what cancels to nearly nothing beside it is zero.
+    """
+    if isinstance(value, float):
+        return float(f"{value:.12g}") + 0.0  # type: ignore[return-value] # a float again
+    if isinstance(value, tuple):
+        largest = max((abs(v) for v in value if isinstance(v, float) and isfinite(v)), default=0.0)
+        return tuple(  # type: ignore[return-value] # as above
+            rounded(v, largest * 1e-9) if isinstance(v, float) and largest else v for v in value
+        )
+    return value
+
+
+def rounded(value: float, limit: float) -> float:
+    """To a thousandth of the power of ten below `limit`, if it is one; no negative zero."""
+    if not (isfinite(value) and isfinite(limit) and limit > 0.0):
+        return value
+    return round(value, 3 - floor(log10(limit))) + 0.0
 
 
 def finding_from_json(raw: Mapping[str, object]) -> Finding:

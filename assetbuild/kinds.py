@@ -10,6 +10,8 @@ Every target and check finds the robot under the same input names; `RobotFiles` 
                    so that a new gain leaves its readers alone; only where `reads` names it
     meshes/        the assets, `<name>.obj`
     assets.json    Assets: what these files hold, measured; only where `reads` names it
+    triangles.npz  these meshes in one file, quicker to read; only where `reads` names it
+    hulls.npz      their convex hulls, likewise
 
 A check finds each target that it `needs` as a folder of that name (`mjcf/`, `usd/`), and the
 untouched description (but for comments) as `source.urdf` when `needs` says "source"; an MJCF as
@@ -29,7 +31,7 @@ from pydantic import ConfigDict
 from pydantic.fields import FieldInfo
 
 from assetbuild.engine.step import Files, Step
-from assetbuild.findings import Finding
+from assetbuild.findings import Finding, rounded
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Body, Inertial, Joint, Tree
@@ -305,10 +307,30 @@ def lacking(requires: Mapping[str, str], world: World) -> str:
     return ""
 
 
-def write_figures(files: Files, figures: Mapping[str, object]) -> None:
-    """The numbers of one check, for the report; floats as `repr`, keys sorted.
+NOISE = 1e-9
+"""Of a figure without a limit: a thousandth of this is nothing."""
 
+
+def write_figures(
+    files: Files, figures: Mapping[str, object], limits: Mapping[str, float] | None = None
+) -> None:
+    """The numbers of one check, for the report, after they were compared; keys sorted.
+
+    limits: name of a figure, at any depth -> what it is compared with: it is rounded to a
+    thousandth of that. Others have six digits. So the report is the same on every CPU.
     Raises ValueError for a number that is not finite: what was not measured is None.
     """
-    text = json.dumps(figures, sort_keys=True, indent=1, allow_nan=False)
+    shown = _shown(figures, limits or {}, None)
+    text = json.dumps(shown, sort_keys=True, indent=1, allow_nan=False)
     (files.outputs / "figures.json").write_text(text + "\n", encoding="utf-8")
+
+
+def _shown(value: object, limits: Mapping[str, float], limit: float | None) -> object:
+    """limit: of the nearest named figure around it."""
+    if isinstance(value, float):
+        return rounded(value, limit) if limit else float(f"{rounded(value, NOISE):.6g}")
+    if isinstance(value, Mapping):
+        return {key: _shown(each, limits, limits.get(key, limit)) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_shown(each, limits, limit) for each in value]
+    return value

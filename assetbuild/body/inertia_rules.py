@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from assetbuild.findings import Finding, Rule, Scalar, Severity
+from assetbuild.findings import Finding, Rule, Scalar, Severity, steady
 from assetbuild.robot.chains import Chain, find_chains, is_massless, weighs
 from assetbuild.robot.inertia import (
     LEAST_MOMENT_KG_M2,
@@ -197,7 +197,7 @@ class _Judged:
             yield from self._size(equivalent_radius(self.inertial))
 
     def _broken(self) -> Finding | None:
-        a, b, c = self.moments
+        a, b, c = steady(self.moments)
         shown = f"({a:.4g}, {b:.4g}, {c:.4g}) kg m²"
         if a <= SINGULAR * abs(c):
             message = f"principal moments {shown} are not all positive"

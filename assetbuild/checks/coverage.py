@@ -18,8 +18,7 @@ from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.mesh.holes import holes
-from assetbuild.mesh.hull import convex_hull
-from assetbuild.mesh.obj import read_triangles
+from assetbuild.mesh.hulls import common_hull, read_meshes
 from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.quality import surface_samples
 from assetbuild.mesh.register import Move, Target
@@ -35,9 +34,10 @@ MOST_POINTS = 4000
 """Most visual vertices of a body, evenly spread over their list: enough for a percentile."""
 SURFACE_POINTS, SHAPE_POINTS = 15_000, 300
 """Samples of a body's visual surface, and of one collision shape."""
-BETTER = 0.7
+BETTER = 0.5
 """A shape is beside its place when its distance from the visual surface would be less than this
-share of what it is. Simplified shapes are as far from it wherever they go."""
+share of what it is, and of the move that is allowed: then it fits. Simplified shapes are as far
+from it wherever they go."""
 LEFT = 0.1
 """A hole of which less than this is left is filled."""
 
@@ -76,12 +76,16 @@ class Fit:
     size_m: float
 
 
+IN_MM = ("not_covered_mm", "sticks_out_mm", "shift_mm")
+"""Figures of a body that are compared with `max_shift`."""
+
+
 class Coverage(Check):
     """Findings `coverage.*`; figures: a row for each body with both kinds of geometry."""
 
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")
-    reads = ("tree.json", "shapes.json", "meshes/")
+    reads = ("tree.json", "shapes.json", "triangles.npz", "hulls.npz")
 
     section = "validate"
 
@@ -99,7 +103,7 @@ class Coverage(Check):
     )
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Reads tree, shapes and meshes."""
+        """Reads tree, shapes, meshes and their hulls."""
         parts = Parts(RobotFiles(files.inputs))
         names = [body.name for body in parts.tree.bodies]
         fits = {b: _fit(parts, b) for b in names if parts.visual(b) and parts.collision(b)}
@@ -115,7 +119,8 @@ class Coverage(Check):
              "distance_after_mm": round(1e3 * m.after_m, 1)}
             for name, (_, m) in moves.items()
         ]  # fmt: skip
-        write_figures(files, {"bodies": rows, "shapes": moved})
+        limits = dict.fromkeys(IN_MM, 1e3 * self.max_shift)
+        write_figures(files, {"bodies": rows, "shapes": moved}, limits)
         beside = set()
         for name, fit in fits.items():
             largest = max(map(abs, fit.shift_m))
@@ -137,7 +142,8 @@ class Coverage(Check):
             yield from _filled(parts, name)
 
     def _judge_shape(self, name: str, body: str, move: Move) -> Iterator[Finding]:
-        if move.length_m > self.max_shape_shift and move.after_m < BETTER * move.before_m:
+        fits = BETTER * min(move.before_m, self.max_shape_shift)
+        if move.length_m > self.max_shape_shift and move.after_m < fits:
             towards = ", ".join(f"{1e3 * v:.3g}" for v in move.shift_m)
             yield SHAPE_SHIFT(
                 f"shape {name}",
@@ -155,10 +161,8 @@ class Parts:
 
     def __init__(self, robot: RobotFiles) -> None:
         self.tree = robot.tree
-        self._meshes = {
-            asset.name: read_triangles((robot.mesh_dir / asset.file).read_bytes())
-            for asset in robot.shapes.meshes
-        }
+        self._meshes = read_meshes(robot.triangles, robot.shapes)
+        self._hulls = read_meshes(robot.hulls, robot.shapes)
         self._placed: dict[tuple[str, Role], list[tuple[Shape, Pose]]] = {}
         for shape in robot.shapes.shapes:
             body, X_body_shape = self.tree.shape_placement(shape)
@@ -178,35 +182,29 @@ class Parts:
             return self._meshes[shape.geometry.mesh].placed(X_body_shape)
         return tessellate(shape.geometry).placed(X_body_shape)
 
-    def hull(self, shape: Shape, X_body_shape: Pose) -> TriangleMesh | None:
-        """The hull of a shape in its body; None of a flat one, which has none."""
+    def hull(self, shape: Shape, X_body_shape: Pose) -> TriangleMesh:
+        """The hull of a shape in its body; of a flat one its vertices and no face."""
         if not isinstance(shape.geometry, Mesh):
             return self.surface(shape, X_body_shape)
-        hull = self._hull_of(shape.geometry.mesh)
-        return None if hull is None else hull.placed(X_body_shape)
+        return self._hulls[shape.geometry.mesh].placed(X_body_shape)
 
     @functools.cache  # noqa: B019 # lives as long as the step
-    def _hull_of(self, mesh: str) -> TriangleMesh | None:
-        try:
-            return convex_hull(self._meshes[mesh].vertices)
-        except StepError:
-            return None
-
-    @functools.cache  # noqa: B019 # as above
     def outside(self, body: str) -> Distance:
         """Distance from the hull of all that is seen of a body."""
-        hulls = [self.hull(*placed) or self.surface(*placed) for placed in self.visual(body)]
-        if len(hulls) == 1 and self.hull(*self.visual(body)[0]):
-            return beyond_hull(hulls[0])
-        return distance_to(np.concatenate([hull.vertices for hull in hulls]), IDENTITY)
+        hulls = [self.hull(*placed) for placed in self.visual(body)]
+        try:
+            return beyond_hull(common_hull(hulls))
+        except StepError:  # flat
+            return distance_to(np.concatenate([hull.vertices for hull in hulls]), IDENTITY)
 
     def solid(self, shape: Shape, X_body_shape: Pose) -> Distance:
         """Distance from what collides of a shape; of a mesh that is its hull."""
         if not isinstance(shape.geometry, Mesh):
             return distance_to(shape.geometry, X_body_shape)
         hull = self.hull(shape, X_body_shape)
-        vertices = self._meshes[shape.geometry.mesh].vertices
-        return beyond_hull(hull) if hull else distance_to(vertices, X_body_shape)
+        if len(hull.faces):
+            return beyond_hull(hull)
+        return distance_to(self._meshes[shape.geometry.mesh].vertices, X_body_shape)
 
 
 def _moves(parts: Parts, bodies: Collection[str]) -> dict[str, tuple[str, Move]]:
@@ -245,7 +243,8 @@ def _filled(parts: Parts, body: str) -> Iterator[Finding]:
 
     A mesh collides as its hull there, whatever its own form.
     """
-    solid = [parts.hull(*p) or parts.surface(*p) for p in parts.collision(body)]
+    hulls = [(placed, parts.hull(*placed)) for placed in parts.collision(body)]
+    solid = [hull if len(hull.faces) else parts.surface(*placed) for placed, hull in hulls]
     found = holes(_merged(parts, parts.visual(body)), merged(solid))
     filled = [hole for hole in found if hole.open < LEFT]
     if filled:

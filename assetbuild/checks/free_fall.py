@@ -50,18 +50,19 @@ class FreeFall(Check):
             write_figures(files, {"skipped": "the MJCF does not load"})
             yield LOAD("robot", f"nothing to drop: {error.message}")
             return
-        fall = mujoco.free_fall(model, self.drop.seconds)
+        fall, tolerance = mujoco.free_fall(model, self.drop.seconds), self.drop.tolerance
         write_figures(
             files,
             {
                 "seconds": fall.seconds,
                 "drop_m": fall.drop_m,
                 "expected_m": fall.expected_m,
-                "relative_error": fall.relative_error if fall.finite else None,
+                "relative_error": fall.relative_error,
                 "sideways_m": fall.sideways_m,
             }
             if fall.finite
             else {"finite": False},
+            {"relative_error": tolerance, "sideways_m": tolerance * max(fall.expected_m, 1e-6)},
         )
         yield from self._judge(fall)
 

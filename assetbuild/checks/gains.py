@@ -30,6 +30,8 @@ from assetbuild.robot.shapes import Mesh, Shape, Shapes, Sphere
 EXPLICIT = frozenset({"ideal_pd", "dc_motor"})
 """Models whose gains a controller applies once a step, instead of the integrator."""
 SMALL_ERROR_RAD = 0.1
+UNBALANCED = 0.05
+"""Share of the weight that the soles cannot carry: above this the robot would not stand."""
 
 TORQUE = Rule(
     "gains.torque",
@@ -150,7 +152,7 @@ class Gains(Check):
         )
         soles = _soles(tree, shapes, robot, self.feet)
         torque, left_over = holding_torques(robot, soles)
-        if left_over > 0.05 and tree.base == "floating":
+        if left_over > UNBALANCED and tree.base == "floating":
             torque = {}  # it would not stand, so no joint can be said to hold anything
         inertia = robot.effective_inertia
         found: dict[str, Effective] = {}
@@ -166,6 +168,7 @@ class Gains(Check):
                 "unbalanced": left_over,
                 "joints": {name: asdict(one) for name, one in found.items()},
             },
+            {"unbalanced": UNBALANCED, "load": self.torque, "sag": self.sag, "holding": 0.1},
         )
         for name, one in found.items():
             slides = tree.by_joint[name].kind == "prismatic"

@@ -8,9 +8,8 @@ explain is told: a slip of a factor of ten, a tensor in other axes, a centre out
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from pydantic import Field
@@ -19,18 +18,20 @@ from assetbuild.engine.step import Files
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
-from assetbuild.mesh.corners import corners_by_body
-from assetbuild.mesh.hull import convex_hull
+from assetbuild.mesh.hulls import common_hull, hulls_by_body
+from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import solid_moments
 from assetbuild.quantities import Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
-from assetbuild.robot.model import Body, Tree
+from assetbuild.robot.model import Body
 from assetbuild.robot.pose import Array
-from assetbuild.robot.shapes import Shapes
+from assetbuild.robot.shapes import Role
 
 SMALLEST_KG = 0.01
 """Lighter bodies are screws and sensors: nobody measures them."""
+OUTSIDE = 0.1
+"""Of a body's size: how far its centre of mass may lie outside of its geometry, warning."""
 SLENDER = 2.5
 """Middle over least principal moment, of body and of hull, from which an axis is meant."""
 BROKEN = 5.0
@@ -79,7 +80,7 @@ class Mass(Check):
 
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")
-    reads = ("tree.json", "shapes.json", "meshes/")
+    reads = ("tree.json", "shapes.json", "hulls.npz")
 
     section = "validate.mass"
     about = "masses against what is known of the robot and of matter"
@@ -98,11 +99,10 @@ class Mass(Check):
     """Between the long axes of body and hull."""
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Reads tree, shapes and meshes."""
+        """Reads tree, shapes and hulls."""
         robot = RobotFiles(files.inputs)
-        tree, shapes = robot.tree, robot.shapes
-        points = _points(tree, shapes, robot.mesh_dir)
-        found = {b.name: made for b in tree.bodies if (made := _measured(b, points)) is not None}
+        tree, hulls = robot.tree, hulls_by_body(robot)
+        found = {b.name: made for b in tree.bodies if (made := _measured(b, hulls)) is not None}
         total = math.fsum(b.inertial.mass_kg for b in tree.bodies if b.inertial)
         rows = [
             {"body": name, "mass_kg": row.mass_kg, "hull_volume_m3": row.volume_m3,
@@ -110,7 +110,10 @@ class Mass(Check):
              "long_axes_apart_rad": row.angle_rad}
             for name, row in found.items()
         ]  # fmt: skip
-        write_figures(files, {"total_kg": total, "datasheet_kg": self.total_kg, "bodies": rows})
+        figures = {"total_kg": total, "datasheet_kg": self.total_kg, "bodies": rows}
+        smallest_m = min((row.size_m for row in found.values()), default=1.0)
+        limits = {"long_axes_apart_rad": self.max_angle, "center_outside_m": OUTSIDE * smallest_m}
+        write_figures(files, figures, limits)
         yield from self._judge_total(total)
         for name, row in found.items():
             yield from self._judge(name, row)
@@ -137,7 +140,7 @@ class Mass(Check):
                 hint="is the mass ten times too large or small, or the mesh in other units?",
                 data={"density_kg_m3": row.density, "mass_kg": row.mass_kg},
             )
-        if row.outside_m > 0.1 * row.size_m:
+        if row.outside_m > OUTSIDE * row.size_m:
             yield CENTER(
                 f"link {name}",
                 f"the centre of mass is {1e3 * row.outside_m:.3g} mm outside of the geometry",
@@ -154,21 +157,18 @@ class Mass(Check):
             )
 
 
-def _points(tree: Tree, shapes: Shapes, mesh_dir: Path) -> Mapping[str, Array]:
-    """(n, 3) points of each body's geometry in its frame, m; visual before collision."""
-    corners = corners_by_body(tree, shapes, mesh_dir)
-    found: dict[str, Array] = {}
-    for role in ("collision", "visual"):  # the later one stays
-        found |= {body: points for (body, of), points in corners.items() if of == role}
-    return found
+def _measured(
+    body: Body, hulls: Mapping[tuple[str, Role], Sequence[TriangleMesh]]
+) -> Filled | None:
+    """None for what has no mass to speak of or no volume to compare it with.
 
-
-def _measured(body: Body, points: Mapping[str, Array]) -> Filled | None:
-    """None for what has no mass to speak of or no volume to compare it with."""
-    if body.inertial is None or body.inertial.mass_kg < SMALLEST_KG or body.name not in points:
+    What is seen counts; of a body that is not seen, what collides.
+    """
+    parts = hulls.get((body.name, "visual")) or hulls.get((body.name, "collision"))
+    if body.inertial is None or body.inertial.mass_kg < SMALLEST_KG or not parts:
         return None
     try:
-        hull = convex_hull(points[body.name])
+        hull = common_hull(parts)
     except StepError:
         return None
     volume, _, even = solid_moments(hull)

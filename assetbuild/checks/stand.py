@@ -131,7 +131,8 @@ class Stand(Check):
             write_figures(files, {"skipped": error.message})
             yield LOAD("robot", f"cannot stand: {error.message}")
             return
-        write_figures(files, _figures(stood) | {"stood": outcome_figures(stood, self.fall)})
+        figures = _figures(stood) | {"stood": outcome_figures(stood, self.fall)}
+        write_figures(files, figures, self._limits())
         if not stood.finite:
             yield NOT_FINITE(
                 "robot",
@@ -149,6 +150,18 @@ class Stand(Check):
             yield self._let_go(stood)
         yield from self._judge_overlaps(stood, link_of)
         yield from self._judge_loads(stood)
+
+    def _limits(self) -> dict[str, float]:
+        """Name of a figure -> what it is compared with."""
+        heights = ("height_m", "height_change_m", "height_before_m", "height_after_m")
+        return {
+            **dict.fromkeys(heights, self.max_sag),
+            **dict.fromkeys(("gap_at_start_m", "overlapping"), self.sole),
+            **dict.fromkeys(("joint_sag", "max_joint_sag"), self.fall),
+            **dict.fromkeys(("load", "max_load"), self.saturated),
+            "tilt_rad": self.max_tilt,
+            "drift_m": self.max_drift,
+        }
 
     def _is_foot(self, link: str) -> bool:
         return self.feet_pattern is None or re.fullmatch(self.feet_pattern, link) is not None

@@ -188,7 +188,20 @@ class Trials(Check):
         }
         figures: dict[str, object] = {}
         yield from self.examine(model, figures, torques)
-        write_figures(files, figures)
+        write_figures(files, figures, self._limits())
+
+    def _limits(self) -> dict[str, float]:
+        """Name of a figure -> what it is compared with."""
+        return {
+            **dict.fromkeys(("asked", "moved"), self.dead),
+            "energy_drift": self.energy,
+            "timestep_error": self.timestep,
+            "share_of_poses": self.always,
+            "fastest_joint": self.speed,
+            "deepest_contact_m": self.penetration,
+            **dict.fromkeys(("drift_m", "support_margin_m"), self.drift),
+            **dict.fromkeys(("height_before_m", "height_after_m"), self.drop),
+        }
 
     def examine(
         self,

@@ -66,7 +66,7 @@ class UrdfKinematics(Check):
             findings += _structure(links, model)
             if not findings:
                 findings += self._kinematics(links, model, figures)
-        write_figures(files, figures)
+        write_figures(files, figures, {"kinematics_error": self.tolerance})
         yield from findings
 
     def _kinematics(

@@ -8,11 +8,11 @@ every library, what in it depends on the CPU, and how that is pinned.
 from __future__ import annotations
 
 import functools
-import os
 import platform
 import sys
-from contextlib import suppress
 from dataclasses import dataclass
+
+from assetbuild.engine.machine import cpuinfo, libc
 
 
 @dataclass(frozen=True)
@@ -84,14 +84,14 @@ def cpu_class() -> CpuClass:
     """The class of this machine's CPU."""
     machine = platform.machine().lower()
     if machine in ("x86_64", "amd64"):
-        return x86_class(frozenset(_cpuinfo().get("flags", "").split()))
+        return x86_class(frozenset(cpuinfo().get("flags", "").split()))
     return ARM if machine in ("aarch64", "arm64") else UNKNOWN
 
 
 @functools.cache
 def cpu_model() -> str:
     """Maker, family and model of this CPU, for steps that compute what no environment pins."""
-    found = _cpuinfo()
+    found = cpuinfo()
     names = ("vendor_id", "cpu family", "model", "CPU implementer", "CPU part")
     said = [found[name] for name in names if name in found]
     return " ".join(said) or platform.processor() or platform.machine()
@@ -103,24 +103,5 @@ def platform_tag() -> str:
 
     The C library is part of it, because every library takes `sin` and `exp` from there.
     """
-    libc = ""
-    with suppress(ValueError, OSError, AttributeError):  # no such name: not glibc
-        libc = (os.confstr("CS_GNU_LIBC_VERSION") or "").replace(" ", "")
-    parts = (sys.platform, platform.machine(), cpu_class().name, libc)
+    parts = (sys.platform, platform.machine(), cpu_class().name, libc())
     return "-".join(part for part in parts if part)
-
-
-@functools.cache
-def _cpuinfo() -> dict[str, str]:
-    """What Linux says of the first core; the file of a large machine is long and slow to read."""
-    text = b""
-    with suppress(OSError):
-        descriptor = os.open("/proc/cpuinfo", os.O_RDONLY)
-        try:
-            while b"\n\n" not in text and (more := os.read(descriptor, 4096)):
-                text += more
-        finally:
-            os.close(descriptor)
-    lines = text.decode("ascii", "replace").partition("\n\n")[0].splitlines()
-    pairs = (line.partition(":") for line in lines)
-    return {name.strip(): value.strip() for name, _, value in pairs}

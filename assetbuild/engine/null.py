@@ -17,6 +17,7 @@ import sys
 import time
 
 from assetbuild.engine.digest import RACY_NS, digest_bytes, digest_file, replace_file
+from assetbuild.engine.machine import machine_text
 from assetbuild.engine.questions import (
     BYTES,
     KIND,
@@ -159,7 +160,7 @@ def renewed(lines: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def identity() -> str:
-    """This installation: Python, our own files, and what is installed beside them.
+    """This machine and installation: CPU, Python, our own files, what is installed beside them.
 
     Installing or removing a distribution changes the stamp of its site-packages folder; an
     edit of our own files (an editable installation) changes the sum of their stamps.
@@ -180,6 +181,7 @@ def identity() -> str:
                     stamps += found.st_mtime_ns + found.st_ctime_ns
                     sizes += found.st_size
     parts = [assetbuild.__version__, sys.version.split()[0], sys.prefix, sys.platform]
+    parts += [machine_text()]
     parts += [str(count), str(stamps), str(sizes)]
     for folder in sorted({p for p in sys.path if p.endswith("-packages")}):
         try:

@@ -132,6 +132,7 @@ class Zygote:
             return
         with suppress(Exception):  # the process of the step will meet it again, and say so
             importlib.import_module(module)
+        _seed()  # numpy loads its generators when they are first named: once, not in each fork
         gc.freeze()
         self.fresh = _threads_survive_fork()
 

@@ -82,6 +82,7 @@ class World:
         try:
             digest = self._whole.stamps.digest(path)
         except OSError as error:
+            self._ask((STAMP, path, ""))  # `watch` waits for what can be read
             reason = error.strerror or str(error)
             raise SourceError(f"cannot read `{path}`: {reason}") from None
         self._files[digest] = Path(path)

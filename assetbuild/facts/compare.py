@@ -206,18 +206,17 @@ def _same(
     quantity = VOCABULARY.get((key.kind, key.quantity))
     comparison: Comparison = quantity.comparison if quantity else _guessed(key, old)
     if comparison == "names":
-        return set(np.atleast_1d(old)) == set(np.atleast_1d(new))
+        return set(_items(old)) == set(_items(new))
     a, b = _numbers(old), _numbers(new)
-    if a is None or b is None or a.shape != b.shape:
-        return old == new
+    if a is None or b is None or len(a) != len(b):
+        return False
     tolerance = precision.of(key, comparison)
     if comparison == "pose":
         return _same_pose(a, b, tolerance)
-    size = float(np.linalg.norm(a))
+    size = math.hypot(*a)
     if comparison == "length" and quantity is not None:
         size = max(size, _size(table, key, {"m": 1, "m2": 2, "m3": 3}[quantity.unit]))
-    with np.errstate(invalid="ignore"):
-        distance = float(np.linalg.norm(np.where(a == b, 0.0, a - b)))
+    distance = math.hypot(*(0.0 if x == y else x - y for x, y in zip(a, b, strict=True)))
     return distance <= tolerance * size + ROUNDING
 
 
@@ -228,26 +227,28 @@ def _guessed(key: Key, value: object) -> Comparison:
     return "vector" if isinstance(value, tuple) else "number"
 
 
-def _numbers(value: object) -> np.ndarray[tuple[int], np.dtype[np.float64]] | None:
+def _items(value: Value) -> tuple[object, ...]:
+    return value if isinstance(value, tuple) else (value,)
+
+
+def _numbers(value: Value) -> tuple[float, ...] | None:
+    """None where one of them is no number."""
     try:
-        return np.atleast_1d(np.asarray(value, dtype=np.float64))
+        return tuple(float(item) for item in _items(value))  # type: ignore[arg-type] # refused below
     except (TypeError, ValueError):
         return None
 
 
-def _same_pose(
-    a: np.ndarray[tuple[int], np.dtype[np.float64]],
-    b: np.ndarray[tuple[int], np.dtype[np.float64]],
-    tolerance: float,
-) -> bool:
-    if a.shape != (7,) or not (np.all(np.isfinite(a)) and np.all(np.isfinite(b))):
-        return bool(np.array_equal(a, b))
-    reach = max(1.0, float(np.abs(a[:3]).max()))
-    if not float(np.abs(a[:3] - b[:3]).max()) <= tolerance * reach + ROUNDING:
+def _same_pose(a: tuple[float, ...], b: tuple[float, ...], tolerance: float) -> bool:
+    """a, b: not the same numbers."""
+    if len(a) != 7 or not all(map(math.isfinite, (*a, *b))):
         return False
-    if not (np.any(a[3:]) and np.any(b[3:])):
-        return bool(np.array_equal(a, b))
-    turns = [rotation_of(normalised_quat(tuple(map(float, q[3:])))) for q in (a, b)]  # type: ignore[arg-type] # four numbers
+    reach = max(1.0, *map(abs, a[:3]))
+    if not math.dist(a[:3], b[:3]) <= tolerance * reach + ROUNDING:
+        return False
+    if not (any(a[3:]) and any(b[3:])):
+        return a[3:] == b[3:]
+    turns = [rotation_of(normalised_quat(q[3:])) for q in (a, b)]  # type: ignore[arg-type] # four numbers
     return bool(float(np.abs(turns[0] - turns[1]).max()) <= max(tolerance, 1e-15))
 
 
@@ -264,8 +265,8 @@ def _size(table: Table, key: Key, power: int) -> float:
     )
     if moments is None or area is None or count is None:
         return 0.0
-    reach = math.sqrt(moments[:3].sum())
-    shares = {"area": math.sqrt(count[0] * area[0]), "volume": float(area[0])}
+    reach = math.sqrt(sum(moments[:3]))
+    shares = {"area": math.sqrt(count[0] * area[0]), "volume": area[0]}
     return max(reach**power, reach * shares.get(key.quantity, 0.0))
 
 

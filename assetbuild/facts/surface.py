@@ -80,8 +80,8 @@ def measure(
     """Measure (n, 3, 3) corners, m, with (n, 3, 2) texture coordinates and (n, 3, 3) normals."""
     points: Array = np.asarray(corners, dtype=np.float64).reshape(-1, 3, 3)
     a, b, c = points[:, 0], points[:, 1], points[:, 2]
-    across = _cross(b - a, c - a)
-    area = float(np.sqrt(np.einsum("ij,ij->i", across, across)).sum()) / 2.0
+    across = cross(b - a, c - a)
+    area = float(lengths(across).sum()) / 2.0
     flat = points.reshape(-1, 3)
     count = max(1, len(flat))
     mean, moments = flat.sum(axis=0) / count, flat.T @ flat / count
@@ -93,8 +93,13 @@ def measure(
     )  # fmt: skip
 
 
-def _cross(u: Array, v: Array) -> Array:
-    """(n, 3) products; numpy's own takes three times as long."""
+def lengths(vectors: Array) -> Array:
+    """(n,) lengths of (n, 3) vectors."""
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
+
+
+def cross(u: Array, v: Array) -> Array:
+    """(n, 3) cross products; numpy's own takes three times as long."""
     (ux, uy, uz), (vx, vy, vz) = u.T, v.T
     return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx], axis=1)
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from assetbuild.facts.sketch import SKETCH, sketch_of
-from assetbuild.facts.surface import Surface, measure
+from assetbuild.facts.surface import Surface, cross, lengths, measure
 from assetbuild.facts.table import Value
 from assetbuild.facts.usd_prims import Prim, Units, rigid
 from assetbuild.robot.pose import Array
@@ -177,11 +177,12 @@ def _normals(
 def _wrong_normals(normals: Array, corners: Array) -> int:
     """How many normals are not their triangles'. (n, 3), and (n, 3, 3) corners."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    across = np.cross(b - a, c - a)
-    size = np.linalg.norm(across, axis=1)
-    off = np.linalg.norm(normals * size[:, None] - across, axis=1)
+    across = cross(b - a, c - a)
+    size = lengths(across)
+    off = lengths(normals * size[:, None] - across)
     # Corners are float32: an edge is off by 1e-7 of their distance from the origin.
-    longest = np.maximum(np.linalg.norm(b - a, axis=1), np.linalg.norm(c - a, axis=1))
-    rounding = NEAR * size + 4e-7 * np.abs(corners).max(axis=(1, 2)) * longest
+    longest = np.maximum(lengths(b - a), lengths(c - a))
+    farthest = np.maximum.reduce([*np.abs(corners.reshape(-1, 9)).T])
+    rounding = NEAR * size + 4e-7 * farthest * longest
     tiny = size <= 1e-3 * longest * longest + 1e-20
     return int(np.sum((off > rounding) & ~tiny))

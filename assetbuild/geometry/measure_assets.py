@@ -12,20 +12,27 @@ from assetbuild.facts.reference import Assets
 from assetbuild.facts.sketch import sketch_of
 from assetbuild.facts.surface import measure
 from assetbuild.findings import Finding
+from assetbuild.mesh.hulls import hull_or_points, write_meshes
 from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
 
 
 class MeasureAssets(Step):
-    """`shapes.json`, `meshes/` -> `assets.json`: surface of every mesh, pixels of every picture."""
+    """`shapes.json`, `meshes/` -> `assets.json`, `triangles.npz`, `hulls.npz`.
 
-    outputs = ("assets.json",)
+    The surface of every mesh and the pixels of every picture; the meshes themselves and their
+    hulls, each kind in one file.
+    """
+
+    outputs = ("assets.json", "triangles.npz", "hulls.npz")
+    isolated = True
+    preload = ("numpy", "scipy.spatial", "fast_simplification")
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads each file of `meshes/` that the robot names."""
         robot = RobotFiles(files.inputs)
-        surfaces, pixels, digests = [], [], []
+        surfaces, meshes, pixels, digests = [], [], [], []
         for asset in robot.shapes.meshes:
             data = (robot.mesh_dir / asset.file).read_bytes()
             mesh = read_triangles(data, asset.file)
@@ -35,6 +42,7 @@ class MeasureAssets(Step):
                 surface, vertices=len(mesh.vertices), sketch=sketch_of(corners, uv, normals)
             )
             surfaces.append((asset.name, surface))
+            meshes.append(mesh)
             digests.append((asset.name, digest_of(data)))
         for texture in sorted({m.texture for m in robot.shapes.materials if m.texture}):
             path = robot.mesh_dir / texture
@@ -43,4 +51,6 @@ class MeasureAssets(Step):
                 digests.append((texture, digest_of(path.read_bytes())))
         assets = Assets(tuple(surfaces), tuple(pixels), tuple(digests))
         (files.outputs / "assets.json").write_bytes(encode(assets))
+        write_meshes(files.outputs / "triangles.npz", meshes)
+        write_meshes(files.outputs / "hulls.npz", [hull_or_points(mesh) for mesh in meshes])
         yield from ()

@@ -46,7 +46,7 @@ def plan_samples(
         randomize = randomize.model_copy(update={"seed": seed})
 
     step = DrawSamples(randomize=randomize, keep=keep, judge=judge)
-    ports = ("tree.json", "shapes.json", "meshes/")
+    ports = ("tree.json", "shapes.json", "hulls.npz")
     rooms = p.add("enclose", Enclose(), {port: robot[port] for port in ports})
     inputs = {"tree.json": robot["tree.json"], "rooms.json": rooms["rooms.json"]}
     outline.draws = p.add("draw_samples", step, inputs)

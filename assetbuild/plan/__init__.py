@@ -125,7 +125,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
         MeasureAssets(),
         {port: outline.robot[port] for port in ("shapes.json", "meshes/")},
     )
-    outline.robot["assets.json"] = measured["assets.json"]
+    outline.robot |= {port: measured[port] for port in MeasureAssets.outputs}
     pose = p.add("pose", KeepPose(), {"control.json": controlled})["control.json"]
     inputs = {"tree.json": tree["tree.json"], "control.json": pose}
     outline.bodies = p.add("measure_bodies", MeasureBodies(), inputs)["bodies.json"]

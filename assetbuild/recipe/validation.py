@@ -88,7 +88,7 @@ def _telling(problems: list[_Problem], misnamed: Sequence[Misnamed]) -> Iterator
     spelt = {(p.key[:-1], p.hint) for p in problems if p.message == "unknown key"}
     for one in problems:
         if one.message.startswith("missing key"):
-            if (one.key, f"did you mean `{one.reach[-1]}`?") in spelt:
+            if one.reach and (one.key, f"did you mean `{one.reach[-1]}`?") in spelt:
                 continue
         elif any(one.key[: len(name.covers)] == name.covers for name in misnamed):
             continue

@@ -60,3 +60,13 @@ class RobotFiles:
     def mesh_dir(self) -> Path:
         """Folder of the files that `shapes.meshes` names."""
         return self.folder / "meshes"
+
+    @property
+    def hulls(self) -> Path:
+        """File with the hulls of these meshes: see `mesh.hulls`."""
+        return self.folder / "hulls.npz"
+
+    @property
+    def triangles(self) -> Path:
+        """File with these meshes themselves, likewise."""
+        return self.folder / "triangles.npz"

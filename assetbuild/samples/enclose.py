@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import get_args
 
 import numpy as np
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
-from assetbuild.mesh.corners import corners_by_body
+from assetbuild.mesh.hulls import hulls_by_body
 from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
 from assetbuild.robot.model import Inertial
 from assetbuild.robot.pose import vec3
 from assetbuild.robot.randomize import Ellipsoid, Room, Rooms, bounding_ellipsoid
+from assetbuild.robot.shapes import Role
 
 SUSPICIOUS_GROWTH = 1.05
 """The source's own mass properties need so much more room than its geometry has: told."""
@@ -29,7 +31,7 @@ NO_ROOM = Rule(
 
 
 class Enclose(Step):
-    """`tree.json`, `shapes.json`, `meshes/` -> `rooms.json`.
+    """`tree.json`, `shapes.json`, `hulls.npz` -> `rooms.json`.
 
     A body whose own mass properties do not fit into its geometry gets the smallest larger
     ellipsoid of that form; one without geometry that of a homogeneous ellipsoid.
@@ -40,15 +42,16 @@ class Enclose(Step):
     preload = ("numpy", "scipy.spatial", "scipy.stats", "embreex.rtcore_scene")
 
     def run(self, files: Files) -> Iterator[Finding]:
-        """Reads each mesh once."""
+        """Reads the hull of each mesh."""
         robot = RobotFiles(files.inputs)
-        corners = corners_by_body(robot.tree, robot.shapes, robot.mesh_dir)
+        hulls = hulls_by_body(robot)
         rooms = []
         for body in robot.tree.bodies:
             inertial = body.inertial
             if inertial is None or inertial.mass_kg <= 0.0:
                 continue
-            around = [points for (name, _), points in corners.items() if name == body.name]
+            own = [hulls.get((body.name, role), []) for role in get_args(Role)]
+            around = [hull.vertices for part in own for hull in part]
             if not around:
                 rooms.append(Room(body.name, _homogeneous(inertial)))
                 continue

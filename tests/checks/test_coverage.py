@@ -17,7 +17,7 @@ from assetbuild.mesh.primitives import tessellate
 from assetbuild.mesh.solid import distance_to
 from assetbuild.mesh.triangles import merged
 from assetbuild.robot.pose import Pose, Vec3
-from assetbuild.robot.shapes import Box, Capsule, Geometry, Mesh, MeshAsset, Shape, Shapes
+from assetbuild.robot.shapes import Box, Capsule, Geometry, Mesh, MeshAsset, Shape, Shapes, Sphere
 
 SIZE = (0.05, 0.04, 0.3)
 
@@ -104,8 +104,13 @@ def test_a_notch_and_a_hole_left_open_are_no_holes_filled(tmp_path: Path):
     assert [f.rule for f in beside if f.rule == "coverage.hole"] == []
 
 
-def bar_of_two(shift: Vec3, folder: Path, **wish: float) -> list[Finding]:
-    """A long bar that two boxes stand for, end to end; the second is moved by `shift`, m."""
+def bar_of_two(
+    shift: Vec3, folder: Path, *more: tuple[Geometry, Vec3], **wish: float
+) -> list[Finding]:
+    """A long bar that two boxes stand for, end to end; the second is moved by `shift`, m.
+
+    more: further shapes, and where they stand.
+    """
     robot: TinyRobot = pendulum()
     link = robot.tree.bodies[-1].name
     half = Box((SIZE[0], SIZE[1], SIZE[2] / 2))
@@ -115,6 +120,7 @@ def bar_of_two(shift: Vec3, folder: Path, **wish: float) -> list[Finding]:
             Shape("bar", link, "visual", Mesh("bar-1")),
             Shape("upper", link, "collision", half, Pose((0.0, 0.0, SIZE[2] / 4))),
             Shape("lower", link, "collision", half, Pose((x, y, z - SIZE[2] / 4))),
+            *(Shape("other", link, "collision", form, Pose(at)) for form, at in more),
         ),
         (),
         (MeshAsset("bar-1", "bar-1.obj", 8, 12),),
@@ -135,6 +141,16 @@ def test_one_shape_of_several_that_moved_is_told(shift: Vec3, tmp_path: Path):
     assert finding.data["shift_m"] == pytest.approx([-v for v in shift], abs=6e-3)
     assert "above the limit of 20 mm" in finding.message
     assert bar_of_two(shift, tmp_path / "allowed", max_shape_shift=0.04) == []
+
+
+def test_a_shape_that_fits_nowhere_has_not_moved(tmp_path: Path):
+    """Nothing that is seen looks like it, so its place cannot be judged by what is seen."""
+    guard = (Sphere(0.06), (0.1, 0.0, 0.0))
+    found = bar_of_two((0.0, 0.0, 0.0), tmp_path, guard)
+    assert [f.rule for f in found if f.rule == "coverage.shape_shift"] == []
+    figures = json.loads((tmp_path / "out/figures.json").read_text())["shapes"]
+    (row,) = [row for row in figures if row["shape"] == "other"]
+    assert row["distance_after_mm"] < 0.7 * row["distance_mm"]
 
 
 def test_shapes_that_simplify_have_not_moved(tmp_path: Path):

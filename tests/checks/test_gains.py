@@ -44,11 +44,11 @@ def rules(findings: Sequence[Finding]) -> set[str]:
 def test_figures_of_an_arm_are_those_of_the_textbook(tmp_path: Path) -> None:
     findings, joints = judged(arm(damping=0.1, armature=0.05), tmp_path)
     one, inertia = joints["swing_joint"], ROD + 0.05
-    assert one["inertia"] == pytest.approx(inertia)
-    assert one["frequency_hz"] == pytest.approx(math.sqrt(40.0 / inertia) / 2 / math.pi)
-    assert one["damping_ratio"] == pytest.approx(2.1 / 2 / math.sqrt(40.0 * inertia))
-    assert one["holding"] == pytest.approx(9.81 * 0.25 * math.sin(0.5))
-    assert one["sag"] == pytest.approx(one["holding"] / 40.0)
+    assert one["inertia"] == pytest.approx(inertia, rel=2e-4)
+    assert one["frequency_hz"] == pytest.approx(math.sqrt(40.0 / inertia) / 2 / math.pi, rel=2e-4)
+    assert one["damping_ratio"] == pytest.approx(2.1 / 2 / math.sqrt(40.0 * inertia), rel=2e-4)
+    assert one["holding"] == pytest.approx(9.81 * 0.25 * math.sin(0.5), rel=2e-4)
+    assert one["sag"] == pytest.approx(one["holding"] / 40.0, rel=2e-4)
     assert rules(findings) == set()
 
 

@@ -91,12 +91,21 @@ def test_a_mesh_saved_anew_with_the_same_geometry_runs_only_its_conversion(place
     assert place.ran() == {"convert_mesh hip", companions}  # both read the file
 
 
-@pytest.mark.slow  # a cold build of Go1
-def test_two_folders_seeds_zones_and_job_counts_give_the_same_manifest(
-    cold_place: Workplace, tmp_path: Path, go1_root: Path, place: Workplace
+@pytest.mark.slow  # cold builds of Go1
+@pytest.mark.parametrize(
+    "kernels",
+    [
+        {"OPENBLAS_CORETYPE": "SkylakeX", "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL"},
+        {"OPENBLAS_CORETYPE": "Zen", "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL"},
+        {"OPENBLAS_CORETYPE": "Prescott", "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA"},
+    ],
+    ids=lambda each: each["OPENBLAS_CORETYPE"],
+)
+def test_two_folders_seeds_zones_job_counts_and_kernels_give_the_same_manifest(
+    cold_place: Workplace, tmp_path: Path, go1_root: Path, place: Workplace, kernels: dict[str, str]
 ):
     odd = {"PYTHONHASHSEED": "7", "TZ": "Asia/Kathmandu", "LANG": "tr_TR.UTF-8", "LC_ALL": "C"}
-    done = cold_place.build("-j1", **odd)
+    done = cold_place.build("-j1", **odd, **kernels)
     assert done.returncode == 0, done.stdout + done.stderr
     place.build(PYTHONHASHSEED="1", TZ="UTC")
     manifests = [p.bundle / "manifest.json" for p in (cold_place, place)]

@@ -133,6 +133,11 @@ def test_another_version_of_ourselves_builds(built: Path, monkeypatch):
     assert check(built) is None
 
 
+def test_a_store_that_moves_to_another_cpu_builds(built: Path, monkeypatch):
+    monkeypatch.setattr(null, "machine_text", lambda: "x86_64 glibc2.36 GenuineIntel 6 avx2")
+    assert check(built) is None
+
+
 def test_a_linked_source_is_read_each_time(built: Path):
     (built / "real").write_text("one")
     (built / "link").symlink_to("real")

@@ -67,6 +67,17 @@ def test_a_file_that_cannot_be_read_is_an_error_of_the_source(folder: Path):
         World().digest(folder / "absent")
 
 
+def test_a_file_that_could_not_be_read_is_waited_for(folder: Path):
+    world = World()
+    with pytest.raises(SourceError):
+        world.digest(folder / "absent")
+    lines, changed = null.lines_of(world.record, time.time_ns())
+    assert not changed
+    assert null.renewed(lines)[1] == []
+    (folder / "absent").write_text("here")
+    assert null.renewed(lines)[1] == [str(folder / "absent")]
+
+
 @pytest.mark.parametrize(
     "path",
     [

@@ -69,10 +69,9 @@ def test_the_archive_is_the_wheel_and_nothing_else_is_left(index, files):
     assert [p.name for p in files.outputs.iterdir()] == ["archive"]
 
 
-def test_fetch_is_the_network_step_and_keeps_its_own_version():
+def test_fetch_is_the_network_step():
     assert Fetch.network is True
     assert Fetch.isolated is False
-    assert Fetch.version == "1"
 
 
 def test_other_bytes_are_refused_with_both_digests(index, files):

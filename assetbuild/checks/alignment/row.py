@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from assetbuild.findings import Finding, Rule
+from assetbuild.findings import Finding, Rule, rounded
 
 Rank = Literal["CRITICAL", "HIGH", "MEDIUM", "LOW"]
 Limits = tuple[float, float, str]
@@ -79,7 +79,7 @@ class Row:
         values: dict[str, float | str | None] = {
             "mujoco": self.mujoco,
             "physx": self.physx,
-            "off": self.off,
+            "off": self.off if self.off is None else rounded(self.off, self.warn),
         }
         plain = {
             key: None if isinstance(value, float) and not math.isfinite(value) else value

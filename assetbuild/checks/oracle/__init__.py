@@ -45,6 +45,12 @@ UNSUPPORTED = Rule(
 )
 
 
+KINDS = ("inertia", "kinematics", "mass_matrix", "gravity")
+
+
+KINDS = ("inertia", "kinematics", "mass_matrix", "gravity")
+
+
 class Oracle(Check):
     """Inertia, and at random poses kinematics, mass matrix and gravity, by two libraries.
 
@@ -78,7 +84,7 @@ class Oracle(Check):
             findings.append(_unsupported(odd[0].name, odd[0].kind))
         else:
             findings += self._compare(files, robot.links, robot.tree, figures)
-        write_figures(files, figures)
+        write_figures(files, figures, {f"{kind}_error": self.tolerance for kind in KINDS})
         yield from findings
 
     def _compare(
@@ -132,9 +138,7 @@ class _Worst:
     """The largest error of each kind, and what it is about."""
 
     def __init__(self) -> None:
-        self.of: dict[str, tuple[float, str]] = dict.fromkeys(
-            ("inertia", "kinematics", "mass_matrix", "gravity"), (0.0, "robot")
-        )
+        self.of: dict[str, tuple[float, str]] = dict.fromkeys(KINDS, (0.0, "robot"))
 
     def see(self, kind: str, value: float, subject: str) -> None:
         if not value <= self.of[kind][0]:  # NaN wins

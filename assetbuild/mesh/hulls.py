@@ -1,0 +1,64 @@
+"""A robot's meshes and their convex hulls, each in one file: read and worked out once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from assetbuild.errors import StepError
+from assetbuild.mesh.hull import convex_hull
+from assetbuild.mesh.primitives import tessellate
+from assetbuild.mesh.triangles import TriangleMesh
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.shapes import Mesh, Role, Shapes
+
+
+def hull_or_points(mesh: TriangleMesh) -> TriangleMesh:
+    """The hull; of a flat mesh, which has none, all its vertices and no face."""
+    try:
+        return convex_hull(mesh.vertices)
+    except StepError:
+        return TriangleMesh(mesh.vertices, np.zeros((0, 3), dtype=np.int64))
+
+
+def write_meshes(file: Path, meshes: Sequence[TriangleMesh]) -> None:
+    """All meshes of a robot, or their hulls, in the order in which it names them."""
+    sizes = [(len(mesh.vertices), len(mesh.faces)) for mesh in meshes]
+    np.savez(
+        file,
+        sizes=np.array(sizes, dtype=np.int64).reshape(-1, 2),
+        vertices=np.concatenate([np.zeros((0, 3)), *(mesh.vertices for mesh in meshes)]),
+        faces=np.concatenate([np.zeros((0, 3)), *(mesh.faces for mesh in meshes)], dtype=np.int32,
+                             casting="unsafe"),
+    )  # fmt: skip
+
+
+def read_meshes(file: Path, shapes: Shapes) -> Mapping[str, TriangleMesh]:
+    """By name of the mesh: vertices and faces, without texture and normals."""
+    with np.load(file) as stored:
+        sizes, vertices, faces = (stored[key] for key in ("sizes", "vertices", "faces"))
+    ends = np.cumsum(sizes, axis=0)[:-1].T
+    parts = zip(np.split(vertices, ends[0]), np.split(faces.astype(np.int64), ends[1]), strict=True)
+    names = [asset.name for asset in shapes.meshes]
+    return dict(zip(names, (TriangleMesh(*part) for part in parts), strict=False))
+
+
+def hulls_by_body(robot: RobotFiles) -> Mapping[tuple[str, Role], list[TriangleMesh]]:
+    """(body, role) -> the hull of each of its shapes in the body's frame, m."""
+    hulls = read_meshes(robot.hulls, robot.shapes)
+    found: dict[tuple[str, Role], list[TriangleMesh]] = {}
+    for shape in robot.shapes.shapes:
+        body, X_body_shape = robot.tree.shape_placement(shape)
+        geometry = shape.geometry
+        hull = hulls[geometry.mesh] if isinstance(geometry, Mesh) else tessellate(geometry)
+        found.setdefault((body, shape.role), []).append(hull.placed(X_body_shape))
+    return found
+
+
+def common_hull(hulls: Sequence[TriangleMesh]) -> TriangleMesh:
+    """The hull of several; StepError where they lie in one plane."""
+    if len(hulls) == 1 and len(hulls[0].faces):
+        return hulls[0]
+    return convex_hull(np.concatenate([hull.vertices for hull in hulls]))
