@@ -158,9 +158,13 @@ def _canonical(reference: Reference) -> dict[Key, tuple[Value, Value]]:
 
 
 def _with_ratings(table: Table, tree: Tree) -> Table:
-    """With what the source says of the joints themselves, which drives may override."""
+    """With what the source says of the joints themselves, which drives may override.
+
+    A fixed joint has an axis too, about which nothing turns.
+    """
     said: dict[Key, Value] = {}
     for joint in tree.joints:
+        said[Key("joint", joint.name, "robot:axis")] = tuple(joint.axis)
         for word in ("damping", "friction"):
             said[Key("joint", joint.name, f"robot:source's {word}")] = getattr(joint, word)
         for word in ("effort", "velocity"):

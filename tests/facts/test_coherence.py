@@ -40,10 +40,11 @@ def twice(entries: list[Any], name: str) -> None:  # Any: JSON
     [
         ("mass", "body slide", lambda r: r["links"]["bodies"][1]["inertial"].update(mass_kg=3.0)),
         ("axis", "joint lift", lambda r: r["links"]["joints"][0].update(axis=[0.0, 0.0, 1.0])),
+        ("axis", "joint hold", lambda r: r["tree"]["joints"][1].update(axis=[0.0, 1.0, 0.0])),
         ("source's_damping", "joint a_joint", lambda r: r["tree"]["joints"][2].update(damping=9.0)),
         ("triangles", "mesh block", lambda r: r["shapes"]["meshes"][1].update(faces=13)),
         ("vertices", "mesh block", lambda r: r["shapes"]["meshes"][1].update(vertices=0)),
-        ("convex", "mesh skin", lambda r: r["shapes"]["meshes"][0].update(convex=True)),
+        ("convex", "mesh tile", lambda r: r["shapes"]["meshes"][0].update(convex=True)),
         ("file", "mesh block", lambda r: r["shapes"]["meshes"][1].update(file="skin.obj")),
         ("entries", "shapes.shapes skin", lambda r: twice(r["shapes"]["shapes"], "skin")),
         ("entries", "control.actuators lift", lambda r: twice(r["control"]["actuators"], "lift")),
