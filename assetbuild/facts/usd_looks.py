@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pxr import Sdf, Usd, UsdShade
 
+from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.picture import pixel_digest
 from assetbuild.facts.table import Value, Writer
 from assetbuild.facts.usd_prims import Prim
@@ -17,8 +18,10 @@ BINDING = "MaterialBindingAPI"
 class Looks:
     """The materials of a stage by path, read when the first shape asks for one."""
 
-    def __init__(self, materials: list[Prim], shaders: list[Prim], book: Writer) -> None:
-        self.book = book
+    def __init__(
+        self, materials: list[Prim], shaders: list[Prim], book: Writer, known: KnownFiles
+    ) -> None:
+        self.book, self.known = book, known
         self.materials = {prim.path: prim for prim in materials}
         self.used: set[str] = set()
         self.colours: dict[str, tuple[float, ...]] = {}
@@ -56,7 +59,7 @@ class Looks:
             self.colours[owner] = (*_numbers(colour), *_numbers(opacity))
         file = values.pop("file", None)
         if isinstance(file, Sdf.AssetPath):
-            self.textures[owner] = _pixels(file)
+            self.textures[owner] = _pixels(file, self.known)
         for key, value in values.items():
             if value is not None:
                 self.book.put("material", name, {f"usd:{kind}:{key}": _plain(value)})
@@ -124,9 +127,9 @@ def surface_material(prim: Prim) -> dict[str, Value]:
     return found | {"usd:frictionCombineMode": mode} if mode else found
 
 
-def _pixels(file: Sdf.AssetPath) -> str:
+def _pixels(file: Sdf.AssetPath, known: KnownFiles) -> str:
     found = str(file.resolvedPath)
-    return (pixel_digest(Path(found)) if found else "") or f"unreadable {file.path}"
+    return (pixel_digest(Path(found), known) if found else "") or f"unreadable {file.path}"
 
 
 def _numbers(value: object) -> tuple[float, ...]:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
+from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.facts.usd_joints import JointPrim, joint_facts
@@ -68,13 +69,13 @@ class Sorted:
     others: list[Prim] = field(default_factory=list)
 
 
-def read_robot(path: Path) -> Table:
+def read_robot(path: Path, known: KnownFiles) -> Table:
     """The facts of the stage as it opens, its default variants selected."""
     with opened(path) as stage:
-        return _read(stage)
+        return _read(stage, known)
 
 
-def _read(stage: Usd.Stage) -> Table:
+def _read(stage: Usd.Stage, known: KnownFiles) -> Table:
     book, units = Writer(), units_of(stage)
     stage_facts(stage, units, book)
     top = stage.GetDefaultPrim()
@@ -84,7 +85,7 @@ def _read(stage: Usd.Stage) -> Table:
         _sort(child, Above(), found, book)
     places = Places(units)
     names = {path: prim.named("body") for path, prim in found.bodies.items()}
-    looks = Looks(found.materials, found.shaders, book)
+    looks = Looks(found.materials, found.shaders, book, known)
     colliders = read_shapes(found.shapes, names, places, looks, book)
     joints = [JointPrim(prim, names, places) for prim in found.joints]
     joint_facts(joints, units, book)

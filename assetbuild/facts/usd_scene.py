@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdPhysics, UsdShade
 
+from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.reference import Reference, pose_value
 from assetbuild.facts.table import Table, Value, Writer
 from assetbuild.facts.usd_inventory import STRENGTH, SURFACE, prim_facts
@@ -53,7 +54,7 @@ def _read(stage: Usd.Stage) -> Table:
     for child in stage.GetPseudoRoot().GetAllChildren():
         prims += _world(child, places, book)
     materials = [p for p in prims if p.prim.IsA(UsdShade.Material)]
-    looks = Looks(materials, [], book)
+    looks = Looks(materials, [], book, KnownFiles())
     for prim in prims:
         if prim.type == "PhysicsScene":
             _physics(prim, places, book)

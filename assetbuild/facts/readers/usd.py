@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from assetbuild.facts.compare import FLOAT32, Precision
+from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
 from assetbuild.facts.table import Table
@@ -79,9 +80,16 @@ class UsdReader(Reader):
 
     def read(self, path: Path) -> Table:
         """Read any USD; UsageError where it does not open, or names no default prim."""
+        return self._read(path, KnownFiles())
+
+    def found(self, path: Path, reference: Reference) -> Table:
+        """A copy of one of the robot's own pictures is not decoded again."""
+        return self._read(path, reference.assets.known).only(self.holds)
+
+    def _read(self, path: Path, known: KnownFiles) -> Table:
         from assetbuild.facts.usd_robot import read_robot
 
-        return read_robot(path)
+        return read_robot(path, known)
 
     def expected(self, reference: Reference) -> Table:
         """The robot as USD can hold it, with the words of the format."""
