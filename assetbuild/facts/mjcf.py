@@ -92,6 +92,16 @@ def _known(table: Table, opaque: Opaque, told: frozenset[tuple[str, str]]) -> Ta
     return table.only(holds)
 
 
+def _misnamed(spec: Spec, opaque: Opaque) -> dict[Key, Value]:
+    """Equalities of joints that are not called as the joint that they hold."""
+    return {
+        Key("joint", item.name1, "mjcf:equality"): item.name
+        for item in spec.equalities
+        if item.type.name == "mjEQ_JOINT" and item.name != item.name1
+        if ("equality", item.name) not in opaque.subjects
+    }
+
+
 class MjcfReader(Reader):
     """Reads the compiled model, and by MuJoCo's parser all attributes beyond the vocabulary."""
 
@@ -110,8 +120,8 @@ class MjcfReader(Reader):
         with caught_warnings():
             try:
                 spec = mujoco.MjSpec.from_file(str(path))
-                files = sketches(spec, known or KnownFiles())
-                return read_spec(spec, opaque, stated, known)[1] | Table(files)
+                more = sketches(spec, known or KnownFiles()) | _misnamed(spec, opaque)
+                return read_spec(spec, opaque, stated, known)[1] | Table(more)
             except ValueError as error:
                 text = " ".join(str(error).replace(f"{path.parent}/", "").split())
                 raise UsageError(f"MuJoCo refuses it: {text}") from None

@@ -130,9 +130,9 @@ def _key(subject: str, word: str) -> Key:
 
 
 def _named(facts: Mapping[Key, Value]) -> dict[Key, Value]:
-    """The plane of the world as the floor, its texture and material as the ground."""
+    """The first plane of the world as the floor, its texture and material as the ground."""
     found: dict[Key, Value] = {}
-    planes = [k.name for k, v in facts.items() if k.kind == "shape" and v == "mjGEOM_PLANE"]
+    planes = [k.name for k, v in facts.items() if k.kind == "shape" and v == "mjGEOM_PLANE"][:1]
     worn = {k.name: str(v) for k, v in facts.items() if k.quantity == "mjcf:material"}
     grounds = {worn[name] for name in planes if name in worn}
     for key, value in facts.items():

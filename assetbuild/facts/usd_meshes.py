@@ -17,9 +17,9 @@ from assetbuild.robot.pose import Array
 Whole = NDArray[np.int64]
 TOPOLOGY = ("points", "faceVertexCounts", "faceVertexIndices", "orientation")
 NORMALS = ("normals", "primvars:st", "primvars:st:indices", "extent")
-NEAR = 1e-3
-"""Largest difference between a stated normal of a face and the normal of its corners: normals and
-corners are float32, and faces can be a thousand times smaller than their distance."""
+NEAR = 1e-6
+"""Largest difference between a stated normal of a face and the normal of its corners, beside what
+the rounding of corners to float32 makes of it: normals are float32 too."""
 
 
 @dataclass

@@ -114,6 +114,8 @@ def _robot(prim: Usd.Prim, specs: list[Sdf.PrimSpec], places: Places, book: Writ
 def _overs(spec: Sdf.PrimSpec, bodies: set[Sdf.Path], book: Writer, *, top: bool = False) -> None:
     """What the scene says of a prim of the robot: where a body is, and nothing else."""
     arcs = {"references", "payload"} if top else set()
+    if not top and spec.path not in bodies:
+        book.put("prim", str(spec.path), {"usd:type": "no body of the robot"})
     for key in spec.ListInfoKeys():
         if key not in PLAIN | arcs:
             book.skip(str(spec.path), key, spec.GetInfo(key))

@@ -73,7 +73,7 @@ def validated(
     placed = sorted(
         (_find(raw, root) for raw in found), key=lambda p: (p.where.line, p.where.column)
     )
-    known = whole() if whole else model
+    known = whole() if whole and placed else model  # importing every plug-in takes long
     problems = _distinct([_explained(place, known) for place in placed[:_EXPLAINED]])
     for one in _telling(problems, misnamed):
         message = f"{shown(one.key)}: {one.message}" if one.key else one.message

@@ -164,7 +164,7 @@ def _compared(before: Side, one: str, after: Side, other: str) -> list[Differenc
     old, new = before.forms[one](), after.forms[other]()
     precision = before.precision[one].coarser(after.precision[other])
     if one == other:
-        return differences(old, new, precision)
+        return [*differences(old, new, precision), *_unread(old, new)]
 
     def said(key: Key) -> bool:
         every = ((before, one), (after, other))
@@ -183,6 +183,15 @@ def _compared(before: Side, one: str, after: Side, other: str) -> list[Differenc
         and not _is_near(item)
         and (item.what != "value" or (_tells(item.key, old) and _tells(item.key, new)))
     ]
+
+
+def _unread(old: Table, new: Table) -> Iterator[Difference]:
+    """What no reader has a meaning for, and one side alone has or has otherwise."""
+    before, after = ({(u.where, u.attribute): u.text for u in t.unread} for t in (old, new))
+    for where, attribute in dict.fromkeys((*before, *after)):
+        sides = before.get((where, attribute)), after.get((where, attribute))
+        if sides[0] != sides[1]:
+            yield Difference(Key("place", where, attribute), *sides)
 
 
 def _tells(key: Key, table: Table) -> bool:

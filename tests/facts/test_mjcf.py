@@ -186,6 +186,8 @@ def test_a_planted_change_is_found(
         ("mjcf", "name1", "equality b_joint_copy",
          r'(<joint name="b_joint)("[^>]* polycoef[^>]*/>)',
          r"\1\2\1_copy\2"),
+        ("mjcf", "equality", "joint b_joint", r'name="b_joint" joint1', 'name="c" joint1'),
+        ("scene", "type", "shape floor_copy", r'(<geom name="floor)("[^>]*/>)', r"\1\2\1_copy\2"),
         ("mjx", "armature", "joint lift", r'armature="0.3"', 'armature="0.5"'),
         ("mjx", "iterations", "simulation", r' iterations="4"', ' iterations="40"'),
         ("bare", "mass", "body base", r' mass="1"', ' mass="3"'),

@@ -196,6 +196,13 @@ def test_what_the_module_does_not_state_is_found(field: str, tmp_path: Path):
     assert {None} == {said["found"] for said in found.values()}
 
 
+def test_drives_in_another_order_are_found(tmp_path: Path):
+    one = built(tiny_quadruped(), tmp_path, **WALKER)
+    drive = r"( +Builtin\w+\((?:.|\n)*?\n {16}\),\n)"
+    found = one.edited(lambda text: re.sub(drive + drive, r"\2\1", text, count=1))
+    assert set(found) == {"equal.mjlab.group"}
+
+
 def test_joints_in_another_order_are_found(tmp_path: Path):
     one = built(tiny_quadruped(), tmp_path, **WALKER)
     listed = r'(JOINTS = \(\s+)("\w+",)(\s+)("\w+",)'

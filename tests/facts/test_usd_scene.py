@@ -72,6 +72,8 @@ def set_to(path: str, value: object) -> Spoil:
         ("type", "prim /other", lambda s: s.DefinePrim("/other", "Xform")),
         ("type", "prim /World/floor_copy", lambda s: Sdf.CopySpec(
             s.GetRootLayer(), "/World/floor", s.GetRootLayer(), "/World/floor_copy")),
+        ("type", "prim /World/robot/FR_hip_copy", lambda s: Sdf.CopySpec(
+            s.GetRootLayer(), "/World/robot/FR_hip", s.GetRootLayer(), "/World/robot/FR_hip_copy")),
         ("gravitymagnitude", "simulation", lambda s: s.GetAttributeAtPath(
             "/World/physics.physics:gravityMagnitude").Clear()),
         ("orient", "prim /World/robot/FR_hip", lambda s: s.GetAttributeAtPath(

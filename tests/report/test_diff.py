@@ -184,6 +184,12 @@ def test_a_comment_is_a_file_written_differently(bundle: Path):
     assert counts(found) == "no fact differs; 1 file is written differently"
 
 
+def test_what_no_reader_has_a_meaning_for_is_told(bundle: Path):
+    found = edited(bundle, "usd/scene.usda", 'def Plane "floor" (', 'def Plane "floor" (\n'
+                   '        customData = {int a = 1}')  # fmt: skip
+    assert ("place /World/floor",) in {change.subjects for change in found.rows}
+
+
 def test_a_page_that_no_fact_explains_is_told_by_its_lines(bundle: Path):
     (change,) = edited(bundle, "report/index.html", "A robot", "A toaster").rows
     assert (change.subjects, change.quantity) == (("file report/index.html",), "line 2")

@@ -34,7 +34,7 @@ DRIVE = {
     "saturation_effort": "stall",
 }
 """Fields of a drive -> quantities, in both generations."""
-LEFT_TO_THE_USD = ("armature", "friction", "viscous_friction")
+LEFT_TO_THE_USD = ("stiffness", "damping", "armature", "friction", "viscous_friction")
 """What is not written here Isaac Lab leaves as it stands in the USD."""
 FOREIGN: Mapping[str, tuple[str, ...]] = {
     "kp": ("stiffness",),

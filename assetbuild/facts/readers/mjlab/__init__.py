@@ -155,6 +155,9 @@ def _robot(
         drives = body.take("actuators")
         listed = drives if isinstance(drives, tuple) else ()
         groups = [_drive(drive, timestep, names, book, where) for drive in listed]
+        for number, joints in enumerate(groups):
+            for joint in joints:
+                book.put("joint", joint, {f"{FORM}:group": number})
         _left(body, "articulation", where, book)
     book.put("robot", "", said)
     _left(robot, "robot_cfg", where, book)

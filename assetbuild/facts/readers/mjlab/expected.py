@@ -160,9 +160,10 @@ def _drives(
             scale = min(action["effort_share"] * drive.effort / drive.kp, most)
             facts[f"{FORM}:action scale"] = scale
         book.put("joint", drive.joint, facts)
-    for joints in _groups(randomize, drives):
+    for group, joints in enumerate(_groups(randomize, drives)):
         for number, joint in enumerate(joints):
-            book.put("joint", joint, {f"{FORM}:place in its group": number})
+            words: dict[str, Value] = {"group": group, "place in its group": number}
+            book.put("joint", joint, {f"{FORM}:{word}": value for word, value in words.items()})
 
 
 def _groups(randomize: Randomize | None, drives: list[Actuator]) -> list[list[str]]:
