@@ -65,6 +65,8 @@ def opaque_of(items: tuple[MjcfOnly, ...], reference: Reference) -> Opaque:
         touched |= {Key(of, owner, q) for name in stated for q in MEANS.get(name, ())}
         plain = " ".join(f'{name}="{value}"' for name, value in stated.items() if value)
         named = stated.get("name", owner) if kind == "equality" else owner
+        if named != owner:  # the equality of a joint is called as the joint, unless it says else
+            found[Key("joint", owner, "mjcf:equality")] = named
         for key, value in _owned(kind, plain).items():
             found[Key(kind, named, key.quantity)] = value
     return Opaque(frozenset(subjects), found, frozenset(touched))
