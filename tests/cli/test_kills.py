@@ -51,8 +51,8 @@ def kill_after(place: Workplace, seconds: float) -> bool:
 
 @pytest.mark.slow
 def test_killed_eight_times_while_it_builds(cold_place: Workplace, undisturbed: bytes):
-    kills = [kill_after(cold_place, seconds) for seconds in (0.4, 1, 2, 3, 5, 6, 4, 8)]
-    assert sum(kills) >= 6
+    kills = [kill_after(cold_place, seconds) for seconds in (0.4, 0.8, 1.2, 1.6, 2, 2.5, 3, 2)]
+    assert sum(kills) >= 4  # a fast machine is done before the last
     done = cold_place.build()
     assert done.returncode == 0, done.stdout + done.stderr
     assert (cold_place.bundle / "manifest.json").read_bytes() == undisturbed
