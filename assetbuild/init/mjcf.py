@@ -18,12 +18,13 @@ from assetbuild.init.repairs import repairs
 from assetbuild.init.targets import targets
 from assetbuild.init.text import head, home, validation
 from assetbuild.init.trial import tables, try_to_stand
-from assetbuild.init.words import some, source_section, written
+from assetbuild.init.words import quoted, some, source_section, written
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
+from assetbuild.source.mjcf.scenery import SeveralRobotsError
 from assetbuild.source.urdf.xml import MAX_BYTES
 
 DRIVES = """\
@@ -34,12 +35,16 @@ DRIVES = """\
 
 @dataclass(frozen=True)
 class MjcfSource:
-    """An MJCF that can be read. root: the lowest folder that holds it and its meshes."""
+    """An MJCF that can be read. root: the lowest folder that holds it and its meshes.
+
+    bodies: of the robots in its world, where there are several; the first is read.
+    """
 
     root: Path
     file: str
     robot: InspectedRobot
     control: Control
+    bodies: tuple[str, ...] = ()
 
 
 def is_mjcf(file: Path, data: bytes) -> bool:
@@ -58,6 +63,8 @@ def find_mjcf(file: Path) -> MjcfSource:
     for root in above(real):
         try:
             return _read(root, real.relative_to(root).as_posix())
+        except SeveralRobotsError as several:
+            return _read(root, real.relative_to(root).as_posix(), several.names)
         except SourceError as error:
             if "leads out of the source" not in error.message:
                 raise
@@ -66,13 +73,13 @@ def find_mjcf(file: Path) -> MjcfSource:
     raise problem
 
 
-def _read(root: Path, name: str) -> MjcfSource:
+def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
     """The build's own steps, run on the spot."""
     with scratch() as ports:
         for path in sorted((root / name).parent.rglob("*.xml")):
             if is_file(path) and path.stat().st_size <= MAX_BYTES:  # what else may be an include
                 ports.link(f"tree/{path.relative_to(root)}", path)
-        ports.run(FlattenMjcf(file=name))
+        ports.run(FlattenMjcf(file=name, body=bodies[0] if bodies else None))
         for mesh in json.loads(ports.read("meshes.json")):
             path = root / mesh["path"]
             if not path.is_file():
@@ -83,7 +90,7 @@ def _read(root: Path, name: str) -> MjcfSource:
         read = RobotFiles(ports.folder)
         said = read.source_control or SourceControl()
         robot = judge(read.links, read.source_shapes, read.links.base)
-    return MjcfSource(root, name, robot, said.control)
+    return MjcfSource(root, name, robot, said.control, bodies)
 
 
 def mjcf_text(found: MjcfSource, path: Path) -> str:
@@ -92,7 +99,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> str:
     anatomy = study(robot)
     return written(
         head(robot, anatomy, path),
-        source_section(found.root, path, "mjcf", found.file),
+        source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
         _taken(found),
         repairs(robot, found.root),
         _collision(robot),
@@ -100,6 +107,12 @@ def mjcf_text(found: MjcfSource, path: Path) -> str:
         () if control.keyframes else home(robot, anatomy, home_pose(robot.tree, anatomy.legs)),
         [targets(robot), *_validate(found, anatomy)],
     )
+
+
+def _chosen(bodies: tuple[str, ...]) -> Iterator[str]:
+    """The first of several robots; the recipe of another differs by this line."""
+    if bodies:
+        yield f"  body: {quoted(bodies[0])}   # or {some(bodies[1:])}: one recipe builds one robot"
 
 
 def _taken(found: MjcfSource) -> Iterator[str]:

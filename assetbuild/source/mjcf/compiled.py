@@ -8,6 +8,7 @@ which spheres hold the places of the meshes.
 from __future__ import annotations
 
 import copy
+import posixpath
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -90,9 +91,18 @@ def compile_source(root: _Element, files: Mapping[str, bytes]) -> Compiled:
     for path, content in files.items():
         refuse_pointer(content, where=Where(path))
     plain = _plain(root)
-    full, said = _compiled(plain, files)
+    full, said = _compiled(plain, _by_number(plain, files))
     places, _ = _compiled(_without_meshes(plain), {})
     return Compiled(root, full, places, said)
+
+
+def _by_number(root: _Element, files: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Give each mesh file a name of its own: to MuJoCo, files of one name in two folders are one."""
+    names = {path: f"{number}_{posixpath.basename(path)}" for number, path in enumerate(files)}
+    for mesh in root.iter("mesh"):
+        if mesh.get("file") in names:
+            mesh.set("file", names[str(mesh.get("file"))])
+    return {names[path]: content for path, content in files.items()}
 
 
 def _compiled(root: _Element, files: Mapping[str, bytes]) -> tuple[Model, tuple[str, ...]]:
@@ -128,9 +138,9 @@ def _told(message: str, text: str, root: _Element) -> SourceError:
 
 
 def _plain(root: _Element) -> _Element:
-    """The source without pictures and height fields, and with all its bodies and shapes kept."""
+    """The source without pictures, skins and height fields, its bodies and shapes all kept."""
     plain = copy.deepcopy(root)
-    for element in list(plain.iter("texture", "layer", "hfield")):
+    for element in list(plain.iter("texture", "layer", "hfield", "skin")):
         _remove(element)
     for element in plain.iter("material", "light"):
         element.attrib.pop("texture", "")

@@ -12,6 +12,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.findings import Finding
 from assetbuild.source.mjcf.names import name_all
+from assetbuild.source.mjcf.scenery import cut_scenery
 from assetbuild.source.mjcf.text import AT, bodies, error_at, parts, where_of
 from assetbuild.source.urdf.xml import read_xml
 
@@ -44,6 +45,8 @@ class FlattenMjcf(Step):
 
     file: str
     """Path of the MJCF below the source root."""
+    body: str | None = None
+    """Name of the robot's body in the world; None = as the source tells, see `cut_scenery`."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises SourceError with file and line for what is no MJCF or cannot be read as one."""
@@ -58,6 +61,7 @@ class FlattenMjcf(Step):
                 raise error_at(found, f"<{tag}> is not read", hint)
         _resolve_files(root, posixpath.dirname(self.file))
         name_all(root)
+        findings = list(cut_scenery(root, self.body))
         (files.outputs / "meshes.json").write_text(_json(_meshes(root)), encoding="ascii")
         lines = [str(element.get(AT)) for element in root.iter("*")]
         (files.outputs / "lines.json").write_text(_json(lines), encoding="ascii")
@@ -66,7 +70,7 @@ class FlattenMjcf(Step):
         for element in root.iter("*"):
             element.attrib.pop(AT, "")
         (files.outputs / "source.xml").write_bytes(etree.tostring(root, method="c14n"))
-        return iter(())
+        yield from findings
 
 
 def _json(value: object) -> str:
