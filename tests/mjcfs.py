@@ -55,7 +55,14 @@ class Reading:
         return {i.owner: i.element for i in self.control.mjcf_only if i.place == place}
 
 
-def read(text: str, folder: Path, *, base: Base | None = None, body: str | None = None, **files: str | bytes) -> Reading:
+def read(
+    text: str,
+    folder: Path,
+    *,
+    base: Base | None = None,
+    body: str | None = None,
+    **files: str | bytes,
+) -> Reading:
     """body: `source.body`. files: further files beside the MJCF; `__` stands for a slash, the last `_` for a dot."""
     tree = folder / "in" / "tree"
     (tree / MAIN).parent.mkdir(parents=True)

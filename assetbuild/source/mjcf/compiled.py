@@ -19,7 +19,7 @@ from assetbuild.errors import SourceError, Where
 from assetbuild.lfs import refuse_pointer
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators.mujoco import caught_warnings
-from assetbuild.source.mjcf.text import AT, WORLD, Classes, bodies, where_of
+from assetbuild.source.mjcf.text import AT, WORLD, Classes, bodies, remove, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -90,9 +90,9 @@ def compile_source(root: _Element, files: Mapping[str, bytes]) -> Compiled:
     """
     for path, content in files.items():
         refuse_pointer(content, where=Where(path))
-    plain = _plain(root)
-    full, said = _compiled(plain, _by_number(plain, files))
-    places, _ = _compiled(_without_meshes(plain), {})
+    bare = plain(root)
+    full, said = _compiled(bare, _by_number(bare, files))
+    places, _ = _compiled(without_meshes(bare), {})
     return Compiled(root, full, places, said)
 
 
@@ -137,24 +137,25 @@ def _told(message: str, text: str, root: _Element) -> SourceError:
     return SourceError(f"MuJoCo does not compile it: {words}", where=where)
 
 
-def _plain(root: _Element) -> _Element:
+def plain(root: _Element) -> _Element:
     """The source without pictures, skins and height fields, its bodies and shapes all kept."""
-    plain = copy.deepcopy(root)
-    for element in list(plain.iter("texture", "layer", "hfield", "skin")):
-        _remove(element)
-    for element in plain.iter("material", "light"):
+    bare = copy.deepcopy(root)
+    for element in list(bare.iter("texture", "layer", "hfield", "skin")):
+        remove(element)
+    for element in bare.iter("material", "light"):
         element.attrib.pop("texture", "")
-    classes = Classes(plain)
-    for geom in list(plain.iter("geom")):
+    classes = Classes(bare)
+    for geom in list(bare.iter("geom")):
         if not _is_default(geom) and classes.attributes(geom).get("type") == "hfield":
-            _remove(geom)
-    for compiler in plain.iterchildren("compiler"):
+            remove(geom)
+    for compiler in bare.iterchildren("compiler"):
         compiler.attrib.pop("discardvisual", "")
         compiler.attrib.pop("fusestatic", "")
-    return plain
+    return bare
 
 
-def _without_meshes(root: _Element) -> _Element:
+def without_meshes(root: _Element) -> _Element:
+    """The source with small spheres in the places of its meshes."""
     spheres = copy.deepcopy(root)
     classes = Classes(spheres)
     meshed = [
@@ -169,15 +170,9 @@ def _without_meshes(root: _Element) -> _Element:
     for element in spheres.iter("geom", "site"):
         element.attrib.pop("mesh", "")
     for mesh in [m for m in spheres.iter("mesh") if not _is_default(m)]:
-        _remove(mesh)
+        remove(mesh)
     return spheres
 
 
 def _is_default(element: _Element) -> bool:
     return next(element.iterancestors("default"), None) is not None
-
-
-def _remove(element: _Element) -> None:
-    parent = element.getparent()
-    if parent is not None:
-        parent.remove(element)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import posixpath
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.findings import Finding
+from assetbuild.source.mjcf.copies import write_out
 from assetbuild.source.mjcf.names import name_all
 from assetbuild.source.mjcf.scenery import cut_scenery
 from assetbuild.source.mjcf.text import AT, bodies, error_at, parts, where_of
@@ -20,11 +21,9 @@ if TYPE_CHECKING:
     from lxml.etree import _Element
 
 REFUSED = {
-    "replicate": "write its copies out",
     "composite": "a robot of this kind is not a tree of rigid bodies",
     "flexcomp": "a robot of this kind is not a tree of rigid bodies",
     "flex": "a robot of this kind is not a tree of rigid bodies",
-    "attach": "build the parts as robots of their own, or attach them in MuJoCo and save the XML",
     "plugin": "what a plug-in of MuJoCo does cannot be said of the robot",
 }
 """Elements that make a robot this reader does not know, and what to do about them."""
@@ -52,14 +51,11 @@ class FlattenMjcf(Step):
         """Raises SourceError with file and line for what is no MJCF or cannot be read as one."""
         from lxml import etree
 
-        root = _expanded(self.file, files.inputs / "tree")
-        if root.find("worldbody") is None:
-            raise error_at(root, "an MJCF without <worldbody>", "is this the right file?")
+        root = write_out(_model(self.file, files.inputs / "tree"), _loader(files.inputs / "tree"))
         for tag, hint in REFUSED.items():
             found = next(root.iter(tag), None)
             if found is not None:
                 raise error_at(found, f"<{tag}> is not read", hint)
-        _resolve_files(root, posixpath.dirname(self.file))
         name_all(root)
         findings = list(cut_scenery(root, self.body))
         (files.outputs / "meshes.json").write_text(_json(_meshes(root)), encoding="ascii")
@@ -77,12 +73,35 @@ def _json(value: object) -> str:
     return json.dumps(value, sort_keys=True, indent=1) + "\n"
 
 
+def _loader(tree: Path) -> Callable[[_Element], _Element]:
+    """How an element of `<asset>` gets the model that it names."""
+
+    def load(element: _Element) -> _Element:
+        if element.get("content_type", "text/xml") != "text/xml":
+            raise error_at(element, "a model of a format that is not read", "attach MJCF")
+        path = _below(element, element.get("file", ""), posixpath.dirname(where_of(element).file))
+        return _model(path, tree, element)
+
+    return load
+
+
 # --- includes -------------------------------------------------------------------------------
 
 
-def _expanded(file: str, tree: Path) -> _Element:
-    """The <mujoco> element with every include in its place."""
-    root = _parsed(file, tree, None)
+def _model(file: str, tree: Path, asked: _Element | None = None) -> _Element:
+    """The <mujoco> element with every include in its place, files by their whole paths.
+
+    asked: the element that names the file; None for the robot's own.
+    """
+    root = _expanded(file, tree, asked)
+    if root.find("worldbody") is None:
+        raise error_at(root, "an MJCF without <worldbody>", "is this the right file?")
+    _resolve_files(root, posixpath.dirname(file))
+    return root
+
+
+def _expanded(file: str, tree: Path, asked: _Element | None) -> _Element:
+    root = _parsed(file, tree, asked)
     if root.tag != "mujoco":
         hint = "this is URDF: use `source.urdf`" if root.tag == "robot" else "is this MJCF?"
         raise error_at(root, f"the root element is <{root.tag}>, not <mujoco>", hint)

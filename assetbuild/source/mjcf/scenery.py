@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from assetbuild.errors import SourceError, did_you_mean
 from assetbuild.findings import Finding, Rule
-from assetbuild.source.mjcf.text import Classes, bodies, error_at, parts, where_of
+from assetbuild.source.mjcf.text import Classes, bodies, error_at, parts, remove, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -168,17 +168,17 @@ def _cut(root: _Element, gone: Iterable[_Element]) -> Iterator[tuple[_Element, s
     lost: _Names = set()
     for top in gone:
         lost |= _inside(top)
-        _remove(top)
+        remove(top)
     for section in SECTIONS:
         for element in _of(root, section):
             missing = [n for e in (element, *element) for n in _named(e) if n in lost]
             if missing:
                 lost.add((section, str(element.get("name"))))
-                _remove(element)
+                remove(element)
                 yield element, missing[0][1]
     for watching in list(root.iter("camera", "light")):
         if ("body", watching.get("target", "")) in lost:
-            _remove(watching)
+            remove(watching)
             yield watching, str(watching.get("target"))
     for key in root.iterfind("keyframe/key"):
         _slice(key, widths, commands, lost)
@@ -220,9 +220,3 @@ def _slice(
         key.attrib.pop("act", "")  # as many numbers as states; a keyframe of a robot has none
     for word in ("mpos", "mquat"):
         key.attrib.pop(word, "")
-
-
-def _remove(element: _Element) -> None:
-    parent = element.getparent()
-    if parent is not None:
-        parent.remove(element)
