@@ -380,7 +380,9 @@ def test_obstacles_beside_a_driven_robot_that_floats_are_left_out_aloud(tmp_path
     assert [b.name for b in reading.links.bodies] == ["dog", "leg"]
     assert reading.links.base == "floating"
     told = [f.subject for f in reading.findings if f.rule == "mjcf.scenery"]
-    assert told == ["robot", "robot", "link table", "link hand", "link cube"]
+    assert told == ["link table", "link hand", "link cube"]
+    told = [f.message.split(" was")[0] for f in reading.findings if f.rule == "mjcf.dropped"]
+    assert told == ["<weld> `w`", "<framepos> `p`"]
     key = reading.control.keyframes[0]
     assert (key.joints, key.base) == ((("knee", 0.5),), Pose((0.0, 0.0, 3.0)))
     assert reading.source.ctrl == (("home", (("m", 0.25),)),)
@@ -444,3 +446,21 @@ def test_copies_without_end_are_refused(tmp_path: Path):
     head = '<asset><model name="r" file="robot.xml"/></asset>'
     text = robot('<body><geom size=".1"/><attach model="r" body="b" prefix="x"/></body>', head=head)
     assert "more than 4 deep" in refused(text, tmp_path / "2")
+
+
+PULLED = """\
+<site name="anchor" pos="0 0 2"/><body name="a"{0}>{1}<geom size=".1"/><site name="s"/></body>"""
+PULLING = '<tendon><spatial name="t"><site site="anchor"/><site site="s"/></spatial></tendon><actuator><muscle name="m" tendon="t" lengthrange="1 2"/></actuator><sensor><tendonpos name="p" tendon="t"/></sensor>'
+
+
+def test_a_tendon_to_the_world_makes_the_world_the_root(tmp_path: Path):
+    reading = read(robot(PULLED.format("", ""), PULLING), tmp_path)
+    assert reading.links.root == "world"
+    assert {i.place for i in reading.control.mjcf_only} >= {"tendon", "actuator"}
+
+
+def test_what_acts_through_a_lost_tendon_is_lost_too(tmp_path: Path):
+    reading = read(robot(PULLED.format("", "<freejoint/>"), PULLING), tmp_path)
+    told = [f.message.split(" was")[0] for f in reading.findings if f.rule == "mjcf.dropped"]
+    assert told == ["<spatial> `t`", "<muscle> `m`", "<tendonpos> `p`"]
+    assert not {i.place for i in reading.control.mjcf_only} & {"tendon", "actuator"}

@@ -97,7 +97,7 @@ def compile_source(root: _Element, files: Mapping[str, bytes]) -> Compiled:
 
 
 def _by_number(root: _Element, files: Mapping[str, bytes]) -> dict[str, bytes]:
-    """Give each mesh file a name of its own: to MuJoCo, files of one name in two folders are one."""
+    """Number the mesh files: to MuJoCo, files of one name in two folders are one."""
     names = {path: f"{number}_{posixpath.basename(path)}" for number, path in enumerate(files)}
     for mesh in root.iter("mesh"):
         if mesh.get("file") in names:

@@ -24,6 +24,7 @@ from assetbuild.robot.inertia import Tensor, rotate_tensor
 from assetbuild.robot.model import Base, Body, Inertial, Joint, JointKind, Limits
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, vec3
 from assetbuild.source.mjcf.compiled import Compiled
+from assetbuild.source.mjcf.scenery import is_held
 from assetbuild.source.mjcf.text import WORLD, bodies, error_at, parts
 
 if TYPE_CHECKING:
@@ -105,14 +106,17 @@ def read_links(source: Compiled, base: Base | None) -> Links:
 
 
 def _root(tops: list[_Element], source: Compiled, base: Base | None) -> Links:
-    """The root body of the source, or the world where several bodies or a joint hang on it."""
+    """The root body of the source, or the world where bodies, a joint or a tendon hang on it."""
     kinds = {str(top.get("name")): source.joint_kinds(str(top.get("name"))) for top in tops}
     free = [top for top in tops if kinds[str(top.get("name"))] == [FREE]]
     top, name = tops[0], str(tops[0].get("name"))
-    if len(tops) > 1 or (not free and kinds[name]):
+    held = not free and (bool(kinds[name]) or is_held(source.root))
+    if len(tops) > 1 or held:
         if base == "floating":
             hint = "write `base: fixed`"
-            raise error_at(top, "joints connect the robot to the world: it cannot float", hint)
+            raise error_at(
+                top, "joints or tendons connect the robot to the world: it cannot float", hint
+            )
         origin = {WORLD: (0.0, 0.0, 0.0)}
         return Links(source, "fixed", WORLD, bodies=[Body(WORLD)], kept=[WORLD], shift=origin)
     stated: Base = "floating" if free else "fixed"

@@ -12,16 +12,15 @@ from typing import TYPE_CHECKING
 
 from assetbuild.errors import SourceError, did_you_mean
 from assetbuild.findings import Finding, Rule
-from assetbuild.source.mjcf.text import Classes, bodies, error_at, parts, remove, where_of
+from assetbuild.source.mjcf.text import DROPPED, Classes, bodies, error_at, parts, remove, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
 SCENERY = Rule(
     "mjcf.scenery",
-    ("info", "warning"),
-    "a body of the source's world is no part of the robot and was left out, with all that refers "
-    "to it",
+    "warning",
+    "a body of the source's world is no part of the robot and was left out",
     "name the robot's body by `source.body`; make one body of what belongs together",
 )
 OBJECTS = ("joint", "freejoint", "geom", "site", "camera", "light")
@@ -37,7 +36,10 @@ SECTIONS = ("tendon", "actuator", "equality", "contact", "sensor")
 """In this order each names only what stands before it."""
 WIDTHS = {"free": (7, 6), "ball": (4, 3)}
 """Numbers of a joint in `qpos` and `qvel`; of others one each."""
-_Names = set[tuple[str, str]]
+JOINTS = ("joint", "freejoint")
+_Name = tuple[str, str]
+"""Kind and name."""
+_Names = set[_Name]
 
 
 class SeveralRobotsError(SourceError):
@@ -59,27 +61,44 @@ def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
     tops = {str(top.get("name")): top for top in parts(world, "body")}
     kept = _robot(root, world, tops, chosen)
     gone = [top for name, top in tops.items() if name not in kept]
-    if not gone:
-        return
-    for element, lost in _cut(root, gone):
+    lost = set[_Name]().union(*map(_inside, gone))
+    if not _hangs(root, [tops[name] for name in kept]):
+        lost |= set(_objects(world, "site", "geom"))
+    if gone:
+        _refuse_total_mass(root)
+    for element, missing in _cut(root, gone, lost):
         what = f"<{element.tag}> `{element.get('name')}`"
-        yield SCENERY(
+        yield DROPPED(
             "robot",
-            f"{what} was left out ({where_of(element)}): `{lost}` is not part of the robot",
+            f"{what} was left out ({where_of(element)}): `{missing}` is not part of the robot",
             severity="warning",
             data={"element": str(element.tag), "count": 1},
         )
     for top in gone:
         mocap = top.get("mocap") == "true"
-        kind = "mocap body" if mocap else "body"
         yield SCENERY(
             f"link {top.get('name')}",
-            f"the {kind} `{top.get('name')}` of the world was left out ({where_of(top)}): it is "
-            "no part of the robot",
+            f"the {'mocap ' if mocap else ''}body `{top.get('name')}` of the world was left out "
+            f"({where_of(top)}): it is no part of the robot",
             f"`source: {{body: {top.get('name')}}}` in the recipe would build it instead",
-            severity="warning",
             data={"mocap": mocap, "kept": tuple(kept)},
         )
+
+
+def is_held(root: _Element) -> bool:
+    """Whether a tendon, actuator or equality ties the robot to a site or geom of the world."""
+    world = root.find("worldbody")
+    assert world is not None  # noqa: S101 # the caller has looked
+    of_world = set(_objects(world, "site", "geom"))
+    elements = (e for section in ("tendon", "actuator", "equality") for e in _of(root, section))
+    return any(of_world & {*_named(e), *(n for c in e for n in _named(c))} for e in elements)
+
+
+def _hangs(root: _Element, robot: list[_Element]) -> bool:
+    """Whether joints, tendons or several bodies make the world the root, see `read_links`."""
+    classes = Classes(root)
+    on_top = [_kind(one, classes) for one in parts(robot[0], *JOINTS)] if robot else []
+    return len(robot) > 1 or ("free" not in on_top and (bool(on_top) or is_held(root)))
 
 
 def _robot(
@@ -109,11 +128,11 @@ def _robot(
 
 def _joints(top: _Element, classes: Classes) -> list[str]:
     """Kinds of all joints on a body and below it."""
-    return [
-        "free" if one.tag == "freejoint" else classes.attributes(one).get("type", "hinge")
-        for body in _whole(top)
-        for one in parts(body, "joint", "freejoint")
-    ]
+    return [_kind(one, classes) for body in _whole(top) for one in parts(body, *JOINTS)]
+
+
+def _kind(joint: _Element, classes: Classes) -> str:
+    return "free" if joint.tag == "freejoint" else classes.attributes(joint).get("type", "hinge")
 
 
 def _driven(root: _Element, tops: Mapping[str, _Element]) -> tuple[str, ...]:
@@ -133,11 +152,13 @@ def _whole(top: _Element) -> list[_Element]:
 def _inside(top: _Element) -> _Names:
     """(kind, name) of a body and of all on it and below it."""
     found = {("body", str(body.get("name"))) for body in _whole(top)}
-    for body in _whole(top):
-        for one in parts(body, *OBJECTS):
-            kind = "joint" if one.tag == "freejoint" else str(one.tag)
-            found.add((kind, str(one.get("name"))))
-    return found
+    return found.union(*(_objects(body, *OBJECTS) for body in _whole(top)))
+
+
+def _objects(body: _Element, *tags: str) -> Iterator[_Name]:
+    """(kind, name) of what stands on a body."""
+    for one in parts(body, *tags):
+        yield "joint" if one.tag == "freejoint" else str(one.tag), str(one.get("name"))
 
 
 def _of(root: _Element, section: str) -> list[_Element]:
@@ -157,17 +178,18 @@ def _named(element: _Element) -> Iterator[tuple[str, str]]:
 # --- cutting --------------------------------------------------------------------------------
 
 
-def _cut(root: _Element, gone: Iterable[_Element]) -> Iterator[tuple[_Element, str]]:
-    """Yield each element that refers to what goes, with the name of that."""
+def _refuse_total_mass(root: _Element) -> None:
     for compiler in root.iterchildren("compiler"):
         if float(compiler.get("settotalmass", "-1")) > 0.0:
             hint = "give the file of the robot alone, or state the masses"
             raise error_at(compiler, "`settotalmass` spreads one mass over a whole scene", hint)
+
+
+def _cut(root: _Element, gone: Iterable[_Element], lost: _Names) -> Iterator[tuple[_Element, str]]:
+    """Yield each element that refers to what is lost, with the name of that."""
     widths = _widths(root)
     commands = [str(actuator.get("name")) for actuator in _of(root, "actuator")]
-    lost: _Names = set()
     for top in gone:
-        lost |= _inside(top)
         remove(top)
     for section in SECTIONS:
         for element in _of(root, section):
@@ -186,20 +208,20 @@ def _cut(root: _Element, gone: Iterable[_Element]) -> Iterator[tuple[_Element, s
 
 def _widths(root: _Element) -> list[tuple[str, int, int]]:
     """(name, numbers in qpos, numbers in qvel) of all joints, in MuJoCo's order."""
-    classes, found = Classes(root), []
+    classes = Classes(root)
     world = root.find("worldbody")
     assert world is not None  # noqa: S101 # the caller has looked
-    for body, _ in bodies(world):
-        for one in parts(body, "joint", "freejoint"):
-            kind = "free" if one.tag == "freejoint" else classes.attributes(one).get("type", "")
-            found.append((str(one.get("name")), *WIDTHS.get(kind, (1, 1))))
-    return found
+    return [
+        (str(one.get("name")), *WIDTHS.get(_kind(one, classes), (1, 1)))
+        for body, _ in bodies(world)
+        for one in parts(body, *JOINTS)
+    ]
 
 
 def _slice(
     key: _Element, joints: list[tuple[str, int, int]], commands: list[str], lost: _Names
 ) -> None:
-    """Keep the numbers of a keyframe that belong to what stays. A wrong count is MuJoCo's to tell."""
+    """Keep the numbers of a keyframe that belong to what stays; MuJoCo refuses a wrong count."""
     rows = {
         "qpos": [(("joint", name), width) for name, width, _ in joints],
         "qvel": [(("joint", name), width) for name, _, width in joints],
