@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from assetbuild.engine.scratch import scratch
+from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import SourceError, Where
 from assetbuild.init.anatomy import Anatomy, study
 from assetbuild.init.home import home_pose
@@ -23,6 +23,7 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
+from assetbuild.source.mjcf.includes import ListIncludes
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.source.mjcf.scenery import SeveralRobotsError
 from assetbuild.source.urdf.xml import MAX_BYTES
@@ -79,6 +80,8 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
         for path in sorted((root / name).parent.rglob("*.xml")):
             if is_file(path) and path.stat().st_size <= MAX_BYTES:  # what else may be an include
                 ports.link(f"tree/{path.relative_to(root)}", path)
+        while _included(ports, root, name):
+            pass
         ports.run(FlattenMjcf(file=name, body=bodies[0] if bodies else None))
         for mesh in json.loads(ports.read("meshes.json")):
             path = root / mesh["path"]
@@ -91,6 +94,15 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
         said = read.source_control or SourceControl()
         robot = judge(read.links, read.source_shapes, read.links.base)
     return MjcfSource(root, name, robot, said.control, bodies)
+
+
+def _included(ports: Scratch, root: Path, name: str) -> bool:
+    """Link the files that the MJCF names elsewhere below the root; whether there were any."""
+    ports.run(ListIncludes(file=name))
+    paths = [path for path in json.loads(ports.read("includes.json")) if is_file(root / path)]
+    for path in paths:
+        ports.link(f"tree/{path}", root / path)
+    return bool(paths)
 
 
 def mjcf_text(found: MjcfSource, path: Path) -> str:

@@ -24,6 +24,7 @@ LIGHT_STEPS = frozenset(
         "unpack",
         "expand_xacro",
         "flatten_mjcf",
+        "list_includes",
         "read_urdf",
         "lint_links",
         "merge_fixed_joints",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import posixpath
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from typing import Protocol
 
@@ -19,6 +21,7 @@ from assetbuild.source.get.fetch_git import FetchGit
 from assetbuild.source.get.fetch_url import FetchUrl
 from assetbuild.source.get.from_archive import ArchiveFiles
 from assetbuild.source.get.from_folder import FolderFiles
+from assetbuild.source.mjcf.includes import ListIncludes
 from assetbuild.source.urdf.expand_xacro import INCLUDED, ExpandXacro
 
 SCP_LIKE = re.compile(r"[A-Za-z0-9._-]+@[A-Za-z0-9.-]+:")
@@ -107,8 +110,7 @@ def description_of(loaded: LoadedRecipe, source: SourceFiles, p: Planner) -> Des
         return None
     beside = posixpath.dirname(path) or "."
     if recipe.mjcf is not None:
-        includes = source.below((beside,), (".xml",))
-        return None if includes is None else Description(path, ref, includes)
+        return _mjcf(path, ref, source, p)
     if recipe.xacro is None:
         return Description(path, ref)
     declared = source.below((beside, *sorted(recipe.packages.values())), INCLUDED)
@@ -122,6 +124,26 @@ def description_of(loaded: LoadedRecipe, source: SourceFiles, p: Planner) -> Des
     inputs = {f"tree/{name}": file for name, file in ({path: ref} | declared).items()}
     expanded = p.add("expand_xacro", step, inputs)
     return Description(f"{path} (expanded)", expanded["robot.urdf"])
+
+
+def _mjcf(path: str, ref: Ref, source: SourceFiles, p: Planner) -> Description | None:
+    """With the XML files of its folder, and all further ones that it includes."""
+    beside = posixpath.dirname(path) or "."
+    includes = source.below((beside,), (".xml",))
+    if includes is None or beside == ".":
+        return None if includes is None else Description(path, ref, includes)
+    for number in count(1):
+        inputs = {f"tree/{name}": file for name, file in sorted({path: ref, **includes}.items())}
+        listed = p.ask(
+            p.add(f"list_includes {number}", ListIncludes(file=path), inputs)["includes.json"]
+        )
+        found = source.present(f"includes {number}", json.loads(listed)) if listed else None
+        if found is None:
+            return None
+        if not found:
+            break
+        includes |= found
+    return Description(path, ref, includes)
 
 
 def argument_text(value: str | float | bool) -> str:

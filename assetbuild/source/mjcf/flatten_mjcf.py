@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import json
 import posixpath
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from assetbuild.engine.step import Files, Limits, Step
-from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.findings import Finding
 from assetbuild.source.mjcf.copies import write_out
+from assetbuild.source.mjcf.includes import below, expanded, folder_of
 from assetbuild.source.mjcf.names import name_all
 from assetbuild.source.mjcf.scenery import cut_scenery
 from assetbuild.source.mjcf.text import AT, bodies, error_at, parts, where_of
-from assetbuild.source.urdf.xml import read_xml
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -51,7 +50,8 @@ class FlattenMjcf(Step):
         """Raises SourceError with file and line for what is no MJCF or cannot be read as one."""
         from lxml import etree
 
-        root = write_out(_model(self.file, files.inputs / "tree"), _loader(files.inputs / "tree"))
+        tree = files.inputs / "tree"
+        root = write_out(_resolved(expanded(self.file, tree)), lambda asked: _attached(asked, tree))
         for tag, hint in REFUSED.items():
             found = next(root.iter(tag), None)
             if found is not None:
@@ -73,94 +73,21 @@ def _json(value: object) -> str:
     return json.dumps(value, sort_keys=True, indent=1) + "\n"
 
 
-def _loader(tree: Path) -> Callable[[_Element], _Element]:
-    """How an element of `<asset>` gets the model that it names."""
-
-    def load(element: _Element) -> _Element:
-        if element.get("content_type", "text/xml") != "text/xml":
-            raise error_at(element, "a model of a format that is not read", "attach MJCF")
-        path = _below(element, element.get("file", ""), posixpath.dirname(where_of(element).file))
-        return _model(path, tree, element)
-
-    return load
-
-
-# --- includes -------------------------------------------------------------------------------
-
-
-def _model(file: str, tree: Path, asked: _Element | None = None) -> _Element:
-    """The <mujoco> element with every include in its place, files by their whole paths.
-
-    asked: the element that names the file; None for the robot's own.
-    """
-    root = _expanded(file, tree, asked)
-    if root.find("worldbody") is None:
-        raise error_at(root, "an MJCF without <worldbody>", "is this the right file?")
-    _resolve_files(root, posixpath.dirname(file))
-    return root
-
-
-def _expanded(file: str, tree: Path, asked: _Element | None) -> _Element:
-    root = _parsed(file, tree, asked)
-    if root.tag != "mujoco":
-        hint = "this is URDF: use `source.urdf`" if root.tag == "robot" else "is this MJCF?"
-        raise error_at(root, f"the root element is <{root.tag}>, not <mujoco>", hint)
-    seen = {file}
-    while (include := next(root.iter("include"), None)) is not None:
-        # MuJoCo looks for includes from the folder of the main file.
-        path = _below(include, include.get("file", ""), posixpath.dirname(file))
-        if path in seen:
-            raise error_at(include, f"`{path}` is included twice", "MuJoCo forbids it too")
-        seen.add(path)
-        parent, inside = include.getparent(), _parsed(path, tree, include)
-        if parent is None:
-            raise error_at(include, "nothing but an <include>")
-        index = parent.index(include)
-        parent[index : index + 1] = list(inside.iterchildren("*"))
-    # A scene that includes a robot has a second <worldbody>: to MuJoCo all are one.
-    worlds = list(root.iterchildren("worldbody"))
-    for other in worlds[1:]:
-        worlds[0].extend(list(other))
-        root.remove(other)
-    return root
-
-
-def _parsed(path: str, tree: Path, include: _Element | None) -> _Element:
-    file = tree / path
-    if not file.is_file():
-        known = [p.relative_to(tree).as_posix() for p in sorted(tree.rglob("*.xml"))]
-        where = where_of(include) if include is not None else Where(path)
-        hint = did_you_mean(path, known) + "; includes are read from the folder of the MJCF down"
-        raise SourceError(f"no file `{path}` to include", where=where, hint=hint)
-    root = read_xml(file.read_bytes(), path, "MJCF").element
-    for element in root.iter("*"):
-        if element.prefix or str(element.tag).startswith("{"):
-            raise error_at(root, f"<{element.tag}>: MJCF has no namespaces", "is this MJCF?")
-        element.set(AT, f"{path}:{element.sourceline or 0}")
-        element.text = element.tail = None
-    return root
-
-
-def _below(element: _Element, name: str, folder: str) -> str:
-    """The path below the source's root that a file name stands for."""
-    name = name.strip()
-    if not name:
-        raise error_at(element, f"<{element.tag}> without a file")
-    if "\\" in name or name.startswith("/") or ":" in name:
-        hint = "use `/` and a path relative to the MJCF"
-        raise error_at(element, f"file `{name}` cannot be followed", hint)
-    path = posixpath.normpath(posixpath.join(folder, name))
-    if path.startswith("../") or path == "..":
-        hint = "choose a higher `source.root` in the recipe"
-        raise error_at(element, f"file `{name}` leads out of the source", hint)
-    return path
-
-
 # --- files ----------------------------------------------------------------------------------
 
 
-def _resolve_files(root: _Element, folder: str) -> None:
+def _attached(asked: _Element, tree: Path) -> _Element:
+    """The model that an element of `<asset>` names."""
+    if asked.get("content_type", "text/xml") != "text/xml":
+        raise error_at(asked, "a model of a format that is not read", "attach MJCF")
+    return _resolved(expanded(below(asked, folder_of(asked)), tree, asked))
+
+
+def _resolved(root: _Element) -> _Element:
     """Each `file` becomes a path below the source's root; the compiler's folders go."""
+    if root.find("worldbody") is None:
+        raise error_at(root, "an MJCF without <worldbody>", "is this the right file?")
+    folder = folder_of(root)
     said: dict[str, str] = {}
     for compiler in root.iterchildren("compiler"):
         for key in ("assetdir", "meshdir", "texturedir", "strippath"):
@@ -181,9 +108,10 @@ def _resolve_files(root: _Element, folder: str) -> None:
                 if not element.get("name"):
                     element.set("name", posixpath.splitext(posixpath.basename(name))[0])
                 inside = posixpath.join(folder, folders[str(element.tag)])
-                element.set(key, _below(element, name, inside))
+                element.set(key, below(element, inside, name))
         for mesh in asset.iterchildren("mesh"):
             _check_mesh(mesh)
+    return root
 
 
 def _check_mesh(mesh: _Element) -> None:
