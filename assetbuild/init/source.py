@@ -53,7 +53,7 @@ def find_source(
     if args and not by_xacro:
         raise UsageError("`--arg` is for a xacro file", where=Where(name), hint="leave it out")
     read = expand(real, data, folders, args) if by_xacro else Expanded(data, {}, {})
-    uses = files_named(parse(read.data, name))
+    uses = files_named(parse(read.data, name)[0])
     used = {**folders, **read.packages}
     used |= find_packages(uses, real, used)
     root = common_folder(real, used.values(), uses)
