@@ -43,7 +43,7 @@ PRELOAD = (
     "scipy.stats",
     "scipy.optimize",
     "scipy.sparse.csgraph",
-    "embreex.rtcore_scene",
+    "scipy.sparse",
     "manifold3d",
     "vhacdx",
     "coacd",

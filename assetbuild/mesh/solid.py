@@ -11,17 +11,16 @@ from numpy.typing import NDArray
 from assetbuild.errors import StepError
 from assetbuild.mesh.hull import beyond, convex_hull, hull_planes
 from assetbuild.mesh.primitives import signed_distance, tessellate
-from assetbuild.mesh.triangles import TriangleMesh, face_normals
+from assetbuild.mesh.rays import Across, Struck
+from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import is_closed
 from assetbuild.robot.pose import IDENTITY, Array, Pose
 from assetbuild.robot.shapes import Primitive
 
 RAYS = ((0.31, 0.67, 0.67), (-0.8, 0.36, 0.48), (0.1, -0.2, -0.97))
 """Directions of the parity test: skew, so that no ray runs along a wall."""
-STEP = 1e-5
-"""A ray goes on this share of the diagonal behind a surface: float32 must not hit it twice."""
-CROSSINGS = 64
-"""Most surfaces that one ray is followed through."""
+SAME = 1e-5
+"""Of the diagonal: two surfaces that lie closer and face alike are one."""
 
 
 Distance = Callable[[Array], Array]
@@ -31,51 +30,35 @@ Distance = Callable[[Array], Array]
 class Solid:
     """The inside of a mesh by ray parity: a point is inside when two of three rays say so.
 
-    Exact for closed meshes up to the ray tracer's float32. For an open mesh four of six rays
-    must say so, each of the three and its opposite: good for holes and gaps, and a sheet, which
-    a ray strikes on one side only, has no inside.
+    Exact for closed meshes. For an open mesh four of six rays must say so, each of the three and
+    its opposite: good for holes and gaps, and a sheet, which a ray strikes on one side only, has no
+    inside.
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        from embreex import rtcore_scene
-        from embreex.mesh_construction import TriangleMesh as EmbreeMesh
-
-        lower, upper = mesh.bounds
-        self._middle = (lower + upper) / 2.0
-        self._size = max(mesh.diagonal, 1e-300)
-        self._rays = [np.asarray(ray) / np.linalg.norm(ray) for ray in RAYS]
-        if not is_closed(mesh):
-            self._rays += [-ray for ray in self._rays]
-        self._scene = rtcore_scene.EmbreeScene()
-        local = (mesh.corners - self._middle) / self._size
-        # Parts that touch share a wall, twice in one place, and a ray would see it once: each
-        # face moves inwards by less than matters and more than a step.
-        corners = (local - 2.0 * STEP * face_normals(mesh)[:, None]).astype(np.float32)
-        self._keep = EmbreeMesh(self._scene, corners)
+        self._closed = is_closed(mesh)
+        self._same = SAME * mesh.diagonal
+        self._views = [Across(mesh, np.asarray(ray)) for ray in RAYS]
 
     def contains(self, points: Array) -> NDArray[np.bool_]:
         """(n,) True for points (n, 3) inside."""
         votes = np.zeros(len(points), dtype=np.int64)
-        for ray in self._rays:
-            votes += self._crossings(points, ray) % 2
-        return np.asarray(votes > len(self._rays) // 2)
+        for view in self._views:
+            struck = self._once(view.strike(points))
+            ahead = struck.depth > 0.0
+            for side in (ahead,) if self._closed else (ahead, ~ahead):
+                votes += np.bincount(struck.ray[side], minlength=len(points)) % 2
+        return np.asarray(votes > len(RAYS) * (1 if self._closed else 2) // 2)
 
-    def _crossings(self, points: Array, direction: Array) -> NDArray[np.int64]:
-        """(n,) surfaces that rays from the points cross; in units of the diagonal."""
-        origins = ((points - self._middle) / self._size).astype(np.float32)
-        found = np.zeros(len(points), dtype=np.int64)
-        active = np.arange(len(points))
-        for _ in range(CROSSINGS):
-            if not len(active):
-                break
-            rays = np.repeat(direction[None].astype(np.float32), len(active), axis=0)
-            hit = self._scene.run(origins[active], rays, output=True)
-            struck = hit["primID"] != -1
-            active = active[struck]
-            found[active] += 1
-            step = hit["tfar"][struck][:, None] + np.float32(STEP)
-            origins[active] += step * rays[struck]
-        return found
+    def _once(self, struck: Struck) -> Struck:
+        """Without the second of two surfaces in one place that face alike: a face drawn twice."""
+        kept = np.ones(len(struck.ray), dtype=bool)
+        for front in (False, True):
+            mine = np.flatnonzero(struck.front == front)
+            ray, depth = struck.ray[mine], struck.depth[mine]
+            again = (np.diff(ray) == 0) & (np.diff(depth) < self._same)
+            kept[mine[1:][again]] = False
+        return Struck(struck.ray[kept], struck.depth[kept], struck.front[kept])
 
 
 @dataclass(frozen=True, eq=False)

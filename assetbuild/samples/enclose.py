@@ -39,7 +39,7 @@ class Enclose(Step):
 
     outputs = ("rooms.json",)
     isolated = True
-    preload = ("numpy", "scipy.spatial", "scipy.stats", "embreex.rtcore_scene")
+    preload = ("numpy", "scipy.spatial", "fast_simplification")
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the hull of each mesh."""

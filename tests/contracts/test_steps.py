@@ -12,7 +12,7 @@ from assetbuild.engine.step import Step
 from assetbuild.pipeline.reference import package_modules
 from assetbuild.simulators.consumers import ConsumerCheck
 
-NUMERIC = {"coacd", "embreex", "fast-simplification", "manifold3d", "mujoco", "networkx", "numpy"}
+NUMERIC = {"coacd", "fast-simplification", "manifold3d", "mujoco", "networkx", "numpy"}
 NUMERIC |= {"pillow", "pin", "pycollada", "scipy", "trimesh", "usd-core", "vhacdx", "yourdfpy"}
 
 
