@@ -251,7 +251,7 @@ BAD = {
     "no length": (_shape('<cylinder radius="1"/>'), 2, "<cylinder> without `length`"),
     "zero scale": (_shape('<mesh filename="a.stl" scale="1 0 1"/>'), 2, "a scale of 0 leaves no mesh"),
     "unknown geometry": (_shape("<boxx/>"), 2, "hint: did you mean `box`?"),
-    "file uri": (_shape('<mesh filename="file:///x/a.stl"/>'), 2, "`file:` cannot be followed"),
+    "file uri": (_shape('<mesh filename="file:///x/a.stl"/>'), 2, "is absolute"),
     "absolute": (_shape('<mesh filename="/x/a.stl"/>'), 2, "is absolute"),
     "escape": (_shape('<mesh filename="../../../a.stl"/>'), 2, "leads out of the source"),
     "escape by package": (_shape('<mesh filename="package://robot_pkg/../../a.stl"/>'), 2, "leads out of the source"),

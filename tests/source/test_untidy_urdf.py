@@ -124,13 +124,13 @@ READERS = {"p": by_pinocchio, "y": by_yourdfpy, "m": by_mujoco}
 
 # What stands in the file | line | rule | readers that take it, and so: pinocchio, yourdfpy, MuJoCo.
 TAKEN = {
-    "a collision box of size 0": (robot(collision('<box size="0 0 0"/>')), 3, "urdf.shape.nothing", "py"),
-    "a collision sphere of radius 0": (robot(collision('<sphere radius="0.0"/>')), 3, "urdf.shape.nothing", "py"),
-    "a collision cylinder of size 0": (robot(collision('<cylinder radius="0" length="0"/>')), 3, "urdf.shape.nothing", "py"),
-    "a visual line": (robot(collision('<box size="0 1 0"/>', "visual")), 3, "urdf.shape.nothing", "py"),
-    "a visual plate": (robot(collision('<box size="1 1 0"/>', "visual")), 3, "urdf.shape.nothing", "py"),
-    "a geometry without a shape": (robot(collision("")), 3, "urdf.shape.nothing", "p"),
-    "a collision without a geometry": (robot(f"{INERTIAL}<collision/>"), 3, "urdf.shape.nothing", "p"),
+    "a collision box of size 0": (robot(collision('<box size="0 0 0"/>')), 3, "urdf.collision.nothing", "py"),
+    "a collision sphere of radius 0": (robot(collision('<sphere radius="0.0"/>')), 3, "urdf.collision.nothing", "py"),
+    "a collision cylinder of size 0": (robot(collision('<cylinder radius="0" length="0"/>')), 3, "urdf.collision.nothing", "py"),
+    "a visual line": (robot(collision('<box size="0 1 0"/>', "visual")), 3, "urdf.visual.nothing", "py"),
+    "a visual plate": (robot(collision('<box size="1 1 0"/>', "visual")), 3, "urdf.visual.nothing", "py"),
+    "a geometry without a shape": (robot(collision("")), 3, "urdf.collision.nothing", "p"),
+    "a collision without a geometry": (robot(f"{INERTIAL}<collision/>"), 3, "urdf.collision.nothing", "p"),
     "a capsule of length 0": (robot(collision('<capsule radius="0.1" length="0"/>'), attributes='name="r" version="1.1"'), 3, "urdf.capsule.ball", "p"),
     "a capsule without its version": (robot(collision('<capsule radius="0.1" length="0.2"/>')), 3, "urdf.version", "pm"),
     "two shapes in a geometry": (robot(collision('<sphere radius="0.1"/><box size="1 1 1"/>')), 3, "urdf.repeated", "pym"),

@@ -137,8 +137,11 @@ def read_shapes(
                     name = palette.see(material, link) if material is not None else ""
                     stated = element.only("geometry")
                     size = stated.first() if stated is not None else None
-                    if size is None:
+                    if stated is None or size is None:
                         continue  # `tidy` has reported it
+                    if missing := paths.left_out(stated, role):
+                        palette.findings.append(missing)
+                        continue
                     geometry = _read_geometry(size, paths, uses)
                     shape = SourceShape(
                         f"{link}_{role}{suffix}", link, role, geometry, read_origin(element)

@@ -8,13 +8,19 @@ from assetbuild.errors import SourceError
 from assetbuild.findings import Finding, Rule
 from assetbuild.source.urdf.xml import Node
 
-SHAPE_NOTHING = Rule(
-    "urdf.shape.nothing",
+VISUAL_NOTHING = Rule(
+    "urdf.visual.nothing",
     "warning",
-    "a `<visual>` or `<collision>` names no shape, or one without width (a sphere of radius 0, a "
-    "box with two edges of 0); or a visual has no thickness. It was left out",
+    "a `<visual>` names no shape, or one without width or thickness (a sphere of radius 0, a box "
+    "with an edge of 0): it was left out",
     "remove it, or give its size",
-    was={"urdf.visual.nothing": ("urdf.shape.nothing",)},
+)
+COLLISION_NOTHING = Rule(
+    "urdf.collision.nothing",
+    "warning",
+    "a `<collision>` names no shape, or one without width (a sphere of radius 0, a box with two "
+    "edges of 0): it was left out",
+    "remove it, or give its size",
 )
 CAPSULE_BALL = Rule(
     "urdf.capsule.ball",
@@ -96,11 +102,12 @@ def _left_out(link: Node, shape: Node, what: str) -> Finding:
     geometry = shape.only("geometry")
     for size in geometry.all("*") if geometry is not None else ():
         size.remove()
-    return SHAPE_NOTHING(
+    rule = VISUAL_NOTHING if shape.tag == "visual" else COLLISION_NOTHING
+    return rule(
         link.subject,
         f"a <{shape.tag}> on line {shape.line} {what}: it was left out",
         hint="remove it, or write its size",
-        data={"line": shape.line, "role": shape.tag},
+        data={"line": shape.line},
     )
 
 
