@@ -164,6 +164,17 @@ def test_a_shape_whose_size_was_taken_away_is_not_missed(tmp_path: Path):
     assert (figures["visual_source"], figures["collision_source"]) == (3, 1)
 
 
+# --- links and joints of the source -------------------------------------------------------------
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+HELD = """<robot name="r"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>
+<joint name="still" type="fixed"><parent link="a"/><child link="b"/></joint>
+<joint name="half" type="continuous"><parent link="a"/><child link="c"/>
+<mimic joint="still" multiplier="2" offset="0.5"/></joint>
+<joint name="twice" type="prismatic"><parent link="a"/><child link="d"/>
+<limit lower="-3" upper="3"/><mimic joint="half" multiplier="4" offset="-1"/></joint></robot>"""
+
+
 def held_against_its_source(
     urdf: str, folder: Path, change: Callable[[Tree], Tree] = lambda tree: tree, **fields: object
 ) -> list[Finding]:
