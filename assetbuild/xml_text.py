@@ -21,9 +21,8 @@ FaultKind = Literal[
 ]
 FAULTS: tuple[FaultKind, ...] = get_args(FaultKind)
 
-_UNDECLARED_PREFIX, _EXTRA_CONTENT, _ODD_NAMESPACE = 201, 5, 99
+_UNDECLARED_PREFIX, _ODD_NAMESPACE = 201, 99
 """Types of libxml2's errors after which its tree is whole."""
-_OVERLOOKED = (_UNDECLARED_PREFIX, _EXTRA_CONTENT, _ODD_NAMESPACE)
 _COMMENT = re.compile(rb"<!\[CDATA\[.*?\]\]>|<!--.*?-->", re.DOTALL)
 _DECLARATION = re.compile(rb"<\?xml\s[^>]*\?>")
 _PROLOGUE = re.compile(rb"(?:\s|\xef\xbb\xbf|<\?.*?\?>)*", re.DOTALL)
@@ -73,11 +72,10 @@ def read_tree(data: bytes, *, overlook: bool = True) -> tuple[_Element, tuple[Fa
     except etree.XMLSyntaxError:
         raise strict from None
     for entry in parser.error_log:
-        if entry.type not in _OVERLOOKED:
+        if entry.type == _UNDECLARED_PREFIX:
+            faults.append(Fault("prefix", entry.line, _line_of(mended, entry.line)))
+        elif entry.type != _ODD_NAMESPACE:
             raise NotXml(entry.message, entry.line)
-        if entry.type != _ODD_NAMESPACE:
-            kind: FaultKind = "prefix" if entry.type == _UNDECLARED_PREFIX else "end"
-            faults.append(Fault(kind, entry.line, _line_of(mended, entry.line)))
     if root is None or not (faults or parser.error_log):
         raise strict
     _refuse_lost_letters(root)
@@ -167,8 +165,39 @@ def _mended(data: bytes) -> tuple[bytes, list[Fault]]:
         note("space", found.start())
     for found in _AMPERSAND.finditer(text):
         ampersand(found)
-    text = _NO_SPACE.sub(rb"\1 ", text)
-    return _AMPERSAND.sub(b"&amp;", text), faults
+    text = _AMPERSAND.sub(b"&amp;", _NO_SPACE.sub(rb"\1 ", text))
+    text, line = _up_to_the_end(text)
+    if line:
+        faults.append(Fault("end", line, _line_of(data, line)))
+    return text, faults
+
+
+def _up_to_the_end(text: bytes) -> tuple[bytes, int]:
+    """The text as far as the root element goes, and the line of what follows it; 0 = nothing."""
+    parser = expat.ParserCreate("utf-8")
+    depth = last = 0
+
+    def at_start(*_: object) -> None:
+        nonlocal depth
+        depth += 1
+
+    def at_end(*_: object) -> None:
+        nonlocal depth, last
+        depth, last = depth - 1, parser.CurrentByteIndex
+        if depth == 0:
+            raise StopIteration
+
+    parser.StartElementHandler, parser.EndElementHandler = at_start, at_end
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError:
+        return text, 0
+    except StopIteration:
+        end = text.find(b">", last) + 1
+        rest = text[end:]
+        if rest.strip():
+            return text[:end], text.count(b"\n", 0, text.index(rest.split()[0], end)) + 1
+    return text, 0
 
 
 def _without_declaration(text: bytes, note: Callable[[FaultKind, int], None]) -> bytes:

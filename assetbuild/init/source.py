@@ -82,7 +82,7 @@ def find_source(
         raise UsageError("`--arg` is for a xacro file", where=Where(name), hint="leave it out")
     read = expand(real, data, folders, args) if by_xacro else Expanded(data, {}, {})
     # Backslashes are patched later; until then they are read as they are meant.
-    named = files_named(parse(read.data, name)[0])
+    named = files_named(parse(read.data, name))
     uses = [(uri.replace("\\", "/"), node) for uri, node in named]
     used = {**folders, **read.packages}
     used |= find_packages(uses, real, used)

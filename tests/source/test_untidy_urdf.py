@@ -171,6 +171,7 @@ TAKEN = {
     "two declarations": ('<?xml version="1.0"?>\n<?xml version="1.0"?>' + robot(), 2, "urdf.xml", "pym"),
     "letters after the end": (robot() + "\nend", 6, "urdf.xml", "y"),
     "a zero byte after the end": (robot() + "\n\0", 6, "urdf.xml", "y"),
+    "a cut comment after the end": (robot() + "\n<!-- x", 6, "urdf.xml", "y"),
     "the end twice": (robot() + "\n</robot>", 6, "urdf.xml", "ym"),
     "a second robot": (robot() + "\n" + robot(OTHER), 6, "urdf.xml", "pym"),
     "dashes in a comment": (robot(extra="<!-- a -- b --->"), 5, "urdf.xml", "pym"),
@@ -295,7 +296,6 @@ REFUSED = {
     "one material twice, in two colours": (robot(extra='<material name="a"><color rgba="1 0 0 1"/></material>\n<material name="a"><color rgba="0 0 1 1"/></material>'), 6, "material `a` is defined twice"),
     "a leftover of xacro": (robot(extra="<xacro:arm/>"), 5, "this is a xacro file: expand it first"),
     "an attribute twice": (robot(joint='<origin xyz="1 2 3" xyz="1 2 3"/>' + AXIS + LIMIT), 4, "not readable as XML"),
-    "a cut comment after the end": (robot() + "\n<!-- x", 6, "not readable as XML"),
     "a type in capitals": (robot(kind="Revolute"), 4, "did you mean `revolute`?"),
 }  # fmt: skip
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from assetbuild.findings import Data, Finding, Rule
 from assetbuild.source.urdf.orientation import tidy_orientation
 from assetbuild.source.urdf.shape_text import tidy_shapes
-from assetbuild.source.urdf.xml import Node, Problems, parse
+from assetbuild.source.urdf.xml import Node, Problems, parse_untidy
 from assetbuild.xml_text import Fault, FaultKind, number_words
 
 FAULT = Rule(
@@ -144,7 +144,7 @@ class _Text:
 
 def read_tidy(data: bytes, file: str, problems: Problems) -> tuple[Node, list[Finding]]:
     """The <robot> element of a URDF in tidy text, and what was taken for what."""
-    root, faults = parse(data, file)
+    root, faults = parse_untidy(data, file)
     findings = [_overlooked(fault) for fault in _first_of_each(faults)]
     text = _Text()
     findings += _same_materials(root)
