@@ -19,7 +19,7 @@ from assetbuild.errors import SourceError
 from assetbuild.init.packages import common_folder, find_package, package_folders
 from assetbuild.recipe.loader import shown_path
 from assetbuild.source.get.from_archive import left_out
-from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_TEXT, ExpandXacro
+from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
 
 MOST_TRIES = 60
 """Packages that are asked for by a computed name, one after another."""
@@ -32,7 +32,10 @@ _UNKNOWN = re.compile("unknown macro name|is not defined")
 _XACRO = re.compile(rb"<xacro:")
 _MACRO = re.compile(r"""<xacro:macro\s[^<>]*?name\s*=\s*["'](?:xacro:)?([^"']+)""")
 _CALL = re.compile(r"<xacro:([\w.-]+)")
-_OWN = frozenset("include arg property macro if unless insert_block call element attribute".split())
+_OWN = {
+    "include", "arg", "property", "macro", "if", "unless", "insert_block", "call", "element",
+    "attribute",
+}  # fmt: skip
 """Elements of xacro itself."""
 
 
@@ -224,7 +227,7 @@ def _readable(folder: Path) -> Iterator[Path]:
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         for name in sorted(names):
             path = Path(here) / name
-            if not left_out(name, NOT_TEXT) and path.is_file() and not path.is_symlink():
+            if not left_out(name, NOT_INCLUDED) and path.is_file() and not path.is_symlink():
                 yield path
                 count += 1
         if count > MOST_FILES:
