@@ -104,6 +104,28 @@ def _packages(source: UrdfSource) -> Iterator[str]:
     if source.packages:
         folders = inline(source.packages)
         yield f"  packages: {folders}   # package:// roots; nothing is searched in a build"
+    if source.relative_to is not None:
+        yield f"  relative_to: {quoted(source.relative_to)}   # where relative names start"
+    if source.absolute:
+        yield "  # What absolute names of the author's machine begin with, and what lies there:"
+        yield f"  absolute: {inline(source.absolute)}"
+    yield from _missing(source)
+    if source.patches:
+        yield "  patches:   # repairs of the text before it is read; tell its authors"
+    for patch in source.patches:
+        yield f"    - {inline(patch.model_dump(exclude_defaults=True))}"
+
+
+def _missing(source: UrdfSource) -> Iterator[str]:
+    """What the source lacks and the robot can do without."""
+    if source.missing or source.absent:
+        yield "  missing:"
+    if source.missing:
+        yield "    # Visual meshes that the source lacks: nothing is drawn for them."
+        yield from flow("    visuals: [", [quoted(path) for path in source.missing], "]")
+    if source.absent:
+        yield "    # Packages that the xacro asks for and reads nothing of (controllers, Gazebo)."
+        yield f"    packages: {inline(source.absent)}"
 
 
 def _fixed_joints(robot: InspectedRobot) -> Iterator[str]:
