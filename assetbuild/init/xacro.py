@@ -194,6 +194,8 @@ def _reworded(error: SourceError, file: Path) -> SourceError:
             hint = " or ".join(f"`--package {absent[1]}={shown_path(f)}`" for f in found)
     elif undefined := _UNDEFINED.search(message):
         hint = f"give it: `--arg {undefined[1]}=VALUE`"
+    elif "readable files" in message:
+        hint = "is part of its name an argument to give (`--arg NAME=VALUE`)?"
     return SourceError(message, where=error.where, hint=hint)
 
 

@@ -139,8 +139,12 @@ class ExpandXacro(Step):
         if "$(find" in said:
             near = did_you_mean(said.split("`")[-2], self.packages) if self.packages else ""
             return f"{near}; " * bool(near) + "add it under `source.packages` in the recipe"
-        if "declared packages" in said or "readable files" in said:
-            return "declare its package under `source.packages`, if it lies in another one"
+        if "declared packages" in said:
+            return "declare its package under `source.packages`"
+        if "readable files" in said:
+            return (
+                "is part of its name a value of `source.args`, or its package none of the declared?"
+            )
         if "Undefined substitution argument" in said:
             return "give it under `source.args` in the recipe"
         return ""
