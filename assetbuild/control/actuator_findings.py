@@ -38,14 +38,36 @@ TUNED = Rule(
     "gains that were computed from a frequency and a damping ratio",
     "nothing; copy them if you want to fix them",
 )
+GUESSED = Rule(
+    "actuator.guessed",
+    "warning",
+    "the drives of a row are guesses, as the source states no numbers that can be meant",
+    "give the motors' effort and gains, then remove `guessed`",
+)
 
 
 def row_findings(
     rows: tuple[ActuatorRow, ...], tree: Tree, actuators: tuple[Actuator, ...]
 ) -> Iterator[Finding]:
-    """`actuator.tuned` and `actuator.overrides`, for each row of the table."""
+    """`actuator.tuned`, `actuator.overrides` and `actuator.guessed`, for each row of the table."""
+    yield from _guessed_findings(rows, actuators)
     yield from _tuned_findings(rows, actuators)
     yield from _override_findings(rows, tree, actuators)
+
+
+def _guessed_findings(
+    rows: tuple[ActuatorRow, ...], actuators: tuple[Actuator, ...]
+) -> Iterator[Finding]:
+    for index, row in enumerate(rows):
+        mine = [a for a in actuators if row.guessed and re.fullmatch(row.joints, a.joint)]
+        if mine:
+            yield GUESSED(
+                f"recipe actuators.{index}",
+                f"`{row.joints}`: effort {_span([a.effort for a in mine])} is a guess "
+                f"({len(mine)} joint{'s' if len(mine) > 1 else ''})",
+                hint="give the motors' effort and gains from a data sheet, then remove `guessed`",
+                data={"joints": tuple(a.joint for a in mine)},
+            )
 
 
 def _tuned_findings(
@@ -71,7 +93,7 @@ def _override_findings(
 ) -> Iterator[Finding]:
     """One per row and quantity that the source states otherwise, its limits of 0 left out."""
     for index, row in enumerate(rows):
-        mine = [a for a in actuators if re.fullmatch(row.joints, a.joint)]
+        mine = [a for a in actuators if not row.guessed and re.fullmatch(row.joints, a.joint)]
         for name in ("damping", "friction", "effort", "velocity"):
             pairs = [(_of_source(tree.by_joint[a.joint], name), getattr(a, name)) for a in mine]
             other = [(was, now) for was, now in pairs if was is not None and was != now]
