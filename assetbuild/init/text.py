@@ -154,7 +154,7 @@ def _actuators(tree: Tree, tuning: Tuning) -> Iterator[str]:
     if any(row.guess for row in rows):
         rotor = f"effort / {ROTOR['rad']:g} rad/s2"
         yield "# `guessed`: the source states no effort that can be meant. The guess holds"
-        yield f"# {MARGIN:g} times what gravity asks in the worst pose, and speeds up. `armature` is"
+        yield f"# {MARGIN:g} times what gravity asks in the worst pose, and more. `armature` is"
         yield f"# {rotor}, where that is more than the joint moves. Every build warns until"
         yield "# you replace them."
     yield from (f"# Corrected: {plain(note, 400)}" for note in tuning.notes)
