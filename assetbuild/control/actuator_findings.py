@@ -58,16 +58,18 @@ def row_findings(
 def _guessed_findings(
     rows: tuple[ActuatorRow, ...], actuators: tuple[Actuator, ...]
 ) -> Iterator[Finding]:
-    for index, row in enumerate(rows):
-        mine = [a for a in actuators if row.guessed and re.fullmatch(row.joints, a.joint)]
-        if mine:
-            yield GUESSED(
-                f"recipe actuators.{index}",
-                f"`{row.joints}`: effort {_span([a.effort for a in mine])} is a guess "
-                f"({len(mine)} joint{'s' if len(mine) > 1 else ''})",
-                hint="give the motors' effort and gains from a data sheet, then remove `guessed`",
-                data={"joints": tuple(a.joint for a in mine)},
-            )
+    """One for the table, at its first such row."""
+    found = [index for index, row in enumerate(rows) if row.guessed]
+    mine = [a for a in actuators if any(re.fullmatch(rows[i].joints, a.joint) for i in found)]
+    if mine:
+        names = ", ".join(f"`{a.joint}`" for a in mine[:6]) + (", ..." if len(mine) > 6 else "")
+        yield GUESSED(
+            f"recipe actuators.{found[0]}",
+            f"the drives of {len(mine)} joint{'s' if len(mine) > 1 else ''} are guesses"
+            f", effort {_span([a.effort for a in mine])}: {names}",
+            hint="give the motors' effort and gains from a data sheet, then remove `guessed`",
+            data={"joints": tuple(a.joint for a in mine)},
+        )
 
 
 def _tuned_findings(
@@ -130,9 +132,16 @@ def actuator_findings(
 
     only_mjcf: drives of the source that stand in the MJCF alone.
     """
-    moving = [a for a in actuators if not _is_locked(tree.by_joint[a.joint])]
-    if moving and all(a.model == "passive" for a in actuators):
-        yield from _nothing_drives(len(moving), has_table=has_table, only_mjcf=only_mjcf)
+    if actuators and all(_is_locked(tree.by_joint[a.joint]) for a in actuators):
+        yield NO_ACTUATOR(
+            "robot",
+            f"equal limits lock all {len(actuators)} moving joints: nothing can be driven",
+            hint="give them their ranges: `edits: [{set_limits: {joint, lower, upper}}]`",
+            data={"joints": len(actuators)},
+        )
+    elif actuators and all(a.model == "passive" for a in actuators):
+        moving = sum(not _is_locked(tree.by_joint[a.joint]) for a in actuators)
+        yield from _nothing_drives(moving, has_table=has_table, only_mjcf=only_mjcf)
     for actuator in actuators:
         stated = tree.by_joint[actuator.joint].limits
         for name in ("effort", "velocity"):

@@ -62,7 +62,8 @@ class Leg:
 class Anatomy:
     """base_reason: why it is floating or fixed. sensors: kind -> names of source links.
 
-    size_m: largest extent of the links' origins.
+    size_m: largest extent of the links' origins. called_legs: of a robot that stands on none at
+    the zero pose, limbs that must be legs by their names.
     """
 
     base: Base
@@ -70,6 +71,12 @@ class Anatomy:
     legs: tuple[Leg, ...]
     sensors: Mapping[str, tuple[str, ...]]
     size_m: float
+    called_legs: tuple[Leg, ...] = ()
+
+    @property
+    def walks_on(self) -> tuple[Leg, ...]:
+        """The limbs that carry the robot, however they point at the zero pose."""
+        return self.legs or self.called_legs
 
 
 def study(robot: InspectedRobot) -> Anatomy:
@@ -81,7 +88,9 @@ def study(robot: InspectedRobot) -> Anatomy:
     limbs = [_limb(robot, at_zero, tip) for tip in _leaves(tree)]
     legs = _legs(limbs, at_zero, float(extent[2]))
     size = float(extent.max()) if tree.joints else 0.0
-    return Anatomy(*_base(robot, legs, limbs), legs, _sensors(robot.links), size)
+    base, reason = _base(robot, legs, limbs)
+    called = () if legs or base == "fixed" else _called_legs(limbs)
+    return Anatomy(base, reason, legs, _sensors(robot.links), size, called)
 
 
 def chain_to(tree: Tree, body: str) -> tuple[Joint, ...]:

@@ -149,7 +149,7 @@ def stays_passive(tree: Tree, joint: Joint, anatomy: Anatomy) -> bool:
     if _IDLE.fullmatch(joint.name) or _IDLE.fullmatch(joint.child):
         return True
     above = [other for other in chain_to(tree, joint.child) if other is not joint]
-    legs = {name.name for leg in anatomy.legs for name in leg.joints}
+    legs = {name.name for leg in anatomy.walks_on for name in leg.joints}
     legged = joint.name in legs or any(other.name in legs for other in above)
     return joint.limits.effort == 0.0 and legged and any(o.limits.effort for o in above)
 
@@ -164,8 +164,10 @@ def physical_efforts(
     gravity, inertia = worst_loads(tree), largest_inertias(tree)
     wheels = [name for name, role in parts.items() if role == "wheel"]
     weight, found = total_mass(tree) * GRAVITY, {}
-    share = weight / max(1, len(anatomy.legs) // 2)
-    legs = {j.name: _standing_load(tree, leg, share) for leg in anatomy.legs for j in leg.joints}
+    share = weight / max(1, len(anatomy.walks_on) // 2)
+    legs = {
+        j.name: _standing_load(tree, leg, share) for leg in anatomy.walks_on for j in leg.joints
+    }
     for joint in tree.moving_joints:
         if joint.mimic is not None:
             continue
@@ -218,7 +220,7 @@ def largest_inertias(tree: Tree) -> dict[str, float]:
 
 def roles(tree: Tree, anatomy: Anatomy) -> dict[str, Role]:
     """What each moving joint is part of, by the robot's anatomy, its names and its size."""
-    legs = {joint.name for leg in anatomy.legs for joint in leg.joints}
+    legs = {joint.name for leg in anatomy.walks_on for joint in leg.joints}
     found: dict[str, Role] = {}
     for joint in tree.moving_joints:
         called = _FINGER.fullmatch(joint.name) or _FINGER.fullmatch(joint.child)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.init.anatomy import Anatomy, Leg
@@ -26,7 +26,7 @@ from assetbuild.init.mend import mended
 from assetbuild.init.patterns import pattern_of, patterns_of
 from assetbuild.init.repairs import repairs, repairs_text
 from assetbuild.init.source import UrdfSource
-from assetbuild.init.strength import MARGIN, ROTOR, strengthened
+from assetbuild.init.strength import MARGIN, ROTOR, is_locked, strengthened
 from assetbuild.init.targets import targets
 from assetbuild.init.trial import Trial, tables, try_to_stand
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
@@ -69,6 +69,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         return try_to_stand(whole, source.root, soles, control)
 
     tuning, trial = tune(tree, anatomy, guesses, attempt)
+    tuning = replace(tuning, unmended=(*_locked(tree), *tuning.unmended))
     more = (*_arguments(source), *_packages(source), *turned(source, robot))
     text = written(
         head(whole, anatomy, path, tuning.unmended),
@@ -84,6 +85,16 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         _variants(robot, anatomy),
     )
     return Recipe(text, tuning.unmended)
+
+
+def _locked(tree: Tree) -> Iterator[str]:
+    """Limits of 0 and 0 are what an exporter writes that knows none."""
+    moving = [joint for joint in tree.moving_joints if joint.mimic is None]
+    if moving and all(map(is_locked, moving)):
+        yield (
+            f"equal limits lock all {len(moving)} moving joints, so nothing can be driven "
+            "(give them their ranges by `set_limits` under `edits`, as in the comment below)"
+        )
 
 
 # --- where from -----------------------------------------------------------------------------
