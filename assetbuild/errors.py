@@ -109,8 +109,9 @@ class MachineError(AssetBuildError):
 
 MOST_EDITS = 0.3
 """Edits per letter up to which a name counts as misspelt; from there on it is another name."""
-SWAP = 0.8
-"""Two exchanged letters count less than one edit: `uds` is `usd`, but `pk` is no `kp`."""
+SLIP = 0.8
+"""Two exchanged letters, or one typed twice, count less than one edit: `uds` is `usd` and `kpp` is
+`kp`, but `pk` is no `kp`."""
 
 
 class Gather:
@@ -184,7 +185,7 @@ def nearest(wrong: str, known: Iterable[str]) -> str | None:
 
 
 def edits(one: str, other: str) -> float:
-    """Letters to insert, remove or replace to turn `one` into `other`; a swap counts `SWAP`.
+    """Letters to insert, remove or replace to turn `one` into `other`; a slip counts `SLIP`.
 
     Optimal string alignment (Damerau and Levenshtein without edits inside a swap).
     """
@@ -193,9 +194,12 @@ def edits(one: str, other: str) -> float:
     for i, a in enumerate(one, 1):
         row = [float(i)]
         for j, b in enumerate(other, 1):
-            row.append(min(above[j] + 1, row[j - 1] + 1, above[j - 1] + (a != b)))
+            twice = i > 1 and a == one[i - 2] == b
+            row.append(
+                min(above[j] + (SLIP if twice else 1), row[j - 1] + 1, above[j - 1] + (a != b))
+            )
             if i > 1 and j > 1 and a == other[j - 2] and one[i - 2] == b:
-                row[j] = min(row[j], before[j - 2] + SWAP)
+                row[j] = min(row[j], before[j - 2] + SLIP)
         before, above = above, row
     return above[-1]
 

@@ -38,6 +38,7 @@ CASES = [
     ("force", KEYS, None),
     ("ki", KEYS, None),
     ("pk", KEYS, None),
+    ("kpp", ("kd", "kp"), "kp"),
     ("inertia", KEYS, None),
     ("FR_hip_jiont", JOINTS, "FR_hip_joint"),
     ("FR_knee_joint", JOINTS, None),
@@ -67,4 +68,4 @@ def test_edits_are_counted():
     assert edits("abc", "abc") == 0
     assert edits("abc", "abd") == edits("abc", "ab") == edits("abc", "xabc") == 1
     assert edits("sdf", "usd") == 2
-    assert edits("uds", "usd") == pytest.approx(0.8)
+    assert edits("uds", "usd") == edits("kpp", "kp") == pytest.approx(0.8)

@@ -6,6 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
+from assetbuild.cli.cache import add_sharing
 from assetbuild.cli.init import add_package_argument
 from assetbuild.cli.parser import WHICH_CHECK
 
@@ -19,12 +20,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="findings as JSON")
     parser.add_argument("--static", action="store_true", help="read the file, simulate nothing")
     add_package_argument(parser)
+    add_sharing(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print each finding; 1 when one is an error, else 0."""
     from assetbuild.cli.progress import progress
     from assetbuild.cli.public import shown_message
+    from assetbuild.pipeline.opening import remote_cache
     from assetbuild.pipeline.validating import Wish, validate, worst
 
     def recipe_for(robot: Path, out: Path) -> None:
@@ -33,7 +36,8 @@ def run(arguments: argparse.Namespace) -> int:
         write(propose(robot, out, dict(arguments.package)), force=True)
 
     with progress(arguments.path.stem) as shown:
-        wish = Wish(not arguments.static, recipe_for, shown.on_event)
+        remote = remote_cache(arguments.remote, shown.say, write=arguments.cache_write)
+        wish = Wish(not arguments.static, recipe_for, shown.on_event, remote)
         found = validate(arguments.path, wish)
     if arguments.json:
         rows = [

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.errors import MachineError, SourceError, UsageError, Where
+from assetbuild.init.absent import mended
 from assetbuild.init.anatomy import study
 from assetbuild.init.look import judge, look
 from assetbuild.init.mjcf import find_mjcf, is_mjcf, mjcf_text
@@ -48,7 +49,7 @@ def propose(
         found = find_mjcf(file)
         path = out or Path(f"{recipe_name(found.robot.links.name)}.yaml")
         return Proposal(path, mjcf_text(found, path))
-    source = find_source(file, packages, args or {})
+    source = mended(find_source(file, packages, args or {}))
     robot = look(source)
     anatomy = study(robot)
     robot = judge(robot.links, robot.shapes, anatomy.base)

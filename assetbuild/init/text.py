@@ -32,7 +32,7 @@ from assetbuild.init.trial import Trial, tables, try_to_stand
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
 from assetbuild.init.up_axis import turned
 from assetbuild.init.wheels import wheel_radii
-from assetbuild.init.words import inline, plain, quoted, some, source_section, written
+from assetbuild.init.words import flow, inline, plain, quoted, some, source_section, written
 from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
@@ -134,6 +134,28 @@ def _packages(source: UrdfSource) -> Iterator[str]:
     if source.packages:
         folders = inline(source.packages)
         yield f"  packages: {folders}   # package:// roots; nothing is searched in a build"
+    if source.relative_to is not None:
+        yield f"  relative_to: {quoted(source.relative_to)}   # where relative names start"
+    if source.absolute:
+        yield "  # What absolute names of the author's machine begin with, and what lies there:"
+        yield f"  absolute: {inline(source.absolute)}"
+    yield from _missing(source)
+    if source.patches:
+        yield "  patches:   # repairs of the text before it is read; tell its authors"
+    for patch in source.patches:
+        yield f"    - {inline(patch.model_dump(exclude_defaults=True))}"
+
+
+def _missing(source: UrdfSource) -> Iterator[str]:
+    """What the source lacks and the robot can do without."""
+    if source.missing or source.absent:
+        yield "  missing:"
+    if source.missing:
+        yield "    # Visual meshes that the source lacks: nothing is drawn for them."
+        yield from flow("    visuals: [", [quoted(path) for path in source.missing], "]")
+    if source.absent:
+        yield "    # Packages that the xacro asks for and reads nothing of (controllers, Gazebo)."
+        yield f"    packages: {inline(source.absent)}"
 
 
 def _fixed_joints(robot: InspectedRobot) -> Iterator[str]:

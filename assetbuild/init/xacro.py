@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -16,24 +16,28 @@ from xml.etree.ElementTree import ParseError
 
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError
-from assetbuild.init.packages import above, common_folder
-from assetbuild.source.urdf.expand_xacro import INCLUDED, ExpandXacro
+from assetbuild.init.packages import common_folder, find_package, package_folders
+from assetbuild.recipe.loader import shown_path
+from assetbuild.source.get.from_archive import left_out
+from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_TEXT, ExpandXacro
 
-MOST_FILES = 2000
-"""Files of one package that are looked at: a robot description, not a disk."""
+MOST_TRIES = 60
+"""Packages that are asked for by a computed name, one after another."""
 
 _FIND = re.compile(r"\$\(find\s+([^\s)]+)\s*\)|package:/*([A-Za-z][\w-]*)/")
+_ASKED = re.compile(r"`\$\(find ([^`]+)\)`: no package")
+_ABSENT = re.compile(r"of the package `([^`]+)`, which is stated as missing")
 _XACRO = re.compile(rb"<xacro:")
-_NAMED = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 
 
 @dataclass(frozen=True)
 class Expanded:
-    """data: URDF; packages: the folders that were used; defaults: see `UrdfSource`."""
+    """data: URDF; packages: the folders that were used; defaults, absent: see `UrdfSource`."""
 
     data: bytes
     packages: Mapping[str, Path]
     defaults: Mapping[str, str]
+    absent: tuple[str, ...] = ()
 
 
 def is_xacro(file: Path, data: bytes) -> bool:
@@ -46,41 +50,64 @@ def expand(
 ) -> Expanded:
     """Expand a file with its arguments. Raises SourceError as the build would, in words of `init`.
 
-    file: real path. A package that is found nowhere is an error only where the file needs it.
+    file: real path. Packages whose names the file computes are found by expanding it again and
+    again. One that is found nowhere is an error only where the file reads something of it.
     """
     folders = _packages(file, data, stated)
+    absent: list[str] = []
+    for _ in range(MOST_TRIES):
+        try:
+            return _expanded(file, folders, absent, args)
+        except SourceError as error:
+            asked = _ASKED.search(error.message)
+            if asked is None:
+                raise _reworded(error, file) from None
+            folder = find_package(asked[1], file)
+            if folder is None:
+                absent.append(asked[1])
+            else:
+                folders[asked[1]] = folder
+    raise SourceError(f"it asks for more than {MOST_TRIES} packages by computed names")
+
+
+def _expanded(
+    file: Path, folders: Mapping[str, Path], absent: Sequence[str], args: Mapping[str, str]
+) -> Expanded:
     root = common_folder(file, folders.values(), [])
     step = ExpandXacro(
         file=file.relative_to(root).as_posix(),
         args=dict(sorted(args.items())),
         packages={name: f.relative_to(root).as_posix() for name, f in sorted(folders.items())},
+        absent=tuple(sorted(absent)),
     )
     with scratch() as ports:
         for path in (file, *_readable(file.parent), *chain(*map(_readable, folders.values()))):
             ports.link(f"tree/{path.relative_to(root)}", path)
-        try:
-            ports.run(step)
-        except SourceError as error:
-            raise _reworded(error) from None
+        ports.run(step)
         urdf = ports.read("robot.urdf")
-        used = [root / name for name in json.loads(ports.read("used.json"))]
-    text = urdf.decode("utf-8")
+        used = json.loads(ports.read("used.json"))
+    text, files = urdf.decode("utf-8"), [root / name for name in used["files"]]
     needed = {
         name: folder
         for name, folder in folders.items()
-        if f"package://{name}/" in text or any(path.is_relative_to(folder) for path in used)
+        if f"package://{name}/" in text or name in used["packages"]
     }
-    return Expanded(urdf, needed, _defaults([file, *used]))
+    return Expanded(urdf, needed, _defaults([file, *files]), tuple(sorted(absent)))
 
 
-def _reworded(error: SourceError) -> SourceError:
+def _reworded(error: SourceError, file: Path) -> SourceError:
     """Hints of a build speak of the recipe; there is none yet."""
-    hint = error.hint
-    if "$(find" in error.message:
+    message, hint = error.message, error.hint
+    if absent := _ABSENT.search(message):
+        message = f"`$(find {absent[1]})`: no package named `{absent[1]}`"
         hint = "say where it is: `--package NAME=FOLDER`"
-    elif "Undefined substitution argument" in error.message:
+        found: list[Path] = next(package_folders(absent[1], file), [])
+        if len(found) > 1:
+            message = f"`$(find {absent[1]})`: {len(found)} folders are package `{absent[1]}`"
+            hint = " or ".join(f"`--package {absent[1]}={shown_path(f)}`" for f in found)
+    elif "Undefined substitution argument" in message:
         hint = "give it: `--arg NAME=VALUE`"
-    return SourceError(error.message, where=error.where, hint=hint)
+    return SourceError(message, where=error.where, hint=hint)
 
 
 # --- files ----------------------------------------------------------------------------------
@@ -92,29 +119,14 @@ def _packages(file: Path, data: bytes, stated: Mapping[str, Path]) -> dict[str, 
     waiting = [data.decode("utf-8", "replace")]
     waiting += [_text(path) for folder in stated.values() for path in _readable(folder)]
     while waiting:
-        for match in _FIND.finditer(waiting.pop()):
+        text = waiting.pop()
+        for match in _FIND.finditer(text if "<robot" in text else ""):
             name = match[1] or match[2]
             if name not in found:
-                folder = found[name] = _folder(name, file)
+                folder = found[name] = find_package(name, file)
                 if folder is not None:
-                    waiting += [_text(p) for p in _readable(folder) if p.suffix != ".yaml"]
+                    waiting += [_text(path) for path in _readable(folder)]
     return {name: folder for name, folder in found.items() if folder is not None}
-
-
-def _folder(name: str, file: Path) -> Path | None:
-    """The nearest folder above the file, or beside one of those, that is the package."""
-    folders = above(file)
-    called = (folder for folder in folders if folder.name == name or _declares(folder, name))
-    beside = (folder / name for folder in folders if (folder / name).is_dir())
-    found = next(chain(called, beside), None)
-    return found and Path(os.path.realpath(found))
-
-
-def _declares(folder: Path, name: str) -> bool:
-    """By its package.xml."""
-    manifest = folder / "package.xml"
-    found = _NAMED.search(_text(manifest)) if manifest.is_file() else None
-    return found is not None and found[1] == name
 
 
 def _text(path: Path) -> str:
@@ -128,7 +140,7 @@ def _readable(folder: Path) -> Iterator[Path]:
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         for name in sorted(names):
             path = Path(here) / name
-            if path.suffix.lower() in INCLUDED and not path.is_symlink():
+            if not left_out(name, NOT_TEXT) and path.is_file() and not path.is_symlink():
                 yield path
                 count += 1
         if count > MOST_FILES:
@@ -144,8 +156,6 @@ def _defaults(files: list[Path]) -> dict[str, str]:
 
     found: dict[str, str] = {}
     for path in files:
-        if path.suffix.lower() not in (".xacro", ".urdf", ".xml"):
-            continue
         try:
             root = parse(path).getroot()
         except (ParseError, ValueError):

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from assetbuild.engine.actions import SharedCache
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.planner import settle
 from assetbuild.engine.world import World
@@ -36,7 +37,9 @@ UNTRIED = Rule(
 )
 
 
-def try_urdf(propose: Callable[[Path], None], on_event: Listener) -> Report:
+def try_urdf(
+    propose: Callable[[Path], None], on_event: Listener, remote: SharedCache | None = None
+) -> Report:
     """Findings and checks in MuJoCo, with the recipe that `propose` writes to a path.
 
     Every mesh collides as its hull: a decomposition takes minutes and changes no joint. Nothing is
@@ -46,7 +49,7 @@ def try_urdf(propose: Callable[[Path], None], on_event: Listener) -> Report:
         recipe = Path(folder).resolve() / "recipe.yaml"
         propose(recipe)
         loaded = _in_mujoco(load_recipe(recipe, None))
-        with open_session(loaded) as session:
+        with open_session(loaded, remote=remote) as session:
             add = functools.partial(plan, loaded, None, drawn=False)
             done = settle(add, session, on_event=on_event)
             if done.errors:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from assetbuild.engine.actions import SharedCache
 from assetbuild.engine.execute import Listener
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import AssetBuildError, SourceError, UsageError
@@ -50,11 +51,13 @@ class Wish:
     """How to look at a file. simulate: not only read it.
 
     propose: writes a recipe for the first path, a robot's description, to the second.
+    remote: the cache that its trial build shares with other machines.
     """
 
     simulate: bool
     propose: Callable[[Path, Path], None]
     on_event: Listener
+    remote: SharedCache | None = None
 
 
 def validate(path: Path, wish: Wish) -> list[Validated]:
@@ -205,7 +208,7 @@ def _try_urdf(file: Path, wish: Wish, read: Sequence[Finding]) -> list[Finding]:
     if any(finding.rule == "urdf.unreadable" for finding in read):
         return []
     try:
-        report = try_urdf(functools.partial(wish.propose, file), wish.on_event)
+        report = try_urdf(functools.partial(wish.propose, file), wish.on_event, wish.remote)
     except AssetBuildError as error:
         where = str(error.where or "")
         hint = error.hint or "`--static` only reads the file"

@@ -59,7 +59,7 @@ def test_without_an_address_it_is_a_wrong_command(tmp_path: Path):
     assert new_legs(tmp_path / "a").run("cache", "push", "legs.yaml").returncode == 2
 
 
-@pytest.mark.parametrize("verb", ["build", "watch", "smoke", "sample", "bench"])
+@pytest.mark.parametrize("verb", ["build", "watch", "smoke", "sample", "bench", "validate"])
 def test_every_verb_that_builds_shares(verb: str, tmp_path: Path):
     text = new_legs(tmp_path / "a").run(verb, "--help").stdout
     assert "--remote URL" in text
@@ -86,3 +86,14 @@ def test_samples_are_shared(tmp_path: Path, warm_legs: Legs, server):
         verbs = Counter(verb for verb, _ in server.asked[before:])
         assert verbs["PUT"] > 5 if more else set(verbs) == {"GET"}
     assert machine.run("sample", "legs.yaml", "--cache-write").returncode == 2
+
+
+def test_the_trial_build_of_a_urdf_is_shared(tmp_path: Path, server):
+    urdf = "tests/robots/four_legs.urdf"
+    words = ("validate", str(Path(__file__).parents[2] / urdf), "--remote", server.url)
+    first, second = new_legs(tmp_path / "a"), new_legs(tmp_path / "b")
+    alone = first.run(*words, "--cache-write").stdout
+    assert "PUT" in {verb for verb, _ in server.asked}
+    server.asked.clear()
+    assert second.run(*words).stdout == alone
+    assert {verb for verb, _ in server.asked} == {"GET"}

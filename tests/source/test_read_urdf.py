@@ -270,7 +270,7 @@ BAD = {
     "unknown geometry": (_shape("<boxx/>"), 2, "hint: did you mean `box`?"),
     "no geometry": (_shape(""), 2, "<geometry> needs one shape, found 0"),
     "three colours": (_robot('<material name="m"><color rgba="1 1 1"/></material><link name="a"/>'), 2, "color rgba needs 4 numbers"),
-    "file uri": (_shape('<mesh filename="file:///x/a.stl"/>'), 2, "`file:` cannot be followed"),
+    "file uri": (_shape('<mesh filename="file:///x/a.stl"/>'), 2, "is absolute"),
     "absolute": (_shape('<mesh filename="/x/a.stl"/>'), 2, "is absolute"),
     "escape": (_shape('<mesh filename="../../../a.stl"/>'), 2, "leads out of the source"),
     "escape by package": (_shape('<mesh filename="package://robot_pkg/../../a.stl"/>'), 2, "leads out of the source"),

@@ -139,6 +139,9 @@ def read_shapes(
                     if role == "visual" and _draws_nothing(element.need("geometry")):
                         palette.findings.append(_drawn_as_nothing(element))
                         continue
+                    if missing := paths.left_out(element.need("geometry"), role):
+                        palette.findings.append(missing)
+                        continue
                     geometry = _read_geometry(element.need("geometry"), paths, uses)
                     shape = SourceShape(
                         f"{link}_{role}{suffix}", link, role, geometry, read_origin(element)

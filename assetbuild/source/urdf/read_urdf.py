@@ -61,6 +61,10 @@ class ReadUrdf(Step):
     base: Base = "fixed"
     packages: dict[str, str] = Field(default_factory=dict)
     """package:// name -> folder below the source root; `.` is the root itself."""
+    relative_to: str | None = None
+    absolute: dict[str, str] = Field(default_factory=dict)
+    missing: tuple[str, ...] = ()
+    """See `Paths`."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `robot.urdf`; writes Tree, Shapes, mesh uses, lines."""
@@ -69,7 +73,8 @@ class ReadUrdf(Step):
         problems = Problems()
         links = list(named(root.all("link"), problems))
         bodies = problems.collect(links, read_body)
-        geometries = read_shapes(root, links, Paths(self.file, self.packages), problems)
+        paths = Paths(self.file, self.packages, self.relative_to, self.absolute, self.missing)
+        geometries = read_shapes(root, links, paths, problems)
         joints, findings = _read_joints(root, dict(links), problems)
         name, unnamed = _robot_name(root)
         if not root.all("link"):
@@ -84,7 +89,14 @@ class ReadUrdf(Step):
                 f"it says it is XML {version}, which does not exist: read as XML 1.0",
                 hint='many readers refuse it: write `<?xml version="1.0"?>`',
             )
-        yield from [*unnamed, *geometries.findings, *findings, *held, *_dropped(root)]
+        yield from [
+            *unnamed,
+            *paths.findings(),
+            *geometries.findings,
+            *findings,
+            *held,
+            *_dropped(root),
+        ]
 
     def _source_map(
         self, root: Node, nodes: dict[str, Node], geometries: Geometries
