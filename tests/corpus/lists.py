@@ -112,14 +112,17 @@ def fetch(sources: Path, list_file: Path = WIDE) -> None:
         folder = sources / name.replace("/", "+")
         if folder.is_dir():
             continue
-        if "pypi" in source:
-            unpacked_wheel(source["pypi"], folder)
-            continue
         part = folder.with_name(folder.name + ".part")
-        shutil.rmtree(part, ignore_errors=True)
-        git = ["git", "-C", str(part)]
-        subprocess.run(["git", "init", "--quiet", str(part)], check=True)
-        url = f"https://github.com/{name}.git"
-        subprocess.run([*git, "fetch", "--quiet", "--depth=1", url, source["commit"]], check=True)
-        subprocess.run([*git, "checkout", "--quiet", "FETCH_HEAD"], check=True)
+        if "pypi" in source:
+            unpacked_wheel(source["pypi"], part)
+        else:
+            _checked_out(f"https://github.com/{name}.git", source["commit"], part)
         part.rename(folder)
+
+
+def _checked_out(url: str, commit: str, folder: Path) -> None:
+    shutil.rmtree(folder, ignore_errors=True)
+    git = ["git", "-C", str(folder)]
+    subprocess.run(["git", "init", "--quiet", str(folder)], check=True)
+    subprocess.run([*git, "fetch", "--quiet", "--depth=1", url, commit], check=True)
+    subprocess.run([*git, "checkout", "--quiet", "FETCH_HEAD"], check=True)

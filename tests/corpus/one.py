@@ -6,9 +6,11 @@ output. The runner starts it that way: whatever a robot does to this process is 
 
 from __future__ import annotations
 
+import ctypes
 import json
 import re
 import resource
+import signal
 import subprocess
 import sys
 import time
@@ -47,6 +49,8 @@ def one(robot: Robot, work: Path, seconds: float = SECONDS) -> dict[str, object]
         done = run("build", str(recipe), "-o", str(bundle), seconds=left)
         row |= reported(folder, done.returncode)
     row["seconds"] = round(time.monotonic() - started, 1)
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    row["cpu_seconds"] = round(used.ru_utime + used.ru_stime, 1)
     if row["result"] == "refused":
         row |= stopped(done, verb, robot.root)
     return row | compared_with_source(robot, folder, row)
@@ -83,7 +87,13 @@ def run(*words: str, seconds: float | None = None) -> subprocess.CompletedProces
 
 
 def _limit() -> None:
+    _end_with_parent()
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY_BYTES, MEMORY_BYTES))
+
+
+def _end_with_parent() -> None:
+    """A run that is killed leaves nobody behind (Linux)."""
+    ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG
 
 
 def with_hulls(recipe: Path) -> None:
@@ -135,6 +145,9 @@ def reported(folder: Path, code: int) -> dict[str, object]:
         "bundle": bundle.name,
         "findings": dict(Counter(f["severity"] for f in findings)),
     }
+    if not said["verdict"]["ready"] and not errors:
+        row["cause"] = ", ".join(said["verdict"]["blocked_by"])
+        row["note"] = said["verdict"]["next_step"][:300]
     if errors:
         first = errors[0]
         rules = ", ".join(sorted({e["rule"] for e in errors}))
@@ -219,6 +232,7 @@ def description(robot: Robot, folder: Path, packages: dict[str, Path]) -> Path:
 
 
 def main() -> int:
+    _end_with_parent()
     given = json.load(sys.stdin)
     work, seconds = Path(given.pop("work")), given.pop("seconds")
     robot = Robot(given["name"], Path(given["file"]), Path(given["root"]), given["args"])

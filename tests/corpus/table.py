@@ -9,9 +9,9 @@ from corpus.one import KINDS
 
 def table(rows: dict[str, dict], title: str) -> str:
     head = (
-        "| robot | result | cause | driven | judge | s | edits | mass kg | mass err | inertia "
-        "| kinematics | mass matrix | gravity | visual | collision | textures | lost | E/W/I "
-        "| note |"
+        "| robot | result | cause | driven | judge | s (CPU) | edits | mass kg | mass err "
+        "| inertia | kinematics | mass matrix | gravity | visual | collision | textures | lost "
+        "| E/W/I | note |"
     )
     lines = [f"# Corpus: {title}", "", summary(rows), *causes(rows), "", head, "|" + " --- |" * 19]
     lines += [line_of(name, rows[name]) for name in sorted(rows)]
@@ -40,7 +40,11 @@ def causes(rows: dict[str, dict]) -> list[str]:
     lines = ["", "| robots | result and cause | first error | which |", "| --- | --- | --- | --- |"]
     for cause, names in sorted(found.items(), key=lambda item: (-len(item[1]), item[0])):
         row = rows[names[0]]
-        first = row["note"] if row["result"] != "ready" else f"{row['judge']} {row['breaks']}"
+        first = (
+            row["note"]
+            if row["result"] != "ready"
+            else f"{row.get('judge')} {row.get('breaks', '')}"
+        )
         cells = [str(len(names)), cause, first, ", ".join(names)]
         lines.append(
             "| " + " | ".join(c.replace("|", "\\|").replace("\n", " ") for c in cells) + " |"
@@ -82,7 +86,7 @@ def line_of(name: str, row: dict) -> str:
         row.get("cause", ""),
         f"{row.get('actuators_out', '-')}/{row.get('joints_out', '-')}",
         row.get("judge", "-"),
-        f"{row['seconds']:.0f}",
+        f"{row['seconds']:.0f} ({row.get('cpu_seconds', 0):.0f})",
         ", ".join(f"{count} {name}" for name, count in row.get("edits", {}).items()),
         f"{row.get('mass_source', 0):.4g}",
         number(mass_error(row)),
