@@ -22,10 +22,14 @@ from assetbuild.recipe.loader import read_small_file, shown_path
 
 @dataclass(frozen=True)
 class Proposal:
-    """A recipe that is not written yet. path: where it belongs."""
+    """A recipe that is not written yet. path: where it belongs.
+
+    unmended: what keeps its robot from being ready, each with the edit that mends it.
+    """
 
     path: Path
     text: str
+    unmended: tuple[str, ...] = ()
 
 
 def propose(
@@ -50,7 +54,8 @@ def propose(
     anatomy = study(robot)
     robot = judge(robot.links, robot.shapes, anatomy.base)
     path = out or Path(f"{recipe_name(robot.links.name)}.yaml")
-    return Proposal(path, recipe_text(robot, anatomy, source, path))
+    recipe = recipe_text(robot, anatomy, source, path)
+    return Proposal(path, recipe.text, recipe.unmended)
 
 
 def write(proposal: Proposal, *, force: bool) -> None:

@@ -14,7 +14,7 @@ from assetbuild.init.anatomy import Anatomy, study
 from assetbuild.init.home import home_pose
 from assetbuild.init.look import InspectedRobot, judge
 from assetbuild.init.packages import above, is_file
-from assetbuild.init.repairs import repairs
+from assetbuild.init.repairs import repairs, repairs_text
 from assetbuild.init.targets import targets
 from assetbuild.init.text import head, home, validation
 from assetbuild.init.trial import tables, try_to_stand
@@ -94,7 +94,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> str:
         head(robot, anatomy, path),
         source_section(found.root, path, "mjcf", found.file),
         _taken(found),
-        repairs(robot, found.root),
+        repairs_text(robot, repairs(robot, found.root)),
         _collision(robot),
         _drives(control),
         () if control.keyframes else home(robot, anatomy, home_pose(robot.tree, anatomy.legs)),
@@ -148,5 +148,5 @@ def _validate(found: MjcfSource, anatomy: Anatomy) -> Iterator[str]:
     step = {"timestep": control.simulation.timestep}
     home = control.initial_keyframe
     pose = dict(home.joints) if home else home_pose(robot.tree, legs)
-    trial = try_to_stand(robot, found.root, soles, tables((), pose, step), control)
+    trial = try_to_stand(robot, found.root, soles, tables(robot.tree, (), pose, step), control)
     yield from validation(robot, legs, trial)
