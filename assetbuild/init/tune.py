@@ -200,7 +200,7 @@ def _standing(
     tuning: Tuning, trial: Trial, legs: tuple[Leg, ...], attempt: Try
 ) -> tuple[Tuning, Trial]:
     """A shorter step where that makes the robot stand; else as it was."""
-    if tuning.timestep <= SHORT_STEP_S or len(legs) < 2:
+    if tuning.timestep <= SHORT_STEP_S or not legs:
         return tuning, trial
     shorter = _shorter(tuning, SHORT_STEP_S, f"it {trial.sentence}", legs)
     again = attempt(shorter)
