@@ -17,7 +17,7 @@ from assetbuild.init.packages import (
     packages_below,
     stated,
 )
-from assetbuild.init.xacro import Expanded, expand, is_xacro
+from assetbuild.init.xacro import Expanded, Removal, expand, is_xacro
 from assetbuild.recipe.loader import read_small_file, shown_path
 from assetbuild.recipe.source import Patch
 from assetbuild.source.urdf.read_urdf import ReadUrdf
@@ -80,7 +80,7 @@ def find_source(
     by_xacro = is_xacro(file, data)
     if args and not by_xacro:
         raise UsageError("`--arg` is for a xacro file", where=Where(name), hint="leave it out")
-    read = expand(real, data, folders, args) if by_xacro else Expanded(data, {}, {})
+    read = expand(real, data, folders, args) if by_xacro else Expanded(data)
     # Backslashes are patched later; until then they are read as they are meant.
     named = files_named(parse(read.data, name))
     uses = [(uri.replace("\\", "/"), node) for uri, node in named]
@@ -94,9 +94,22 @@ def find_source(
         file=real.relative_to(root).as_posix(),
         packages={name: used[name].relative_to(root).as_posix() for name in sorted(used)},
         data=read.data,
-        args=args,
+        args=read.args,
         defaults=read.defaults,
         relative_to=start.relative_to(root).as_posix() if start else None,
         absolute={of: to.relative_to(root).as_posix() for of, to in sorted(absolute.items())},
         absent=read.absent,
+        patches=tuple(_removal(each, root) for each in read.removed),
+    )
+
+
+def _removal(removed: Removal, root: Path) -> Patch:
+    """The patch that takes an include away."""
+    text = removed.file.read_bytes().decode("utf-8", "replace")
+    return Patch(
+        file=removed.file.relative_to(root).as_posix(),
+        find=removed.tag,
+        replace="",
+        times=text.count(removed.tag),
+        because=f"{removed.package} is not here, and the robot calls none of its macros",
     )

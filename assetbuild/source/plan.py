@@ -20,7 +20,7 @@ from assetbuild.source.get.fetch_url import FetchUrl
 from assetbuild.source.get.from_archive import ArchiveFiles
 from assetbuild.source.get.from_folder import FolderFiles
 from assetbuild.source.patches import passages, patched
-from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_TEXT, ExpandXacro
+from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
 
 SCP_LIKE = re.compile(r"[A-Za-z0-9._-]+@[A-Za-z0-9.-]+:")
 """`git@host:path`, which ssh understands."""
@@ -117,7 +117,7 @@ def description_of(loaded: LoadedRecipe, source: SourceFiles, p: Planner) -> Des
         texts = source.below((beside,), (".xml",))
     elif recipe.xacro is not None:
         folders = (beside, *sorted(recipe.packages.values()))
-        texts = source.below(folders, (), NOT_TEXT)
+        texts = source.below(folders, (), NOT_INCLUDED)
     if texts is None or not _are_missing(loaded, source):
         return None
     if len(texts) > MOST_FILES:

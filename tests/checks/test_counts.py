@@ -165,6 +165,15 @@ def test_a_visual_without_width_is_not_missed(tmp_path: Path):
     assert [f.rule for f in findings] == ["count.visual"]
 
 
+def test_a_visual_that_is_stated_as_missing_is_not_missed(tmp_path: Path):
+    mesh = '<visual><geometry><mesh filename="package://r/meshes/a.dae"/></geometry></visual>'
+    source = SOURCE.replace('name="foot">', f'name="foot">{mesh}')
+    assert check(tmp_path, WHOLE, source=source, absent=("meshes/a.dae",))[0] == []
+    for number, absent in enumerate(((), ("meshes/b.dae",))):
+        findings, _ = check(tmp_path / str(number), WHOLE, source=source, absent=absent)
+        assert [f.rule for f in findings] == ["count.visual"]
+
+
 # --- links and joints of the source -------------------------------------------------------------
 
 ROBOTS = Path(__file__).parents[1] / "robots"

@@ -191,6 +191,25 @@ def test_a_package_of_which_something_is_read_may_not(tmp_path: Path):
     assert raised.value.hint == "say where it is: `--package NAME=FOLDER`"
 
 
+def test_an_include_of_macros_that_are_not_called_is_patched_away(tmp_path: Path):
+    """`parts` is nowhere. It defines the macro `wheel`, which nothing calls."""
+    body = BODY + "<xacro:include filename='$(find parts)/b.xacro'/>"
+    body += "<xacro:if value='{}'><xacro:wheel name='w'/></xacro:if>"
+    lay(tmp_path, {"arm/arm.xacro": xacro(body.format("false"))})
+    (patch,) = built(tmp_path, "arm/arm.xacro")[0]["patches"]
+    assert patch["find"] == "<xacro:include filename='$(find parts)/b.xacro'/>"
+    assert patch["replace"] == ""
+    lay(tmp_path, {"arm/arm.xacro": xacro(body.format("true"))})
+    with pytest.raises(SourceError, match=r"`\$\(find parts\)`: no package"):
+        built(tmp_path, "arm/arm.xacro")
+
+
+def test_an_argument_that_is_used_above_its_default_gets_it(tmp_path: Path):
+    text = xacro("<xacro:arg name='called' default='bot'/>" + BODY)
+    lay(tmp_path, {"arm/arm.xacro": text.replace("name='arm'", "name='$(arg called)'")})
+    assert built(tmp_path, "arm/arm.xacro")[0]["args"] == {"called": "bot"}
+
+
 # --- what is missing, and what is called otherwise ------------------------------------------
 
 

@@ -14,7 +14,7 @@ from tiny import run_step
 from assetbuild.errors import SourceError
 from assetbuild.source.urdf import expand_xacro
 from assetbuild.source.urdf.confine import confine
-from assetbuild.source.urdf.expand_xacro import NOT_TEXT, ExpandXacro
+from assetbuild.source.urdf.expand_xacro import NOT_INCLUDED, ExpandXacro
 
 CANARY = "canary-5f1c"
 ESCAPE = (
@@ -207,7 +207,7 @@ def ur(tmp_path):
     files = {
         f"ur_description/{path.relative_to(source)}": path.read_text()
         for path in source.rglob("*")
-        if path.is_file() and path.suffix.lower() not in NOT_TEXT
+        if path.is_file() and path.suffix.lower() not in NOT_INCLUDED
     }
     urdf, _, _ = expand(
         tmp_path,

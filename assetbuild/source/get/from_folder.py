@@ -10,7 +10,7 @@ from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.errors import RecipeError, SourceError, Where, did_you_mean
 from assetbuild.recipe.loader import LoadedRecipe
-from assetbuild.source.get.from_archive import LICENSES, left_out
+from assetbuild.source.get.from_archive import LICENSES
 
 
 class FolderFiles:
@@ -65,8 +65,8 @@ class FolderFiles:
         """See `SourceFiles`. Links that lead out of the source, or nowhere, are not among them."""
         found = {}
         for folder in folders:
-            for path in self._world.below(self.root / folder, suffixes):
-                if not left_out(path.name, but) and self._is_inside(path):
+            for path in self._world.below(self.root / folder, suffixes, but):
+                if self._is_inside(path):
                     found[path.relative_to(self.root).as_posix()] = path
         return {name: self._p.source(path) for name, path in sorted(found.items())}
 

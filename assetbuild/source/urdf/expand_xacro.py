@@ -24,7 +24,7 @@ PROGRAM = (
     "from assetbuild.source.urdf import xacro_child; xacro_child.main()"
 )
 BEYOND_IMPORTS = ("assetbuild.source.urdf.xacro_child",)
-NOT_TEXT = (
+NOT_INCLUDED = (
     ".stl", ".dae", ".obj", ".mtl", ".ply", ".glb", ".gltf", ".fbx", ".3ds", ".blend", ".max",
     ".step", ".stp", ".iges", ".igs", ".sldprt", ".sldasm", ".usd", ".usda", ".usdc", ".usdz",
     ".cdf", ".vtk", ".pcd", ".png", ".jpg", ".jpeg", ".gif", ".bmp", ".tga", ".tif", ".tiff",
@@ -32,8 +32,9 @@ NOT_TEXT = (
     ".zip", ".gz", ".bz2", ".xz", ".7z", ".rar", ".tar", ".bag", ".db3", ".mcap", ".npy", ".npz",
     ".h5", ".pkl", ".pt", ".pth", ".onnx", ".bin", ".so", ".a", ".o", ".dll", ".exe", ".pyc",
     ".whl", ".jar", ".ttf",
+    ".md", ".rst", ".html", ".ipynb", ".py", ".c", ".cc", ".cpp", ".h", ".hpp", ".rviz",
 )  # fmt: skip
-"""Endings of files that no xacro can include: every other file of its packages may be text."""
+"""Endings of meshes, pictures, archives, code and pages; a xacro may include every other file."""
 MOST_FILES = 20_000
 """Files that one xacro may choose from: the packages of a robot, not a disk."""
 
@@ -138,8 +139,12 @@ class ExpandXacro(Step):
         if "$(find" in said:
             near = did_you_mean(said.split("`")[-2], self.packages) if self.packages else ""
             return f"{near}; " * bool(near) + "add it under `source.packages` in the recipe"
-        if "declared packages" in said or "readable files" in said:
-            return "declare its package under `source.packages`, if it lies in another one"
+        if "declared packages" in said:
+            return "declare its package under `source.packages`"
+        if "readable files" in said:
+            return (
+                "is part of its name a value of `source.args`, or its package none of the declared?"
+            )
         if "Undefined substitution argument" in said:
             return "give it under `source.args` in the recipe"
         return ""
