@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -104,3 +105,27 @@ def test_line_ends_of_a_passage_follow_the_file(tmp_path: Path):
     step = PatchText(file="r.urdf", find="one\ntwo", replace="1\n2", because="a test")
     run_step(step, tmp_path / "in", tmp_path / "out")
     assert (tmp_path / "out/text").read_bytes() == b"1\r\n2\r\n"
+
+
+def test_a_patch_of_a_part_is_named_by_its_line(tmp_path: Path):
+    path = recipe(tmp_path, {"src/r.urdf": bad("1")})
+    patch = '{file: r.urdf, find: heavy, replace: "2", because: a typo}'
+    part = f"{{path: src, urdf: r.urdf, patches: [{patch}]}}"
+    path.write_text(
+        path.read_text() + f"compose:\n  - as: up_\n    at: {{link: b}}\n    source: {part}\n"
+    )
+    with pytest.raises(AssetBuildError, match="occurs nowhere") as raised:
+        check(path)
+    assert raised.value.where.line == 10
+
+
+def test_a_xacro_in_an_archive_includes_and_is_patched_alike(tmp_path: Path):
+    parts = link("a") + link("b") + joint("j", "a", "b").replace("revolute", "hinge")
+    with zipfile.ZipFile(tmp_path / "src.zip", "w") as archive:
+        archive.writestr("r.xacro", XACRO.format("<xacro:include filename='more.gazebo'/>"))
+        archive.writestr("more.gazebo", XACRO.format(parts))
+        archive.writestr("mesh.stl", "no xacro reads this")
+    patch = '{file: more.gazebo, find: "hinge", replace: "revolute", because: no such type}'
+    path = recipe(tmp_path, {}, patch, main="xacro: r.xacro")
+    path.write_text(path.read_text().replace("path: src", "path: src.zip"))
+    assert "source.patch" in [f.rule for f in check(path)]
