@@ -63,7 +63,7 @@ def read(
     body: str | None = None,
     **files: str | bytes,
 ) -> Reading:
-    """body: `source.body`. files: further files beside the MJCF; `__` stands for a slash, the last `_` for a dot."""
+    """body: `source.body`. files: beside the MJCF; `__` is a slash, the last `_` a dot."""
     tree = folder / "in" / "tree"
     (tree / MAIN).parent.mkdir(parents=True)
     (tree / MAIN).write_text(text)

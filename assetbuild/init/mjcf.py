@@ -11,13 +11,17 @@ from pathlib import Path
 from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import SourceError, Where
 from assetbuild.init.anatomy import Anatomy, study
+from assetbuild.init.collision import soles_of
 from assetbuild.init.home import home_pose
 from assetbuild.init.look import InspectedRobot, judge
 from assetbuild.init.packages import above, is_file
-from assetbuild.init.repairs import repairs
+from assetbuild.init.repairs import repairs, repairs_text
+from assetbuild.init.strength import strengthened
 from assetbuild.init.targets import targets
-from assetbuild.init.text import head, home, validation
-from assetbuild.init.trial import tables, try_to_stand
+from assetbuild.init.text import Recipe, actuators, head, home, validation
+from assetbuild.init.trial import Trial, tables, try_to_stand
+from assetbuild.init.tune import Tuning, tune
+from assetbuild.init.wheels import wheel_radii
 from assetbuild.init.words import quoted, some, source_section, written
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control
@@ -28,10 +32,7 @@ from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.source.mjcf.scenery import SeveralRobotsError
 from assetbuild.source.urdf.xml import MAX_BYTES
 
-DRIVES = """\
-# The source drives no joint (mjlab's robots are driven from Python). A table here would:
-# actuators:
-#   - {joints: ".*", model: pd, kp: 40, kd: 2, effort: 20}   # your motors' numbers"""
+DRIVES = "# The source drives no joint; mjlab's robots, for one, are driven from Python."
 
 
 @dataclass(frozen=True)
@@ -105,20 +106,37 @@ def _included(ports: Scratch, root: Path, name: str) -> bool:
     return bool(paths)
 
 
-def mjcf_text(found: MjcfSource, path: Path) -> str:
+def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
     """The whole recipe, as it will lie at `path`."""
     robot, control = found.robot, found.control
     anatomy = study(robot)
-    return written(
-        head(robot, anatomy, path),
+    idle = not _driven(control) and robot.tree.moving_joints
+    tuning = _tuned(found, anatomy) if idle else None
+    unmended = tuning.unmended if tuning else ()
+    text = written(
+        head(robot, anatomy, path, unmended),
         source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
         _taken(found),
-        repairs(robot, found.root),
+        repairs_text(robot, repairs(robot, found.root)),
         _collision(robot),
-        _drives(control),
+        _drives(found, tuning),
         () if control.keyframes else home(robot, anatomy, home_pose(robot.tree, anatomy.legs)),
         [targets(robot), *_validate(found, anatomy)],
     )
+    return Recipe(text, unmended)
+
+
+def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
+    """Drives for a source that has none, with its own rotors and at most its own time step."""
+    robot, control = found.robot, found.control
+    tree, guesses = strengthened(robot.tree, anatomy, wheel_radii(robot, found.root))
+
+    def attempt(tuning: Tuning) -> Trial:
+        step = tables(tree, tuning.drives, tuning.pose, {"timestep": tuning.timestep})
+        return try_to_stand(robot, found.root, soles_of(robot, anatomy), step)
+
+    rotors = {actuator.joint: actuator.armature for actuator in control.actuators}
+    return tune(tree, anatomy, guesses, attempt, rotors, control.simulation.timestep)[0]
 
 
 def _chosen(bodies: tuple[str, ...]) -> Iterator[str]:
@@ -150,14 +168,22 @@ def _collision(robot: InspectedRobot) -> Iterator[str]:
         yield "  default: {method: auto, from: visual}   # the source has no collision shapes"
 
 
-def _drives(control: Control) -> Iterator[str]:
+def _driven(control: Control) -> list[str]:
+    """What the source drives."""
     driven = [a.name for a in control.actuators if a.model != "passive"]
-    driven += ["others" for item in control.mjcf_only if item.place == "actuator"][:1]
-    if driven:
+    return driven + ["others" for item in control.mjcf_only if item.place == "actuator"][:1]
+
+
+def _drives(found: MjcfSource, tuning: Tuning | None) -> Iterator[str]:
+    """The source's drives by name, or a table for a source that has none."""
+    if driven := _driven(found.control):
         yield f"# Drives of the source: {some(driven)}"
         yield "# An `actuators:` table here would replace them all."
-    else:
+    if tuning is not None:
         yield DRIVES
+        yield from actuators(tuning.tree, tuning)
+        if tuning.timestep < found.control.simulation.timestep:
+            yield f"simulation: {{timestep: {tuning.timestep!r}}}"
 
 
 def _validate(found: MjcfSource, anatomy: Anatomy) -> Iterator[str]:
@@ -173,5 +199,5 @@ def _validate(found: MjcfSource, anatomy: Anatomy) -> Iterator[str]:
     step = {"timestep": control.simulation.timestep}
     home = control.initial_keyframe
     pose = dict(home.joints) if home else home_pose(robot.tree, legs)
-    trial = try_to_stand(robot, found.root, soles, tables((), pose, step), control)
+    trial = try_to_stand(robot, found.root, soles, tables(robot.tree, (), pose, step), control)
     yield from validation(robot, legs, trial)

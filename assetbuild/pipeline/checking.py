@@ -22,6 +22,7 @@ LIGHT_STEPS = frozenset(
         "compose_parts",
         "list_archive",
         "unpack",
+        "patch_text",
         "expand_xacro",
         "flatten_mjcf",
         "list_includes",

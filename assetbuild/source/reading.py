@@ -40,10 +40,14 @@ def read_description(
     """The steps that read the robot; None while an answer is missing."""
     if recipe.source.mjcf is not None:
         return _read_mjcf(recipe, source, description, p)
+    origin = recipe.source
     step = ReadUrdf(
         file=description.path,
         base=recipe.base,
-        packages=dict(sorted(recipe.source.packages.items())),
+        packages=dict(sorted(origin.packages.items())),
+        relative_to=origin.relative_to,
+        absolute=dict(sorted(origin.absolute.items())),
+        missing=tuple(sorted(origin.missing.visuals)),
     )
     read = p.add("read_urdf", step, {"robot.urdf": description.ref})
     return Reading(

@@ -68,3 +68,16 @@ def test_of_several_robots_in_one_world_the_first_is_proposed(tmp_path: Path):
     write(propose(tmp_path / "two.xml", out, {}), force=True)
     assert load_recipe(out).recipe.source.body == "ant"
     assert "# or bee: one recipe builds one robot" in out.read_text()
+
+
+FINGER = '<mujoco model="finger"><option timestep="0.002"/><worldbody><body name="palm"><geom size=".04" mass=".3"/><body name="near" pos="0 0 .05"><joint name="knuckle" axis="0 1 0" range="0 90" armature="0.0003"/><geom size=".01" mass=".02"/></body></body></worldbody></mujoco>'  # noqa: E501 # one robot per line
+
+
+def test_a_source_that_drives_nothing_gets_guessed_drives_with_its_own_rotors(tmp_path: Path):
+    """A robot that nothing drives is never ready; mjlab's are driven from Python."""
+    (tmp_path / "finger.xml").write_text(FINGER)
+    out = tmp_path / "finger.yaml"
+    write(propose(tmp_path / "finger.xml", out, {}), force=True)
+    (row,) = load_recipe(out).recipe.actuators
+    assert (row.joints, row.model, row.guessed, row.armature) == ("knuckle", "pd", True, 0.0003)
+    assert "The source drives no joint" in out.read_text()

@@ -59,11 +59,13 @@ class FolderFiles:
             for entry in listing
         }
 
-    def below(self, folders: tuple[str, ...], suffixes: tuple[str, ...]) -> dict[str, Ref] | None:
+    def below(
+        self, folders: tuple[str, ...], suffixes: tuple[str, ...], but: tuple[str, ...] = ()
+    ) -> dict[str, Ref] | None:
         """See `SourceFiles`. Links that lead out of the source, or nowhere, are not among them."""
         found = {}
         for folder in folders:
-            for path in self._world.below(self.root / folder, suffixes):
+            for path in self._world.below(self.root / folder, suffixes, but):
                 if self._is_inside(path):
                     found[path.relative_to(self.root).as_posix()] = path
         return {name: self._p.source(path) for name, path in sorted(found.items())}
