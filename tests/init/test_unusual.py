@@ -254,3 +254,13 @@ def test_one_prop_is_part_of_a_gripper_several_fly(props: int, base: str, tmp_pa
     )
     text = propose(tmp_path / "bot.urdf", tmp_path / "bot.yaml", {}).text
     assert f"\nbase: {base} " in text
+
+
+def test_a_floating_joint_below_an_empty_root_is_a_floating_base(tmp_path: Path):
+    free = joint("f", "world", "base", "floating", "")
+    recipe = initialised(
+        robot(link("world", ""), link("base"), link("arm"), free, joint("j", "base", "arm")),
+        tmp_path,
+    )
+    assert recipe.base == "floating"
+    assert "mjcf" in recipe.targets

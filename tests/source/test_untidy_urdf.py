@@ -18,7 +18,7 @@ from tiny import run_step
 from assetbuild.errors import SourceError
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode
-from assetbuild.robot.model import Tree
+from assetbuild.robot.model import Base, Tree
 from assetbuild.robot.pose import rotation_of
 from assetbuild.robot.shapes import MeshFile, SourceShapes, Sphere
 from assetbuild.source.urdf.read_urdf import ReadUrdf
@@ -46,11 +46,11 @@ class Read:
         return found
 
 
-def read(data: str | bytes, tmp_path: Path) -> Read:
+def read(data: str | bytes, tmp_path: Path, base: Base = "fixed") -> Read:
     inputs, outputs = tmp_path / "in", tmp_path / "out"
     inputs.mkdir()
     (inputs / FILE).write_bytes(data.encode() if isinstance(data, str) else data)
-    findings = run_step(ReadUrdf(file=FILE, packages={}), inputs, outputs)
+    findings = run_step(ReadUrdf(file=FILE, base=base, packages={}), inputs, outputs)
     return Read(
         decode(Tree, (outputs / "links.json").read_bytes()),
         decode(SourceShapes, (outputs / "shapes.json").read_bytes()),
@@ -318,3 +318,34 @@ def test_an_entity_bomb_behind_untidy_text_is_refused(head: str, tmp_path: Path)
     bomb = '<!DOCTYPE robot [<!ENTITY a "aa"><!ENTITY b "&a;&a;">]>'
     said = refused(f'{head}{bomb}<robot name="&b;"><link name="a"/></robot> more', tmp_path)
     assert "a DOCTYPE is not allowed" in said
+
+
+FLOATING = (
+    '<robot name="r"><link name="world"/>\n<link name="base"/>'
+    '<joint name="f" type="floating"><parent link="world"/><child link="base"/></joint></robot>'
+)
+
+
+def test_an_empty_root_above_a_floating_joint_is_the_world(tmp_path: Path):
+    found = read(FLOATING, tmp_path, base="floating")
+    assert [body.name for body in found.tree.bodies] == ["base"]
+    assert found.tree.joints == ()
+    assert found.told("urdf.world.floating").data["line"] == 2
+    assert "world" not in found.source
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        FLOATING.replace('type="floating"', 'type="fixed"'),
+        FLOATING.replace('<link name="world"/>', f'<link name="world">{INERTIAL}</link>'),
+        FLOATING.replace("</robot>", '<link name="c"/><joint name="g" type="fixed"><parent link="world"/><child link="c"/></joint></robot>'),
+    ],
+    ids=["a fixed joint", "a root that weighs", "more below the root"],
+)  # fmt: skip
+def test_any_other_root_stays(other: str, tmp_path: Path):
+    assert read(other, tmp_path, base="floating").tree.root == "world"
+
+
+def test_a_base_that_the_recipe_fixes_keeps_its_floating_joint(tmp_path: Path):
+    assert read(FLOATING, tmp_path).tree.root == "world"

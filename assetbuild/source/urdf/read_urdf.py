@@ -72,7 +72,7 @@ class ReadUrdf(Step):
         """Reads `robot.urdf`; writes Tree, Shapes, mesh uses, lines."""
         data = (files.inputs / "robot.urdf").read_bytes()
         problems = Problems()
-        root, mended = read_tidy(data, self.file, problems)
+        root, mended = read_tidy(data, self.file, problems, self.base)
         links = list(named(root.all("link"), problems))
         bodies = problems.collect(links, read_body)
         paths = Paths(self.file, self.packages, self.relative_to, self.absolute, self.missing)

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from assetbuild.findings import Data, Finding, Rule
+from assetbuild.robot.model import Base
 from assetbuild.source.urdf.orientation import tidy_orientation
 from assetbuild.source.urdf.shape_text import tidy_shapes
 from assetbuild.source.urdf.xml import Node, Problems, parse_untidy
@@ -55,6 +56,12 @@ NO_LIMIT = Rule(
     "an effort or velocity limit is negative or infinite, or a revolute joint's range is infinite: "
     "it counts as not stated",
     "state the limit, or give effort and velocity in the recipe's actuator table",
+)
+WORLD_JOINT = Rule(
+    "urdf.world.floating",
+    "info",
+    "a floating joint holds the robot to an empty root link: the link below is the floating base",
+    "nothing; where it starts stands in the recipe's keyframes",
 )
 
 _ONCE = {
@@ -142,7 +149,7 @@ class _Text:
             yield BLANK("robot", message, "remove them", data=self.blanks.data())
 
 
-def read_tidy(data: bytes, file: str, problems: Problems) -> tuple[Node, list[Finding]]:
+def read_tidy(data: bytes, file: str, problems: Problems, base: Base) -> tuple[Node, list[Finding]]:
     """The <robot> element of a URDF in tidy text, and what was taken for what."""
     root, faults = parse_untidy(data, file)
     findings = [_overlooked(fault) for fault in _first_of_each(faults)]
@@ -161,7 +168,28 @@ def read_tidy(data: bytes, file: str, problems: Problems) -> tuple[Node, list[Fi
         findings += tidy_shapes(material.about(f"material {material.get('name')}"))
     for joint in root.all("joint"):
         findings += _tidy_limit(joint.about(f"joint {joint.get('name')}"))
+    if base == "floating":
+        findings += _without_world(root)
     return root, findings
+
+
+def _without_world(root: Node) -> Iterator[Finding]:
+    """Take out an empty root link with the floating joint below it, which a floating base is."""
+    joints = root.all("joint")
+    children = {child.get("link") for joint in joints if (child := joint.only("child"))}
+    roots = [link for link in root.all("link") if link.get("name") not in children]
+    if len(roots) != 1 or roots[0].first() is not None:
+        return
+    world = roots[0].get("name")
+    held = [j for j in joints if (p := j.only("parent")) is not None and p.get("link") == world]
+    if len(held) != 1 or held[0].get("type") != "floating":
+        return
+    message = f"joint {held[0].get('name')} on line {held[0].line} floats from the empty link "
+    message += f"`{world}`: both are left out, and the link below is the floating base"
+    hint = "where it starts stands in the recipe's keyframes"
+    yield WORLD_JOINT("robot", message, hint, data={"line": held[0].line})
+    held[0].remove()
+    roots[0].remove()
 
 
 def _known(root: Node) -> Iterator[Node]:
