@@ -87,12 +87,15 @@ class Measured:
 
 
 def measured(path: Path) -> Measured:
-    """The surfaces of a file, up axis ignored, unit applied. ValueError where assimp refuses it."""
+    """The surfaces of a file. ValueError where assimp refuses it."""
     return polygons_measured(*polygons(path))
 
 
 def polygons(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 3) m, corners of all polygons, and how many each has. ValueError as above."""
+    """((n, 3) corners in m, polygon by polygon; how many each has): up axis ignored, unit applied.
+
+    ValueError where assimp refuses the file.
+    """
     library = _library()
     scene = library.aiImportFileExWithProperties(bytes(path), 0, None, _as_numbers_are())
     if not scene:
