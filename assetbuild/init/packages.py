@@ -121,12 +121,18 @@ def packages_below(top: Path) -> Mapping[str, tuple[Path, ...]]:
 
 def _declared(folder: Path) -> str | None:
     """The name in its package.xml."""
-    try:
-        text = (folder / "package.xml").read_bytes()[: 1 << 16].decode("utf-8", "replace")
-    except OSError:
-        return None
-    found = _NAMED.search(text)
+    manifest = folder / "package.xml"
+    found = _NAMED.search(start_of(manifest, 1 << 16)) if is_file(manifest) else None
     return found and found[1]
+
+
+def start_of(path: Path, most: int) -> str:
+    """The first bytes of a file as text; none of one that cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return file.read(most).decode("utf-8", "replace")
+    except OSError:
+        return ""
 
 
 def is_file(path: Path) -> bool:

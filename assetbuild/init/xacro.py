@@ -16,7 +16,7 @@ from xml.etree.ElementTree import ParseError
 
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError
-from assetbuild.init.packages import common_folder, find_package, package_folders
+from assetbuild.init.packages import common_folder, find_package, package_folders, start_of
 from assetbuild.recipe.loader import shown_path
 from assetbuild.source.get.from_archive import left_out
 from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
@@ -219,7 +219,7 @@ def _packages(file: Path, data: bytes, stated: Mapping[str, Path]) -> dict[str, 
 
 
 def _text(path: Path) -> str:
-    return path.read_bytes()[: 1 << 20].decode("utf-8", "replace")
+    return start_of(path, 1 << 20)
 
 
 def _readable(folder: Path) -> Iterator[Path]:
