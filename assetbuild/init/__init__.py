@@ -48,7 +48,8 @@ def propose(
     if is_mjcf(file, read_small_file(file, shown_path(file), SourceError)):
         found = find_mjcf(file)
         path = out or Path(f"{recipe_name(found.robot.links.name)}.yaml")
-        return Proposal(path, mjcf_text(found, path))
+        recipe = mjcf_text(found, path)
+        return Proposal(path, recipe.text, recipe.unmended)
     source = mended(find_source(file, packages, args or {}))
     robot = look(source)
     anatomy = study(robot)

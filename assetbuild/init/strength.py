@@ -86,12 +86,33 @@ def strengthened(
     parts = roles(tree, anatomy)
     physics, guesses = physical_efforts(tree, anatomy, radii, parts), {}
     meaningless = _placeholders(tree, physics)
-    for name, need in physics.items():
+    why = {name: _unknown(tree.by_joint[name], physics[name], meaningless) for name in physics}
+    stated = [name for name in physics if not why[name]]
+    for name, reason in why.items():
         joint = tree.by_joint[name]
-        why = _unknown(joint, need, meaningless)
-        if why and not is_locked(joint) and not stays_passive(tree, joint, anatomy):
-            guesses[name] = Guess(rounded_up(need), why, parts[name])
+        if reason and not is_locked(joint) and not stays_passive(tree, joint, anatomy):
+            like = [
+                n for n in stated if parts[n] == parts[name] and _is_like(tree, physics, n, name)
+            ]
+            effort = _of_nearest(tree, physics, name, like)
+            if effort is not None:
+                reason = f"{reason} here and {effort:g} for its like"
+            guesses[name] = Guess(effort or rounded_up(physics[name]), reason, parts[name])
     return with_efforts(tree, {name: guess.effort for name, guess in guesses.items()}), guesses
+
+
+def _is_like(tree: Tree, physics: Mapping[str, float], one: str, other: str) -> bool:
+    """Whether one motor suits both: what they need differs by less than a factor of two."""
+    units = {unit_of(tree.by_joint[name]) for name in (one, other)}
+    return len(units) == 1 and 0.5 < physics[one] / physics[other] < 2.0
+
+
+def _of_nearest(
+    tree: Tree, physics: Mapping[str, float], name: str, others: Collection[str]
+) -> float | None:
+    """The effort that the source states of the joint that needs about as much."""
+    found = min(others, key=lambda n: abs(math.log(physics[n] / physics[name])), default=None)
+    return None if found is None else tree.by_joint[found].limits.effort
 
 
 def with_efforts(tree: Tree, efforts: Mapping[str, float]) -> Tree:

@@ -79,7 +79,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         repairs_text(robot, edits),
         ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],
         collision(robot, anatomy, source.root),
-        _actuators(tree, tuning),
+        actuators(tree, tuning),
         home(robot, anatomy, tuning.pose),
         _simulation(whole, anatomy, tuning, trial),
         _variants(robot, anatomy),
@@ -168,7 +168,8 @@ def _fixed_joints(robot: InspectedRobot) -> Iterator[str]:
 # --- drives and poses -----------------------------------------------------------------------
 
 
-def _actuators(tree: Tree, tuning: Tuning) -> Iterator[str]:
+def actuators(tree: Tree, tuning: Tuning) -> Iterator[str]:
+    """The table of the drives."""
     rows = tuning.drives
     if not rows:
         return

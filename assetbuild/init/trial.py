@@ -70,8 +70,8 @@ def try_to_stand(
 ) -> Trial:
     """Two seconds at `home` on the soles. root: of the source's files; soles: source links.
 
-    control: the tables of the recipe; driven_by: the drives of a source that has its own, which
-    are not judged here.
+    Without soles nothing is to stand, or nothing can. control: the tables of the recipe;
+    driven_by: the drives of a source that has its own, which are not judged here.
     """
     try:
         with scratch() as ports:
@@ -91,7 +91,7 @@ def try_to_stand(
                 said += Trials().dangers(model)
             errors = tuple(finding for finding in said if finding.severity == "error")
             if not soles:
-                return Trial(None, "it has no legs", errors)
+                return Trial(False, "has no shape on its feet to stand on", errors)
             if not shapes.shapes:
                 return Trial(None, "no shape of its soles can be read", errors)
             laws = {

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from assetbuild.findings import Finding
 from assetbuild.init.anatomy import Anatomy, Leg
@@ -60,14 +61,21 @@ class Tuning:
 
 
 def tune(
-    tree: Tree, anatomy: Anatomy, guesses: Mapping[str, Guess], attempt: Try
+    tree: Tree,
+    anatomy: Anatomy,
+    guesses: Mapping[str, Guess],
+    attempt: Try,
+    rotors: Mapping[str, float] = MappingProxyType({}),
+    longest_step: float = STEP_S,
 ) -> tuple[Tuning, Trial]:
     """The first choice of drives that the trial has nothing against, else the last.
 
-    tree: with the guessed efforts.
+    tree: with the guessed efforts. rotors: inertias that the source states, by joint, kg m2 or kg;
+    longest_step: s.
     """
-    start = Tuning(tree, {}, (), 0.0, guesses, _heavy_rotors(tree, guesses))
-    tuning = _chosen(start, anatomy.legs)
+    armature = _heavy_rotors(tree, guesses) | {name: own for name, own in rotors.items() if own}
+    start = Tuning(tree, {}, (), 0.0, guesses, armature)
+    tuning = _chosen(start, anatomy.legs, longest_step)
     trial = attempt(tuning)
     for _ in range(ROUNDS):
         better = None if trial.is_fine else _corrected(tuning, trial, anatomy.legs)
@@ -179,7 +187,8 @@ def _calmer(tuning: Tuning, error: Finding, legs: tuple[Leg, ...]) -> Tuning | N
         return _shorter(tuning, SHORT_STEP_S, said, legs)
     if not any(note.startswith("armature") for note in tuning.notes):
         driven = [name for row in tuning.drives if row.gains for name in row.joints]
-        armature = {name: rotor_inertia(tuning.tree.by_joint[name]) for name in driven}
+        guessed = {name: rotor_inertia(tuning.tree.by_joint[name]) for name in driven}
+        armature = guessed | dict(tuning.armature)
         note = (
             "armature: a guess, effort / 6000 rad/s2 as motors of that size have, for the source "
             f"states no rotors and without them {said}"
@@ -200,7 +209,7 @@ def _standing(
     tuning: Tuning, trial: Trial, legs: tuple[Leg, ...], attempt: Try
 ) -> tuple[Tuning, Trial]:
     """A shorter step where that makes the robot stand; else as it was."""
-    if tuning.timestep <= SHORT_STEP_S or len(legs) < 2:
+    if tuning.timestep <= SHORT_STEP_S or not legs:
         return tuning, trial
     shorter = _shorter(tuning, SHORT_STEP_S, f"it {trial.sentence}", legs)
     again = attempt(shorter)

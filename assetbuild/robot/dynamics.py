@@ -173,11 +173,17 @@ EVEN = 1e-5
 def _pushes(wrenches: Array, weight: Array) -> Array:
     """(n,) N, none negative; wrenches: (6, n) of a push of 1 N by each foot, weight: (6,).
 
-    Non-negative least squares (Lawson and Hanson) with a small penalty on uneven forces.
+    Least squares with a small penalty on uneven forces; a foot that would have to pull is lifted,
+    the worst first, until all push. (SciPy's `nnls` would cost half a second of import.)
     """
-    from scipy.optimize import nnls
-
-    count = wrenches.shape[1]
-    rows = np.vstack([wrenches, EVEN * np.eye(count)])
-    found: Array = nnls(rows, np.concatenate([weight, np.zeros(count)]))[0]
+    found = np.zeros(wrenches.shape[1])
+    standing = np.arange(len(found))
+    while len(standing):
+        rows = np.vstack([wrenches[:, standing], EVEN * np.eye(len(standing))])
+        target = np.concatenate([weight, np.zeros(len(standing))])
+        forces = np.linalg.lstsq(rows, target, rcond=None)[0]
+        if forces.min() >= 0.0:
+            found[standing] = forces
+            break
+        standing = np.delete(standing, int(forces.argmin()))
     return found

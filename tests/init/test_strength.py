@@ -90,6 +90,15 @@ def test_a_wrist_that_moves_nothing_gets_a_share_of_its_arm_and_the_rotor_that_c
     assert "armature" not in shoulder
 
 
+def test_a_joint_takes_the_effort_that_the_source_states_of_its_like(tmp_path: Path):
+    """A shoulder of two axes a hand apart: one states 77 N m, the other 0."""
+    shoulder = [Segment(0.05, 0.02, 'effort="77"'), Segment(2.0, 0.6, 'effort="0"')]
+    proposal = chain(tmp_path, shoulder)
+    row = row_of(proposal, "segment_1_joint")
+    assert (row["effort"], row["guessed"]) == (77.0, True)
+    assert "an effort of 0 here and 77 for its like" in proposal.text
+
+
 def test_a_caster_stays_passive(tmp_path: Path):
     parts = [*ARM, Segment(0.1, 0.05, 'effort="0"', name="caster")]
     assert row_of(chain(tmp_path, parts), "caster_joint") == {
