@@ -115,7 +115,7 @@ def polygons_measured(corners: np.ndarray, counts: np.ndarray) -> Measured:
     starts = np.cumsum(counts) - counts
     after = np.arange(len(corners)) + 1
     after[starts + counts - 1] = starts
-    # One point for all readers: that of an open surface depends on it, and far away digits are lost.
+    # The volume of an open surface depends on this point, and one far away loses digits.
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
     crosses = np.cross(corners - middle, corners[after] - middle)
     normals = np.add.reduceat(crosses, starts) / 2.0
