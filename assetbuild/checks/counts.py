@@ -188,7 +188,7 @@ def _stated(source: Table, role: Role) -> Counter[str]:
     return Counter(
         str(facts["body"])
         for facts in shapes.values()
-        if facts["role"] == role and not (role == "visual" and _shows_nothing(facts))
+        if facts["role"] == role and "geometry" in facts  # `read_urdf` reports the others
     )
 
 
@@ -201,14 +201,6 @@ def _absent(source: Element, meshes: Sequence[str]) -> Counter[str]:
         for mesh in link.iterfind("visual/geometry/mesh")
         if posixpath.basename(mesh.get("filename", "").strip()) in names
     )
-
-
-def _shows_nothing(facts: Mapping[str, Value]) -> bool:
-    """A point or a line: `read_urdf` reports it (`urdf.visual.nothing`), or refuses it."""
-    size = facts.get("size")
-    if not isinstance(size, tuple) or not size:
-        return False
-    return size.count(0.0) >= 2 if facts["geometry"] == "box" else size[0] == 0.0
 
 
 def _visuals(stated: Counter[str], built: Counter[str]) -> Iterator[Finding]:

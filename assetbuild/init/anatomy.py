@@ -198,6 +198,8 @@ def _holders(links: Tree, foot: str, tip: str) -> Iterator[str]:
 
 def _base(robot: InspectedRobot, legs: tuple[Leg, ...], limbs: list[Leg]) -> tuple[Base, str]:
     links, tree = robot.links, robot.tree
+    if robot.floats:
+        return "floating", "a floating joint holds it to an empty root link"
     if links.root.lower() in _WORLD:
         return "fixed", f"the root link is called `{links.root}`"
     if legs:

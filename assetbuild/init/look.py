@@ -14,17 +14,22 @@ from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Base, Tree
 from assetbuild.robot.shapes import SourceShapes
 from assetbuild.robot.tree import merge_fixed_joints
+from assetbuild.source.urdf.tidy import WORLD_JOINT
 
 
 @dataclass(frozen=True)
 class InspectedRobot:
-    """links: before merging fixed joints; tree: after; link_findings, body_findings: the lints'."""
+    """links: before merging fixed joints; tree: after; link_findings, body_findings: the lints'.
+
+    floats: the source itself holds its base by a floating joint.
+    """
 
     links: Tree
     tree: Tree
     shapes: SourceShapes
     link_findings: tuple[Finding, ...] = ()
     body_findings: tuple[Finding, ...] = ()
+    floats: bool = False
 
     @property
     def solid_links(self) -> frozenset[str]:
@@ -41,10 +46,11 @@ def look(source: UrdfSource) -> InspectedRobot:
     """Read. Raises SourceError with file and line, as a build would."""
     with scratch() as ports:
         ports.put("robot.urdf", source.data)
-        ports.run(source.reader())
+        told = ports.run(source.reader())
         read = RobotFiles(ports.folder)
         tree, _ = merge_fixed_joints(read.links, True, ())
-        return InspectedRobot(read.links, tree, read.source_shapes)
+        floats = any(finding.rule == WORLD_JOINT.id for finding in told)
+        return InspectedRobot(read.links, tree, read.source_shapes, floats=floats)
 
 
 def judge(links: Tree, shapes: SourceShapes, base: Base) -> InspectedRobot:

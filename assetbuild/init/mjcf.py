@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from assetbuild.engine.scratch import scratch
+from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import SourceError, Where
 from assetbuild.init.anatomy import Anatomy, study
 from assetbuild.init.collision import soles_of
@@ -22,12 +22,14 @@ from assetbuild.init.text import Recipe, actuators, head, home, validation
 from assetbuild.init.trial import Trial, tables, try_to_stand
 from assetbuild.init.tune import Tuning, tune
 from assetbuild.init.wheels import wheel_radii
-from assetbuild.init.words import some, source_section, written
+from assetbuild.init.words import quoted, some, source_section, written
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
+from assetbuild.source.mjcf.includes import ListIncludes
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
+from assetbuild.source.mjcf.scenery import SeveralRobotsError
 from assetbuild.source.urdf.xml import MAX_BYTES
 
 DRIVES = "# The source drives no joint; mjlab's robots, for one, are driven from Python."
@@ -35,12 +37,16 @@ DRIVES = "# The source drives no joint; mjlab's robots, for one, are driven from
 
 @dataclass(frozen=True)
 class MjcfSource:
-    """An MJCF that can be read. root: the lowest folder that holds it and its meshes."""
+    """An MJCF that can be read. root: the lowest folder that holds it and its meshes.
+
+    bodies: of the robots in its world, where there are several; the first is read.
+    """
 
     root: Path
     file: str
     robot: InspectedRobot
     control: Control
+    bodies: tuple[str, ...] = ()
 
 
 def is_mjcf(file: Path, data: bytes) -> bool:
@@ -59,6 +65,8 @@ def find_mjcf(file: Path) -> MjcfSource:
     for root in above(real):
         try:
             return _read(root, real.relative_to(root).as_posix())
+        except SeveralRobotsError as several:
+            return _read(root, real.relative_to(root).as_posix(), several.names)
         except SourceError as error:
             if "leads out of the source" not in error.message:
                 raise
@@ -67,13 +75,15 @@ def find_mjcf(file: Path) -> MjcfSource:
     raise problem
 
 
-def _read(root: Path, name: str) -> MjcfSource:
+def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
     """The build's own steps, run on the spot."""
     with scratch() as ports:
         for path in sorted((root / name).parent.rglob("*.xml")):
             if is_file(path) and path.stat().st_size <= MAX_BYTES:  # what else may be an include
                 ports.link(f"tree/{path.relative_to(root)}", path)
-        ports.run(FlattenMjcf(file=name))
+        while _included(ports, root, name):
+            pass
+        ports.run(FlattenMjcf(file=name, body=bodies[0] if bodies else None))
         for mesh in json.loads(ports.read("meshes.json")):
             path = root / mesh["path"]
             if not path.is_file():
@@ -84,7 +94,16 @@ def _read(root: Path, name: str) -> MjcfSource:
         read = RobotFiles(ports.folder)
         said = read.source_control or SourceControl()
         robot = judge(read.links, read.source_shapes, read.links.base)
-    return MjcfSource(root, name, robot, said.control)
+    return MjcfSource(root, name, robot, said.control, bodies)
+
+
+def _included(ports: Scratch, root: Path, name: str) -> bool:
+    """Link the files that the MJCF names elsewhere below the root; whether there were any."""
+    ports.run(ListIncludes(file=name))
+    paths = [path for path in json.loads(ports.read("includes.json")) if is_file(root / path)]
+    for path in paths:
+        ports.link(f"tree/{path}", root / path)
+    return bool(paths)
 
 
 def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
@@ -96,7 +115,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
     unmended = tuning.unmended if tuning else ()
     text = written(
         head(robot, anatomy, path, unmended),
-        source_section(found.root, path, "mjcf", found.file),
+        source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
         _taken(found),
         repairs_text(robot, repairs(robot, found.root)),
         _collision(robot),
@@ -118,6 +137,12 @@ def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
 
     rotors = {actuator.joint: actuator.armature for actuator in control.actuators}
     return tune(tree, anatomy, guesses, attempt, rotors, control.simulation.timestep)[0]
+
+
+def _chosen(bodies: tuple[str, ...]) -> Iterator[str]:
+    """The first of several robots; the recipe of another differs by this line."""
+    if bodies:
+        yield f"  body: {quoted(bodies[0])}   # or {some(bodies[1:])}: one recipe builds one robot"
 
 
 def _taken(found: MjcfSource) -> Iterator[str]:

@@ -25,6 +25,7 @@ LIGHT_STEPS = frozenset(
         "patch_text",
         "expand_xacro",
         "flatten_mjcf",
+        "list_includes",
         "read_urdf",
         "lint_links",
         "merge_fixed_joints",

@@ -104,6 +104,9 @@ class Source(Model):
     urdf: InsidePath | None = Field(None, description="the URDF file")
     xacro: InsidePath | None = Field(None, description="the xacro file, instead of `urdf`")
     mjcf: InsidePath | None = Field(None, description="the MJCF file, instead of `urdf`")
+    body: str | None = Field(
+        None, description="the robot's body in the world of an MJCF that holds several robots"
+    )
     args: dict[str, str | bool | int | Real] = Field(
         default_factory=dict, description="arguments of the xacro file, by name"
     )
@@ -151,6 +154,8 @@ class Source(Model):
             )
         if self.args and self.xacro is None:
             raise ValueError("`args` are for a `xacro` file")
+        if self.body is not None and self.mjcf is None:
+            raise ValueError("`body` chooses a robot in an `mjcf` file")
         if self.packages and self.mjcf is not None:
             raise ValueError("`packages` are for URDF: the files of an MJCF lie below its folder")
         of_urdf = {"relative_to", "absolute", "missing"} & self.model_fields_set

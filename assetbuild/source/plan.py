@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import posixpath
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from typing import Protocol
 
@@ -19,6 +21,7 @@ from assetbuild.source.get.fetch_git import FetchGit
 from assetbuild.source.get.fetch_url import FetchUrl
 from assetbuild.source.get.from_archive import ArchiveFiles
 from assetbuild.source.get.from_folder import FolderFiles
+from assetbuild.source.mjcf.includes import ListIncludes
 from assetbuild.source.patches import passages, patched
 from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
 
@@ -114,7 +117,7 @@ def description_of(loaded: LoadedRecipe, source: SourceFiles, p: Planner) -> Des
     beside = posixpath.dirname(path) or "."
     texts: dict[str, Ref] | None = {}
     if recipe.mjcf is not None:
-        texts = source.below((beside,), (".xml",))
+        texts = _included(path, ref, source, p)
     elif recipe.xacro is not None:
         folders = (beside, *sorted(recipe.packages.values()))
         texts = source.below(folders, (), NOT_INCLUDED)
@@ -152,6 +155,25 @@ def _expanded(loaded: LoadedRecipe, texts: Mapping[str, Ref], p: Planner) -> Des
     )
     expanded = p.add("expand_xacro", step, {f"tree/{name}": ref for name, ref in texts.items()})
     return Description(f"{recipe.description} (expanded)", expanded["robot.urdf"])
+
+
+def _included(path: str, ref: Ref, source: SourceFiles, p: Planner) -> dict[str, Ref] | None:
+    """The XML files in the folder of an MJCF, and those that it includes from elsewhere."""
+    beside = posixpath.dirname(path) or "."
+    texts = source.below((beside,), (".xml",))
+    for number in count(1):
+        if texts is None or beside == ".":
+            break
+        inputs = {f"tree/{name}": file for name, file in sorted({**texts, path: ref}.items())}
+        step = p.add(f"list_includes {number}", ListIncludes(file=path), inputs)
+        listed = p.ask(step["includes.json"])
+        found = source.present(f"includes {number}", json.loads(listed)) if listed else None
+        if found is None:
+            return None
+        if not found:
+            break
+        texts |= found
+    return texts
 
 
 def argument_text(value: str | float | bool) -> str:

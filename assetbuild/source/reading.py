@@ -63,7 +63,8 @@ def _read_mjcf(
 ) -> Reading | None:
     tree = {description.path: description.ref} | dict(description.includes)
     inputs = {f"tree/{path}": ref for path, ref in sorted(tree.items())}
-    flat = p.add("flatten_mjcf", FlattenMjcf(file=description.path), inputs)
+    step = FlattenMjcf(file=description.path, body=recipe.source.body)
+    flat = p.add("flatten_mjcf", step, inputs)
     listed = p.ask(flat["meshes.json"])
     files = source.meshes(json.loads(listed), description.path) if listed is not None else None
     if files is None:

@@ -87,7 +87,15 @@ class Measured:
 
 
 def measured(path: Path) -> Measured:
-    """The surfaces of a file, up axis ignored, unit applied. ValueError where assimp refuses it."""
+    """The surfaces of a file. ValueError where assimp refuses it."""
+    return polygons_measured(*polygons(path))
+
+
+def polygons(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """((n, 3) corners in m, polygon by polygon; how many each has): up axis ignored, unit applied.
+
+    ValueError where assimp refuses the file.
+    """
     library = _library()
     scene = library.aiImportFileExWithProperties(bytes(path), 0, None, _as_numbers_are())
     if not scene:
@@ -98,10 +106,8 @@ def measured(path: Path) -> Measured:
         library.aiReleaseImport(scene)
     if not surfaces:
         raise ValueError("no surfaces")
-    return polygons_measured(
-        np.concatenate([corners for corners, _ in surfaces]),
-        np.concatenate([counts for _, counts in surfaces]),
-    )
+    corners, counts = zip(*surfaces, strict=True)
+    return np.concatenate(corners), np.concatenate(counts)
 
 
 def polygons_measured(corners: np.ndarray, counts: np.ndarray) -> Measured:
@@ -109,7 +115,8 @@ def polygons_measured(corners: np.ndarray, counts: np.ndarray) -> Measured:
     starts = np.cumsum(counts) - counts
     after = np.arange(len(corners)) + 1
     after[starts + counts - 1] = starts
-    middle = corners.mean(axis=0)  # volumes far from zero lose digits
+    # The volume of an open surface depends on this point, and one far away loses digits.
+    middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
     crosses = np.cross(corners - middle, corners[after] - middle)
     normals = np.add.reduceat(crosses, starts) / 2.0
     heights = np.einsum("ij,ij->i", normals, corners[starts] - middle)

@@ -1,7 +1,7 @@
 """Is the bundle the source's robot? pinocchio, MuJoCo and a second mesh reader say so, not we.
 
 A URDF (of a xacro, what it expands to): pinocchio's poses of all links, mass and centre of mass,
-against our MJCF in MuJoCo; area and size of each link's meshes, against our URDF's, trimesh reading
+against our MJCF in MuJoCo; area and size of each link's meshes, against our URDF's, assimp reading
 both. An MJCF: MuJoCo on the source and on ours. Poses are relative to one link, so that it does not
 matter where the base stands.
 """
@@ -15,6 +15,8 @@ from typing import Any
 from xml.etree.ElementTree import Element, fromstring
 
 import numpy as np
+
+from corpus.assimp import Measured, polygons, polygons_measured
 
 POSES = 10
 TOLERANCE = 1e-6
@@ -67,8 +69,10 @@ def in_pinocchio(source: Path, built: Path, *, edited: bool) -> str:
         for number in range(1, theirs.njoints):
             joint, angle = theirs.joints[number], random.uniform(-1.0, 1.0)
             index = mujoco.mj_name2id(ours, mujoco.mjtObj.mjOBJ_JOINT, theirs.names[number])
-            if index < 0 or joint.nv != 1:
+            if joint.nv != 1:
                 continue
+            if index < 0:
+                return f"the joint {theirs.names[number]} is not in ours"
             at = joint.idx_q
             q[at : at + joint.nq] = angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
             state.qpos[ours.jnt_qposadr[index]] = angle
@@ -139,7 +143,7 @@ def heavier(
 
 
 def in_mujoco(source: Path, built: Path, *, edited: bool) -> str:
-    """What differs between two MJCFs; bodies that are not in ours are none of the robot."""
+    """What differs between two MJCFs; what is not in ours by name is none of the robot."""
     import mujoco
 
     models = [mujoco.MjModel.from_xml_path(str(path)) for path in (source, built)]
@@ -160,13 +164,15 @@ def in_mujoco(source: Path, built: Path, *, edited: bool) -> str:
                 if model.jnt_type[index] in (2, 3):
                     state.qpos[model.jnt_qposadr[index]] = angle
             mujoco.mj_forward(model, state)
-        if differs := unlike(poses(models[0], states[0]), poses(models[1], states[1])):
+        there, here = (poses(m, s) for m, s in zip(models, states, strict=True))
+        if differs := unlike(there, here):
             return differs
-    masses = [{m.body(i).name: float(m.body_mass[i]) for i in range(m.nbody)} for m in models]
-    robot = [name for name in masses[0] if name in masses[1]]
-    a, b = (sum(mass[name] for name in robot) for mass in masses)
-    if not edited and abs(a - b) > TOLERANCE * max(a, b):
-        return f"mass {b:.6g} instead of {a:.6g} kg"
+        robot = [i for i in range(1, models[0].nbody) if models[0].body(i).name in here]
+        masses = models[0].body_mass[robot]
+        if not edited and masses.sum():
+            centre = np.average(states[0].xipos[robot], axis=0, weights=masses)
+            if differs := heavier(float(masses.sum()), centre, there, models[1], states[1]):
+                return differs
     return "equal"
 
 
@@ -185,7 +191,7 @@ def meshes(source: Path, urdf: Path, find: Callable[[str], Path | None]) -> list
         there = links(source, find)
         here = links(urdf, lambda uri: urdf.parent / uri)
     except Exception as error:  # what a foreign reader raises has no end
-        return [f"not judged: trimesh: {type(error).__name__}: {str(error)[:80]}"]
+        return [f"not judged: meshes: {type(error).__name__}: {str(error)[:80]}"]
     worst, words = 1.0, ""
     for name, (area, size) in there.items():
         mine, extent = here.get(name, (0.0, np.zeros(3)))
@@ -207,33 +213,23 @@ def links(urdf: Path, find: Callable[[str], Path | None]) -> Mapping[str, tuple[
     """Area in m2 and sorted size in m of what is seen of each link that has meshes."""
     found: dict[str, tuple[float, np.ndarray]] = {}
     for link in fromstring(urdf.read_bytes()).iter("link"):  # noqa: S314 - the runner's own copy
-        area, corners = 0.0, []
+        seen: list[Measured] = []
         for visual in link.findall("visual"):
             mesh = visual.find("geometry/mesh")
             path = find(mesh.get("filename", "").strip()) if mesh is not None else None
             if mesh is None or path is None:
                 continue
-            shape = read(path)
-            scale = np.array([float(v) for v in (mesh.get("scale") or "1").split()])
-            shape.apply_transform(np.diag([*np.broadcast_to(scale, 3), 1.0]))
-            shape.apply_transform(origin(visual.find("origin")))
-            area += float(shape.area)
-            corners.append(shape.bounds)
-        if corners:
-            points = np.concatenate(corners)
-            found[link.get("name", "")] = area, np.sort(points.max(axis=0) - points.min(axis=0))
+            corners, counts = polygons(path)
+            scale = [float(v) for v in (mesh.get("scale") or "1").replace(",", " ").split()]
+            X = origin(visual.find("origin"))
+            corners = corners * scale @ X[:3, :3].T + X[:3, 3]
+            seen.append(polygons_measured(corners, counts))
+        if seen:
+            lower = np.min([shape.lower for shape in seen], axis=0)
+            upper = np.max([shape.upper for shape in seen], axis=0)
+            area = sum(shape.area for shape in seen)
+            found[link.get("name", "")] = area, np.sort(upper - lower)
     return found
-
-
-def read(path: Path) -> Any:  # Any: trimesh has no types
-    """One mesh in metres, all of the file's scene in it."""
-    import trimesh
-
-    mesh = trimesh.load(path, force="mesh", process=False)
-    if path.suffix.lower() == ".dae":
-        unit = re.search(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([\d.eE+-]+)", path.read_bytes())
-        mesh.apply_scale(float(unit[1]) if unit else 1.0)
-    return mesh
 
 
 def origin(element: Element | None) -> np.ndarray:

@@ -196,6 +196,37 @@ def test_a_glb_keeps_the_normals_that_it_states_and_makes_up_none():
     assert stated.parts[0].mesh.normals is not None
 
 
+def glb_with(change) -> bytes:
+    """A box as GLB, its header changed."""
+    data = trimesh.Trimesh(BOX.vertices, BOX.faces, process=False).export(file_type="glb")
+    length = int.from_bytes(data[12:16], "little")
+    header = json.loads(data[20 : 20 + length])
+    change(header)
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 4)
+    rest = len(text).to_bytes(4, "little") + b"JSON" + text + data[20 + length :]
+    return data[:8] + (12 + len(rest)).to_bytes(4, "little") + rest
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda h: h["meshes"][0]["primitives"][0].update(mode=6), "triangle fan"),
+        (lambda h: h.update(extensionsRequired=["KHR_draco_mesh_compression"]), "`KHR_draco"),
+    ],
+)
+def test_what_would_be_lost_of_a_glb_without_a_word_is_refused(change, says):
+    with pytest.raises(StepError, match=says):
+        read_mesh(glb_with(change), "glb")
+
+
+def test_bytes_after_the_end_of_a_glb_are_left_out_and_said():
+    plain = glb_with(lambda header: header.update(extensionsRequired=["KHR_materials_ior"]))
+    source = read_mesh(plain + b"garbage", "glb")
+    assert area(source.parts[0].mesh) == pytest.approx(area(BOX))
+    assert "mesh.stray_bytes" in rules(source)
+
+
 def test_a_picture_that_is_too_large_is_refused_in_a_glb_too():
     wide = Image.new("1", (12_000, 6_000))
     with pytest.raises(StepError, match="too large: 12000 x 6000"):
