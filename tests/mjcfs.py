@@ -55,8 +55,15 @@ class Reading:
         return {i.owner: i.element for i in self.control.mjcf_only if i.place == place}
 
 
-def read(text: str, folder: Path, *, base: Base | None = None, **files: str | bytes) -> Reading:
-    """files: further files beside the MJCF; `__` stands for a slash, the last `_` for a dot."""
+def read(
+    text: str,
+    folder: Path,
+    *,
+    base: Base | None = None,
+    body: str | None = None,
+    **files: str | bytes,
+) -> Reading:
+    """body: `source.body`. files: beside the MJCF; `__` is a slash, the last `_` a dot."""
     tree = folder / "in" / "tree"
     (tree / MAIN).parent.mkdir(parents=True)
     (tree / MAIN).write_text(text)
@@ -65,7 +72,7 @@ def read(text: str, folder: Path, *, base: Base | None = None, **files: str | by
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content.encode() if isinstance(content, str) else content)
     flat, out, inputs = folder / "flat", folder / "read", folder / "read_in"
-    findings = run_step(FlattenMjcf(file=MAIN), folder / "in", flat)
+    findings = run_step(FlattenMjcf(file=MAIN, body=body), folder / "in", flat)
     inputs.mkdir()
     for name in ("source.xml", "lines.json"):
         shutil.copyfile(flat / name, inputs / name)

@@ -14,6 +14,7 @@ from assetbuild.findings import Finding, Rule, Scalar, Severity, steady
 from assetbuild.robot.chains import Chain, find_chains, is_massless, weighs
 from assetbuild.robot.inertia import (
     LEAST_MOMENT_KG_M2,
+    TRIANGLE_ROUNDING,
     InertiaBounds,
     equivalent_radius,
     least_second_moment,
@@ -204,7 +205,7 @@ class _Judged:
             hint = "a product with the wrong sign, or a dummy? edit `inertia_from_geometry`"
             return POSITIVE(self.subject, message, hint, severity=self.worst, data=self.data)
         violation = triangle_violation(self.inertial.inertia_com_kg_m2)
-        if violation > ROUNDING:
+        if violation > TRIANGLE_ROUNDING:
             severity = self.worst if violation > self.bounds.triangle_slack else "warning"
             message = f"principal moments A + B < C by {100 * violation:.3g} % of C: {shown}"
             hint = "was it taken about the centre of mass? MuJoCo refuses it: edit "

@@ -6,9 +6,10 @@ description itself, read by another parser than the build's, so that nothing can
 
 from __future__ import annotations
 
+import posixpath
 import re
 from collections import Counter
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 from xml.etree.ElementTree import Element
@@ -59,6 +60,8 @@ class Counts(Check):
     """(pattern of links, method, from) of the recipe's collision rules, the default last."""
     written: bool = False
     """The source is a URDF that we wrote: a capsule, which URDF lacks, is three elements of it."""
+    absent: tuple[str, ...] = ()
+    """Visual meshes that the source lacks, below its root."""
 
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any]:  # Any: values of its fields
@@ -68,6 +71,7 @@ class Counts(Check):
         return {
             "robot": recipe.value("robot"),
             "rules": tuple((pattern, rule.method, rule.from_) for pattern, rule in rules),
+            "absent": tuple(recipe.value("source.missing.visuals")),
             "written": any(recipe.value(key) for key in ("source.mjcf", "edits", "compose")),
         }
 
@@ -80,6 +84,8 @@ class Counts(Check):
         if not self.written:
             compared = yield from _equal(source, robot.links)
         stated = {role: _stated(source, role) for role in ("visual", "collision")}
+        if not self.written:
+            stated["visual"] -= _absent(_root(files.inputs / "source.urdf"), self.absent)
         built = {
             role: Counter(shape.link for shape in shapes.of(role))
             for role in ("visual", "collision")
@@ -182,16 +188,19 @@ def _stated(source: Table, role: Role) -> Counter[str]:
     return Counter(
         str(facts["body"])
         for facts in shapes.values()
-        if facts["role"] == role and not (role == "visual" and _shows_nothing(facts))
+        if facts["role"] == role and "geometry" in facts  # `read_urdf` reports the others
     )
 
 
-def _shows_nothing(facts: Mapping[str, Value]) -> bool:
-    """A point or a line: `read_urdf` reports it (`urdf.visual.nothing`), or refuses it."""
-    size = facts.get("size")
-    if not isinstance(size, tuple) or not size:
-        return False
-    return size.count(0.0) >= 2 if facts["geometry"] == "box" else size[0] == 0.0
+def _absent(source: Element, meshes: Sequence[str]) -> Counter[str]:
+    """Visuals by link whose mesh has the name of one that the recipe states as missing."""
+    names = {posixpath.basename(mesh) for mesh in meshes}
+    return Counter(
+        link.get("name", "")
+        for link in source.iter("link")
+        for mesh in link.iterfind("visual/geometry/mesh")
+        if posixpath.basename(mesh.get("filename", "").strip()) in names
+    )
 
 
 def _visuals(stated: Counter[str], built: Counter[str]) -> Iterator[Finding]:

@@ -24,7 +24,7 @@ from assetbuild.mesh.volume import solid_moments
 from assetbuild.quantities import Positive
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.inertia import matrix_of
-from assetbuild.robot.model import Body
+from assetbuild.robot.model import Body, Tree
 from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import Role
 
@@ -34,6 +34,10 @@ OUTSIDE = 0.1
 """Of a body's size: how far its centre of mass may lie outside of its geometry, warning."""
 SLENDER = 2.5
 """Middle over least principal moment, of body and of hull, from which an axis is meant."""
+HEAVIEST_KG = 20e3
+"""The strongest arm in series production, Fanuc's M-2000iA, weighs 12.5 t as a whole."""
+LONGEST_M = 20.0
+"""The longest arm of all, Canadarm2, is 17.6 m as a whole."""
 BROKEN = 5.0
 """Times the tolerance of the total mass that is no tolerance any more."""
 
@@ -61,6 +65,18 @@ AXES = Rule(
     "the mass is long where the geometry is short",
     "check the axes of the tensor",
 )
+ABSURD = Rule(
+    "mass.absurd",
+    "error",
+    "a body weighs more than 20 t, which no robot's body does",
+    "check the density, and the units of the mesh from which the mass comes",
+)
+SIZE = Rule(
+    "mass.size",
+    "error",
+    "a body that moves is longer than 20 m, which no robot's body is",
+    "give the mesh its `scale`: most are drawn in millimetres",
+)
 
 
 @dataclass(frozen=True)
@@ -76,7 +92,7 @@ class Filled:
 
 
 class Mass(Check):
-    """Findings `mass.total`, `mass.density`, `mass.center`, `mass.axes`."""
+    """Findings `mass.<what>`: of the robot's total and of each body against its geometry."""
 
     isolated = True
     preload = ("numpy", "scipy.spatial", "fast_simplification")
@@ -115,6 +131,7 @@ class Mass(Check):
         limits = {"long_axes_apart_rad": self.max_angle, "center_outside_m": OUTSIDE * smallest_m}
         write_figures(files, figures, limits)
         yield from self._judge_total(total)
+        yield from _absurd(tree, hulls)
         for name, row in found.items():
             yield from self._judge(name, row)
 
@@ -154,6 +171,32 @@ class Mass(Check):
                 "from that of the geometry",
                 hint="was the tensor given in other axes than the link's? `edits: set_inertia`",
                 data={"angle_rad": row.angle_rad},
+            )
+
+
+def _absurd(
+    tree: Tree, hulls: Mapping[tuple[str, Role], Sequence[TriangleMesh]]
+) -> Iterator[Finding]:
+    """Units or densities off by a hundred; the bolted root may be a hall or a field."""
+    for body in tree.bodies:
+        mass = body.inertial.mass_kg if body.inertial else 0.0
+        if mass > HEAVIEST_KG:
+            yield ABSURD(
+                f"link {body.name}",
+                f"weighs {mass:.4g} kg, more than any robot's body (limit {HEAVIEST_KG:g} kg)",
+                hint="was its mass worked out from a mesh in other units? `edits: set_mass`",
+                data={"mass_kg": mass, "limit_kg": HEAVIEST_KG},
+            )
+        if tree.base == "fixed" and body.name == tree.root:
+            continue
+        parts = [part for (name, _), own in hulls.items() if name == body.name for part in own]
+        size = max((float(np.ptp(part.vertices, axis=0).max()) for part in parts), default=0.0)
+        if size > LONGEST_M:
+            yield SIZE(
+                f"link {body.name}",
+                f"is {size:.4g} m long, more than any robot's body (limit {LONGEST_M:g} m)",
+                hint='is the mesh in millimetres? give it `scale="0.001 0.001 0.001"`',
+                data={"size_m": size, "limit_m": LONGEST_M},
             )
 
 

@@ -226,6 +226,12 @@ class Trials(Check):
             yield from self._left_alone(model, figures, torques or {})
         yield from self._shaken(model, figures)
 
+    def dangers(self, model: mujoco.Model) -> Iterator[Finding]:
+        """Only what can be an error wherever the robot stands: for a recipe being proposed."""
+        figures: dict[str, object] = {}
+        yield from self._drives(model, figures)
+        yield from self._shaken(model, figures)
+
     def _drives(self, model: mujoco.Model, figures: dict[str, object]) -> Iterator[Finding]:
         answers = mujoco_trials.answers(model)
         figures["drives"] = [

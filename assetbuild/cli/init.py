@@ -61,6 +61,8 @@ def run(arguments: argparse.Namespace) -> int:
     printed = str(arguments.out) == "-"
     out = None if printed else arguments.out
     proposal = propose(arguments.robot, out, dict(arguments.package), dict(arguments.arg))
+    for problem in proposal.unmended:
+        print(f"not ready: {problem}", file=sys.stderr)
     if printed:
         print(proposal.text, end="")
         return 0

@@ -38,14 +38,38 @@ TUNED = Rule(
     "gains that were computed from a frequency and a damping ratio",
     "nothing; copy them if you want to fix them",
 )
+GUESSED = Rule(
+    "actuator.guessed",
+    "warning",
+    "the drives of a row are guesses, as the source states no numbers that can be meant",
+    "give the motors' effort and gains, then remove `guessed`",
+)
 
 
 def row_findings(
     rows: tuple[ActuatorRow, ...], tree: Tree, actuators: tuple[Actuator, ...]
 ) -> Iterator[Finding]:
-    """`actuator.tuned` and `actuator.overrides`, for each row of the table."""
+    """`actuator.tuned`, `actuator.overrides` and `actuator.guessed`, for each row of the table."""
+    yield from _guessed_findings(rows, actuators)
     yield from _tuned_findings(rows, actuators)
     yield from _override_findings(rows, tree, actuators)
+
+
+def _guessed_findings(
+    rows: tuple[ActuatorRow, ...], actuators: tuple[Actuator, ...]
+) -> Iterator[Finding]:
+    """One for the table, at its first such row."""
+    found = [index for index, row in enumerate(rows) if row.guessed]
+    mine = [a for a in actuators if any(re.fullmatch(rows[i].joints, a.joint) for i in found)]
+    if mine:
+        names = ", ".join(f"`{a.joint}`" for a in mine[:6]) + (", ..." if len(mine) > 6 else "")
+        yield GUESSED(
+            f"recipe actuators.{found[0]}",
+            f"the drives of {len(mine)} joint{'s' if len(mine) > 1 else ''} are guesses"
+            f", effort {_span([a.effort for a in mine])}: {names}",
+            hint="give the motors' effort and gains from a data sheet, then remove `guessed`",
+            data={"joints": tuple(a.joint for a in mine)},
+        )
 
 
 def _tuned_findings(
@@ -71,7 +95,7 @@ def _override_findings(
 ) -> Iterator[Finding]:
     """One per row and quantity that the source states otherwise, its limits of 0 left out."""
     for index, row in enumerate(rows):
-        mine = [a for a in actuators if re.fullmatch(row.joints, a.joint)]
+        mine = [a for a in actuators if not row.guessed and re.fullmatch(row.joints, a.joint)]
         for name in ("damping", "friction", "effort", "velocity"):
             pairs = [(_of_source(tree.by_joint[a.joint], name), getattr(a, name)) for a in mine]
             other = [(was, now) for was, now in pairs if was is not None and was != now]
@@ -108,9 +132,16 @@ def actuator_findings(
 
     only_mjcf: drives of the source that stand in the MJCF alone.
     """
-    moving = [a for a in actuators if not _is_locked(tree.by_joint[a.joint])]
-    if moving and all(a.model == "passive" for a in actuators):
-        yield from _nothing_drives(len(moving), has_table=has_table, only_mjcf=only_mjcf)
+    if actuators and all(_is_locked(tree.by_joint[a.joint]) for a in actuators):
+        yield NO_ACTUATOR(
+            "robot",
+            f"equal limits lock all {len(actuators)} moving joints: nothing can be driven",
+            hint="give them their ranges: `edits: [{set_limits: {joint, lower, upper}}]`",
+            data={"joints": len(actuators)},
+        )
+    elif actuators and all(a.model == "passive" for a in actuators):
+        moving = sum(not _is_locked(tree.by_joint[a.joint]) for a in actuators)
+        yield from _nothing_drives(moving, has_table=has_table, only_mjcf=only_mjcf)
     for actuator in actuators:
         stated = tree.by_joint[actuator.joint].limits
         for name in ("effort", "velocity"):

@@ -29,6 +29,8 @@ BYTES, KIND, LINK, NAMES, VARIABLE, STAMP = (
 )
 DEEP = "/"
 """Begins a pattern that all folders match, but for hidden ones."""
+BUT = "/"
+"""Before the ends of names that a pattern leaves out: no name holds it."""
 BETWEEN = "\0"
 """Between the names of an answer: no name holds it."""
 
@@ -88,12 +90,20 @@ def signature_text(found: os.stat_result) -> str:
     return f"{found.st_mtime_ns} {found.st_ctime_ns} {found.st_size} {found.st_ino} {found.st_dev}"
 
 
-def pattern_of(starts: tuple[str, ...], ends: tuple[str, ...], *, deep: bool = False) -> str:
+def pattern_of(
+    starts: tuple[str, ...],
+    ends: tuple[str, ...],
+    *,
+    deep: bool = False,
+    but: tuple[str, ...] = (),
+) -> str:
     """Names that begin with one of `starts` and end with one of `ends`, in whatever case.
 
-    () = any. Give both in lower case. deep: and all folders.
+    () = any. Give them in lower case. deep: and all folders. but: none that ends so, and no hidden
+    file.
     """
-    return f"{DEEP if deep else ''}{'|'.join(starts)}*{'|'.join(ends)}"
+    pattern = f"{DEEP if deep else ''}{'|'.join(starts)}*{'|'.join(ends)}"
+    return f"{pattern}{BUT}{'|'.join(but)}" if but else pattern
 
 
 def names_text(folder: str, pattern: str) -> str:
@@ -103,8 +113,9 @@ def names_text(folder: str, pattern: str) -> str:
     fills. A folder that cannot be read holds nothing.
     """
     deep = pattern.startswith(DEEP)
-    first, _, last = pattern.removeprefix(DEEP).partition("*")
-    starts, ends = tuple(first.split("|")), tuple(last.split("|"))
+    wanted, _, unwanted = pattern.removeprefix(DEEP).partition(BUT)
+    first, _, last = wanted.partition("*")
+    starts, ends, but = tuple(first.split("|")), tuple(last.split("|")), tuple(unwanted.split("|"))
     found = []
     try:
         with os.scandir(folder) as entries:
@@ -112,6 +123,8 @@ def names_text(folder: str, pattern: str) -> str:
                 name, lower = entry.name, entry.name.lower()
                 is_folder = entry.is_dir(follow_symlinks=False)
                 if is_folder and (name[0] == "." or name == "__pycache__"):
+                    continue
+                if not is_folder and unwanted and (name[0] == "." or lower.endswith(but)):
                     continue
                 if (is_folder and deep) or (lower.startswith(starts) and lower.endswith(ends)):
                     found.append(f"{name}/" if is_folder else name)

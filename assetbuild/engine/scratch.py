@@ -20,7 +20,9 @@ class Scratch:
 
     def put(self, name: str, data: bytes) -> None:
         """Write an input."""
-        (self.folder / name).write_bytes(data)
+        path = self.folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
 
     def link(self, name: str, file: Path) -> None:
         """Make a file of the user's an input, below a folder of inputs; twice is once."""

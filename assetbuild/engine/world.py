@@ -174,10 +174,15 @@ class World:
         said = self._ask((NAMES, str(folder.absolute()), pattern))
         return tuple(said.split(BETWEEN)) if said else ()
 
-    def below(self, folder: Path, ends: tuple[str, ...]) -> Iterator[Path]:
-        """Files and links below a folder whose names end so; not in hidden folders, no link."""
+    def below(
+        self, folder: Path, ends: tuple[str, ...], but: tuple[str, ...] = ()
+    ) -> Iterator[Path]:
+        """Files and links below a folder whose names end so; not in hidden folders, no link.
+
+        but: see `pattern_of`.
+        """
         pending = [folder]
-        pattern = pattern_of((), ends, deep=True)
+        pattern = pattern_of((), ends, deep=True, but=but)
         while pending:
             here = pending.pop()
             for name in self._names(here, pattern):

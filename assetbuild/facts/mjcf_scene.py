@@ -87,7 +87,9 @@ class SceneReader(Reader):
     def expected(self, reference: Reference) -> Table:
         """The floor below the robot, the camera that shows it whole, light and ground."""
         facts: dict[Key, Value] = {
-            _key(subject, word): value for (subject, word), value in LOOKS.items()
+            _key(subject, word): value
+            for (subject, word), value in LOOKS.items()
+            if subject not in ("ground", "floor") or not _brings_a_floor(reference)
         }
         facts[Key("model", "", "mjcf:name")] = f"{self.robot} scene"
         points = starting_origins(reference.tree, reference.control)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 from assetbuild.errors import UsageError, Where
 from assetbuild.facts.table import Unread
+from assetbuild.xml_text import NotXml, number_words, read_tree
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -19,12 +20,11 @@ class Walk:
     """Hands out elements and attributes and remembers which; the rest is `unread`.
 
     Comments and processing instructions say nothing. No entity is resolved, nothing is loaded;
-    UsageError where the file is not XML or has a DOCTYPE.
+    UsageError where the file is not XML or has a DOCTYPE. Faults of the text that every reader
+    overlooks (`xml_text`) are unread.
     """
 
     def __init__(self, path: Path) -> None:
-        from lxml import etree
-
         self.name = path.name
         try:
             data = path.read_bytes()
@@ -32,17 +32,13 @@ class Walk:
             raise UsageError(f"cannot read `{path}`: {error.strerror}") from None
         if len(data) > MAX_BYTES:
             raise UsageError(f"`{path}` has {len(data) / 1e6:.0f} MB; at most 256 MiB are read")
-        parser = etree.XMLParser(
-            resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False,
-            remove_comments=True, remove_pis=True,
-        )  # fmt: skip
         try:
-            self.root: _Element = etree.fromstring(data, parser)
-        except etree.XMLSyntaxError as error:
-            where = Where(self.name, error.lineno or 0)
-            raise UsageError(f"not readable as XML: {error.msg}", where=where) from None
-        if etree.ElementTree(self.root).docinfo.doctype:  # type: ignore[attr-defined] # stubs lack it
-            raise UsageError("a DOCTYPE is not allowed", where=Where(self.name))
+            self.root: _Element
+            self.root, self._faults = read_tree(data)
+        except NotXml as error:
+            where = Where(self.name, error.line)
+            what = error.message if error.doctype else f"not readable as XML: {error.message}"
+            raise UsageError(what, where=where) from None
         self._elements = {self.root}
         self._attributes: set[tuple[_Element, str]] = set()
 
@@ -77,7 +73,7 @@ class Walk:
         if element is None or text is None or "_" in text:  # 1_000 is a number to Python
             return None
         try:
-            found = tuple(float(word) for word in str(text).split())
+            found = tuple(float(word) for word in number_words(str(text), count))
         except ValueError:
             return None
         if not found or (count and len(found) != count):
@@ -99,7 +95,9 @@ class Walk:
         return f"{self.name}:{self.line(element)}"
 
     def unread(self) -> Iterator[Unread]:
-        """Every attribute, element and text that nobody asked for, in the file's order."""
+        """Faults of the text; every attribute, element and text that nobody asked for, in order."""
+        for fault in self._faults:
+            yield Unread(f"{self.name}:{fault.line}", f"untidy text ({fault.kind})", fault.text)
         todo = [self.root]
         while todo:
             element = todo.pop()

@@ -1,21 +1,23 @@
 """Do meshes whose file names an up axis stand as the rest of the robot says they should?
 
 `<up_axis>` is wrong as often as right, and no viewer agrees with another. What tells is the
-robot itself: collision shapes that name no axis enclose the same part, and the centre of mass
-lies inside of it.
+robot itself: collision shapes that name no axis enclose the same part, and its centre of mass and
+its joints lie in it.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import ConvertedMesh
+from assetbuild.mesh.companions import format_of
 from assetbuild.mesh.read import TO_Z_UP
 from assetbuild.robot.codec import decode_file
 from assetbuild.robot.files import RobotFiles
@@ -34,12 +36,14 @@ from assetbuild.robot.shapes import (
 
 CLEARLY = 0.05
 """Share of the part's size by which the other way must fit better to be worth a word."""
+CLOSELY = 0.15
+"""Share of the size up to which a part fits its other shapes so well that they are sure."""
 
 UP_AXIS_FIT = Rule(
     "mesh.up_axis.fit",
-    "warning",
-    "meshes would fit the collision shapes or the centre of mass of their links better with the "
-    "other up axis",
+    ("error", "warning"),
+    "meshes would fit the shapes, the joints or the centre of mass of their links better with the "
+    "other up axis (a warning where only one of the last two says so)",
     "name them in `source.honour_up_axis`, or take them out of it",
 )
 
@@ -49,13 +53,23 @@ Box3 = Array
 
 
 @dataclass(frozen=True)
-class _Fit:
-    """Misfit of one shape as it is and the other way, as shares of its size."""
+class _Vote:
+    """Misfit of the meshes of one role as they are and the other way, as shares of their size.
 
-    shape: SourceShape
+    paths: the files that these meshes come from. is_sure: shapes say so, or joints and mass alike.
+    """
+
+    link: str
+    paths: tuple[str, ...]
     now: float
     other: float
     by: str
+    is_sure: bool
+
+    @property
+    def is_better(self) -> bool:
+        """Would the other way fit better?"""
+        return self.other < self.now
 
 
 class LintMeshes(Step):
@@ -79,35 +93,69 @@ class LintMeshes(Step):
 def judge_up_axes(
     tree: Tree, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
 ) -> Finding | None:
-    """One finding for all meshes of the robot, if most would stand better the other way.
+    """One finding for all meshes of the robot that would stand better the other way.
 
     records: by the name of the shape; a mesh without one is no witness.
     """
-    fits = [fit for body in tree.bodies for fit in _fits(body, shapes, records)]
-    better = [fit for fit in fits if fit.other < fit.now - CLEARLY]
-    worse = [fit for fit in fits if fit.now < fit.other - CLEARLY]
-    return _finding(better, worse, records) if len(better) > len(worse) else None
-
-
-def _finding(
-    better: list[_Fit], worse: list[_Fit], records: Mapping[str, ConvertedMesh]
-) -> Finding:
-    first = max(better, key=lambda fit: fit.now - fit.other)
-    record, mesh = records[first.shape.name], _path(first.shape)
-    do = "taken as it is" if record.turned else "turned to Z"
-    key = "leave it out of" if record.turned else "name it in"
+    votes = _votes(tree, shapes, records)
+    wrong = _wrong(votes, _doubted(shapes, records))
+    better = [vote for vote in votes if vote.is_better and wrong.intersection(vote.paths)]
+    if not better:
+        return None
+    is_turned = _doubted(shapes, records)
+    first = max(better, key=lambda vote: (vote.is_sure, vote.now - vote.other))
+    mesh = next(path for path in first.paths if path in wrong)
+    stated = next(r.up_axis for s, r in _said(shapes, records) if s == mesh)
+    do = "taken as it is" if is_turned[mesh] else "turned to Z"
+    key = "leave it out of" if is_turned[mesh] else "name it in"
+    opposite = sum(not vote.is_better for vote in votes)
+    meshes = tuple(sorted({path for vote in better for path in vote.paths if path in wrong}))
     return UP_AXIS_FIT(
         f"mesh {mesh}",
-        f"it says {record.up_axis} and would fit link `{first.shape.link}` better {do}: "
+        f"it says {stated} and would fit link `{first.link}` better {do}: "
         f"{first.by} is off by {100 * first.now:.0f} % of its size, then {100 * first.other:.0f} %"
-        f"; so it is for {len(better)} shapes, the opposite for {len(worse)}",
-        hint=f"{key} `source.honour_up_axis`",
-        data={
-            "better": len(better),
-            "worse": len(worse),
-            "meshes": tuple(sorted({_path(fit.shape) for fit in better})),
-        },
+        f"; so it is for {len(better)} shapes, the opposite for {opposite}",
+        hint=f"{key} `source.honour_up_axis`"
+        + (f", like {len(meshes) - 1} other meshes" if len(meshes) > 1 else ""),
+        severity="error" if any(vote.is_sure for vote in better) else "warning",
+        data={"better": len(better), "worse": opposite, "meshes": meshes},
     )
+
+
+def meshes_to_turn(
+    tree: Tree, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
+) -> frozenset[str]:
+    """Paths of the meshes that stand best with the up axis that they state; none was turned."""
+    return _wrong(_votes(tree, shapes, records), _doubted(shapes, records))
+
+
+def _wrong(votes: Sequence[_Vote], doubted: Mapping[str, bool]) -> frozenset[str]:
+    """Paths of the meshes that should stand the other way.
+
+    What is sure of a mesh decides for it; the others follow the majority of their format, since
+    one exporter wrote them.
+    """
+    turn: Counter[str] = Counter()
+    for vote in votes:
+        for path in vote.paths:
+            says = 1 if vote.is_better != doubted[path] else -1
+            turn[format_of(path)] += says
+            turn[path] += says if vote.is_sure else 0
+    wanted = {path: turn[path] or turn[format_of(path)] for path in doubted}
+    return frozenset(path for path, says in wanted.items() if says and (says > 0) != doubted[path])
+
+
+def _doubted(shapes: SourceShapes, records: Mapping[str, ConvertedMesh]) -> dict[str, bool]:
+    """Meshes that state an up axis: path -> was it turned accordingly?"""
+    return {path: record.turned for path, record in _said(shapes, records)}
+
+
+def _said(
+    shapes: SourceShapes, records: Mapping[str, ConvertedMesh]
+) -> Iterator[tuple[str, ConvertedMesh]]:
+    for shape in shapes.shapes:
+        if _says(shape, records):
+            yield _path(shape), records[shape.name]
 
 
 def _path(shape: SourceShape) -> str:
@@ -115,33 +163,66 @@ def _path(shape: SourceShape) -> str:
     return shape.geometry.path
 
 
-def _fits(body: Body, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]) -> Iterator[_Fit]:
+def _votes(tree: Tree, shapes: SourceShapes, records: Mapping[str, ConvertedMesh]) -> list[_Vote]:
+    """What each link says of its meshes, where it says anything clearly."""
+    return [
+        vote
+        for body in tree.bodies
+        for role in ("visual", "collision")
+        if (vote := _vote(body, role, _joints_at(body.name, tree), shapes, records)) is not None
+    ]
+
+
+def _joints_at(link: str, tree: Tree) -> Array:
+    """(n, 3) m: where the moving joints of a link are, in its frame; their parts meet there."""
+    below = [joint.X_parent_joint.xyz for joint in tree.moving_joints if joint.parent == link]
+    above = [(0.0, 0.0, 0.0) for joint in tree.moving_joints if joint.child == link]
+    return np.array([*below, *above], dtype=np.float64).reshape(-1, 3)
+
+
+def _vote(
+    body: Body,
+    role: str,
+    joints: Array,
+    shapes: SourceShapes,
+    records: Mapping[str, ConvertedMesh],
+) -> _Vote | None:
     own = [
         shape
         for shape in shapes.shapes
         if shape.link == body.name
         and (not isinstance(shape.geometry, MeshFile) or shape.name in records)
     ]
-    for role in ("visual", "collision"):
-        doubted = [s for s in own if s.role == role and _says(s, records)]
-        if not doubted:
-            continue
-        # One box for all parts of a role: collision is cut into other pieces than what is seen.
-        witnesses = [s for s in own if s.role != role and not _says(s, records)]
-        sure = [s for s in own if s.role == role and not _says(s, records)]
-        now = _around([*doubted, *sure], records, other=False)
-        other = _around([*doubted, *sure], records, other=True)
-        if witnesses:
-            seen = _around(witnesses, records, other=False)
-            misfits = [float(np.abs(box - seen).max()) for box in (now, other)]
-            by = "its collision or visual shape"
-        elif body.inertial is not None and any(body.inertial.com_m):  # zero is often made up
-            misfits = [_outside(box, np.array(body.inertial.com_m)) for box in (now, other)]
-            by = "the centre of mass"
-        else:
-            continue
-        size = float(np.linalg.norm(now[1] - now[0]))
-        yield _Fit(doubted[0], misfits[0] / size, misfits[1] / size, by)
+    doubted = [s for s in own if s.role == role and _says(s, records)]
+    if not doubted:
+        return None
+    # One box for all parts of a role: collision is cut into other pieces than what is seen.
+    same = [s for s in own if s.role == role]
+    boxes = [_around(same, records, other=other) for other in (False, True)]
+    size = float(np.linalg.norm(boxes[0][1] - boxes[0][0]))
+    witnesses = [s for s in own if s.role != role and not _says(s, records)]
+    misfits: dict[str, list[float]] = {}
+    if witnesses:
+        seen = _around(witnesses, records, other=False)
+        misfits["its collision or visual shape"] = [float(np.abs(b - seen).max()) for b in boxes]
+    else:
+        if body.inertial is not None and any(body.inertial.com_m):  # zero is often made up
+            com = np.array(body.inertial.com_m)
+            misfits["the centre of mass"] = [_outside(box, com) for box in boxes]
+        if len(joints):
+            far = [[_outside(box, joint) for joint in joints] for box in boxes]
+            misfits["where its joints are"] = [float(np.mean(gaps)) for gaps in far]
+    paths = tuple(dict.fromkeys(_path(shape) for shape in doubted))
+    votes = [
+        _Vote(body.name, paths, now / size, other / size, by, False)
+        for by, (now, other) in misfits.items()
+        if abs(now - other) > CLEARLY * size
+    ]
+    if not votes or len({vote.is_better for vote in votes}) > 1:
+        return None
+    best = max(votes, key=lambda vote: abs(vote.now - vote.other))
+    is_sure = min(best.now, best.other) < CLOSELY if witnesses else len(votes) > 1
+    return replace(best, is_sure=is_sure)
 
 
 def _outside(box: Box3, point: Array) -> float:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.errors import MachineError, SourceError, UsageError, Where
+from assetbuild.init.absent import mended
 from assetbuild.init.anatomy import study
 from assetbuild.init.look import judge, look
 from assetbuild.init.mjcf import find_mjcf, is_mjcf, mjcf_text
@@ -21,10 +22,14 @@ from assetbuild.recipe.loader import read_small_file, shown_path
 
 @dataclass(frozen=True)
 class Proposal:
-    """A recipe that is not written yet. path: where it belongs."""
+    """A recipe that is not written yet. path: where it belongs.
+
+    unmended: what keeps its robot from being ready, each with the edit that mends it.
+    """
 
     path: Path
     text: str
+    unmended: tuple[str, ...] = ()
 
 
 def propose(
@@ -43,13 +48,15 @@ def propose(
     if is_mjcf(file, read_small_file(file, shown_path(file), SourceError)):
         found = find_mjcf(file)
         path = out or Path(f"{recipe_name(found.robot.links.name)}.yaml")
-        return Proposal(path, mjcf_text(found, path))
-    source = find_source(file, packages, args or {})
+        recipe = mjcf_text(found, path)
+        return Proposal(path, recipe.text, recipe.unmended)
+    source = mended(find_source(file, packages, args or {}))
     robot = look(source)
     anatomy = study(robot)
     robot = judge(robot.links, robot.shapes, anatomy.base)
     path = out or Path(f"{recipe_name(robot.links.name)}.yaml")
-    return Proposal(path, recipe_text(robot, anatomy, source, path))
+    recipe = recipe_text(robot, anatomy, source, path)
+    return Proposal(path, recipe.text, recipe.unmended)
 
 
 def write(proposal: Proposal, *, force: bool) -> None:

@@ -30,7 +30,7 @@ _FOOT = re.compile(r"(?i).*(foot|feet|sole|toe|ankle_roll).*")
 _ARM = re.compile(r"(?i).*(arm|shoulder|elbow|wrist|hand|grip|finger|thumb|nub).*")
 _LEG = re.compile(r"(?i).*(leg|foot|hip|knee|ankle|thigh|calf|shank).*")
 _SHANK = re.compile(r"(?i).*(shank|shin|calf|thigh|leg|knee).*")
-_WHEEL = re.compile(r"(?i).*(wheel|caster).*")
+WHEEL = re.compile(r"(?i).*(wheel|caster).*")
 _FLYING = re.compile(r"(?i).*(propeller|flying|drone|copter|quadrotor|hector|iris).*")
 _PROP = re.compile(r"(?i)(.*[_/-])?prop_?\d*([_-].*)?")
 """Something that flies has several of these; a gripper may have one `prop`, too."""
@@ -62,7 +62,8 @@ class Leg:
 class Anatomy:
     """base_reason: why it is floating or fixed. sensors: kind -> names of source links.
 
-    size_m: largest extent of the links' origins.
+    size_m: largest extent of the links' origins. called_legs: of a robot that stands on none at
+    the zero pose, limbs that must be legs by their names.
     """
 
     base: Base
@@ -70,6 +71,12 @@ class Anatomy:
     legs: tuple[Leg, ...]
     sensors: Mapping[str, tuple[str, ...]]
     size_m: float
+    called_legs: tuple[Leg, ...] = ()
+
+    @property
+    def walks_on(self) -> tuple[Leg, ...]:
+        """The limbs that carry the robot, however they point at the zero pose."""
+        return self.legs or self.called_legs
 
 
 def study(robot: InspectedRobot) -> Anatomy:
@@ -81,7 +88,9 @@ def study(robot: InspectedRobot) -> Anatomy:
     limbs = [_limb(robot, at_zero, tip) for tip in _leaves(tree)]
     legs = _legs(limbs, at_zero, float(extent[2]))
     size = float(extent.max()) if tree.joints else 0.0
-    return Anatomy(*_base(robot, legs, limbs), legs, _sensors(robot.links), size)
+    base, reason = _base(robot, legs, limbs)
+    called = () if legs or base == "fixed" else _called_legs(limbs)
+    return Anatomy(base, reason, legs, _sensors(robot.links), size, called)
 
 
 def chain_to(tree: Tree, body: str) -> tuple[Joint, ...]:
@@ -126,7 +135,7 @@ def _can_walk(limb: Leg) -> bool:
     if len(limb.joints) < 2:
         return False
     last = limb.joints[-1]
-    called_leg = _LEG.fullmatch(last.child) and not _WHEEL.fullmatch(last.child + last.name)
+    called_leg = _LEG.fullmatch(last.child) and not WHEEL.fullmatch(last.child + last.name)
     return last.kind != "continuous" or bool(called_leg)
 
 
@@ -145,7 +154,10 @@ def _limb(robot: InspectedRobot, at_zero: Mapping[str, Pose], tip: str) -> Leg:
     """The chain from the last body where the robot branches to `tip`."""
     tree, leaves = robot.tree, _leaves(robot.tree)
     # A last body on a joint that nothing drives, as Cassie's heel, is no limb of its own.
-    springs = {j.name for j in tree.joints if j.limits.effort == 0.0 and j.child in leaves}
+    # Where no joint states an effort, 0 says nothing.
+    states = any(j.limits.effort for j in tree.joints)
+    idle = [j for j in tree.joints if states and j.limits.effort == 0.0]
+    springs = {j.name for j in idle if j.child in leaves}
     branches = Counter(joint.parent for joint in tree.joints if joint.name not in springs)
     joints: list[Joint] = []
     for joint in chain_to(tree, tip)[::-1]:
@@ -186,6 +198,8 @@ def _holders(links: Tree, foot: str, tip: str) -> Iterator[str]:
 
 def _base(robot: InspectedRobot, legs: tuple[Leg, ...], limbs: list[Leg]) -> tuple[Base, str]:
     links, tree = robot.links, robot.tree
+    if robot.floats:
+        return "floating", "a floating joint holds it to an empty root link"
     if links.root.lower() in _WORLD:
         return "fixed", f"the root link is called `{links.root}`"
     if legs:
@@ -194,7 +208,7 @@ def _base(robot: InspectedRobot, legs: tuple[Leg, ...], limbs: list[Leg]) -> tup
     rolling = [
         joint.child
         for joint in tree.joints
-        if joint.kind == "continuous" and _WHEEL.fullmatch(joint.child + joint.name)
+        if joint.kind == "continuous" and WHEEL.fullmatch(joint.child + joint.name)
     ]
     if len(rolling) >= 2:
         return "floating", f"it rolls on {len(rolling)} wheels: {', '.join(rolling)}"

@@ -12,10 +12,12 @@ import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from assetbuild.init.anatomy import Leg
+from assetbuild.init.strength import Guess, is_locked, unit_of
 from assetbuild.robot.dynamics import dynamics, holding_torques
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Joint, Tree
@@ -23,6 +25,8 @@ from assetbuild.robot.pose import Array
 
 FULL_ERROR = {"rad": 0.3, "m": 0.02}
 """Tracking error at which a drive gives all its effort."""
+FULL_SLIP = 1.0
+"""rad/s: error of its speed at which the drive of a wheel gives all its effort."""
 SAG = {"rad": 0.05, "m": 0.005}
 """Furthest that gravity may pull a joint from its target at home."""
 SLOWEST_HZ = 3.0
@@ -59,6 +63,7 @@ class DriveRow:
     never move (friction).
     locked: equal limits hold them, so that a drive could move nothing.
     standing: least inertia of those that belong to a standing leg; 0 without one.
+    guess: why the effort is a guess, "" for the source's own; role: of such joints.
     """
 
     joints: tuple[str, ...]
@@ -66,10 +71,27 @@ class DriveRow:
     velocity: float | None
     unit: str
     inertia: float
-    gains: Mapping[str, float] = field(default_factory=dict)
+    gains: Mapping[str, float] = field(default_factory=dict, hash=False)
     drops: tuple[str, ...] = ()
     locked: bool = False
     standing: float = 0.0
+    guess: str = ""
+    role: str = ""
+    armature: float = 0.0
+
+    @property
+    def keys(self) -> dict[str, object]:
+        """The row of the recipe, but for `joints`."""
+        if self.locked or self.effort is None:
+            return {"model": "passive"}
+        keys: dict[str, object] = {"model": "velocity" if self.role == "wheel" else "pd"}
+        if self.guess:
+            keys["effort"] = self.effort
+        keys |= self.gains
+        if self.armature:
+            keys["armature"] = self.armature
+        keys |= dict.fromkeys(self.drops, 0)
+        return keys | ({"guessed": True} if self.guess else {})
 
     def outruns(self, step_s: float) -> bool:
         """Whether a leg's drive acts faster than steps of this length can follow."""
@@ -87,29 +109,47 @@ class _Felt:
 
 
 def drive_rows(
-    tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]
+    tree: Tree,
+    pose: Mapping[str, float],
+    legs: tuple[Leg, ...],
+    guesses: Mapping[str, Guess] = MappingProxyType({}),
+    armature: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[DriveRow, ...]:
-    """Joints grouped by kind, effort and velocity, with gains; mimic joints need no row."""
-    felt = _felt(tree, pose, legs)
-    groups: dict[tuple[str, float | None, float | None, bool], list[Joint]] = defaultdict(list)
+    """Joints grouped by kind, effort and velocity, with gains; mimic joints need no row.
+
+    guesses: of the efforts that the source does not state; the tree has them. Such joints are
+    grouped by what they are part of.
+    armature: of rotors, by joint, kg m2 or kg.
+    """
+    felt = _felt(tree, pose, legs, armature)
+    groups: dict[DriveRow, list[Joint]] = defaultdict(list)
     for joint in tree.moving_joints:
         if joint.mimic is None:
-            unit = "m" if joint.kind == "prismatic" else "rad"
-            limits = joint.limits
-            locked = limits.lower is not None and limits.lower == limits.upper
-            effort = None if locked else limits.effort or None
-            groups[unit, effort, limits.velocity or None, locked].append(joint)
+            kind = _kind(joint, guesses.get(joint.name))
+            groups[replace(kind, armature=armature.get(joint.name, 0.0))].append(joint)
     rows = []
-    for (unit, effort, velocity, locked), joints in groups.items():
-        names = tuple(joint.name for joint in joints)
-        found = [felt[name] for name in names]
+    for kind, joints in groups.items():
+        found = [felt[joint.name] for joint in joints]
         inertia = max(one.inertia for one in found)
-        row = DriveRow(names, effort, velocity, unit, inertia, locked=locked)
-        rows.append(_driven(row, effort, found) if effort is not None else row)
+        names = tuple(joint.name for joint in joints)
+        row = replace(kind, joints=names, inertia=inertia)
+        rows.append(_driven(row, row.effort, found) if row.effort is not None else row)
     return tuple(rows)
 
 
+def _kind(joint: Joint, guess: Guess | None) -> DriveRow:
+    """The row of one joint, without what depends on the others."""
+    unit, limits, locked = unit_of(joint), joint.limits, is_locked(joint)
+    effort = None if locked else limits.effort or None
+    row = DriveRow((), effort, limits.velocity or None, unit, 0.0, locked=locked)
+    if guess is None:
+        return row
+    return replace(row, guess=guess.why, role=guess.role)
+
+
 def _driven(row: DriveRow, effort: float, felt: Sequence[_Felt]) -> DriveRow:
+    if row.role == "wheel":
+        return replace(row, gains={"kd": _rounded(effort / FULL_SLIP)})
     row = _with_gains(row, effort, felt)
     cannot_be_meant = {
         "damping": max(_own_ratio(row, one) for one in felt) > MOST_DAMPED,
@@ -176,12 +216,14 @@ def _rounded(value: float) -> float:
     return float(f"{value:.2g}")
 
 
-def _felt(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> dict[str, _Felt]:
+def _felt(
+    tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...], armature: Mapping[str, float]
+) -> dict[str, _Felt]:
     """By joint, from the mass matrix at home; the feet carry the robot, where it has any.
 
     A leg's joint moves the leg's share of the robot at the leg's length.
     """
-    robot = dynamics(tree, pose, {})
+    robot = dynamics(tree, pose, armature)
     feet: list[tuple[str, Array]] = []
     loads: dict[str, float] = {}
     for leg in legs:

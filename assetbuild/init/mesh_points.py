@@ -8,6 +8,7 @@ from typing import get_args
 import numpy as np
 
 from assetbuild.errors import StepError
+from assetbuild.mesh.companions import companions_of
 from assetbuild.mesh.hull import refuse_flat
 from assetbuild.mesh.material import SourceMesh
 from assetbuild.mesh.read import Format, read_mesh
@@ -28,7 +29,10 @@ def mesh_of(root: Path, mesh: MeshFile) -> SourceMesh | None:
     format = formats.get(path.suffix.lower())
     try:
         if format is not None and path.stat().st_size <= LARGEST:
-            return read_mesh(path.read_bytes(), format, subject=mesh.path)
+            data = path.read_bytes()
+            names = companions_of(data, "gltf") if format == "gltf" else ()
+            beside = {n: f.read_bytes() for n in names if (f := path.parent / n).is_file()}
+            return read_mesh(data, format, companions=beside, subject=mesh.path)
     except (StepError, OSError):
         pass
     return None
@@ -47,7 +51,7 @@ def is_flat(root: Path, mesh: MeshFile) -> bool:
     if read is None:
         return False
     try:
-        refuse_flat(np.unique(scaled_points(read, mesh), axis=0), mesh.path)
+        refuse_flat(scaled_points(read, mesh), mesh.path)
     except StepError:
         return True
     return False

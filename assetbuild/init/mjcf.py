@@ -8,38 +8,45 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from assetbuild.engine.scratch import scratch
+from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import SourceError, Where
 from assetbuild.init.anatomy import Anatomy, study
+from assetbuild.init.collision import soles_of
 from assetbuild.init.home import home_pose
 from assetbuild.init.look import InspectedRobot, judge
 from assetbuild.init.packages import above, is_file
-from assetbuild.init.repairs import repairs
+from assetbuild.init.repairs import repairs, repairs_text
+from assetbuild.init.strength import strengthened
 from assetbuild.init.targets import targets
-from assetbuild.init.text import head, home, validation
-from assetbuild.init.trial import tables, try_to_stand
-from assetbuild.init.words import some, source_section, written
+from assetbuild.init.text import Recipe, actuators, head, home, validation
+from assetbuild.init.trial import Trial, tables, try_to_stand
+from assetbuild.init.tune import Tuning, tune
+from assetbuild.init.wheels import wheel_radii
+from assetbuild.init.words import quoted, some, source_section, written
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
+from assetbuild.source.mjcf.includes import ListIncludes
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
+from assetbuild.source.mjcf.scenery import SeveralRobotsError
 from assetbuild.source.urdf.xml import MAX_BYTES
 
-DRIVES = """\
-# The source drives no joint (mjlab's robots are driven from Python). A table here would:
-# actuators:
-#   - {joints: ".*", model: pd, kp: 40, kd: 2, effort: 20}   # your motors' numbers"""
+DRIVES = "# The source drives no joint; mjlab's robots, for one, are driven from Python."
 
 
 @dataclass(frozen=True)
 class MjcfSource:
-    """An MJCF that can be read. root: the lowest folder that holds it and its meshes."""
+    """An MJCF that can be read. root: the lowest folder that holds it and its meshes.
+
+    bodies: of the robots in its world, where there are several; the first is read.
+    """
 
     root: Path
     file: str
     robot: InspectedRobot
     control: Control
+    bodies: tuple[str, ...] = ()
 
 
 def is_mjcf(file: Path, data: bytes) -> bool:
@@ -58,6 +65,8 @@ def find_mjcf(file: Path) -> MjcfSource:
     for root in above(real):
         try:
             return _read(root, real.relative_to(root).as_posix())
+        except SeveralRobotsError as several:
+            return _read(root, real.relative_to(root).as_posix(), several.names)
         except SourceError as error:
             if "leads out of the source" not in error.message:
                 raise
@@ -66,13 +75,15 @@ def find_mjcf(file: Path) -> MjcfSource:
     raise problem
 
 
-def _read(root: Path, name: str) -> MjcfSource:
+def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
     """The build's own steps, run on the spot."""
     with scratch() as ports:
         for path in sorted((root / name).parent.rglob("*.xml")):
             if is_file(path) and path.stat().st_size <= MAX_BYTES:  # what else may be an include
                 ports.link(f"tree/{path.relative_to(root)}", path)
-        ports.run(FlattenMjcf(file=name))
+        while _included(ports, root, name):
+            pass
+        ports.run(FlattenMjcf(file=name, body=bodies[0] if bodies else None))
         for mesh in json.loads(ports.read("meshes.json")):
             path = root / mesh["path"]
             if not path.is_file():
@@ -83,23 +94,55 @@ def _read(root: Path, name: str) -> MjcfSource:
         read = RobotFiles(ports.folder)
         said = read.source_control or SourceControl()
         robot = judge(read.links, read.source_shapes, read.links.base)
-    return MjcfSource(root, name, robot, said.control)
+    return MjcfSource(root, name, robot, said.control, bodies)
 
 
-def mjcf_text(found: MjcfSource, path: Path) -> str:
+def _included(ports: Scratch, root: Path, name: str) -> bool:
+    """Link the files that the MJCF names elsewhere below the root; whether there were any."""
+    ports.run(ListIncludes(file=name))
+    paths = [path for path in json.loads(ports.read("includes.json")) if is_file(root / path)]
+    for path in paths:
+        ports.link(f"tree/{path}", root / path)
+    return bool(paths)
+
+
+def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
     """The whole recipe, as it will lie at `path`."""
     robot, control = found.robot, found.control
     anatomy = study(robot)
-    return written(
-        head(robot, anatomy, path),
-        source_section(found.root, path, "mjcf", found.file),
+    idle = not _driven(control) and robot.tree.moving_joints
+    tuning = _tuned(found, anatomy) if idle else None
+    unmended = tuning.unmended if tuning else ()
+    text = written(
+        head(robot, anatomy, path, unmended),
+        source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
         _taken(found),
-        repairs(robot, found.root),
+        repairs_text(robot, repairs(robot, found.root)),
         _collision(robot),
-        _drives(control),
+        _drives(found, tuning),
         () if control.keyframes else home(robot, anatomy, home_pose(robot.tree, anatomy.legs)),
         [targets(robot), *_validate(found, anatomy)],
     )
+    return Recipe(text, unmended)
+
+
+def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
+    """Drives for a source that has none, with its own rotors and at most its own time step."""
+    robot, control = found.robot, found.control
+    tree, guesses = strengthened(robot.tree, anatomy, wheel_radii(robot, found.root))
+
+    def attempt(tuning: Tuning) -> Trial:
+        step = tables(tree, tuning.drives, tuning.pose, {"timestep": tuning.timestep})
+        return try_to_stand(robot, found.root, soles_of(robot, anatomy), step)
+
+    rotors = {actuator.joint: actuator.armature for actuator in control.actuators}
+    return tune(tree, anatomy, guesses, attempt, rotors, control.simulation.timestep)[0]
+
+
+def _chosen(bodies: tuple[str, ...]) -> Iterator[str]:
+    """The first of several robots; the recipe of another differs by this line."""
+    if bodies:
+        yield f"  body: {quoted(bodies[0])}   # or {some(bodies[1:])}: one recipe builds one robot"
 
 
 def _taken(found: MjcfSource) -> Iterator[str]:
@@ -125,14 +168,22 @@ def _collision(robot: InspectedRobot) -> Iterator[str]:
         yield "  default: {method: auto, from: visual}   # the source has no collision shapes"
 
 
-def _drives(control: Control) -> Iterator[str]:
+def _driven(control: Control) -> list[str]:
+    """What the source drives."""
     driven = [a.name for a in control.actuators if a.model != "passive"]
-    driven += ["others" for item in control.mjcf_only if item.place == "actuator"][:1]
-    if driven:
+    return driven + ["others" for item in control.mjcf_only if item.place == "actuator"][:1]
+
+
+def _drives(found: MjcfSource, tuning: Tuning | None) -> Iterator[str]:
+    """The source's drives by name, or a table for a source that has none."""
+    if driven := _driven(found.control):
         yield f"# Drives of the source: {some(driven)}"
         yield "# An `actuators:` table here would replace them all."
-    else:
+    if tuning is not None:
         yield DRIVES
+        yield from actuators(tuning.tree, tuning)
+        if tuning.timestep < found.control.simulation.timestep:
+            yield f"simulation: {{timestep: {tuning.timestep!r}}}"
 
 
 def _validate(found: MjcfSource, anatomy: Anatomy) -> Iterator[str]:
@@ -148,5 +199,5 @@ def _validate(found: MjcfSource, anatomy: Anatomy) -> Iterator[str]:
     step = {"timestep": control.simulation.timestep}
     home = control.initial_keyframe
     pose = dict(home.joints) if home else home_pose(robot.tree, legs)
-    trial = try_to_stand(robot, found.root, soles, tables((), pose, step), control)
+    trial = try_to_stand(robot, found.root, soles, tables(robot.tree, (), pose, step), control)
     yield from validation(robot, legs, trial)

@@ -14,11 +14,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from assetbuild.init.anatomy import Leg, chain_to
+from assetbuild.init.gravity import gravity_loads
 from assetbuild.init.joint_range import bounds
-from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Joint, Tree
-from assetbuild.robot.pose import Array
-from assetbuild.robot.tree import forward_kinematics
 
 HEAVY = 0.7
 """Share of the effort limit that holding the pose may need."""
@@ -28,7 +26,6 @@ PULL, PULL_BEYOND = 0.05, 0.3
 """Overload that the other end of its range is worth, of the overloaded joint and of the joints
 beyond it: a limb folds where that helps much, and not into itself for little."""
 ROUNDS = 12
-GRAVITY = 9.81
 
 
 def relieved(tree: Tree, pose: Mapping[str, float], legs: tuple[Leg, ...]) -> dict[str, float]:
@@ -84,24 +81,6 @@ def _values(joint: Joint) -> list[float]:
 
 def _loads(tree: Tree, pose: Mapping[str, float], joints: list[Joint]) -> dict[str, float]:
     """Share of its effort limit with which each joint holds what hangs on it."""
-    X_root = forward_kinematics(tree, with_mimics(tree, pose))
-    mass: dict[str, float] = {}
-    moment: dict[str, Array] = {}
-    for body in tree.bodies:
-        inertial = body.inertial
-        mass[body.name] = inertial.mass_kg if inertial else 0.0
-        com = X_root[body.name].apply(inertial.com_m if inertial else (0.0, 0.0, 0.0))
-        moment[body.name] = mass[body.name] * np.asarray(com)
-    for joint in reversed(tree.joints):  # children come after their parents
-        mass[joint.parent] += mass[joint.child]
-        moment[joint.parent] = moment[joint.parent] + moment[joint.child]
-    found = {}
-    for joint in joints:
-        if not joint.limits.effort or joint.kind == "prismatic":
-            continue  # a slide holds the same weight in every pose
-        X = X_root[joint.child]
-        axis = X.rotation @ np.asarray(joint.axis)
-        arm = moment[joint.child] - mass[joint.child] * np.asarray(X.xyz)
-        found[joint.name] = abs(float(axis @ np.cross(arm, (0.0, 0.0, GRAVITY))))
-        found[joint.name] /= joint.limits.effort
-    return found
+    limited = [j for j in joints if j.limits.effort and j.kind != "prismatic"]
+    loads = gravity_loads(tree, pose, limited)  # a slide holds the same weight in every pose
+    return {j.name: loads[j.name] / (j.limits.effort or math.inf) for j in limited}

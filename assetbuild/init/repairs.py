@@ -7,7 +7,7 @@ measure (the mass of a link that states none) is a guess that says so.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,7 +35,7 @@ _BROKEN = {"inertia.missing", "inertia.mass", "inertia.positive", "inertia.dense
 
 
 @dataclass(frozen=True)
-class _Repair:
+class Repair:
     """on: a link or joint. keys: of the edit, besides the name of it; why: of its kind."""
 
     on: str
@@ -44,11 +44,21 @@ class _Repair:
     why: str
     finding: str
 
+    @property
+    def kind(self) -> str:
+        """What `on` names, as the edit's key spells it."""
+        return "joint" if self.edit == "set_limits" else "link"
 
-def repairs(robot: InspectedRobot, root: Path) -> Iterator[str]:
-    """The section `edits:`; no line when nothing needs one. root: of the source's files."""
-    alike: dict[str, list[_Repair]] = {}
-    for repair in (*_inertias(robot, root), *_shares(robot), *_limits(robot)):
+
+def repairs(robot: InspectedRobot, root: Path) -> tuple[Repair, ...]:
+    """What stops a build, mended; in the order of the recipe. root: of the source's files."""
+    return (*_inertias(robot, root), *_shares(robot), *_limits(robot))
+
+
+def repairs_text(robot: InspectedRobot, found: Sequence[Repair]) -> Iterator[str]:
+    """The section `edits:`; no line when nothing needs one."""
+    alike: dict[str, list[Repair]] = {}
+    for repair in found:
         alike.setdefault(f"{repair.edit} {inline(repair.keys)}", []).append(repair)
     if alike:
         yield EDITS
@@ -56,10 +66,9 @@ def repairs(robot: InspectedRobot, root: Path) -> Iterator[str]:
         names = tuple(dict.fromkeys(repair.on for repair in (first, *others)))
         yield f"  # {some(names)}: {plain(first.finding, 300)}"
         yield f"  # {first.why}"
-        kind = "joint" if first.edit == "set_limits" else "link"
-        known = robot.links.by_joint if kind == "joint" else robot.links.by_body
+        known = robot.links.by_joint if first.kind == "joint" else robot.links.by_body
         for pattern in patterns_of(names, list(known)):
-            yield f"  - {first.edit}: {inline({kind: pattern, **first.keys})}"
+            yield f"  - {first.edit}: {inline({first.kind: pattern, **first.keys})}"
     yield from _hints(robot)
 
 
@@ -71,7 +80,7 @@ def _subject(finding: Finding) -> str:
 # --- what to do -----------------------------------------------------------------------------
 
 
-def _inertias(robot: InspectedRobot, root: Path) -> Iterator[_Repair]:
+def _inertias(robot: InspectedRobot, root: Path) -> Iterator[Repair]:
     """One repair for each link that makes a body impossible."""
     for link, findings in _broken_links(robot).items():
         rules = {finding.rule for finding in findings}
@@ -80,7 +89,7 @@ def _inertias(robot: InspectedRobot, root: Path) -> Iterator[_Repair]:
             yield _remade(robot, root, link, worst)
         else:
             why = "MuJoCo refuses such a tensor; the smallest moment is raised as far as needed"
-            yield _Repair(link, "balance_inertia", {}, why, worst.message)
+            yield Repair(link, "balance_inertia", {}, why, worst.message)
 
 
 def _broken_links(robot: InspectedRobot) -> dict[str, list[Finding]]:
@@ -115,7 +124,7 @@ def _spoils(robot: InspectedRobot, link: str) -> bool:
     return link in robot.tree.by_body or (inertial is not None and inertial.mass_kg > 0.0)
 
 
-def _remade(robot: InspectedRobot, root: Path, link: str, finding: Finding) -> _Repair:
+def _remade(robot: InspectedRobot, root: Path, link: str, finding: Finding) -> Repair:
     inertial = robot.links.by_body[link].inertial
     mass = inertial.mass_kg if inertial else 0.0
     shown = [role for role in ("visual", "collision") if _is_solid(robot, root, link, role)]
@@ -131,7 +140,7 @@ def _remade(robot: InspectedRobot, root: Path, link: str, finding: Finding) -> _
             f"a guess, as the source states no mass: the volume of its {shown[0]} shapes times the "
             "density of water; put the `mass` here when you know it"
         )
-    return _Repair(link, "inertia_from_geometry", {**matter, **how}, why, finding.message)
+    return Repair(link, "inertia_from_geometry", {**matter, **how}, why, finding.message)
 
 
 def _is_solid(robot: InspectedRobot, root: Path, link: str, role: str) -> bool:
@@ -141,7 +150,7 @@ def _is_solid(robot: InspectedRobot, root: Path, link: str, role: str) -> bool:
     return bool(shapes) and not any(is_flat(root, mesh) for mesh in meshes)
 
 
-def _ball(link: str, mass: float, finding: Finding) -> _Repair:
+def _ball(link: str, mass: float, finding: Finding) -> Repair:
     """A solid ball of water's density: there is nothing to compute it from."""
     ball = mass or GUESSED_MASS
     radius = (3.0 * ball / (4.0 * math.pi * GUESSED_DENSITY)) ** (1.0 / 3.0)
@@ -149,10 +158,10 @@ def _ball(link: str, mass: float, finding: Finding) -> _Repair:
     keys: dict[str, object] = {} if mass else {"mass": ball}
     keys["inertia"] = dict.fromkeys(("ixx", "iyy", "izz"), moment)
     why = f"a guess, as it has no solid shape: a ball of {ball:g} kg and the density of water"
-    return _Repair(link, "set_inertia", keys, why, finding.message)
+    return Repair(link, "set_inertia", keys, why, finding.message)
 
 
-def _shares(robot: InspectedRobot) -> Iterator[_Repair]:
+def _shares(robot: InspectedRobot) -> Iterator[Repair]:
     if not_in_usd(robot):
         return  # MuJoCo needs none: several joints on one body
     why = (
@@ -162,20 +171,20 @@ def _shares(robot: InspectedRobot) -> Iterator[_Repair]:
     for finding in robot.link_findings:
         if finding.rule == "inertia.between":
             found = "a massless link between two joints"
-            yield _Repair(_subject(finding), "share_mass", {}, why, found)
+            yield Repair(_subject(finding), "share_mass", {}, why, found)
 
 
-def _limits(robot: InspectedRobot) -> Iterator[_Repair]:
+def _limits(robot: InspectedRobot) -> Iterator[Repair]:
     for finding in robot.link_findings:
         name = _subject(finding)
         if finding.rule == "joint.limits":
             limits = robot.links.by_joint[name].limits
             keys = {"lower": limits.upper, "upper": limits.lower}
-            yield _Repair(name, "set_limits", keys, "the two limits change places", finding.message)
+            yield Repair(name, "set_limits", keys, "the two limits change places", finding.message)
         elif finding.rule == "joint.mimic_limits":
             keys = {e: float(f"{finding.data[f'led_{e}']:.9g}") for e in ("lower", "upper")}
             why = "no simulator holds both orders: it gets the range that it is led to"
-            yield _Repair(name, "set_limits", keys, why, finding.message)
+            yield Repair(name, "set_limits", keys, why, finding.message)
 
 
 def _hints(robot: InspectedRobot) -> Iterator[str]:

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 from assetbuild.errors import SourceError, UsageError, Where
-from assetbuild.init.packages import common_folder, files_named, find_packages, stated
-from assetbuild.init.xacro import Expanded, expand, is_xacro
+from assetbuild.init.file_names import absolute_folders, relative_start
+from assetbuild.init.packages import (
+    common_folder,
+    files_named,
+    find_packages,
+    packages_below,
+    stated,
+)
+from assetbuild.init.xacro import Expanded, Removal, expand, is_xacro
 from assetbuild.recipe.loader import read_small_file, shown_path
+from assetbuild.recipe.source import Patch
+from assetbuild.source.urdf.read_urdf import ReadUrdf
 from assetbuild.source.urdf.xml import parse
 
 
@@ -21,6 +30,8 @@ class UrdfSource:
 
     root: absolute, without links; file and the package folders: below it, `/` between.
     args: as given; defaults: of all arguments that the xacro declares, as it spells them.
+    relative_to, absolute, patches: see `recipe.source`; absent: packages that the source lacks;
+    missing: visual meshes that it lacks.
     """
 
     key: Literal["urdf", "xacro"]
@@ -30,11 +41,27 @@ class UrdfSource:
     data: bytes
     args: Mapping[str, str]
     defaults: Mapping[str, str]
+    relative_to: str | None = None
+    absolute: Mapping[str, str] = field(default_factory=dict)
+    absent: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+    patches: tuple[Patch, ...] = ()
 
     @property
     def shown(self) -> str:
         """The description's name in messages, as a build would give it."""
         return self.file if self.key == "urdf" else f"{self.file} (expanded)"
+
+    def reader(self) -> ReadUrdf:
+        """The step that reads `data`, as a build would run it."""
+        return ReadUrdf(
+            file=self.shown,
+            base="floating",
+            packages=dict(self.packages),
+            relative_to=self.relative_to,
+            absolute=dict(self.absolute),
+            missing=self.missing,
+        )
 
 
 def find_source(
@@ -45,6 +72,7 @@ def find_source(
     Raises SourceError where a package is not found, UsageError for a `--package` that is no
     folder and for `--arg` without a xacro.
     """
+    packages_below.cache_clear()  # the files may have changed since another robot was read
     args, name = args or {}, shown_path(file)
     data = read_small_file(file, name, SourceError)
     folders = {name: stated(name, folder) for name, folder in packages.items()}
@@ -52,17 +80,36 @@ def find_source(
     by_xacro = is_xacro(file, data)
     if args and not by_xacro:
         raise UsageError("`--arg` is for a xacro file", where=Where(name), hint="leave it out")
-    read = expand(real, data, folders, args) if by_xacro else Expanded(data, {}, {})
-    uses = files_named(parse(read.data, name))
+    read = expand(real, data, folders, args) if by_xacro else Expanded(data)
+    # Backslashes are patched later; until then they are read as they are meant.
+    named = files_named(parse(read.data, name))
+    uses = [(uri.replace("\\", "/"), node) for uri, node in named]
     used = {**folders, **read.packages}
     used |= find_packages(uses, real, used)
-    root = common_folder(real, used.values(), uses)
+    start, absolute = relative_start(uses, real), absolute_folders(uses, real)
+    root = common_folder(real, (*used.values(), *absolute.values()), uses, start)
     return UrdfSource(
         key="xacro" if by_xacro else "urdf",
         root=root,
         file=real.relative_to(root).as_posix(),
         packages={name: used[name].relative_to(root).as_posix() for name in sorted(used)},
         data=read.data,
-        args=args,
+        args=read.args,
         defaults=read.defaults,
+        relative_to=start.relative_to(root).as_posix() if start else None,
+        absolute={of: to.relative_to(root).as_posix() for of, to in sorted(absolute.items())},
+        absent=read.absent,
+        patches=tuple(_removal(each, root) for each in read.removed),
+    )
+
+
+def _removal(removed: Removal, root: Path) -> Patch:
+    """The patch that takes an include away."""
+    text = removed.file.read_bytes().decode("utf-8", "replace")
+    return Patch(
+        file=removed.file.relative_to(root).as_posix(),
+        find=removed.tag,
+        replace="",
+        times=text.count(removed.tag),
+        because=f"{removed.package} is not here, and the robot calls none of its macros",
     )

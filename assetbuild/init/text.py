@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.init.anatomy import Anatomy, Leg
+from assetbuild.init.collision import collision, soles_of
 from assetbuild.init.drives import (
     DAMPING_RATIO,
     FASTEST_HZ,
@@ -18,28 +19,24 @@ from assetbuild.init.drives import (
     SLOWEST_HZ,
     STEP_S,
     DriveRow,
-    drive_rows,
 )
-from assetbuild.init.home import home_pose
 from assetbuild.init.joint_range import resting
 from assetbuild.init.look import InspectedRobot
+from assetbuild.init.mend import mended
 from assetbuild.init.patterns import pattern_of, patterns_of
-from assetbuild.init.repairs import repairs
+from assetbuild.init.repairs import repairs, repairs_text
 from assetbuild.init.source import UrdfSource
+from assetbuild.init.strength import MARGIN, ROTOR, is_locked, strengthened
 from assetbuild.init.targets import targets
 from assetbuild.init.trial import Trial, tables, try_to_stand
+from assetbuild.init.tune import LIGHT_KG, Tuning, tune
 from assetbuild.init.up_axis import turned
+from assetbuild.init.wheels import wheel_radii
 from assetbuild.init.words import flow, inline, plain, quoted, some, source_section, written
 from assetbuild.recipe.loader import shown_path
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
-from assetbuild.robot.shapes import MeshFile
-from assetbuild.robot.tree import forward_kinematics
 
-COMPOUND = 0.15
-"""Joints closer than this share of the robot's size make one compound joint (a hip, a wrist)."""
-LIGHT_KG = 5.0
-SHORT_STEP_S = 0.002
 MANY_LEGS = 4
 """Robots on as many legs usually stand."""
 DROPPED = {"damping": "it would creep for minutes", "friction": "it takes most of the effort"}
@@ -51,36 +48,69 @@ def recipe_name(name: str) -> str:
     return (plain if plain[:1].isalpha() else f"robot_{plain}")[:64]
 
 
-def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, path: Path) -> str:
-    """The whole recipe, as it will lie at `path`."""
-    pose = home_pose(robot.tree, anatomy.legs)
-    drives = drive_rows(robot.tree, pose, anatomy.legs)
+@dataclass(frozen=True)
+class Recipe:
+    """Its text, and what it could not mend, each a sentence with the edit that does."""
+
+    text: str
+    unmended: tuple[str, ...] = ()
+
+
+def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, path: Path) -> Recipe:
+    """The whole recipe, as it will lie at `path`; its drives and pose are tried before."""
+    edits = repairs(robot, source.root)
+    whole = mended(robot, source.root, edits)
+    tree, guesses = strengthened(whole.tree, anatomy, wheel_radii(whole, source.root))
+    soles = soles_of(whole, anatomy)
+
+    def attempt(tuning: Tuning) -> Trial:
+        step = {"timestep": tuning.timestep}
+        control = tables(tree, tuning.drives, tuning.pose, step)
+        return try_to_stand(whole, source.root, soles, control)
+
+    tuning, trial = tune(tree, anatomy, guesses, attempt)
+    tuning = replace(tuning, unmended=(*_locked(tree), *tuning.unmended))
     more = (*_arguments(source), *_packages(source), *turned(source, robot))
-    return written(
-        head(robot, anatomy, path),
+    text = written(
+        head(whole, anatomy, path, tuning.unmended),
         source_section(source.root, path, source.key, source.file, *more),
         [f"base: {anatomy.base}   # {plain(anatomy.base_reason, 200)}"],
         _fixed_joints(robot),
-        repairs(robot, source.root),
+        repairs_text(robot, edits),
         ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],
-        _collision(robot, anatomy),
-        _actuators(robot.tree, drives),
-        home(robot, anatomy, pose),
-        _simulation(robot, anatomy, drives, lambda: _tried(robot, anatomy, source, pose, drives)),
+        collision(robot, anatomy, source.root),
+        actuators(tree, tuning),
+        home(robot, anatomy, tuning.pose),
+        _simulation(whole, anatomy, tuning, trial),
         _variants(robot, anatomy),
     )
+    return Recipe(text, tuning.unmended)
+
+
+def _locked(tree: Tree) -> Iterator[str]:
+    """Limits of 0 and 0 are what an exporter writes that knows none."""
+    moving = [joint for joint in tree.moving_joints if joint.mimic is None]
+    if moving and all(map(is_locked, moving)):
+        yield (
+            f"equal limits lock all {len(moving)} moving joints, so nothing can be driven "
+            "(give them their ranges by `set_limits` under `edits`, as in the comment below)"
+        )
 
 
 # --- where from -----------------------------------------------------------------------------
 
 
-def head(robot: InspectedRobot, anatomy: Anatomy, path: Path) -> Iterator[str]:
-    """What the robot is, in a comment, and its name."""
+def head(
+    robot: InspectedRobot, anatomy: Anatomy, path: Path, unmended: Sequence[str] = ()
+) -> Iterator[str]:
+    """What the robot is and what no recipe can mend, in a comment, and its name."""
     tree, name = robot.tree, robot.links.name
     mass, moving = total_mass(tree), len(tree.moving_joints)
     yield f"# {plain(name)}: {mass:.4g} kg, {len(tree.bodies)} bodies, {moving} moving joints"
     yield "# Written by `assetbuild init`: read it, correct it, it is yours. Build it with"
     yield f"#   assetbuild build {plain(shown_path(path))}"
+    for problem in unmended:
+        yield f"# NOT READY: {plain(problem, 300)}"
     if anatomy.sensors:
         yield "# Frames that survive as sites under the names of their links:"
     for kind, names in anatomy.sensors.items():
@@ -104,6 +134,28 @@ def _packages(source: UrdfSource) -> Iterator[str]:
     if source.packages:
         folders = inline(source.packages)
         yield f"  packages: {folders}   # package:// roots; nothing is searched in a build"
+    if source.relative_to is not None:
+        yield f"  relative_to: {quoted(source.relative_to)}   # where relative names start"
+    if source.absolute:
+        yield "  # What absolute names of the author's machine begin with, and what lies there:"
+        yield f"  absolute: {inline(source.absolute)}"
+    yield from _missing(source)
+    if source.patches:
+        yield "  patches:   # repairs of the text before it is read; tell its authors"
+    for patch in source.patches:
+        yield f"    - {inline(patch.model_dump(exclude_defaults=True))}"
+
+
+def _missing(source: UrdfSource) -> Iterator[str]:
+    """What the source lacks and the robot can do without."""
+    if source.missing or source.absent:
+        yield "  missing:"
+    if source.missing:
+        yield "    # Visual meshes that the source lacks: nothing is drawn for them."
+        yield from flow("    visuals: [", [quoted(path) for path in source.missing], "]")
+    if source.absent:
+        yield "    # Packages that the xacro asks for and reads nothing of (controllers, Gazebo)."
+        yield f"    packages: {inline(source.absent)}"
 
 
 def _fixed_joints(robot: InspectedRobot) -> Iterator[str]:
@@ -113,66 +165,12 @@ def _fixed_joints(robot: InspectedRobot) -> Iterator[str]:
     yield f"  merge: true   # {merged if bodies < links else 'every link moves, so none is merged'}"
 
 
-# --- geometry -------------------------------------------------------------------------------
-
-
-def _collision(robot: InspectedRobot, anatomy: Anatomy) -> Iterator[str]:
-    origin, why = "visual", "the source has no collision shapes"
-    if robot.shapes.of("collision"):
-        seen = {shape.link for shape in robot.shapes.of("visual")}
-        idle = len(seen - robot.solid_links)
-        why = f"{idle} links are drawn but hit nothing, as in the source" if idle else "all have it"
-        origin = "collision"
-    yield "collision:"
-    yield "  preset: locomotion   # coarse and fast; `manipulation` stays close to the mesh"
-    yield (
-        "  # auto: a primitive stays as it is, a mesh becomes few convex pieces within tolerances"
-    )
-    yield f"  default: {{method: auto, from: {origin}}}   # {why}"
-    balls = _ball_feet(robot, anatomy)
-    if balls:
-        yield "  links:"
-        yield "    # A foot that meets the ground in a point rolls best as a sphere."
-        yield from (f"    {quoted(p)}: {{method: primitive, shape: sphere}}" for p in balls)
-    yield "  exclude:"
-    yield "    adjacent: true   # bodies that a joint connects never collide"
-    pairs = _compound_pairs(robot.tree, anatomy.size_m)
-    if pairs:
-        yield "    # Joints close together make one (a hip, a wrist): hulls overlap there."
-        yield from flow("    pairs: [", [inline(pair) for pair in pairs], "]")
-
-
-def _ball_feet(robot: InspectedRobot, anatomy: Anatomy) -> tuple[str, ...]:
-    """Feet of walkers on four legs or more that are meshes and nothing else."""
-    if len(anatomy.legs) < 4:
-        return ()
-    solid = robot.shapes.of("collision") or robot.shapes.of("visual")
-    balls = []
-    for leg in anatomy.legs:
-        own = [s for s in solid if s.link == leg.foot]
-        separate = leg.foot != leg.tip or len(leg.joints) >= 4
-        if own and separate and all(isinstance(s.geometry, MeshFile) for s in own):
-            balls.append(leg.foot)
-    return patterns_of(balls, list(robot.links.by_body)) if balls else ()
-
-
-def _compound_pairs(tree: Tree, size: float) -> list[tuple[str, str]]:
-    """A body and the one two joints further, where the two joints are close together."""
-    poses = forward_kinematics(tree, {})
-    pairs = []
-    for joint in tree.joints:
-        above = tree.joint_above.get(joint.parent)
-        if above is not None:
-            apart = math.dist(poses[joint.child].xyz, poses[above.child].xyz)
-            if apart < COMPOUND * size:
-                pairs.append((above.parent, joint.child))
-    return pairs
-
-
 # --- drives and poses -----------------------------------------------------------------------
 
 
-def _actuators(tree: Tree, rows: Sequence[DriveRow]) -> Iterator[str]:
+def actuators(tree: Tree, tuning: Tuning) -> Iterator[str]:
+    """The table of the drives."""
+    rows = tuning.drives
     if not rows:
         return
     yield "# Effort and velocity limits are the source's; joints with equal limits share a row."
@@ -187,6 +185,13 @@ def _actuators(tree: Tree, rows: Sequence[DriveRow]) -> Iterator[str]:
     yield f"# weight below {SAG['rad']:g} rad; kd: damping ratio {DAMPING_RATIO:g} or more. Joints"
     yield "# too unlike for one kp get a frequency and a damping ratio. A first guess: put the"
     yield "# motor's data here when you know it."
+    if any(row.guess for row in rows):
+        rotor = f"effort / {ROTOR['rad']:g} rad/s2"
+        yield "# `guessed`: the source states no effort that can be meant. The guess holds"
+        yield f"# {MARGIN:g} times what gravity asks in the worst pose, and more. `armature` is"
+        yield f"# {rotor}, where that is more than the joint moves. Every build warns until"
+        yield "# you replace them."
+    yield from (f"# Corrected: {plain(note, 400)}" for note in tuning.notes)
     yield "actuators:"
     everything = [joint.name for joint in tree.moving_joints]
     for row in rows:
@@ -199,26 +204,26 @@ def _actuators(tree: Tree, rows: Sequence[DriveRow]) -> Iterator[str]:
 
 def _row(pattern: str, row: DriveRow) -> Iterator[str]:
     count = "1 joint" if len(row.joints) == 1 else f"{len(row.joints)} joints"
-    passive = inline({"joints": pattern, "model": "passive"})
+    line = inline({"joints": pattern, **row.keys})
     if row.locked:
         yield f"  # {count} locked by equal limits: a drive would move nothing"
-        yield f"  - {passive}"
+        yield f"  - {line}"
         return
     if row.effort is None:
-        yield f"  # {count} without effort in the source: state `effort`, kp, kd to drive"
-        yield f"  - {passive}"
+        yield f"  # {count} without effort that nothing seems to drive: casters, springs"
+        yield f"  - {line}"
         return
     torque, unit = ("N", "kg") if row.unit == "m" else ("N m", "kg m2")
     speed = f"{row.velocity:g} {row.unit}/s" if row.velocity else "no stated speed"
     moved = f"{row.inertia:.3g} {unit}" if row.inertia else "what the edits above give a mass"
-    yield f"  # {count}: {row.effort:g} {torque}, {speed}, moves {moved}"
+    guess = f" is a guess for the {row.role}, as {row.guess}" if row.guess else ""
+    yield f"  # {count}: {row.effort:g} {torque}{guess}, {speed}, moves {moved}"
     for word in row.drops:
         yield f"  # the source's {word} of these joints cannot be meant: {DROPPED[word]}"
-    keys = {"joints": pattern, "model": "pd", **row.gains, **dict.fromkeys(row.drops, 0)}
-    yield f"  - {inline(keys)}"
+    yield f"  - {line}"
 
 
-def home(robot: InspectedRobot, anatomy: Anatomy, pose: dict[str, float]) -> Iterator[str]:
+def home(robot: InspectedRobot, anatomy: Anatomy, pose: Mapping[str, float]) -> Iterator[str]:
     """The keyframe `home`."""
     tree = robot.tree
     if not pose and tree.base == "fixed":
@@ -257,31 +262,16 @@ def _soles(robot: InspectedRobot, legs: Sequence[Leg]) -> str:
     return pattern_of([sole for leg in legs for sole in leg.soles], list(robot.links.by_body))
 
 
-def _tried(
-    robot: InspectedRobot,
-    anatomy: Anatomy,
-    source: UrdfSource,
-    pose: dict[str, float],
-    drives: Sequence[DriveRow],
-) -> Trial:
-    step = {"timestep": timestep(robot.tree, drives)}
-    soles = [sole for leg in anatomy.legs for sole in leg.soles]
-    return try_to_stand(robot, source.root, soles, tables(drives, pose, step))
-
-
 def _simulation(
-    robot: InspectedRobot,
-    anatomy: Anatomy,
-    drives: Sequence[DriveRow],
-    trial: Callable[[], Trial],
+    robot: InspectedRobot, anatomy: Anatomy, tuning: Tuning, trial: Trial
 ) -> Iterator[str]:
-    legs = anatomy.legs
+    legs, tree = anatomy.legs, tuning.tree
     yield "contact: {friction: [0.8, 0.02, 0.01], condim: 3}   # rubber on a floor"
-    yield from _steps(robot.tree, drives)
+    yield from _steps(tuning)
     yield targets(robot)
-    if not legs or not all(joint.limits.effort for leg in legs for joint in leg.joints):
+    if not legs or not all(tree.by_joint[j.name].limits.effort for leg in legs for j in leg.joints):
         return
-    yield from validation(robot, legs, trial())
+    yield from validation(robot, legs, trial)
     if targets(robot).startswith("targets: [urdf, mjcf"):
         yield "# To train in mjlab: add `mjlab` to the targets, and"
         yield f"# feet: {{links: {quoted(_soles(robot, legs))}}}"
@@ -306,22 +296,16 @@ def validation(robot: InspectedRobot, legs: Sequence[Leg], trial: Trial) -> Iter
         yield "  free_fall: {}"
 
 
-def timestep(tree: Tree, drives: Sequence[DriveRow]) -> float:
-    """Contacts of a light robot need short steps, as stiff legs without rotors do; s."""
-    hops = any(row.outruns(STEP_S) for row in drives)
-    return SHORT_STEP_S if hops or total_mass(tree) < LIGHT_KG else STEP_S
-
-
-def _steps(tree: Tree, drives: Sequence[DriveRow]) -> Iterator[str]:
-    hops = any(row.outruns(STEP_S) for row in drives)
+def _steps(tuning: Tuning) -> Iterator[str]:
+    step = tuning.timestep
+    hops = any(row.outruns(STEP_S) for row in tuning.drives)
     if hops:
         yield f"# At {1e3 * STEP_S:g} ms these legs would hop, for they lack their rotors' inertia."
         yield "# State it (`armature`, or `rotor_inertia` and `gear`), then try the longer step."
-    if timestep(tree, drives) < STEP_S:
-        said = f"# 500 Hz physics{'' if hops else ', as it is light'}; 50 Hz control"
-        yield f"simulation: {{timestep: {SHORT_STEP_S}, decimation: 10}}   {said}"
-    else:
-        yield f"simulation: {{timestep: {STEP_S}, decimation: 4}}   # 200 Hz physics, 50 Hz control"
+    light = ", as it is light" if not hops and total_mass(tuning.tree) < LIGHT_KG else ""
+    rate = f"{1.0 / step:.0f} Hz physics{light if step < STEP_S else ''}"
+    tail = f"# {rate}{';' if light and step < STEP_S else ','} 50 Hz control"
+    yield f"simulation: {{timestep: {step!r}, decimation: {round(0.02 / step)}}}   {tail}"
 
 
 def _variants(robot: InspectedRobot, anatomy: Anatomy) -> Iterator[str]:

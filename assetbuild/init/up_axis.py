@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from assetbuild.geometry.lint_meshes import judge_up_axes
+import re
+
+from assetbuild.geometry.lint_meshes import meshes_to_turn
 from assetbuild.init.look import InspectedRobot
 from assetbuild.init.mesh_points import mesh_of, scaled_points
+from assetbuild.init.patterns import patterns_of
 from assetbuild.init.source import UrdfSource
+from assetbuild.init.words import inline
 from assetbuild.kinds import ConvertedMesh
+from assetbuild.mesh.companions import format_of
 from assetbuild.robot.pose import vec3
 from assetbuild.robot.shapes import MeshFile, SourceShape
 
-SAYS = (b">Y_UP<", b">X_UP<")
+Z_UP = re.compile(rb"<up_axis>\s*Z_UP\s*<")
 HEAD = 1 << 16
 """Bytes in which a COLLADA file tells its axis: its asset comes first."""
 
 
 def turned(source: UrdfSource, robot: InspectedRobot) -> list[str]:
     """The line `honour_up_axis` with its reason; nothing where no mesh needs it."""
-    doubted = [s for s in robot.shapes.shapes if _says_so(source, s)]
+    doubted = [s for s in robot.shapes.shapes if _may_say_so(source, s)]
     if not doubted:
         return []
     links = {shape.link for shape in doubted}
@@ -25,25 +30,29 @@ def turned(source: UrdfSource, robot: InspectedRobot) -> list[str]:
     for shape in robot.shapes.shapes:
         if shape.link in links and isinstance(shape.geometry, MeshFile):
             record = _bounds(source, shape.geometry)
-            if record is None:
-                return []  # the build says what is wrong with it
-            records[shape.name] = record
-    finding = judge_up_axes(robot.links, robot.shapes, records)
-    if finding is None:
+            if record is not None:  # else the build says what is wrong with it
+                records[shape.name] = record
+    turn = meshes_to_turn(robot.links, robot.shapes, records)
+    if not turn:
         return []
-    told = f"{finding.data['better']} shapes fit their links better so, {finding.data['worse']} not"
-    return [f'  honour_up_axis: [".*"]   # meshes stand as their files say: {told}']
+    stated = {s.geometry.path for s in doubted if isinstance(s.geometry, MeshFile)}
+    patterns = (".*",) if turn == stated else patterns_of(sorted(turn), sorted(stated))
+    told = f"{len(turn)} of {len(stated)} meshes that state an axis fit their links better so"
+    return [f"  honour_up_axis: {inline(patterns)}   # turned as their files say: {told}"]
 
 
-def _says_so(source: UrdfSource, shape: SourceShape) -> bool:
-    if not isinstance(shape.geometry, MeshFile) or not shape.geometry.path.lower().endswith(".dae"):
+def _may_say_so(source: UrdfSource, shape: SourceShape) -> bool:
+    """May the file state an axis other than Z? A glTF does, and a COLLADA that says nothing."""
+    if not isinstance(shape.geometry, MeshFile):
         return False
+    format = format_of(shape.geometry.path)
+    if format in ("glb", "gltf"):
+        return True
     try:
         with (source.root / shape.geometry.path).open("rb") as file:
-            head = file.read(HEAD)
+            return format == "dae" and not Z_UP.search(file.read(HEAD))
     except OSError:
         return False
-    return any(word in head for word in SAYS)
 
 
 def _bounds(source: UrdfSource, mesh: MeshFile) -> ConvertedMesh | None:

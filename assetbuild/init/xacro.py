@@ -9,31 +9,64 @@ import json
 import os
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 from xml.etree.ElementTree import ParseError
 
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError
-from assetbuild.init.packages import above, common_folder
-from assetbuild.source.urdf.expand_xacro import INCLUDED, ExpandXacro
+from assetbuild.init.packages import (
+    above,
+    common_folder,
+    declared,
+    find_package,
+    package_folders,
+    start_of,
+)
+from assetbuild.recipe.loader import shown_path
+from assetbuild.source.get.from_archive import left_out
+from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
 
-MOST_FILES = 2000
-"""Files of one package that are looked at: a robot description, not a disk."""
+MOST_TRIES = 60
+"""Packages that are asked for by a computed name, one after another."""
 
 _FIND = re.compile(r"\$\(find\s+([^\s)]+)\s*\)|package:/*([A-Za-z][\w-]*)/")
+_ASKED = re.compile(r"`\$\(find ([^`]+)\)`: no package")
+_ABSENT = re.compile(r"of the package `([^`]+)`, which is stated as missing")
+_UNDEFINED = re.compile(r"Undefined substitution argument (\S+)")
+_UNKNOWN = re.compile("unknown macro name|is not defined")
 _XACRO = re.compile(rb"<xacro:")
-_NAMED = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
+_MACRO = re.compile(r"""<xacro:macro\s[^<>]*?name\s*=\s*["'](?:xacro:)?([^"']+)""")
+_CALL = re.compile(r"<xacro:([\w.-]+)")
+_OWN = {
+    "include", "arg", "property", "macro", "if", "unless", "insert_block", "call", "element",
+    "attribute",
+}  # fmt: skip
+"""Elements of xacro itself."""
+
+
+@dataclass(frozen=True)
+class Removal:
+    """An include that cannot be read, and that the robot can do without."""
+
+    file: Path
+    tag: str
+    package: str
 
 
 @dataclass(frozen=True)
 class Expanded:
-    """data: URDF; packages: the folders that were used; defaults: see `UrdfSource`."""
+    """data: URDF; packages: the folders that were used; args: as given, and those that are used
+    before their default; defaults, absent: see `UrdfSource`; removed: of the files themselves.
+    """
 
     data: bytes
-    packages: Mapping[str, Path]
-    defaults: Mapping[str, str]
+    packages: Mapping[str, Path] = field(default_factory=dict)
+    args: Mapping[str, str] = field(default_factory=dict)
+    defaults: Mapping[str, str] = field(default_factory=dict)
+    absent: tuple[str, ...] = ()
+    removed: tuple[Removal, ...] = ()
 
 
 def is_xacro(file: Path, data: bytes) -> bool:
@@ -46,41 +79,143 @@ def expand(
 ) -> Expanded:
     """Expand a file with its arguments. Raises SourceError as the build would, in words of `init`.
 
-    file: real path. A package that is found nowhere is an error only where the file needs it.
+    file: real path. What the file asks for by a computed name is found by expanding it again and
+    again. A package that is found nowhere is an error only where the robot needs its files.
     """
-    folders = _packages(file, data, stated)
-    root = common_folder(file, folders.values(), [])
-    step = ExpandXacro(
-        file=file.relative_to(root).as_posix(),
-        args=dict(sorted(args.items())),
-        packages={name: f.relative_to(root).as_posix() for name, f in sorted(folders.items())},
-    )
-    with scratch() as ports:
-        for path in (file, *_readable(file.parent), *chain(*map(_readable, folders.values()))):
-            ports.link(f"tree/{path.relative_to(root)}", path)
+    attempt = _Attempt(file, _packages(file, data, stated), dict(args))
+    for _ in range(MOST_TRIES):
         try:
-            ports.run(step)
+            return attempt.run()
         except SourceError as error:
-            raise _reworded(error) from None
-        urdf = ports.read("robot.urdf")
-        used = [root / name for name in json.loads(ports.read("used.json"))]
-    text = urdf.decode("utf-8")
-    needed = {
-        name: folder
-        for name, folder in folders.items()
-        if f"package://{name}/" in text or any(path.is_relative_to(folder) for path in used)
-    }
-    return Expanded(urdf, needed, _defaults([file, *used]))
+            attempt.mend(error)
+    raise SourceError(f"it asks for more than {MOST_TRIES} things by computed names")
 
 
-def _reworded(error: SourceError) -> SourceError:
+@dataclass
+class _Attempt:
+    """One expansion; what it lacked is given to the next. lacking: what a removal was made for."""
+
+    file: Path
+    folders: dict[str, Path]
+    args: dict[str, str]
+    absent: list[str] = field(default_factory=list)
+    removed: list[Removal] = field(default_factory=list)
+    lacking: SourceError | None = None
+
+    @property
+    def root(self) -> Path:
+        return common_folder(self.file, self.folders.values(), [])
+
+    def run(self) -> Expanded:
+        root, folders = self.root, self.folders
+        step = ExpandXacro(
+            file=self.file.relative_to(root).as_posix(),
+            args=dict(sorted(self.args.items())),
+            packages={name: f.relative_to(root).as_posix() for name, f in sorted(folders.items())},
+            absent=tuple(sorted(self.absent)),
+        )
+        tree = (self.file, *_readable(self.file.parent), *chain(*map(_readable, folders.values())))
+        with scratch() as ports:
+            for path in {removal.file for removal in self.removed}:
+                ports.put(f"tree/{path.relative_to(root)}", self._without(path))
+            for path in tree:
+                ports.link(f"tree/{path.relative_to(root)}", path)
+            ports.run(step)
+            urdf = ports.read("robot.urdf")
+            used = json.loads(ports.read("used.json"))
+        text, files = urdf.decode("utf-8"), [root / name for name in used["files"]]
+        needed = {
+            name: folder
+            for name, folder in folders.items()
+            if f"package://{name}/" in text
+            or name in used["packages"]
+            or any(path.is_relative_to(folder) for path in files)
+        }
+        absent = tuple(sorted({*self.absent} & {*used["packages"]}))
+        defaults = _defaults([self.file, *files])
+        return Expanded(urdf, needed, self.args, defaults, absent, tuple(self.removed))
+
+    def mend(self, error: SourceError) -> None:
+        """Find what it lacked; raise the error, in words of `init`, where that cannot be."""
+        if asked := _ASKED.search(error.message):
+            folder = find_package(asked[1], self.file)
+            if folder is None:
+                self.absent.append(asked[1])
+            else:
+                self.folders[asked[1]] = folder
+        elif self._gave_default(error) or self._own_package(error) or self._removed_include(error):
+            return
+        elif self.lacking is not None and _UNKNOWN.search(error.message):
+            raise self.lacking
+        else:
+            raise _reworded(error, self.file)
+
+    def _gave_default(self, error: SourceError) -> bool:
+        """An argument that is used above the line that gives it a default."""
+        undefined = _UNDEFINED.search(error.message)
+        if undefined is None:
+            return False
+        value = _defaults([self.file]).get(undefined[1], "$")
+        if "$" in value or undefined[1] in self.args:
+            return False
+        self.args[undefined[1]] = value
+        return True
+
+    def _own_package(self, error: SourceError) -> bool:
+        """The package that the file lies in, where it includes from there by a relative name."""
+        if "readable files" not in error.message and "declared packages" not in error.message:
+            return False
+        found = next(((f, name) for f in above(self.file) if (name := declared(f))), None)
+        if found is None or found[0] in self.folders.values() or found[1] in self.folders:
+            return False
+        self.folders[found[1]] = found[0]
+        return True
+
+    def _removed_include(self, error: SourceError) -> bool:
+        """An include from a package that is nowhere, of macros that the robot may not call."""
+        read = _ABSENT.search(error.message)
+        if read is None or error.where is None:
+            return False
+        path = self.root / error.where.file
+        text = _text(path)
+        tag = rf"<xacro:include\s[^<>]*\$\(find\s+{re.escape(read[1])}\s*\)[^<>]*/>"
+        found = dict.fromkeys(re.findall(tag, text))
+        if not found or not self._calls_unknown(text):
+            return False
+        self.lacking = self.lacking or _reworded(error, self.file)
+        self.removed += [Removal(path, one, read[1]) for one in found]
+        return True
+
+    def _calls_unknown(self, text: str) -> bool:
+        """Whether a file calls a macro that no file here defines: what it includes does."""
+        folders = {self.file.parent, *self.folders.values()}
+        texts = [_text(path) for folder in folders for path in _readable(folder)]
+        known = {name for each in texts for name in _MACRO.findall(each)}
+        return bool({*_CALL.findall(text)} - known - _OWN)
+
+    def _without(self, path: Path) -> bytes:
+        text = path.read_bytes()
+        for removal in self.removed:
+            if removal.file == path:
+                text = text.replace(removal.tag.encode(), b"")
+        return text
+
+
+def _reworded(error: SourceError, file: Path) -> SourceError:
     """Hints of a build speak of the recipe; there is none yet."""
-    hint = error.hint
-    if "$(find" in error.message:
+    message, hint = error.message, error.hint
+    if absent := _ABSENT.search(message):
+        message = f"`$(find {absent[1]})`: no package named `{absent[1]}`"
         hint = "say where it is: `--package NAME=FOLDER`"
-    elif "Undefined substitution argument" in error.message:
-        hint = "give it: `--arg NAME=VALUE`"
-    return SourceError(error.message, where=error.where, hint=hint)
+        found: list[Path] = next(package_folders(absent[1], file), [])
+        if len(found) > 1:
+            message = f"`$(find {absent[1]})`: {len(found)} folders are package `{absent[1]}`"
+            hint = " or ".join(f"`--package {absent[1]}={shown_path(f)}`" for f in found)
+    elif undefined := _UNDEFINED.search(message):
+        hint = f"give it: `--arg {undefined[1]}=VALUE`"
+    elif "readable files" in message:
+        hint = "is part of its name an argument to give (`--arg NAME=VALUE`)?"
+    return SourceError(message, where=error.where, hint=hint)
 
 
 # --- files ----------------------------------------------------------------------------------
@@ -92,33 +227,18 @@ def _packages(file: Path, data: bytes, stated: Mapping[str, Path]) -> dict[str, 
     waiting = [data.decode("utf-8", "replace")]
     waiting += [_text(path) for folder in stated.values() for path in _readable(folder)]
     while waiting:
-        for match in _FIND.finditer(waiting.pop()):
+        text = waiting.pop()
+        for match in _FIND.finditer(text if "<robot" in text else ""):
             name = match[1] or match[2]
             if name not in found:
-                folder = found[name] = _folder(name, file)
+                folder = found[name] = find_package(name, file)
                 if folder is not None:
-                    waiting += [_text(p) for p in _readable(folder) if p.suffix != ".yaml"]
+                    waiting += [_text(path) for path in _readable(folder)]
     return {name: folder for name, folder in found.items() if folder is not None}
 
 
-def _folder(name: str, file: Path) -> Path | None:
-    """The nearest folder above the file, or beside one of those, that is the package."""
-    folders = above(file)
-    called = (folder for folder in folders if folder.name == name or _declares(folder, name))
-    beside = (folder / name for folder in folders if (folder / name).is_dir())
-    found = next(chain(called, beside), None)
-    return found and Path(os.path.realpath(found))
-
-
-def _declares(folder: Path, name: str) -> bool:
-    """By its package.xml."""
-    manifest = folder / "package.xml"
-    found = _NAMED.search(_text(manifest)) if manifest.is_file() else None
-    return found is not None and found[1] == name
-
-
 def _text(path: Path) -> str:
-    return path.read_bytes()[: 1 << 20].decode("utf-8", "replace")
+    return start_of(path, 1 << 20)
 
 
 def _readable(folder: Path) -> Iterator[Path]:
@@ -128,7 +248,7 @@ def _readable(folder: Path) -> Iterator[Path]:
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         for name in sorted(names):
             path = Path(here) / name
-            if path.suffix.lower() in INCLUDED and not path.is_symlink():
+            if not left_out(name, NOT_INCLUDED) and path.is_file() and not path.is_symlink():
                 yield path
                 count += 1
         if count > MOST_FILES:
@@ -144,8 +264,6 @@ def _defaults(files: list[Path]) -> dict[str, str]:
 
     found: dict[str, str] = {}
     for path in files:
-        if path.suffix.lower() not in (".xacro", ".urdf", ".xml"):
-            continue
         try:
             root = parse(path).getroot()
         except (ParseError, ValueError):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -10,22 +9,24 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from assetbuild.errors import StepError, Where, one_line
+from assetbuild.errors import StepError, one_line
 from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.companions import relative_name
+from assetbuild.mesh.dae_text import load
 from assetbuild.mesh.material import (
     SourceMesh,
     SurfaceMaterial,
     colours_finding,
     group_by_material,
 )
+from assetbuild.mesh.polygons import polygon_triangles
 from assetbuild.mesh.triangles import Indices, TriangleMesh
 from assetbuild.robot.pose import Array
 
 SKIPPED = Rule(
     "mesh.skipped",
     ("info", "warning"),
-    "lines, points or empty parts were left out (a warning for skins)",
+    "lines, points or empty parts were left out (a warning for skins and for what is absent)",
     "nothing",
 )
 UNIT = Rule("mesh.unit", "info", "the unit of the file was applied", "nothing")
@@ -38,6 +39,9 @@ IGNORED = Rule(
 
 # Any below: pycollada has no type hints.
 
+MISSED = {"skins", "splines or hulls", "instances of geometry that the file lacks"}
+"""What somebody may miss who looks at the robot."""
+
 
 def read_dae(data: bytes, subject: str) -> SourceMesh:
     """All triangles and polygons of a COLLADA file, by material, in its own axes, nodes applied.
@@ -45,12 +49,9 @@ def read_dae(data: bytes, subject: str) -> SourceMesh:
     Raises StepError with the line of a cut-off or broken file, for a geometry that cannot be
     read, and for NaN in positions (which pycollada would turn into zeros).
     """
-    document = _with_broken_samplers(_load(data, subject), subject)
-    document = _without_lost_materials(document, subject)
-    _refuse_lost_geometry(document, subject)
-    skipped: dict[str, int] = {}
+    document, findings, skipped = load(data, subject)
     placed: list[tuple[SurfaceMaterial, TriangleMesh]] = []
-    positions: dict[str, Array] = {}
+    positions: dict[int, Array] = {}
     coloured = False
     for geometry, materials, matrix in _instances(document, skipped):
         for primitive in geometry.primitives:
@@ -63,6 +64,12 @@ def read_dae(data: bytes, subject: str) -> SourceMesh:
             if len(mesh.faces):
                 material = _material(materials.get(primitive.material))
                 placed.append((material, _moved(mesh, matrix, subject)))
+    if not placed and "skins" in skipped:
+        raise StepError(
+            f"{subject}: all its surfaces are skins on a skeleton that does not hold them where "
+            "they lie, which readers show in different places",
+            hint="apply the armature before the mesh is exported",
+        )
     unit = document.assetInfo.unitmeter if document.assetInfo is not None else None
     if unit is not None and unit != 1.0:
         scale = (float(unit),) * 3
@@ -73,6 +80,7 @@ def read_dae(data: bytes, subject: str) -> SourceMesh:
     return SourceMesh(
         group_by_material(placed),
         (
+            *findings,
             *_skipped_finding(skipped, subject),
             *_unit_finding(unit, subject),
             *colours_finding(coloured, subject),
@@ -81,103 +89,6 @@ def read_dae(data: bytes, subject: str) -> SourceMesh:
         # The standard's default, Y_UP, when the asset does not say.
         up_axis=document.assetInfo.upaxis if document.assetInfo is not None else None,
     )
-
-
-def _load(data: bytes, subject: str) -> Any:
-    import collada
-    from collada.common import DaeError
-
-    if data[:2] == b"PK":
-        raise StepError(f"{subject}: a zip archive, not COLLADA text", hint="unpack it first")
-    plain = data.replace(b"\0", b"")  # UTF-16 would hide the words
-    if b"<!ENTITY" in plain or b"<!DOCTYPE" in plain:
-        raise StepError(f"{subject}: declares XML entities, which no exporter does")
-    try:
-        document = collada.Collada(io.BytesIO(data), ignore=[DaeError])
-    except (DaeError, ValueError, KeyError, AttributeError, TypeError, IndexError) as error:
-        _refuse_broken_xml(data, subject)
-        raise StepError(f"{subject}: not readable as COLLADA: {one_line(error)}") from error
-    if document.scene is None:
-        raise StepError(f"{subject}: the file has no scene, so nothing says where its parts are")
-    return document
-
-
-def _with_broken_samplers(document: Any, subject: str) -> Any:
-    """The file with samplers mended whose picture the material itself names.
-
-    `<texture texture="...">` should name a sampler; where it names a picture and the sampler
-    leads nowhere, what is meant is certain. pycollada would leave out the material.
-    """
-    from lxml import etree
-
-    if not document.errors:
-        return document
-    root = document.xmlnode.getroot()
-    pictures = {image.id for image in document.images}
-    broken = False
-    for profile in root.iter(document.tag("profile_COMMON")):
-        params = {param.get("sid"): param for param in profile.findall(document.tag("newparam"))}
-        named = {texture.get("texture") for texture in profile.iter(document.tag("texture"))}
-        for param in params.values():
-            source = param.find(f"{document.tag('sampler2D')}/{document.tag('source')}")
-            if source is None or (source.text or "").strip() in params or len(named) != 1:
-                continue
-            for other in params.values():
-                start = other.find(f"{document.tag('surface')}/{document.tag('init_from')}")
-                if start is not None and (start.text or "").strip() in named & pictures:
-                    source.text = other.get("sid")
-                    broken = True
-    if not broken:
-        return document
-    whole = _load(etree.tostring(root), subject)
-    whole.errors = document.errors
-    return whole
-
-
-def _without_lost_materials(document: Any, subject: str) -> Any:
-    """The file without uses of materials that it does not hold, or that are broken themselves.
-
-    pycollada leaves out a whole geometry when one of its materials is missing; its triangles
-    matter more than their colour, whose loss `mesh.ignored` tells.
-    """
-    from lxml import etree
-
-    known = {material.id for material in document.materials}
-    root = document.xmlnode.getroot()
-    uses = list(root.iter(document.tag("instance_material")))
-    lost = [use for use in uses if use.get("target", "").removeprefix("#") not in known]
-    if not lost:
-        return document
-    for use in lost:
-        use.getparent().remove(use)
-    whole = _load(etree.tostring(root), subject)
-    whole.errors = document.errors
-    return whole
-
-
-def _refuse_broken_xml(data: bytes, subject: str) -> None:
-    """Raise with the line where the XML stops being XML."""
-    from lxml import etree
-
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
-    try:
-        etree.fromstring(data, parser)
-    except etree.XMLSyntaxError as error:
-        line = error.position[0] or data.count(b"\n") + 1
-        raise StepError(
-            f"broken XML: {one_line(error.msg)}",
-            where=Where(subject, line),
-            hint="is the file cut off?",
-        ) from error
-
-
-def _refuse_lost_geometry(document: Any, subject: str) -> None:
-    """pycollada goes on after a geometry that it cannot read; then a part would be missing."""
-    stated = len(document.xmlnode.getroot().findall(f".//{document.tag('geometry')}"))
-    lost = [e for e in document.errors if "eometry" in str(e)]
-    if stated > len(document.geometries) or lost:
-        first = (lost or document.errors or ["unknown reason"])[0]
-        raise StepError(f"{subject}: a geometry is not readable: {one_line(first)}")
 
 
 def _instances(
@@ -193,7 +104,12 @@ def _instances(
             continue
         kind = type(node).__name__
         if kind == "ControllerNode":
-            skipped["skins"] = skipped.get("skins", 0) + 1
+            skin = node.controller
+            # Readers agree on a skin that stands where its skeleton holds it: all joints at rest.
+            if np.allclose(getattr(skin, "bind_shape_matrix", 0.0), matrix, atol=1e-6):
+                yield skin.geometry, {m.symbol: m.target for m in node.materials}, matrix
+            else:
+                skipped["skins"] = skipped.get("skins", 0) + 1
         target = getattr(node, "node", node)  # an instance_node points to a library node
         for transform in getattr(target, "transforms", ()):
             # A look-at places a camera; as a node above a mesh it has a matrix like the others.
@@ -206,29 +122,40 @@ def _stated(values: Any) -> Array:
     return np.asarray(np.asarray(values, dtype=np.float32).astype(str), dtype=np.float64)
 
 
-def _triangles(primitive: Any, positions: dict[str, Array], subject: str) -> TriangleMesh:
-    """One primitive's triangles in the frame of its geometry; polygons are cut into fans."""
-    if hasattr(primitive, "triangleset"):
-        primitive = primitive.triangleset()
-    if primitive.vertex is None or primitive.vertex_index is None or not len(primitive.index):
+def _triangles(primitive: Any, positions: dict[int, Array], subject: str) -> TriangleMesh:
+    """One primitive's triangles in the frame of its geometry; polygons are cut into triangles."""
+    index = primitive.vertex_index
+    if primitive.vertex is None or index is None or not len(primitive.index):
         return TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
     vertices = _positions(primitive, positions, subject)
-    faces = _index(primitive.vertex_index, len(vertices), "position", subject)
+    corners = _index(index, len(vertices), "position", subject)
+    if hasattr(primitive, "vcounts"):
+        counts = np.asarray(primitive.vcounts, dtype=np.int64)
+        if (counts < 0).any() or counts.sum() != len(corners):
+            raise StepError(
+                f"{subject}: its polygons have {counts.sum()} corners, there are {len(corners)}"
+            )
+        cut = polygon_triangles(counts, vertices[corners])
+    else:
+        cut = np.arange(len(corners)).reshape(-1, 3)
     uv = normals = None
     if primitive.texcoordset:
         table = np.asarray(primitive.texcoordset[0], dtype=np.float64)[:, :2]
-        uv = table[_index(primitive.texcoord_indexset[0], len(table), "texture", subject)]
+        uv = table[_index(primitive.texcoord_indexset[0], len(table), "texture", subject)[cut]]
     if primitive.normal is not None:
         table = np.asarray(primitive.normal, dtype=np.float64)
-        normals = table[_index(primitive.normal_index, len(table), "normal", subject)]
-    return TriangleMesh(vertices, faces, uv, normals)
+        normals = table[_index(primitive.normal_index, len(table), "normal", subject)[cut]]
+    return TriangleMesh(vertices, corners[cut], uv, normals)
 
 
-def _positions(primitive: Any, cache: dict[str, Array], subject: str) -> Array:
-    """(n, 3) float64 from the text itself: pycollada rounds to float32 and turns NaN into 0."""
+def _positions(primitive: Any, cache: dict[int, Array], subject: str) -> Array:
+    """(n, 3) float64 from the text itself: pycollada rounds to float32 and turns NaN into 0.
+
+    cache: by the identity of the source; ids are repeated in the geometries of some files.
+    """
     source = primitive.sources["VERTEX"][0][4]
-    if source.id in cache:
-        return cache[source.id]
+    if id(source) in cache:
+        return cache[id(source)]
     rounded = np.asarray(source.data, dtype=np.float64)
     text = next((n.text for n in source.xmlnode if n.tag.endswith("float_array")), None) or ""
     values = np.fromstring(text, dtype=np.float64, sep=" ") if text.strip() else np.zeros(0)
@@ -238,12 +165,12 @@ def _positions(primitive: Any, cache: dict[str, Array], subject: str) -> Array:
         raise StepError(f"{subject}: vertex {row} of `{source.id}` is not a finite number")
     if out.shape[1] != 3:
         raise StepError(f"{subject}: positions of `{source.id}` have {out.shape[1]} components")
-    cache[source.id] = out
+    cache[id(source)] = out
     return out
 
 
 def _index(values: Any, size: int, what: str, subject: str) -> Indices:
-    index = np.asarray(values, dtype=np.int64)
+    index = np.asarray(values, dtype=np.int64).reshape(-1)
     bad = (index < 0) | (index >= size)
     if bad.any():
         raise StepError(f"{subject}: {what} index {int(index[bad][0])}, there are {size}")
@@ -281,7 +208,7 @@ def _skipped_finding(skipped: Mapping[str, int], subject: str) -> Iterator[Findi
         yield SKIPPED(
             subject,
             f"not surfaces, left out: {names}",
-            severity="warning" if "skins" in skipped else "info",
+            severity="warning" if MISSED & set(skipped) else "info",
             data=dict(sorted(skipped.items())),
         )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any, Literal
 from urllib.parse import unquote
@@ -11,8 +12,10 @@ from urllib.parse import unquote
 import numpy as np
 
 from assetbuild.errors import StepError, one_line
+from assetbuild.findings import Finding
 from assetbuild.mesh.companions import relative_name
 from assetbuild.mesh.material import (
+    STRAY,
     Rgba,
     SourceMesh,
     SurfaceMaterial,
@@ -23,6 +26,11 @@ from assetbuild.mesh.picture import encoded
 from assetbuild.mesh.triangles import TriangleMesh
 
 # Any below: trimesh has no type hints.
+
+LOOKS = re.compile("KHR_materials_|KHR_texture_|EXT_texture_|KHR_lights_|KHR_xmp")
+"""Extensions that change no shape."""
+TRIANGLES, FAN = 4, 6
+"""Modes of a primitive."""
 
 
 def read_gltf(
@@ -36,6 +44,12 @@ def read_gltf(
     import trimesh
 
     files = _Files(companions)
+    stray: list[Finding] = []
+    whole = int.from_bytes(data[8:12], "little")
+    if format == "glb" and data[:4] == b"glTF" and 12 < whole < len(data):
+        said = f"{len(data) - whole} bytes after the end of the file that its header states"
+        stray.append(STRAY(subject, f"{said} are left out", hint="save the file again"))
+        data = data[:whole]
     try:
         scene: Any = trimesh.load_scene(
             io.BytesIO(data), file_type=format, process=False, resolver=files
@@ -44,7 +58,9 @@ def read_gltf(
         order = list(scene.geometry)
         nodes = sorted(scene.graph.nodes_geometry)
         nodes.sort(key=lambda node: order.index(scene.graph.get(node)[1]))
-        materials = _Materials(_textured(data, format))
+        header = _header(data, format)
+        _refuse_unread(header, subject)
+        materials = _Materials(_textured(header))
         placed = [_part(scene, node, materials) for node in nodes]
     except StepError:
         raise
@@ -55,14 +71,35 @@ def read_gltf(
     parts = group_by_material(part for part in placed if part is not None)
     kinds = {getattr(g, "visual", None) and g.visual.kind for g in scene.geometry.values()}
     colours = bool(kinds & {"vertex", "face"})
-    found = tuple(colours_finding(colours, subject))
+    found = (*stray, *colours_finding(colours, subject))
     return SourceMesh(parts, found, materials.pictures, up_axis="Y_UP")  # by definition
 
 
-def _textured(data: bytes, format: Literal["glb", "gltf"]) -> frozenset[str]:
-    """Names of the materials that state a picture: trimesh is silent where it cannot read one."""
+def _header(data: bytes, format: Literal["glb", "gltf"]) -> Any:
     length = int.from_bytes(data[12:16], "little")
-    header = json.loads(data if format == "gltf" else data[20 : 20 + length])
+    return json.loads(data if format == "gltf" else data[20 : 20 + length])
+
+
+def _refuse_unread(header: Any, subject: str) -> None:
+    """What trimesh leaves out, or reads as something else, without a word."""
+    needed = [name for name in header.get("extensionsRequired", ()) if not LOOKS.match(name)]
+    if needed:
+        raise StepError(
+            f"{subject}: it needs the glTF extension `{needed[0]}`, which is not read",
+            hint="export the mesh without compression",
+        )
+    for mesh in header.get("meshes", ()):
+        for primitive in mesh.get("primitives", ()):
+            if primitive.get("mode", TRIANGLES) == FAN:
+                raise StepError(
+                    f"{subject}: mesh `{mesh.get('name', '')}` holds a triangle fan, which is not "
+                    "read",
+                    hint="export triangles",
+                )
+
+
+def _textured(header: Any) -> frozenset[str]:
+    """Names of the materials that state a picture: trimesh is silent where it cannot read one."""
     return frozenset(
         str(material.get("name"))
         for material in header.get("materials", ())

@@ -20,6 +20,13 @@ VERTEX_COLOURS = Rule(
     "give the mesh a material, or a texture",
 )
 
+STRAY = Rule(
+    "mesh.stray_bytes",
+    "info",
+    "bytes that do not belong to the format, or are no text, were left out",
+    "save the file again",
+)
+
 
 @dataclass(frozen=True, slots=True)
 class SurfaceMaterial:

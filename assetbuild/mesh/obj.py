@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from assetbuild.errors import StepError
-from assetbuild.mesh.triangles import Indices, TriangleMesh, fan_triangles
+from assetbuild.mesh.polygons import polygon_triangles
+from assetbuild.mesh.triangles import Indices, TriangleMesh
 from assetbuild.mesh.weld import first_seen
 from assetbuild.robot.pose import Array
 
@@ -104,7 +106,8 @@ class Obj:
     """An OBJ file. parts: (material, mesh over all positions) of each `usemtl`, by appearance.
 
     libraries: names of the MTL files. skipped: counts of elements that are not surfaces.
-    has_colours: do vertices carry colours after their positions?
+    has_colours: do vertices carry colours after their positions? lost: `vt`, `vn` that faces name
+    and the file lacks.
     """
 
     positions: Array
@@ -112,6 +115,15 @@ class Obj:
     libraries: tuple[str, ...] = ()
     skipped: Mapping[str, int] = field(default_factory=dict)
     has_colours: bool = False
+    lost: tuple[str, ...] = ()
+
+
+class _Face(NamedTuple):
+    """A face: its line, its corners as `v/vt/vn`, and how many of each were read before it."""
+
+    line: int
+    words: list[bytes]
+    so_far: tuple[int, int, int]
 
 
 def parse_obj(data: bytes, subject: str) -> Obj:
@@ -120,16 +132,23 @@ def parse_obj(data: bytes, subject: str) -> Obj:
     Raises StepError naming `subject`, the line and the defect.
     """
     tables: dict[bytes, list[bytes]] = {key: [] for key in WIDTHS}
-    faces: dict[str | None, list[tuple[int, bytes, int]]] = {}
+    faces: dict[str | None, list[_Face]] = {}
     seen: dict[str, int] = {}
     libraries: list[str] = []
     material: str | None = None
+    if b"\n" not in data:
+        data = data.replace(b"\r", b"\n")
     if b"\\\n" in data or b"\\\r\n" in data:
         data = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
     for number, line in enumerate(data.split(b"\n"), start=1):
-        key, _, rest = line.strip().partition(b" ")
+        key, rest = (*line.split(None, 1), b"", b"")[:2]
         if key == b"f":
-            faces.setdefault(material, []).append((number, rest, len(tables[b"v"])))
+            words = rest.split()
+            if len(words) < 3:  # a line or a point, which readers leave out
+                seen["f"] = seen.get("f", 0) + 1
+                continue
+            so_far = (len(tables[b"v"]), len(tables[b"vt"]), len(tables[b"vn"]))
+            faces.setdefault(material, []).append(_Face(number, words, so_far))
         elif key in tables:
             tables[key].append(rest)
         elif key == b"usemtl":
@@ -139,9 +158,11 @@ def parse_obj(data: bytes, subject: str) -> Obj:
         elif key in (b"l", b"p", b"curv", b"surf"):
             seen[key.decode()] = seen.get(key.decode(), 0) + 1
     read = [_table(tables[key], width, data, key, subject) for key, width in WIDTHS.items()]
-    parts = tuple((name, _surface(rows, read, subject)) for name, rows in faces.items())
+    found = {name: _surface(rows, read, subject) for name, rows in faces.items()}
     has_colours = bool(tables[b"v"]) and len(tables[b"v"][0].split()) >= 6
-    return Obj(read[0], parts, tuple(libraries), seen, has_colours)
+    lost = sorted({kind for _, missing in found.values() for kind in missing})
+    parts = tuple((name, mesh) for name, (mesh, _) in found.items())
+    return Obj(read[0], parts, tuple(libraries), seen, has_colours, tuple(lost))
 
 
 def _lines(pattern: str, rows: NDArray[np.float64] | Indices) -> str:
@@ -195,41 +216,38 @@ def _line_of(data: bytes, key: bytes, number: int) -> int:
 
 
 def _surface(
-    rows: Sequence[tuple[int, bytes, int]], tables: Sequence[Array], subject: str
-) -> TriangleMesh:
+    faces: Sequence[_Face], tables: Sequence[Array], subject: str
+) -> tuple[TriangleMesh, list[str]]:
     """The faces of one material; texture and normals only where all corners have them.
 
-    rows: (line, words, positions read so far). tables: of positions, texture and normals.
+    tables: of positions, texture and normals. Also returns the kinds that faces name and the file
+    lacks: MuJoCo, assimp and PyBullet do without them.
     """
-    sizes = [len(table) for table in tables]
-    words = [row.split() for _, row, _ in rows]
-    counts = np.array([len(w) for w in words], dtype=np.int64)
-    if (counts < 3).any():
-        line = rows[int(np.argmax(counts < 3))][0]
-        raise StepError(f"{subject}: line {line}: a face needs three corners")
-    corners = _corners([word for face in words for word in face])
+    counts = np.array([len(face.words) for face in faces], dtype=np.int64)
+    corners = _corners([word for face in faces for word in face.words])
     if corners is None:
-        raise StepError(f"{subject}: line {_bad_face(rows)}: face indices are not whole numbers")
-    if (corners < 0).any():
-        _resolve_negative(corners, rows, counts, sizes)
-    lines = np.repeat([line for line, _, _ in rows], counts)
-    for column, (kind, size) in enumerate(zip(("v", "vt", "vn"), sizes, strict=True)):
-        # 0 = absent, which only texture and normals may be.
-        low = 1 if column == 0 else 0
-        bad = (corners[:, column] < low) | (corners[:, column] > size)
-        if bad.any():
-            at = int(np.argmax(bad))
-            raise StepError(
-                f"{subject}: line {lines[at]}: index {corners[at, column]} of `{kind}`, "
-                f"there are {size}"
-            )
-    fans = fan_triangles(counts)
-    faces, *others = (corners[fans, column] - 1 for column in range(3))
-    uv, normals = (
-        table[index] if len(index) and (index >= 0).all() else None
-        for table, index in zip(tables[1:], others, strict=True)
-    )
-    return TriangleMesh(tables[0], faces, uv, normals)
+        bad = next((face.line for face in faces if _corners(face.words) is None), 0)
+        raise StepError(f"{subject}: line {bad}: face indices are not whole numbers")
+    if (corners < 0).any():  # they count back from what was read so far
+        so_far = np.repeat(np.array([face.so_far for face in faces]), counts, axis=0)
+        corners = np.where(corners < 0, corners + so_far + 1, corners)
+    outside = (corners[:, 0] < 1) | (corners[:, 0] > len(tables[0]))
+    if outside.any():
+        at = int(np.argmax(outside))
+        line = int(np.repeat([face.line for face in faces], counts)[at])
+        raise StepError(
+            f"{subject}: line {line}: index {corners[at, 0]} of `v`, there are {len(tables[0])}"
+        )
+    cut = polygon_triangles(counts, tables[0][corners[:, 0] - 1])
+    picked: list[Array | None] = []
+    lost = []
+    for kind, table, column in zip(("vt", "vn"), tables[1:], corners.T[1:], strict=True):
+        # 0 = absent.
+        if (column < 0).any() or (column > len(table)).any():
+            lost.append(kind)
+        is_whole = kind not in lost and (column > 0).all()
+        picked.append(table[column[cut] - 1] if is_whole else None)
+    return TriangleMesh(tables[0], corners[cut, 0] - 1, *picked), lost
 
 
 def _corners(words: Sequence[bytes]) -> Indices | None:
@@ -249,23 +267,3 @@ def _corners(words: Sequence[bytes]) -> Indices | None:
     except (ValueError, OverflowError):
         return None
     return out
-
-
-def _bad_face(rows: Iterable[tuple[int, bytes, int]]) -> int:
-    """Line of the first face that is not made of indices."""
-    return next((line for line, row, _ in rows if _corners(row.split()) is None), 0)
-
-
-def _resolve_negative(
-    corners: Indices,
-    rows: Sequence[tuple[int, bytes, int]],
-    counts: Indices,
-    sizes: Sequence[int],
-) -> None:
-    """Negative indices count back from the elements read so far; in place."""
-    so_far = np.repeat(np.array([seen for _, _, seen in rows], dtype=np.int64), counts)
-    for column, size in enumerate(sizes):
-        # Exporters that use negative indices keep vt and vn in step with v; if not, all is read.
-        base = so_far if column == 0 or size == sizes[0] else size
-        negative = corners[:, column] < 0
-        corners[:, column] = np.where(negative, corners[:, column] + base + 1, corners[:, column])

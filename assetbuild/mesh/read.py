@@ -14,7 +14,7 @@ from assetbuild.errors import StepError, one_line
 from assetbuild.findings import Finding, Rule
 from assetbuild.lfs import refuse_pointer
 from assetbuild.mesh.companions import picture_of_map, relative_name
-from assetbuild.mesh.dae import SKIPPED, read_dae
+from assetbuild.mesh.dae import IGNORED, SKIPPED, read_dae
 from assetbuild.mesh.gltf import read_gltf
 from assetbuild.mesh.material import (
     MaterialPart,
@@ -24,9 +24,10 @@ from assetbuild.mesh.material import (
     colours_finding,
     group_by_material,
 )
-from assetbuild.mesh.obj import parse_obj
+from assetbuild.mesh.obj import Obj, parse_obj
+from assetbuild.mesh.polygons import polygon_triangles
 from assetbuild.mesh.stl import read_stl
-from assetbuild.mesh.triangles import TriangleMesh, fan_triangles
+from assetbuild.mesh.triangles import TriangleMesh
 
 Format = Literal["dae", "stl", "obj", "ply", "glb", "gltf"]
 UpAxis = Literal["ignore", "honour"]
@@ -83,7 +84,8 @@ def read_mesh(
     elif format == "ply":
         mesh = _read_ply(data, subject)
     else:
-        mesh = SourceMesh((MaterialPart(SurfaceMaterial(), read_stl(data, subject)),))
+        triangles, findings = read_stl(data, subject)
+        mesh = SourceMesh((MaterialPart(SurfaceMaterial(), triangles),), findings)
     if mesh.up_axis is not None and mesh.up_axis in TO_Z_UP:
         parts, finding = _turned(mesh.parts, mesh.up_axis, up_axis, subject)
         mesh = replace(mesh, parts=parts, findings=(*mesh.findings, finding))
@@ -141,14 +143,12 @@ def _read_obj(data: bytes, companions: Mapping[str, bytes], subject: str) -> Sou
     placed = []
     for material, mesh in obj.parts:
         placed.append((found.get(material or "", SurfaceMaterial(name=material)), mesh))
-    findings = _obj_findings(sorted(missing), obj.skipped, subject)
+    findings = _obj_findings(sorted(missing), obj, subject)
     coloured = colours_finding(obj.has_colours, subject)
     return SourceMesh(group_by_material(placed), (*findings, *coloured))
 
 
-def _obj_findings(
-    missing: list[str], skipped: Mapping[str, int], subject: str
-) -> Iterator[Finding]:
+def _obj_findings(missing: list[str], obj: Obj, subject: str) -> Iterator[Finding]:
     if missing:
         yield NO_MTL(
             subject,
@@ -156,10 +156,16 @@ def _obj_findings(
             hint="put it into the source; with an MJCF, which MuJoCo reads without it, ignore this",
             data={"libraries": tuple(missing)},
         )
-    if skipped:
-        names = ", ".join(f"{count} `{key}`" for key, count in sorted(skipped.items()))
-        yield SKIPPED(
-            subject, f"not surfaces, left out: {names}", data=dict(sorted(skipped.items()))
+    if obj.skipped:
+        counts = dict(sorted(obj.skipped.items()))
+        names = ", ".join(f"{count} `{key}`" for key, count in counts.items())
+        yield SKIPPED(subject, f"not surfaces, left out: {names}", data=counts)
+    for kind in obj.lost:
+        yield IGNORED(
+            subject,
+            f"faces name a `{kind}` that the file does not have: no `{kind}` is read for them",
+            hint="shapes are complete; textures or shading may be missing",
+            data={"kind": kind},
         )
 
 
@@ -211,9 +217,15 @@ def _read_ply(data: bytes, subject: str) -> SourceMesh:
         raise StepError(
             f"{subject}: not readable as PLY: {type(error).__name__}: {one_line(error)}"
         ) from error
-    corners = polygons.shape[1] if polygons.ndim == 2 else 3
-    fans = fan_triangles(np.full(len(polygons), corners))
-    mesh = TriangleMesh(vertices, polygons.reshape(-1)[fans].reshape(-1, 3))
+    if polygons.ndim == 2 and polygons.shape[1] > 3 and polygons.size:
+        if polygons.min() < 0 or polygons.max() >= len(vertices):
+            raise StepError(
+                f"{subject}: a face uses vertex {polygons.max()}, there are {len(vertices)}"
+            )
+        corners = polygons.reshape(-1)
+        counts = np.full(len(polygons), polygons.shape[1])
+        polygons = corners[polygon_triangles(counts, vertices[corners])]
+    mesh = TriangleMesh(vertices, polygons.reshape(-1, 3))
     colours = read.get("vertex_colors") is not None or read.get("face_colors") is not None
     part = MaterialPart(SurfaceMaterial(), mesh)
     return SourceMesh((part,), tuple(colours_finding(colours, subject)))

@@ -2,47 +2,58 @@
 
 from __future__ import annotations
 
+import codecs
 import io
 
 import numpy as np
 
 from assetbuild.errors import StepError
+from assetbuild.findings import Finding
+from assetbuild.mesh.material import STRAY
 from assetbuild.mesh.triangles import TriangleMesh
 
 HEADER = 80
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
-def read_stl(data: bytes, subject: str) -> TriangleMesh:
+def read_stl(data: bytes, subject: str) -> tuple[TriangleMesh, tuple[Finding, ...]]:
     """The triangles of an STL file, not welded; its normals follow from the winding.
 
-    76 of 410 real binary files begin with `solid`: 84 + 50 n == size decides.
+    76 of 410 real binary files begin with `solid`: 84 + 50 n == size decides. Up to 49 bytes more
+    hold no further triangle and are left out, with a finding.
     Raises StepError when the face count and the size disagree, or the text is not STL.
     """
     count = int.from_bytes(data[HEADER : HEADER + 4], "little") if len(data) >= HEADER + 4 else -1
     expected = HEADER + 4 + RECORD.itemsize * count
-    if count >= 0 and expected == len(data):
-        corners = np.frombuffer(data, dtype=RECORD, offset=HEADER + 4)["corners"]
-        return _soup(corners.astype(np.float64).reshape(-1, 3))
-    if data[:512].lstrip().startswith(b"solid") and b"facet" in data[:4096]:
-        return _read_text(data, subject)
+    stray = len(data) - expected
+    if count >= 0 and 0 <= stray < RECORD.itemsize:
+        corners = np.frombuffer(data, dtype=RECORD, offset=HEADER + 4, count=count)["corners"]
+        said = f"{stray} bytes after the last of {count} triangles are left out"
+        findings = (STRAY(subject, said, hint="save the file again"),) if stray else ()
+        return _soup(corners.astype(np.float64).reshape(-1, 3)), findings
+    begin = data[:512].removeprefix(codecs.BOM_UTF8).lstrip().lower()
+    if begin.startswith(b"solid") and b"facet" in data[:4096].lower():
+        return _read_text(data, subject), ()
     if count < 0:
         raise StepError(f"{subject}: {len(data)} bytes are too few for an STL file")
     raise StepError(
         f"{subject}: the header promises {count} faces, which is {expected} bytes, "
         f"the file has {len(data)}",
-        hint="the file is cut off, or it is not an STL file",
+        hint="the file is cut off, or it is not an STL file"
+        if stray < 0
+        else "the count is wrong, or something else follows: save the file again",
     )
 
 
 def _read_text(data: bytes, subject: str) -> TriangleMesh:
     import trimesh
 
-    if b"endsolid" not in data[-512:].lower():
+    data = data.lower()
+    if b"endsolid" not in data[-512:]:
         line = data.count(b"\n") + 1
         raise StepError(f"{subject}: cut off at line {line}: no `endsolid`")
     try:
-        read = trimesh.exchange.stl.load_stl_ascii(io.StringIO(data.decode("utf-8", "replace")))
+        read = trimesh.exchange.stl.load_stl_ascii(io.StringIO(data.decode("utf-8-sig", "replace")))
         solids = list(read["geometry"].values()) if "geometry" in read else [read]
         corners = [np.asarray(s["vertices"], dtype=np.float64)[s["faces"]] for s in solids]
         soup = np.concatenate(corners).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""The triangle mesh that all geometry code speaks, and polygons cut into triangles."""
+"""The triangle mesh that all geometry code speaks."""
 
 from __future__ import annotations
 
@@ -118,16 +118,3 @@ def face_normals(mesh: TriangleMesh) -> Array:
     """(m, 3) unit normals of the faces; zero for degenerate ones."""
     a, b, c = np.moveaxis(mesh.corners, 1, 0)
     return unit_vectors(np.cross(b - a, c - a))
-
-
-def fan_triangles(counts: Indices) -> Indices:
-    """(k, 3) corner numbers that cut polygons of `counts` corners each into fans.
-
-    Corners are numbered through all polygons. Right for convex polygons, which exporters write;
-    polygons of fewer than three corners give none.
-    """
-    starts = np.cumsum(counts) - counts
-    fans = np.maximum(counts - 2, 0)
-    first = np.repeat(starts, fans)
-    step = np.arange(int(fans.sum())) - np.repeat(np.cumsum(fans) - fans, fans)
-    return np.stack([first, first + step + 1, first + step + 2], axis=1).astype(np.int64)

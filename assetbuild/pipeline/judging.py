@@ -25,6 +25,7 @@ from assetbuild.recipe.loader import LoadedRecipe
 from assetbuild.recipe.models import Recipe, Waiver
 from assetbuild.report.document import Report, make_report
 from assetbuild.report.verdict import NOT_COMPARED, NOT_RUN, TRAINER_CHECKS, CheckResult
+from assetbuild.source.patches import patch_keys
 
 
 def judged(
@@ -172,7 +173,7 @@ def locator(
 
 
 def where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | None:
-    """Who asked for a step: the line of an edit, or the pin of what is fetched."""
+    """Who asked for a step: the line of an edit or patch, or the pin of what is fetched."""
     if label in outline.edits:
         return loaded.where(outline.edits[label])
     if label == "fetch":
@@ -180,7 +181,10 @@ def where_of(loaded: LoadedRecipe, outline: Outline, label: str) -> Where | None
             return loaded.where(("source", "sha256"))
         return place_of_pin(lock_path(loaded.path))
     for row, part in zip(loaded.recipe.compose, loaded.parts, strict=True):
-        if label == f"{row.as_} fetch":
+        own = label.removeprefix(f"{row.as_} ")
+        if own != label and (key := patch_keys(part).get(own)):
+            return part.where(key)
+        if own != label and own == "fetch":
             return part.where(("source",))
     return None
 

@@ -41,6 +41,7 @@ from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import SourceShapes
 from assetbuild.samples.state_ranges import StateRanges
 from assetbuild.source.export import lint_export
+from assetbuild.source.patches import patch_keys
 from assetbuild.source.plan import Description, SourceFiles, description_of, open_source
 from assetbuild.source.reading import Reading, read_description
 
@@ -78,7 +79,7 @@ def plan(loaded: LoadedRecipe, lock: Lock | None, p: Planner, *, drawn: bool = T
     """
     recipe, outline = loaded.recipe, Outline()
     check_names(loaded)
-    outline.edits = edit_keys(loaded)
+    outline.edits = edit_keys(loaded) | patch_keys(loaded)
     ready = _prepare(loaded, lock, outline, p)
     if ready is None:
         return outline

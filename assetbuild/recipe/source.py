@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, model_validator
 
-from assetbuild.quantities import Model, Pattern, Real
+from assetbuild.quantities import Model, Name, Pattern, Real
 
 
 def _inside(text: str) -> str:
@@ -24,6 +24,55 @@ def _inside(text: str) -> str:
 InsidePath = Annotated[str, AfterValidator(_inside)]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 PYPI_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]*==[A-Za-z0-9][A-Za-z0-9.+!_-]*$"
+
+
+def _absolute(text: str) -> str:
+    """A folder of another machine, as file names begin with it: `/home/me/ws/arm_description`."""
+    if not text.startswith("/") or PurePosixPath(text).as_posix() != text or text == "/":
+        raise ValueError("must be an absolute folder, such as `/home/me/arm_description`")
+    return text
+
+
+class Patch(Model):
+    """A repair of the source's text before it is read; `diff` alone, or all but `diff`."""
+
+    file: InsidePath | None = Field(
+        None, description="the description or a file that it includes, below `root`"
+    )
+    find: str | None = Field(
+        None, min_length=1, description="the passage, which occurs exactly once in the file"
+    )
+    replace: str | None = Field(None, description="what stands there instead")
+    times: int = Field(
+        1, ge=1, le=10_000, description="how often `find` occurs, where that is more than once"
+    )
+    diff: str | None = Field(
+        None,
+        description="a unified diff, relative to the recipe; each of its hunks is a patch whose "
+        "old lines occur exactly once",
+    )
+    because: str = Field(min_length=3, description="the reason, shown in the report")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Patch:
+        by_text = [self.file, self.find, self.replace]
+        if self.diff is None and None in by_text:
+            raise ValueError("give `file`, `find` and `replace`, or `diff`")
+        if self.diff is not None and (by_text != [None] * 3 or self.times != 1):
+            raise ValueError("a `diff` names its files and passages itself")
+        return self
+
+
+class Missing(Model):
+    """What the source lacks and the robot can do without."""
+
+    visuals: tuple[InsidePath, ...] = Field(
+        (), description="visual meshes, below `root`: the shapes that they draw are left out"
+    )
+    packages: tuple[Name, ...] = Field(
+        (),
+        description="packages that a xacro file asks for by `$(find)` and reads nothing of",
+    )
 
 
 class Source(Model):
@@ -55,11 +104,28 @@ class Source(Model):
     urdf: InsidePath | None = Field(None, description="the URDF file")
     xacro: InsidePath | None = Field(None, description="the xacro file, instead of `urdf`")
     mjcf: InsidePath | None = Field(None, description="the MJCF file, instead of `urdf`")
+    body: str | None = Field(
+        None, description="the robot's body in the world of an MJCF that holds several robots"
+    )
     args: dict[str, str | bool | int | Real] = Field(
         default_factory=dict, description="arguments of the xacro file, by name"
     )
     packages: dict[str, InsidePath] = Field(
         default_factory=dict, description="package:// name -> folder; explicit, nothing is searched"
+    )
+    relative_to: InsidePath | None = Field(
+        None,
+        description="folder that relative names of meshes and textures start from; without it the "
+        "folder of the URDF",
+    )
+    absolute: dict[Annotated[str, AfterValidator(_absolute)], InsidePath] = Field(
+        default_factory=dict,
+        description="folders of the author's machine, as absolute file names begin with them -> "
+        "folder; the longest that fits counts",
+    )
+    missing: Missing = Missing()
+    patches: tuple[Patch, ...] = Field(
+        (), max_length=1000, description="repairs of the source's text, before it is read"
     )
     honour_up_axis: tuple[Pattern, ...] = Field(
         (),
@@ -88,8 +154,13 @@ class Source(Model):
             )
         if self.args and self.xacro is None:
             raise ValueError("`args` are for a `xacro` file")
+        if self.body is not None and self.mjcf is None:
+            raise ValueError("`body` chooses a robot in an `mjcf` file")
         if self.packages and self.mjcf is not None:
             raise ValueError("`packages` are for URDF: the files of an MJCF lie below its folder")
+        of_urdf = {"relative_to", "absolute", "missing"} & self.model_fields_set
+        if of_urdf and self.mjcf is not None:
+            raise ValueError(f"`{min(of_urdf)}` is for URDF and xacro")
         return self
 
     @property

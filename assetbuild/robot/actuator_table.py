@@ -98,6 +98,11 @@ class ActuatorRow(Model):
         "limit (the others), the default; reach: of pd, the limits and effort/kp beyond them",
     )
     general: General | None = Field(None, description="of the model `general` alone")
+    guessed: bool = Field(
+        False,
+        description="nobody has stated these numbers: every build warns until they are replaced "
+        "by the motor's and this key is removed",
+    )
 
     @model_validator(mode="after")
     def _one_way_to_say_it(self) -> ActuatorRow:

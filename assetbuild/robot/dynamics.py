@@ -147,8 +147,9 @@ def holding_torques(
 ) -> tuple[dict[str, float], float]:
     """Torque of each joint that holds the pose with the feet on the ground, N m or N.
 
-    feet: (body, point in world) of the contacts. The forces at the feet are the smallest (in the
-    sum of squares) that balance the base, so left and right share a load; friction is not limited.
+    feet: (body, point in world) of the contacts. The ground pushes against gravity and never
+    pulls; of the forces that balance the base best the most even ones are taken, so left and right
+    share a load. No force is therefore above the weight, however near the feet are to one line.
     The second value is the part of the base's weight that no foot can take, relative: 0 is balance.
     """
     forces = np.zeros(len(robot.gravity))
@@ -157,9 +158,32 @@ def holding_torques(
         weight = robot.gravity[: robot.free]
         size = float(np.linalg.norm(weight)) or 1.0
         if feet:
-            rows = np.vstack([robot.motions[body].at(point) for body, point in feet])
-            pushed, *_ = np.linalg.lstsq(rows[:, : robot.free].T, weight, rcond=None)
-            forces = rows.T @ pushed
+            up = weight[:3] / (float(np.linalg.norm(weight[:3])) or 1.0)
+            rows = np.vstack([up @ robot.motions[body].at(point) for body, point in feet])
+            forces = rows.T @ _pushes(rows[:, : robot.free].T, weight)
         left_over = float(np.linalg.norm(weight - forces[: robot.free])) / size
     torque = robot.gravity - forces
     return {joint: float(torque[robot.column(joint)]) for joint in robot.joints}, left_over
+
+
+EVEN = 1e-5
+"""Weight of a force against what it leaves unbalanced: enough to make equal feet push equally."""
+
+
+def _pushes(wrenches: Array, weight: Array) -> Array:
+    """(n,) N, none negative; wrenches: (6, n) of a push of 1 N by each foot, weight: (6,).
+
+    Least squares with a small penalty on uneven forces; a foot that would have to pull is lifted,
+    the worst first, until all push. (SciPy's `nnls` would cost half a second of import.)
+    """
+    found = np.zeros(wrenches.shape[1])
+    standing = np.arange(len(found))
+    while len(standing):
+        rows = np.vstack([wrenches[:, standing], EVEN * np.eye(len(standing))])
+        target = np.concatenate([weight, np.zeros(len(standing))])
+        forces = np.linalg.lstsq(rows, target, rcond=None)[0]
+        if forces.min() >= 0.0:
+            found[standing] = forces
+            break
+        standing = np.delete(standing, int(forces.argmin()))
+    return found

@@ -131,6 +131,10 @@ def principal_moments(tensor: Tensor) -> Vec3:
     return vec3(np.linalg.eigvalsh(matrix_of(tensor)))
 
 
+TRIANGLE_ROUNDING = 1e-12
+"""Share of C: a smaller violation of A + B >= C is rounding of the six numbers."""
+
+
 def triangle_violation(tensor: Tensor) -> float:
     """(C - A - B) / C of the principal moments A <= B <= C: positive when no mass could have them.
 

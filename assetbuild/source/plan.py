@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import posixpath
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from typing import Protocol
 
@@ -19,7 +21,9 @@ from assetbuild.source.get.fetch_git import FetchGit
 from assetbuild.source.get.fetch_url import FetchUrl
 from assetbuild.source.get.from_archive import ArchiveFiles
 from assetbuild.source.get.from_folder import FolderFiles
-from assetbuild.source.urdf.expand_xacro import INCLUDED, ExpandXacro
+from assetbuild.source.mjcf.includes import ListIncludes
+from assetbuild.source.patches import passages, patched
+from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
 
 SCP_LIKE = re.compile(r"[A-Za-z0-9._-]+@[A-Za-z0-9.-]+:")
 """`git@host:path`, which ssh understands."""
@@ -47,8 +51,13 @@ class SourceFiles(Protocol):
         """The files that `meshes.json` of the reader lists, by path; None: not known yet."""
         ...
 
-    def below(self, folders: tuple[str, ...], suffixes: tuple[str, ...]) -> dict[str, Ref] | None:
-        """All files below the folders with one of the suffixes, by path; None: not known yet."""
+    def below(
+        self, folders: tuple[str, ...], suffixes: tuple[str, ...], but: tuple[str, ...] = ()
+    ) -> dict[str, Ref] | None:
+        """All files below the folders with one of the suffixes, by path; None: not known yet.
+
+        suffixes: () = any; but: suffixes of those that are left out, hidden ones are as well.
+        """
         ...
 
     def present(self, what: str, paths: Collection[str]) -> dict[str, Ref] | None:
@@ -106,22 +115,65 @@ def description_of(loaded: LoadedRecipe, source: SourceFiles, p: Planner) -> Des
     if ref is None:
         return None
     beside = posixpath.dirname(path) or "."
+    texts: dict[str, Ref] | None = {}
     if recipe.mjcf is not None:
-        includes = source.below((beside,), (".xml",))
-        return None if includes is None else Description(path, ref, includes)
-    if recipe.xacro is None:
-        return Description(path, ref)
-    declared = source.below((beside, *sorted(recipe.packages.values())), INCLUDED)
-    if declared is None:
+        texts = _included(path, ref, source, p)
+    elif recipe.xacro is not None:
+        folders = (beside, *sorted(recipe.packages.values()))
+        texts = source.below(folders, (), NOT_INCLUDED)
+    if texts is None or not _are_missing(loaded, source):
         return None
+    if len(texts) > MOST_FILES:
+        message = f"{len(texts)} files could be included, more than {MOST_FILES}"
+        raise loaded.error(("source", key), message, "name smaller folders in `source.packages`")
+    texts = patched(loaded, {path: ref} | texts, p)
+    if recipe.xacro is not None:
+        return _expanded(loaded, texts, p)
+    moved = any(each.moves_lines for each in passages(loaded) if each.step.file == path)
+    shown = f"{path} (patched)" if moved and recipe.urdf else path
+    return Description(shown, texts.pop(path), texts)
+
+
+def _are_missing(loaded: LoadedRecipe, source: SourceFiles) -> bool:
+    """Whether that is known; RecipeError for a mesh that is stated as missing and is there."""
+    stated = loaded.recipe.source.missing.visuals
+    present = source.present("missing meshes", stated) if stated else {}
+    for path in present or ():
+        key = ("source", "missing", "visuals", stated.index(path))
+        raise loaded.error(key, f"`{path}` is in the source", "remove it from the list")
+    return present is not None
+
+
+def _expanded(loaded: LoadedRecipe, texts: Mapping[str, Ref], p: Planner) -> Description:
+    """The URDF behind a xacro."""
+    recipe = loaded.recipe.source
     step = ExpandXacro(
-        file=path,
+        file=recipe.description,
         args={name: argument_text(value) for name, value in sorted(recipe.args.items())},
         packages=dict(sorted(recipe.packages.items())),
+        absent=tuple(sorted(recipe.missing.packages)),
     )
-    inputs = {f"tree/{name}": file for name, file in ({path: ref} | declared).items()}
-    expanded = p.add("expand_xacro", step, inputs)
-    return Description(f"{path} (expanded)", expanded["robot.urdf"])
+    expanded = p.add("expand_xacro", step, {f"tree/{name}": ref for name, ref in texts.items()})
+    return Description(f"{recipe.description} (expanded)", expanded["robot.urdf"])
+
+
+def _included(path: str, ref: Ref, source: SourceFiles, p: Planner) -> dict[str, Ref] | None:
+    """The XML files in the folder of an MJCF, and those that it includes from elsewhere."""
+    beside = posixpath.dirname(path) or "."
+    texts = source.below((beside,), (".xml",))
+    for number in count(1):
+        if texts is None or beside == ".":
+            break
+        inputs = {f"tree/{name}": file for name, file in sorted({**texts, path: ref}.items())}
+        step = p.add(f"list_includes {number}", ListIncludes(file=path), inputs)
+        listed = p.ask(step["includes.json"])
+        found = source.present(f"includes {number}", json.loads(listed)) if listed else None
+        if found is None:
+            return None
+        if not found:
+            break
+        texts |= found
+    return texts
 
 
 def argument_text(value: str | float | bool) -> str:

@@ -40,10 +40,14 @@ def read_description(
     """The steps that read the robot; None while an answer is missing."""
     if recipe.source.mjcf is not None:
         return _read_mjcf(recipe, source, description, p)
+    origin = recipe.source
     step = ReadUrdf(
         file=description.path,
         base=recipe.base,
-        packages=dict(sorted(recipe.source.packages.items())),
+        packages=dict(sorted(origin.packages.items())),
+        relative_to=origin.relative_to,
+        absolute=dict(sorted(origin.absolute.items())),
+        missing=tuple(sorted(origin.missing.visuals)),
     )
     read = p.add("read_urdf", step, {"robot.urdf": description.ref})
     return Reading(
@@ -59,7 +63,8 @@ def _read_mjcf(
 ) -> Reading | None:
     tree = {description.path: description.ref} | dict(description.includes)
     inputs = {f"tree/{path}": ref for path, ref in sorted(tree.items())}
-    flat = p.add("flatten_mjcf", FlattenMjcf(file=description.path), inputs)
+    step = FlattenMjcf(file=description.path, body=recipe.source.body)
+    flat = p.add("flatten_mjcf", step, inputs)
     listed = p.ask(flat["meshes.json"])
     files = source.meshes(json.loads(listed), description.path) if listed is not None else None
     if files is None:

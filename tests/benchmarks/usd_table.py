@@ -33,7 +33,8 @@ import yaml
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from corpus.run import data_root, error_of, run, with_hulls
+from corpus.lists import data_root
+from corpus.one import error_of, run, with_hulls
 
 from assetbuild.cli.public import shown_message
 from assetbuild.findings import Finding, finding_from_json

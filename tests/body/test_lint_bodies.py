@@ -102,8 +102,14 @@ def test_a_massless_link_between_two_joints_is_told_and_no_error(tmp_path: Path)
 
 
 def test_rounding_of_a_flat_tensor_is_no_violation(tmp_path: Path):
-    (finding,) = lint(body(1.0, 0.01, 0.01, 0.02 * (1 + 1e-12)), tmp_path)
+    (finding,) = lint(body(1.0, 0.01, 0.01, 0.02 * (1 + 1e-13)), tmp_path)
     assert finding.rule == "inertia.pseudo"
+
+
+def test_what_six_numbers_could_state_better_is_a_violation(tmp_path: Path):
+    """MuJoCo refuses it, so `init` must see it."""
+    (finding,) = lint(body(1.0, 0.01, 0.01, 0.02 * (1 + 1e-11)), tmp_path)
+    assert finding.rule == "inertia.triangle"
 
 
 def test_the_violation_is_told_as_a_number(tmp_path: Path):

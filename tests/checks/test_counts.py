@@ -19,9 +19,11 @@ from assetbuild.robot.shapes import Box, Capsule, Material, Shape, Shapes, Spher
 from assetbuild.source.urdf.read_urdf import ReadUrdf
 from assetbuild.targets.urdf import Urdf
 
-SOURCE = """<robot name="r">
-  <link name="trunk"><visual/><visual/><collision/></link>
-  <link name="foot"><visual/></link>
+BALL = '<geometry><sphere radius="1"/></geometry>'
+SOURCE = f"""<robot name="r">
+  <link name="trunk"><visual>{BALL}</visual><visual>{BALL}</visual>
+    <collision>{BALL}</collision></link>
+  <link name="foot"><visual>{BALL}</visual></link>
   <link name="frame"/>
 </robot>"""
 MJCF = """<mujoco><asset><texture name="t" type="2d" file="skin-1.png"/>
@@ -153,16 +155,22 @@ def test_a_texture_that_a_class_wears_is_shown(tmp_path: Path):
         assert [f.rule for f in findings] == ([] if shown else ["count.texture"]), geom
 
 
-def test_a_visual_without_width_is_not_missed(tmp_path: Path):
-    nothing = '<visual><geometry><sphere radius="0.0"/></geometry></visual>'
+def test_a_shape_whose_size_was_taken_away_is_not_missed(tmp_path: Path):
+    """As `read_urdf` leaves a sphere of radius 0."""
+    nothing = "<visual><geometry/></visual><collision><geometry/></collision>"
     source = SOURCE.replace('name="foot">', f'name="foot">{nothing}')
     findings, figures = check(tmp_path, WHOLE, source=source)
     assert findings == []
-    assert figures["visual_source"] == 3
-    plate = nothing.replace('sphere radius="0.0"', 'box size="1 1 0"')
-    source = SOURCE.replace('name="foot">', f'name="foot">{plate}')
-    findings, _ = check(tmp_path / "plate", WHOLE, source=source)
-    assert [f.rule for f in findings] == ["count.visual"]
+    assert (figures["visual_source"], figures["collision_source"]) == (3, 1)
+
+
+def test_a_visual_that_is_stated_as_missing_is_not_missed(tmp_path: Path):
+    mesh = '<visual><geometry><mesh filename="package://r/meshes/a.dae"/></geometry></visual>'
+    source = SOURCE.replace('name="foot">', f'name="foot">{mesh}')
+    assert check(tmp_path, WHOLE, source=source, absent=("meshes/a.dae",))[0] == []
+    for number, absent in enumerate(((), ("meshes/b.dae",))):
+        findings, _ = check(tmp_path / str(number), WHOLE, source=source, absent=absent)
+        assert [f.rule for f in findings] == ["count.visual"]
 
 
 # --- links and joints of the source -------------------------------------------------------------

@@ -97,3 +97,22 @@ def test_a_placed_shape_counts_where_it_is(tmp_path: Path):
     made = robot(replace(SOUND, com_m=(1.0, 0.0, 0.0)))
     shape = replace(made.shapes.shapes[0], X_link_shape=Pose((1.0, 0.0, 0.0)))
     assert told(replace(made, shapes=Shapes((shape,))), tmp_path) == []
+
+
+def test_a_hand_of_a_hundred_tonnes_and_a_shoulder_of_175_m_are_errors(tmp_path: Path):
+    """A density taken for a mesh in millimetres; a mesh in millimetres read in metres."""
+    heavy = robot(replace(SOUND, mass_kg=264277.0))
+    made = {finding.rule: finding for finding in told(heavy, tmp_path / "heavy")}
+    assert made["mass.absurd"].severity == "error"
+    assert "264277" in made["mass.absurd"].message or "2.643e+05" in made["mass.absurd"].message
+    long = robot()
+    shape = replace(long.shapes.shapes[0], geometry=Box((0.05, 0.04, 175.0)))
+    found = told(replace(long, shapes=Shapes((shape,))), tmp_path / "long")
+    assert [f.severity for f in found if f.rule == "mass.size"] == ["error"]
+
+
+def test_a_bolted_root_may_be_a_hall(tmp_path: Path):
+    made = robot()
+    hall = Shape("hall", made.tree.root, "visual", Box((90.0, 60.0, 12.0)))
+    found = told(replace(made, shapes=Shapes((*made.shapes.shapes, hall))), tmp_path)
+    assert "mass.size" not in rules(found)

@@ -389,11 +389,32 @@ def test_a_surface_like_ice_or_glue_is_told_with_the_plausible_range(run, contac
         assert (found.data["lower"], found.data["upper"]) == (0.2, 3.0)
 
 
-def test_joints_that_equal_limits_lock_need_no_drive(run):
+def test_some_joints_that_equal_limits_lock_need_no_drive(run):
+    tree = quadruped()
+    first, *others = tree.joints
+    locked = replace(tree, joints=(replace(first, limits=Limits(0.0, 0.0)), *others))
+    rows = [
+        {"joints": first.name, "model": "passive"},
+        {"joints": f"(?!{first.name}$).*", "model": "pd", "kp": 80, "kd": 2, "effort": 20},
+    ]
+    _, findings = run(locked, feet(), recipe(actuators=rows))
+    assert "actuator.none" not in findings
+
+
+def test_a_robot_whose_joints_are_all_locked_cannot_be_driven_and_it_is_said(run):
+    """What an exporter writes that knows no limits: 0 and 0."""
     tree = quadruped()
     locked = [replace(joint, limits=Limits(0.0, 0.0)) for joint in tree.joints]
     _, findings = run(replace(tree, joints=tuple(locked)), feet(), recipe(actuators=()))
-    assert "actuator.none" not in findings
+    assert "equal limits lock all 8" in findings["actuator.none"].message
+    assert "set_limits" in findings["actuator.none"].hint
+
+
+def test_a_guessed_row_is_a_warning_that_names_its_joints(run):
+    rows = ({"joints": ".*", "model": "pd", "kp": 80, "kd": 2, "effort": 20, "guessed": True},)
+    _, findings = run(quadruped(), feet(), recipe(actuators=rows))
+    assert findings["actuator.guessed"].severity == "warning"
+    assert len(findings["actuator.guessed"].data["joints"]) == 8
 
 
 def test_a_source_s_limit_of_zero_is_reported(run):

@@ -11,25 +11,10 @@ from xml.etree.ElementTree import Element, ParseError
 
 from defusedxml.ElementTree import parse
 
-from corpus.others import Given
 
-
-def counts_in(got: Given, root: Path, folder: Path) -> dict[str, object]:
-    """What the source states, read by another library than ours; folder: for what is expanded."""
-    if got.file.suffix == ".xml":
-        return in_mjcf(got.file)
-    return in_urdf(as_urdf(got, folder), root)
-
-
-def as_urdf(got: Given, folder: Path) -> Path:
-    """The description itself, of a xacro what it expands to."""
-    if got.file.suffix == ".urdf":
-        return got.file
-    from assetbuild.init.source import find_source
-
-    expanded = folder / "expanded.urdf"
-    expanded.write_bytes(find_source(got.file, {}, got.args).data)
-    return expanded
+def counts_in(source: Path, root: Path) -> dict[str, object]:
+    """What the source states, read by another library than ours; a xacro's is its expansion."""
+    return in_mjcf(source) if source.suffix == ".xml" else in_urdf(source, root)
 
 
 def in_mjcf(file: Path) -> dict[str, object]:
@@ -125,6 +110,8 @@ def of_model(model: Any, side: str, *, by_group: bool) -> dict[str, object]:
     mass = "mass_source" if side == "in" else "mass_mjcf"
     return {
         **{f"{role}_{side}": kinds[role] for role in roles},
+        f"actuators_{side}": int(model.nu),
+        f"joints_{side}": int(sum(kind != mujoco.mjtJoint.mjJNT_FREE for kind in model.jnt_type)),
         f"textures_{side}": int(pictures),
         mass: float(model.body_mass.sum()),
     }

@@ -28,7 +28,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 
-from corpus.run import data_root, run, with_hulls
+from corpus.lists import data_root
+from corpus.one import run, with_hulls
 
 ROBOTS = {
     "panda": "panda_description/urdf/panda.urdf",

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from corpus.run import KINDS, mass_error, one
+from corpus.lists import Robot
+from corpus.one import KINDS, one
+from corpus.table import mass_error
 
 ROBOTS = {
     "asr_twodof_description/urdf/TwoDofs.urdf": "a root called world",
@@ -24,8 +26,8 @@ def test_init_and_build(name: str, go1_root: Path, tmp_path: Path, monkeypatch: 
     if not (go1_root / "robots" / name).is_file():
         pytest.skip(f"no {name} in {go1_root}: name the unpacked package in ASSETBUILD_TEST_DATA")
     monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "cache"))
-    row = one(go1_root, name, tmp_path)
-    assert row["result"] == "built", row["note"]
+    row = one(Robot(name, go1_root / "robots" / name, go1_root), tmp_path)
+    assert row["result"] == "ready", row["note"]
     error = mass_error(row)
     assert error is not None
     assert error < 1e-12

@@ -28,6 +28,7 @@ from tiny import (
 from assetbuild.errors import UsageError
 from assetbuild.facts.readers.urdf import UrdfFacts
 from assetbuild.facts.reference import Reference
+from assetbuild.facts.table import Table
 from assetbuild.findings import Finding
 from assetbuild.geometry.measure_assets import MeasureAssets
 from assetbuild.robot.model import Limits
@@ -392,3 +393,39 @@ def test_a_mesh_of_another_format_is_measured(tmp_path: Path):
 def test_a_file_that_is_not_there_is_one_error(tmp_path: Path):
     with pytest.raises(UsageError, match="cannot read"):
         UrdfFacts(robot="x").read(tmp_path / "no.urdf")
+
+
+# --- URDFs of others ------------------------------------------------------------------------------
+
+ARM = (
+    '<robot name="r" version="1.1"><link name="a"/><link name="b"/><joint name="j" type="fixed">'
+    '<origin {origin}/><parent link="a"/><child link="b"/></joint></robot>'
+)
+
+
+def read_text(text: str, folder: Path) -> Table:
+    path = folder / "r.urdf"
+    path.write_text(text)
+    return UrdfFacts(robot="r").read(path)
+
+
+def test_a_quaternion_is_a_rotation_from_1_1_on(tmp_path: Path):
+    quarter = 'xyz="1, 2, 3" quat_xyzw="0 0 2 2"'
+    pose = read_text(ARM.format(origin=quarter), tmp_path).of("body", "b")["pose"]
+    assert pose == pytest.approx((1, 2, 3, 0.5**0.5, 0, 0, 0.5**0.5))
+    for other in ('rpy="0 0 0" quat_xyzw="0 0 2 2"', 'quat_xyzw="0 0 0 0"'):
+        found = read_text(ARM.format(origin=other), tmp_path)
+        assert found.of("body", "b")["pose"] == (0, 0, 0, 1, 0, 0, 0)
+    old = read_text(ARM.format(origin=quarter).replace(' version="1.1"', ""), tmp_path)
+    assert old.of("body", "b")["pose"] == (1, 2, 3, 1, 0, 0, 0)
+    assert any("quat_xyzw" in unread.attribute for unread in old.unread)
+
+
+def test_faults_of_the_text_are_unread_with_their_line(tmp_path: Path):
+    text = "\n" + ARM.format(origin="").replace("<robot", '<?xml version="1.0"?><robot')
+    found = read_text(text.replace("</robot>", "<drake:a/>\n</robot>\nmore"), tmp_path)
+    assert set(found.names("body")) == {"a", "b"}
+    said = [(unread.where, unread.attribute) for unread in found.unread]
+    assert ("r.urdf:2", "untidy text (declaration)") in said
+    assert ("r.urdf:2", "untidy text (prefix)") in said
+    assert ("r.urdf:4", "untidy text (end)") in said

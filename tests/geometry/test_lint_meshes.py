@@ -8,11 +8,11 @@ import pytest
 from tiny import ball_inertial, run_step
 
 from assetbuild.findings import Finding
-from assetbuild.geometry.lint_meshes import LintMeshes
+from assetbuild.geometry.lint_meshes import LintMeshes, judge_up_axes, meshes_to_turn
 from assetbuild.kinds import ConvertedMesh
 from assetbuild.robot.codec import encode
-from assetbuild.robot.model import Body, Tree
-from assetbuild.robot.pose import Pose, quat_of_rpy
+from assetbuild.robot.model import Body, Joint, Tree
+from assetbuild.robot.pose import Pose, Vec3, quat_of_rpy
 from assetbuild.robot.shapes import Box, MeshFile, SourceGeometry, SourceShape, SourceShapes
 
 LONG = ((-0.1, 0.0, -0.1), (0.1, 1.0, 0.1))
@@ -49,7 +49,7 @@ def lint(
 
 def test_a_mesh_across_its_collision_shape_would_fit_turned(tmp_path: Path):
     (finding,) = lint(tmp_path, collision=(UP, MIDDLE))
-    assert (finding.rule, finding.severity) == ("mesh.up_axis.fit", "warning")
+    assert (finding.rule, finding.severity) == ("mesh.up_axis.fit", "error")
     assert "turned to Z" in finding.message
     assert finding.data["meshes"] == ("m/rod.dae",)
 
@@ -64,6 +64,7 @@ def test_one_that_was_turned_wrongly_would_fit_as_it_is(tmp_path: Path):
 def test_without_collision_the_centre_of_mass_tells(tmp_path: Path):
     (finding,) = lint(tmp_path, com=(0.0, 0.0, 0.5))
     assert "the centre of mass is off by 38 %" in finding.message  # 0.4 m of 1.04 m
+    assert finding.severity == "warning"  # a centre of mass alone may be made up
 
 
 @pytest.mark.parametrize(
@@ -93,3 +94,46 @@ def test_a_mirrored_mesh_in_millimetres_is_judged_in_its_own_axes(tmp_path: Path
     down = (Box((0.0002, 0.0002, 0.001)), Pose((0.0, 0.0, 0.0005)))
     (finding,) = lint(tmp_path, collision=down, scale=(0.001, 0.001, 0.001))
     assert finding.data["better"] == 1
+
+
+def rods(tmp_path: Path, links: dict[str, tuple[bool, Vec3 | None]]) -> tuple[list[Finding], set]:
+    """A chain of rods along z, each with its own mesh.
+
+    links: name -> (was the mesh made along y of its file?, centre of mass).
+    """
+    bodies, joints, shapes, records = [], [], [], {}
+    for name, (is_along_y, com) in links.items():
+        inertial = None if com is None else ball_inertial(1.0, 0.1, com)
+        bodies.append(Body(name, inertial))
+        shapes.append(SourceShape(f"{name}_v", name, "visual", MeshFile(f"{name}.glb"), Pose()))
+        low, high = LONG if is_along_y else ((-0.1, -0.1, 0.0), (0.1, 0.1, 1.0))
+        records[f"{name}_v"] = ConvertedMesh((), 12, 1.0, low, high, True, 1.0, "Y_UP")
+        if len(bodies) > 1:
+            above = bodies[-2].name
+            pose = Pose((0.0, 0.0, 1.0))
+            joints.append(Joint(f"{above}_{name}", "revolute", above, name, pose, (1.0, 0.0, 0.0)))
+    tree = Tree("r", "fixed", tuple(bodies), tuple(joints))
+    drawn = SourceShapes(tuple(shapes))
+    finding = judge_up_axes(tree, drawn, records)
+    return [finding] if finding else [], set(meshes_to_turn(tree, drawn, records))
+
+
+TOP = (0.0, 0.0, 0.5)
+
+
+def test_joints_and_mass_alike_are_sure_of_a_mesh(tmp_path: Path):
+    (finding,), turn = rods(tmp_path, {"a": (True, TOP), "b": (False, TOP), "c": (False, TOP)})
+    assert turn == {"a.glb"}
+    assert finding.severity == "error"
+    assert (finding.data["meshes"], finding.data["worse"]) == (("a.glb",), 2)
+
+
+def test_what_says_nothing_of_itself_follows_most_of_its_format(tmp_path: Path):
+    (finding,), turn = rods(tmp_path, {"a": (True, None), "b": (True, None), "tip": (True, None)})
+    assert turn == {"a.glb", "b.glb", "tip.glb"}
+    assert finding.severity == "warning"  # its joints alone
+    assert finding.data["meshes"] == ("a.glb", "b.glb")
+
+
+def test_rods_that_stand_as_they_are_stay(tmp_path: Path):
+    assert rods(tmp_path, {"a": (False, TOP), "b": (False, None)}) == ([], set())

@@ -58,7 +58,8 @@ def test_joints_of_a_hand_get_a_frequency_each_and_its_impossible_dampers_go(tmp
     assert row.drops == ("damping", "friction")
     # Gravity on a point at a distance l: sag = g / (l (2 pi f)^2), most for the tip's 10 mm.
     assert 9.81 / (0.01 * 1.1 * (2 * math.pi * row.gains["frequency"]) ** 2) <= SAG["rad"] * 1.1
-    text = recipe_text(robot, study(robot), find_source(tmp_path / "arm.urdf", {}), tmp_path / "a")
+    source = find_source(tmp_path / "arm.urdf", {})
+    text = recipe_text(robot, study(robot), source, tmp_path / "a").text
     assert "damping_ratio: 1.0, damping: 0, friction: 0}" in text
 
 
@@ -93,10 +94,11 @@ def test_a_leg_whose_drive_outruns_the_step_is_told():
     assert not replace(row, standing=0.0).outruns(0.005), "no leg"
 
 
-def test_links_that_only_an_edit_gives_a_mass_get_a_frequency(tmp_path: Path):
-    """The build knows what they weigh then; a stiffness of the whole effort creeps at a wrist."""
+def test_links_that_only_an_edit_gives_a_mass_get_gains_for_that_mass(tmp_path: Path):
+    """The two balls of 0.01 kg that the edits make, each 0.2 m further out."""
     robot = arm(tmp_path, [(0.0, 0.2), (0.0, 0.2)])
-    _, (row,) = rows_of(robot)
-    assert row.gains == {"frequency": 8.0, "damping_ratio": 1.0}
-    text = recipe_text(robot, study(robot), find_source(tmp_path / "arm.urdf", {}), tmp_path / "a")
-    assert "moves what the edits above give a mass" in text
+    source = find_source(tmp_path / "arm.urdf", {})
+    text = recipe_text(robot, study(robot), source, tmp_path / "a").text
+    assert "set_inertia" in text
+    assert text.startswith("# arm: 0.02 kg")
+    assert "moves 0.000" in text

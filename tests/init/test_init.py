@@ -72,7 +72,7 @@ def test_the_home_pose_stands_within_the_limits_feet_level_below_the_hips(robots
     assert -heights[0] == pytest.approx(0.4 * math.cos(knee / 2), abs=2e-3)
 
 
-def test_the_table_has_a_row_per_limit_and_a_passive_one_where_effort_is_missing(
+def test_the_table_has_a_row_per_limit_and_a_guess_where_effort_is_missing(
     robots: Path, tmp_path: Path
 ):
     dog = initialised(robots / "four_legs.urdf", tmp_path / "dog.yaml").recipe
@@ -81,9 +81,10 @@ def test_the_table_has_a_row_per_limit_and_a_passive_one_where_effort_is_missing
     arm = initialised(robots / "odd_arm.urdf", tmp_path / "arm.yaml").recipe
     models = {row.joints: row.model for row in arm.actuators}
     assert models == {
-        "shoulder": "pd", "elbow": "pd", "wrist": "passive", "left_slide": "pd",
+        "shoulder": "pd", "elbow": "pd", "wrist": "pd", "left_slide": "pd",
         "hinge": "passive",  # locked by equal limits
     }  # fmt: skip
+    assert [row.joints for row in arm.actuators if row.guessed] == ["wrist"]
     assert arm.keyframes["home"].joints == {"elbow": 1.5}
 
 

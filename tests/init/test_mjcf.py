@@ -9,6 +9,7 @@ from mjcfs import ROBOTS, TET
 
 from assetbuild.errors import SourceError
 from assetbuild.init import propose, write
+from assetbuild.pipeline.checking import check
 from assetbuild.pipeline.recipes import load_recipe
 
 LEG = '<mujoco model="one leg"><compiler meshdir="../meshes"/><asset><mesh file="a.obj"/></asset><worldbody><body name="trunk"><freejoint/><geom size=".1"/><geom type="mesh" mesh="a" contype="0" conaffinity="0"/></body></worldbody></mujoco>'  # noqa: E501 # one robot per line
@@ -42,3 +43,41 @@ def test_a_missing_mesh_is_named_with_its_line(tmp_path: Path):
     (tmp_path / "xml/leg.xml").write_text(LEG)
     with pytest.raises(SourceError, match=r"no file `meshes/a\.obj`"):
         propose(tmp_path / "xml/leg.xml", None, {})
+
+
+def test_files_that_it_includes_from_a_parent_folder_are_found(tmp_path: Path):
+    scene = '<mujoco><include file="../leg.xml"/></mujoco>'
+    (tmp_path / "robot/cell").mkdir(parents=True)
+    (tmp_path / "robot/cell/scene.xml").write_text(scene)
+    (tmp_path / "robot/leg.xml").write_text(LEG.replace("../meshes", ".."))
+    (tmp_path / "robot/a.obj").write_text(TET)
+    out = tmp_path / "leg.yaml"
+    write(propose(tmp_path / "robot/cell/scene.xml", out, {}), force=True)
+    source = load_recipe(out).recipe.source
+    assert (source.path, source.mjcf) == ("robot", "cell/scene.xml")
+    assert not [f.rule for f in check(out) if f.severity == "error"]
+
+
+LIMB = '<geom size=".1"/><body><joint/><geom size=".1"/></body>'
+
+
+def test_of_several_robots_in_one_world_the_first_is_proposed(tmp_path: Path):
+    ant = f'<body name="ant"><freejoint/>{LIMB}</body><body name="bee"><freejoint/>{LIMB}</body>'
+    (tmp_path / "two.xml").write_text(f"<mujoco><worldbody>{ant}</worldbody></mujoco>")
+    out = tmp_path / "two.yaml"
+    write(propose(tmp_path / "two.xml", out, {}), force=True)
+    assert load_recipe(out).recipe.source.body == "ant"
+    assert "# or bee: one recipe builds one robot" in out.read_text()
+
+
+FINGER = '<mujoco model="finger"><option timestep="0.002"/><worldbody><body name="palm"><geom size=".04" mass=".3"/><body name="near" pos="0 0 .05"><joint name="knuckle" axis="0 1 0" range="0 90" armature="0.0003"/><geom size=".01" mass=".02"/></body></body></worldbody></mujoco>'  # noqa: E501 # one robot per line
+
+
+def test_a_source_that_drives_nothing_gets_guessed_drives_with_its_own_rotors(tmp_path: Path):
+    """A robot that nothing drives is never ready; mjlab's are driven from Python."""
+    (tmp_path / "finger.xml").write_text(FINGER)
+    out = tmp_path / "finger.yaml"
+    write(propose(tmp_path / "finger.xml", out, {}), force=True)
+    (row,) = load_recipe(out).recipe.actuators
+    assert (row.joints, row.model, row.guessed, row.armature) == ("knuckle", "pd", True, 0.0003)
+    assert "The source drives no joint" in out.read_text()

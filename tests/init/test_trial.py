@@ -32,7 +32,9 @@ def tried(robots: Path, weaker: float = 1.0, soles: tuple[str, ...] | None = Non
         for row in drive_rows(robot.tree, pose, legs)
     ]
     feet = soles if soles is not None else tuple(sole for leg in legs for sole in leg.soles)
-    return try_to_stand(robot, source.root, feet, tables(drives, pose, {"timestep": 0.002}))
+    return try_to_stand(
+        robot, source.root, feet, tables(robot.tree, drives, pose, {"timestep": 0.002})
+    )
 
 
 def test_a_dog_with_proper_gains_stands(robots: Path):

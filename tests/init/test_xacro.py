@@ -97,7 +97,7 @@ def test_an_argument_without_a_default_is_asked_for(packages: Path):
     main_file.write_text(MAIN.replace("name='bot'", "name='$(arg model)'"))
     with pytest.raises(SourceError, match="Undefined substitution argument") as raised:
         initialised(packages)
-    assert raised.value.hint == "give it: `--arg NAME=VALUE`"
+    assert raised.value.hint == "give it: `--arg model=VALUE`"
     assert initialised(packages, model="two").recipe.robot == "two"
 
 

@@ -88,7 +88,7 @@ l 1 2
     ("text", "says"),
     [
         (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "line 4: index 9 of `v`, there are 3"),
-        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\n\nf 1 2\n", "line 5: a face needs three"),
+        (b"v 0 0 0\nv 1 0 0\nv 0 1 0\n\nf 1 2\nf 1 2 9\n", "line 6: index 9"),
         (b"v 0 0 0\nv 1 x 0\nv 0 1 0\nf 1 2 3\n", "line 2: not 3 numbers"),
         (b"v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", "line 2: not 3 numbers"),
         (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 three\n", "line 4: face indices"),
@@ -100,3 +100,30 @@ def test_a_broken_line_is_named(text, says):
     with pytest.raises(StepError, match=says) as caught:
         read_triangles(text, "mesh meshes/bad.obj")
     assert "mesh meshes/bad.obj" in str(caught.value)
+
+
+TETRAHEDRON = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "skipped", "lost"),
+    [
+        (TETRAHEDRON.replace(b" ", b"\t"), {}, ()),
+        (TETRAHEDRON.replace(b"\n", b"\r"), {}, ()),
+        (TETRAHEDRON + b"f 1 2\nf 3\n", {"f": 2}, ()),
+        (TETRAHEDRON.replace(b"f 1 2 4", b"f 1/7/1 2/8/1 4/9/1"), {}, ("vn", "vt")),
+        (TETRAHEDRON.replace(b"f 2 3 4", b"f -3 -2 -1"), {}, ()),
+    ],
+)
+def test_text_that_other_readers_take_is_taken(text, skipped, lost):
+    obj = parse_obj(text, "mesh")
+    ((_, mesh),) = obj.parts
+    assert mesh.faces.tolist() == [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    assert (obj.skipped, obj.lost) == (skipped, lost)
+
+
+def test_negative_indices_count_back_in_each_table_for_itself():
+    text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf -3/-1 -2/-1 -1/-1\nvt 1 1\nv 5 5 5\n"
+    ((_, mesh),) = parse_obj(text, "mesh").parts
+    assert mesh.faces.tolist() == [[0, 1, 2]]
+    assert mesh.uv.tolist() == [[[0, 0]] * 3]

@@ -79,7 +79,7 @@ def test_four_equal_legs_share_the_weight() -> None:
         body, X_body_foot = robot.tree.placement(f"{leg}_foot")
         feet.append((body, found.motions[body].pose.apply(X_body_foot.xyz)))
     torque, left = holding_torques(found, feet)
-    assert left == pytest.approx(0.0, abs=1e-9)
+    assert left == pytest.approx(0.0, abs=1e-6)
     calves = [abs(torque[f"{leg}_calf_joint"]) for leg in ("FR", "FL", "RR", "RL")]
     # Left equals right but for the IMU of 10 g; a calf carries its share of the weight over the
     # lever, less what hangs below the knee.
@@ -87,6 +87,22 @@ def test_four_equal_legs_share_the_weight() -> None:
     total = sum(b.inertial.mass_kg for b in robot.tree.bodies if b.inertial)
     lever = 0.2 * math.sin(0.8)
     assert sum(calves) == pytest.approx((total - 4 * 0.15) * 9.81 * lever, rel=0.03)
+
+
+@pytest.mark.parametrize("apart", [1e-9, 1e-12, 0.0])
+def test_feet_that_stand_on_one_line_bear_no_more_than_the_weight(apart: float) -> None:
+    """A singular pose: to balance the moment such feet would have to pull at the floor, hard."""
+    robot = tiny_quadruped()
+    found = dynamics(robot.tree, {}, armatures(robot), base=Pose((0.0, 0.0, standing_height(0.0))))
+    weight = 9.81 * sum(b.inertial.mass_kg for b in robot.tree.bodies if b.inertial)
+    feet = [
+        (robot.tree.placement(f"{leg}_foot")[0],
+         np.array([0.02 + apart * index, 0.0, 0.0]))
+        for index, leg in enumerate(("FR", "FL", "RR", "RL"))
+    ]  # fmt: skip
+    torque, left = holding_torques(found, feet)
+    assert max(map(abs, torque.values())) < 1.0 * weight
+    assert left < 0.2
 
 
 def test_without_feet_nothing_holds_the_base() -> None:

@@ -14,7 +14,7 @@ from tiny import run_step
 from assetbuild.errors import SourceError
 from assetbuild.source.urdf import expand_xacro
 from assetbuild.source.urdf.confine import confine
-from assetbuild.source.urdf.expand_xacro import INCLUDED, ExpandXacro
+from assetbuild.source.urdf.expand_xacro import NOT_INCLUDED, ExpandXacro
 
 CANARY = "canary-5f1c"
 ESCAPE = (
@@ -67,7 +67,8 @@ def test_arguments_macros_includes_and_yaml_make_the_robot(tmp_path):
     }
     urdf, used, findings = expand(tmp_path, files, args={"mass": "3"})
     assert etree.fromstring(urdf.encode()).find(".//mass").get("value") == "6.5"
-    assert used == ["pkg/conf/y.yaml", "pkg/m.xacro", "pkg/r.xacro"]
+    assert used["files"] == ["pkg/conf/y.yaml", "pkg/m.xacro", "pkg/r.xacro"]
+    assert used["packages"] == ["pkg"]
     assert findings == []
 
 
@@ -206,7 +207,7 @@ def ur(tmp_path):
     files = {
         f"ur_description/{path.relative_to(source)}": path.read_text()
         for path in source.rglob("*")
-        if path.suffix in INCLUDED
+        if path.is_file() and path.suffix.lower() not in NOT_INCLUDED
     }
     urdf, _, _ = expand(
         tmp_path,

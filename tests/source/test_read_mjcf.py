@@ -321,9 +321,8 @@ def test_a_comment_changes_only_the_lines(tmp_path: Path):
         ("<mujoco><worldbody>", "robot.xml:1: not readable as XML"),
         ('<!DOCTYPE m [<!ENTITY a "b">]><mujoco/>', "a DOCTYPE is not allowed"),
         (robot(""), "a robot without bodies"),
-        (robot('<body name="a"><geom size=".1"/>\n<replicate count="3"><geom/></replicate></body>'), "robot.xml:2: <replicate> is not read"),
         (robot('<body name="a"><geom size=".1"/>\n<body name="b"><joint type="ball"/><geom size=".1"/></body></body>'), "robot.xml:2: body `b`: ball joints are not read\nhint: write it as three hinges"),
-        (robot('<body name="a"><freejoint/><geom size=".1"/></body>\n<body name="c"><freejoint/><geom size=".1"/></body>'), "robot.xml:2: 2 bodies in the world, some of them free"),
+        (robot('<body name="a"><freejoint/><geom size=".1"/></body>\n<body name="c"><freejoint/><geom size=".1"/></body>'), "robot.xml:2: 2 bodies, none of them driven, in the world, and a recipe builds one"),
         (robot('<body name="a">\n<geom size=".1" sise="3"/></body>'), "robot.xml:2: MuJoCo does not compile it: Schema violation: unrecognized attribute: 'sise'"),
         (robot('<body name="a">\n<joint/></body>'), "MuJoCo does not compile it: mass and inertia of moving bodies"),
         (robot('<body name="a">\n<geom class="no" size=".1"/></body>'), "robot.xml:2: no default class `no`"),
@@ -345,3 +344,123 @@ def test_what_is_left_out_is_told(arm: Reading):
     told = {f.data["element"] for f in arm.findings if f.rule == "mjcf.dropped"}
     assert told == {"geom of worldbody", "visual"}
     assert {"mjcf.visible_collision", "mjcf.order"} <= arm.rules()
+
+
+# --- files and scenes -----------------------------------------------------------------------
+
+
+def test_meshes_of_one_file_name_in_two_folders_are_two(tmp_path: Path):
+    head = (
+        '<asset><mesh name="l" file="left/hand.obj"/><mesh name="r" file="right/hand.obj"/></asset>'
+    )
+    body = '<body name="a"><geom name="l" type="mesh" mesh="l"/><geom name="r" type="mesh" mesh="r"/></body>'
+    far = TET.replace("v 0 0 3", "v 0 0 9")
+    reading = read(robot(body, head=head), tmp_path, left__hand_obj=TET, right__hand_obj=far)
+    paths = [s.geometry.path for s in reading.shapes.shapes if isinstance(s.geometry, MeshFile)]
+    assert paths == ["arm/left/hand.obj", "arm/right/hand.obj"]
+    mass = reading.links.by_body["a"].inertial
+    assert mass is not None and mass.mass_kg == pytest.approx(4000.0), "1 m3 and 3 m3 of water"
+
+
+def test_a_skin_is_left_out_without_its_file(tmp_path: Path):
+    more = '<deformable><skin name="s" file="absent.skn"/></deformable>'
+    assert "mjcf.dropped" in read(robot(ARM, more), tmp_path).rules()
+
+
+SCENE = """\
+<body name="table"><geom size=".5"/></body>
+<body name="hand" mocap="true"><geom size=".1" contype="0" conaffinity="0"/></body>
+<body name="cube" pos="0 0 1"><freejoint name="cube"/><geom size=".1"/><site name="top"/></body>
+<body name="dog" pos="0 0 2"><freejoint name="root"/><geom size=".1"/><body name="leg"><joint name="knee"/><geom size=".1"/></body></body>"""
+ACTING = '<actuator><motor name="m" joint="knee"/></actuator><sensor><framepos name="p" objtype="site" objname="top"/></sensor><equality><weld name="w" body1="hand" body2="leg"/></equality><keyframe><key name="home" qpos="9 9 9 1 0 0 0 0 0 3 1 0 0 0 .5" ctrl=".25"/></keyframe>'
+
+
+def test_obstacles_beside_a_driven_robot_that_floats_are_left_out_aloud(tmp_path: Path):
+    reading = read(robot(SCENE, ACTING), tmp_path)
+    assert [b.name for b in reading.links.bodies] == ["dog", "leg"]
+    assert reading.links.base == "floating"
+    told = [f.subject for f in reading.findings if f.rule == "mjcf.scenery"]
+    assert told == ["link table", "link hand", "link cube"]
+    told = [f.message.split(" was")[0] for f in reading.findings if f.rule == "mjcf.dropped"]
+    assert told == ["<weld> `w`", "<framepos> `p`"]
+    key = reading.control.keyframes[0]
+    assert (key.joints, key.base) == ((("knee", 0.5),), Pose((0.0, 0.0, 3.0)))
+    assert reading.source.ctrl == (("home", (("m", 0.25),)),)
+    assert reading.control.sensors == ()
+
+
+def test_the_recipe_chooses_among_several_robots_in_one_world(tmp_path: Path):
+    one = '<body name="{0}"><freejoint/><geom size=".1"/><body name="{0}2"><joint name="{0}"/><geom size=".1"/></body></body>\n'
+    text = robot(one.format("ant") + one.format("bee"))
+    message = refused(text, tmp_path / "1")
+    assert "robot.xml:2: 2 robots in the world" in message
+    assert "ant, bee" in message
+    chosen = read(text, tmp_path / "2", body="bee")
+    assert [b.name for b in chosen.links.bodies] == ["bee", "bee2"]
+    with pytest.raises(SourceError, match="no body `bea`"):
+        read(text, tmp_path / "3", body="bea")
+
+
+def test_two_arms_on_the_ground_stay_one_robot_beside_a_free_object(tmp_path: Path):
+    arm = '<body name="{0}"><geom size=".1"/><body name="{0}2"><joint name="{0}"/><geom size=".1"/></body></body>'
+    text = robot(
+        arm.format("l") + '<body name="o"><freejoint/><geom size=".1"/></body>' + arm.format("r")
+    )
+    assert [b.name for b in read(text, tmp_path).links.bodies] == ["world", "l", "l2", "r", "r2"]
+
+
+def test_one_mass_for_a_whole_scene_is_refused_where_a_part_of_it_goes(tmp_path: Path):
+    head = '<compiler settotalmass="9"/>'
+    assert "`settotalmass` spreads" in refused(robot(SCENE, ACTING, head), tmp_path)
+
+
+# --- copies ---------------------------------------------------------------------------------
+
+
+def test_replicated_bodies_are_written_out_exactly_with_what_refers_to_them(tmp_path: Path):
+    head = '<compiler angle="radian"/>'
+    body = '<body name="hub"><geom size=".1"/>\n<replicate count="3" euler="0 0 2.0943951023931953">\n<body name="r" pos=".3 0 0"><joint name="j"/><geom size=".01"/></body></replicate></body>'
+    more = '<actuator>\n<motor name="m" joint="j"/></actuator>'
+    reading = read(robot(body, more, head), tmp_path)
+    assert [j.name for j in reading.links.moving_joints] == ["j0", "j1", "j2"]
+    poses = forward_kinematics(reading.links, {})
+    assert poses["r1"].xyz == pytest.approx((-0.15, 0.3 * math.sqrt(0.75), 0.0), abs=1e-15)
+    assert [a.name for a in reading.control.actuators] == ["m0", "m1", "m2"]
+    assert (reading.lines["link r2"], reading.lines["actuator j2"]) == (3, 4)
+
+
+def test_an_attached_model_keeps_its_units_names_files_and_lines(tmp_path: Path):
+    child = '<mujoco model="hand"><compiler angle="radian" meshdir="m"/><asset><mesh name="t" file="t.obj"/></asset><worldbody>\n<body name="palm"><joint name="turn" range="-1 1"/><geom type="mesh" mesh="t"/></body></worldbody></mujoco>'
+    head = '<asset><model name="h" file="parts/hand.xml"/></asset>'
+    body = '<body name="arm"><geom size=".1"/><frame pos="0 0 1"><attach model="h" body="palm" prefix="l_"/></frame></body>'
+    reading = read(robot(body, head=head), tmp_path, parts__hand_xml=child, parts__m__t_obj=TET)
+    joint = reading.links.by_joint["l_turn"]
+    assert (joint.limits, joint.X_parent_joint.xyz) == (Limits(-1.0, 1.0), (0.0, 0.0, 1.0))
+    assert [m["path"] for m in reading.meshes] == ["arm/parts/m/t.obj"]
+    assert reading.lines["link l_palm"] == "arm/parts/hand.xml:2"
+
+
+def test_copies_without_end_are_refused(tmp_path: Path):
+    nested = '<replicate count="9999">' * 3 + '<body><geom size=".1"/></body>' + "</replicate>" * 3
+    assert "more than 100000 elements" in refused(robot(nested), tmp_path / "1")
+    head = '<asset><model name="r" file="robot.xml"/></asset>'
+    text = robot('<body><geom size=".1"/><attach model="r" body="b" prefix="x"/></body>', head=head)
+    assert "more than 4 deep" in refused(text, tmp_path / "2")
+
+
+PULLED = """\
+<site name="anchor" pos="0 0 2"/><body name="a"{0}>{1}<geom size=".1"/><site name="s"/></body>"""
+PULLING = '<tendon><spatial name="t"><site site="anchor"/><site site="s"/></spatial></tendon><actuator><muscle name="m" tendon="t" lengthrange="1 2"/></actuator><sensor><tendonpos name="p" tendon="t"/></sensor>'
+
+
+def test_a_tendon_to_the_world_makes_the_world_the_root(tmp_path: Path):
+    reading = read(robot(PULLED.format("", ""), PULLING), tmp_path)
+    assert reading.links.root == "world"
+    assert {i.place for i in reading.control.mjcf_only} >= {"tendon", "actuator"}
+
+
+def test_what_acts_through_a_lost_tendon_is_lost_too(tmp_path: Path):
+    reading = read(robot(PULLED.format("", "<freejoint/>"), PULLING), tmp_path)
+    told = [f.message.split(" was")[0] for f in reading.findings if f.rule == "mjcf.dropped"]
+    assert told == ["<spatial> `t`", "<muscle> `m`", "<tendonpos> `p`"]
+    assert not {i.place for i in reading.control.mjcf_only} & {"tendon", "actuator"}

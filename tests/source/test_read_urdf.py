@@ -128,17 +128,6 @@ def test_what_has_no_home_is_told_once_per_kind(every_kind: Reading):
     }
 
 
-@pytest.mark.parametrize(
-    "shape", ['<sphere radius="0.0"/>', '<cylinder radius="0" length="1"/>', '<box size="0 1 0"/>']
-)
-def test_a_visual_that_shows_nothing_is_left_out_and_told(shape: str, tmp_path: Path):
-    found = read(_shape(shape, "visual"), tmp_path)
-    assert found.shapes.shapes == ()
-    (told,) = (f for f in found.findings if f.rule == "urdf.visual.nothing")
-    assert (told.severity, told.subject, told.data["line"]) == ("warning", "link a", 2)
-    assert "must be positive" in refused(_shape(shape), tmp_path, name="collision")
-
-
 def test_repairs_and_gaps_are_findings(every_kind: Reading):
     told = {f.rule: f for f in every_kind.findings}
     assert told["urdf.axis.normalised"].subject == "joint shoulder"
@@ -234,7 +223,7 @@ BAD = {
     "no links": ('<robot name="r"/>', 1, "a robot without links"),
     "link twice": (_robot('<link name="a"/>\n<link name="a"/>'), 3, "link `a` is defined twice, first on line 2"),
     "joint twice": (_arm(_joint() + "\n" + _joint()), 4, "joint `j` is defined twice"),
-    "material twice": (_robot('<material name="m"/>\n<material name="m"/><link name="a"/>'), 3, "material `m` is defined twice"),
+    "material twice": (_robot('<material name="m"><color rgba="1 0 0 1"/></material>\n<material name="m"/><link name="a"/>'), 3, "material `m` is defined twice"),
     "no name": (_robot("<link/>"), 2, "<link> without `name`"),
     "joint type": (_arm(_joint(kind="revolut")), 3, "hint: did you mean `revolute`?"),
     "no parent": (_arm('<joint name="j" type="fixed"><child link="b"/></joint>'), 3, "joint j: <joint> without <parent>"),
@@ -248,29 +237,21 @@ BAD = {
     "infinite": (_mass('<mass value="1e999"/>'), 2, "mass value is `1e999`, not a finite number"),
     "python number": (_mass('<mass value="1_0"/>'), 2, "mass value is `1_0`"),
     "xacro number": (_mass('<mass value="${m}"/>'), 2, "hint: expand the xacro file first"),
-    "no mass": (_mass(""), 2, "link a: <inertial> without <mass>"),
-    "no inertia": (_robot('<link name="a"><inertial><mass value="1"/></inertial></link>'), 2, "<inertial> without <inertia>"),
-    "no iyz": (_mass('<mass value="1"/>', 'ixx="1" ixy="0" ixz="0" iyy="1" izz="1"'), 2, "<inertia> without `iyz`"),
     "negative mass": (_mass('<mass value="-1"/>'), 2, "mass is -1.0 kg"),
-    "two origins": (_robot('<link name="a"><visual><origin/><origin/><geometry><sphere radius="1"/></geometry></visual></link>'), 2, "a second <origin>"),
     "short vector": (_arm(_joint('<origin xyz="0 0"/>')), 3, "origin xyz needs 3 numbers, found 2: `0 0`"),
     "xacro with blanks": (_arm(_joint('<origin xyz="$(optenv X 1 0 0)"/>')), 3, "expand the xacro"),
-    "commas": (_arm(_joint('<origin xyz="0,0,0"/>')), 3, "hint: separate the numbers by spaces"),
+    "decimal commas": (_arm(_joint('<origin xyz="0,5 0 0"/>')), 3, "hint: a comma may separate numbers or start decimals"),
     "zero axis": (_arm(_joint('<axis xyz="0 0 0"/>', "continuous")), 3, "joint j: axis is `0 0 0`"),
     "no limit": (_arm(_joint(kind="revolute")), 3, "joint j: a revolute joint without <limit>"),
-    "negative effort": (_arm(_joint('<limit lower="0" upper="1" effort="-1" velocity="1"/>', "prismatic")), 3, "limit effort is -1.0"),
     "negative damping": (_arm(_joint('<dynamics damping="-1"/>', "continuous")), 3, "dynamics damping is -1.0"),
     "mimics nobody": (_arm(_joint('<mimic joint="x"/>', "continuous")), 3, "mimic joint `x` does not exist"),
     "mimics itself": (_arm(_joint('<mimic joint="j"/>', "continuous")), 3, "cannot mimic itself"),
-    "flat picture": (_shape('<box size="1 1 0"/>', "visual"), 2, "every edge must be positive"),
     "flat box": (_shape('<box size="1 1 0"/>'), 2, "every edge must be positive"),
     "negative radius": (_shape('<sphere radius="-1"/>'), 2, "sphere radius is -1.0"),
     "no length": (_shape('<cylinder radius="1"/>'), 2, "<cylinder> without `length`"),
     "zero scale": (_shape('<mesh filename="a.stl" scale="1 0 1"/>'), 2, "a scale of 0 leaves no mesh"),
     "unknown geometry": (_shape("<boxx/>"), 2, "hint: did you mean `box`?"),
-    "no geometry": (_shape(""), 2, "<geometry> needs one shape, found 0"),
-    "three colours": (_robot('<material name="m"><color rgba="1 1 1"/></material><link name="a"/>'), 2, "color rgba needs 4 numbers"),
-    "file uri": (_shape('<mesh filename="file:///x/a.stl"/>'), 2, "`file:` cannot be followed"),
+    "file uri": (_shape('<mesh filename="file:///x/a.stl"/>'), 2, "is absolute"),
     "absolute": (_shape('<mesh filename="/x/a.stl"/>'), 2, "is absolute"),
     "escape": (_shape('<mesh filename="../../../a.stl"/>'), 2, "leads out of the source"),
     "escape by package": (_shape('<mesh filename="package://robot_pkg/../../a.stl"/>'), 2, "leads out of the source"),
@@ -292,7 +273,7 @@ def test_the_first_mistake_in_the_file_is_told_and_the_rest_counted(tmp_path: Pa
     text = _robot(
         '<joint name="j" type="floatin"><parent link="a"/><child link="b"/></joint>\n'
         '<link name="a"><collision><geometry><sphere radius="nan"/></geometry></collision></link>\n'
-        '<link name="b"><inertial/></link>'
+        '<link name="b"><inertial><mass value="nan"/></inertial></link>'
     )
     said = refused(text, tmp_path)
     assert said.startswith(f"{FILE}:2: joint j: unknown joint type `floatin` (and 2 more)")

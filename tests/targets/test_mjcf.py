@@ -264,6 +264,24 @@ def walk(element: XmlElement, tag: str) -> Iterator[XmlElement]:
     yield from element.iter(tag)
 
 
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 1e-7, 7.7])
+@pytest.mark.parametrize("moments", [(0.3, 0.6, 0.9), (0.9, 0.3, 0.6), (0.1 + 0.2, 0.1, 0.2)])
+def test_a_flat_body_compiles_in_spite_of_rounding(
+    moments: tuple[float, float, float], scale: float, tmp_path: Path
+) -> None:
+    """0.3 + 0.6 < 0.9 in doubles, and MuJoCo compares them exactly."""
+    x, y, z = (moment * scale for moment in moments)
+    robot = tiny_quadruped()
+    root = Body(robot.tree.root, Inertial(1.0, (0.0, 0.0, 0.0), (x, y, z, 0.0, 0.0, 0.0)))
+    tree = replace(robot.tree, bodies=(root, *robot.tree.bodies[1:]))
+    findings = emit(replace(robot, tree=tree), tmp_path)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
+    inertia = model.body(root.name).inertia
+    assert np.allclose(np.sort(inertia), np.sort((x, y, z)), rtol=1e-14, atol=0)
+    told = [f.subject for f in findings if f.rule == "mjcf.inertia.rounded"]
+    assert told in ([], [f"link {root.name}"])
+
+
 def test_nothing_that_a_class_says_is_repeated(quadruped: Path) -> None:
     root = ElementTree.parse(quadruped / "robot.xml").getroot()
     body_joints = [j for w in walk(root, "worldbody") for j in walk(w, "joint")]

@@ -122,7 +122,7 @@ def _clear_scenery(root: ElementTree.Element) -> None:
 
 
 def source_spec(root: ElementTree.Element, folder: Path, tree: Tree) -> Any:  # Any: MjSpec
-    """The source without its pictures; ValueError when MuJoCo refuses it.
+    """The source without its pictures and skins; ValueError when MuJoCo refuses it.
 
     A world that is the robot's root is a body of our MJCF, so its contents become one here too.
     """
@@ -131,7 +131,7 @@ def source_spec(root: ElementTree.Element, folder: Path, tree: Tree) -> Any:  # 
     for parent in list(root.iter()):
         for child in list(parent):
             hfield = child.tag == "geom" and child.get("type") == "hfield"
-            if child.tag in ("texture", "layer", "hfield") or hfield:
+            if child.tag in ("texture", "layer", "hfield", "skin") or hfield:
                 parent.remove(child)
         if parent.tag in ("material", "light"):
             parent.attrib.pop("texture", None)
@@ -141,8 +141,10 @@ def source_spec(root: ElementTree.Element, folder: Path, tree: Tree) -> Any:  # 
     world = root.find("worldbody")
     if tree.root == "world" and world is not None:
         whole = ElementTree.Element("body", {"name": mujoco.body_names(tree)["world"]})
-        whole[:] = [child for child in world if child.get("mocap") != "true"]
-        world[:] = [whole, *(child for child in world if child.get("mocap") == "true")]
-    meshes = [str(mesh.get("file")) for mesh in root.iterfind("asset/mesh")]
-    assets = {name: (folder / name).read_bytes() for name in meshes}
+        whole[:], world[:] = list(world), [whole]
+    assets = {}  # numbered: to MuJoCo, files of one name in two folders are one
+    for number, mesh in enumerate(root.iterfind("asset/mesh")):
+        path = folder / str(mesh.get("file"))
+        mesh.set("file", f"{number}{path.suffix}")
+        assets[f"{number}{path.suffix}"] = path.read_bytes()
     return mj.MjSpec.from_string(ElementTree.tostring(root, "unicode"), assets=assets)

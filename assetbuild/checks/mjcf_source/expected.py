@@ -1,6 +1,6 @@
 """What our MJCF must say, from the source's own facts: each change that is meant, by rule.
 
-- Bodies on a mocap body and sites of the world are scenery; a world that is the root has no mass.
+- Sites of the world are scenery; a world that is the root has no mass.
 - Positions count from `ref`, and so do the commands of drives that hold positions.
 - A body's frame stands in the anchor of its last joint; its old one becomes `<body>_origin`.
 - A body without mass and joints becomes a site; one that the recipe merges joins its parent.
@@ -69,16 +69,10 @@ def rest_of(model: Model) -> dict[str, float]:
 
 def _robot(side: Side, world: str) -> Subjects:
     """Facts that may be changed, without scenery. world: the root, where the world is it."""
-    model = side.model
     facts: Subjects = {}
-    mocap = {
-        name_of(model, "body", body)
-        for body in range(1, model.nbody)
-        if model.body_mocapid[int(model.body_rootid[body])] >= 0
-    }
     for (kind, name), own in side.facts.items():
         owner = name if kind == "body" else own.get("body")
-        if owner not in mocap and (kind != "frame" or owner not in ("", world)):
+        if kind != "frame" or owner not in ("", world):
             weightless = kind == "body" and name == world
             facts[kind, name] = {"parent": "", "mass": 0.0} if weightless else dict(own)
     return facts

@@ -175,7 +175,7 @@ def _couplings(model: Model, facts: Subjects) -> None:
         for word, kinds in ("object", model.sensor_objtype), ("reference", model.sensor_reftype):
             if int(kinds[sensor]) == mujoco.mjtObj.mjOBJ_SITE:  # no body of that name
                 own[word] = str(own[word]).replace("frame ", "site ", 1)
-    root = next(b for b in range(1, model.nbody) if model.body_mocapid[b] < 0)  # no scenery
+    root = 1
     joint = int(model.body_jntadr[root])
     floats = joint >= 0 and int(model.jnt_type[joint]) == FREE
     pose = (*_numbers(model.body_pos[root]), *_numbers(model.body_quat[root]))

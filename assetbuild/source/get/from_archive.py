@@ -18,6 +18,11 @@ LICENSES = ("license", "licence", "copying")
 """How the names of licence texts begin, in whatever case."""
 
 
+def left_out(name: str, but: tuple[str, ...]) -> bool:
+    """Whether a file ends with one of `but`, or is hidden where something is left out."""
+    return bool(but) and (name.startswith(".") or name.lower().endswith(but))
+
+
 class ArchiveFiles:
     """A zip or tar, wherever it came from; only what the recipe needs is unpacked."""
 
@@ -61,13 +66,19 @@ class ArchiveFiles:
             self._require(entry["path"], where, f"{entry['subject']}: mesh")
         return self._unpacked(MESHES, self._root, (entry["path"] for entry in listing))
 
-    def below(self, folders: tuple[str, ...], suffixes: tuple[str, ...]) -> dict[str, Ref] | None:
+    def below(
+        self, folders: tuple[str, ...], suffixes: tuple[str, ...], but: tuple[str, ...] = ()
+    ) -> dict[str, Ref] | None:
         """See `SourceFiles`."""
         if not self._listed:
             return None
         prefixes = tuple("" if folder == "." else f"{folder}/" for folder in folders)
         inside = [path for path in self._regular if path.startswith(prefixes)]
-        wanted = [path for path in inside if path.lower().endswith(suffixes)]
+        wanted = [
+            path
+            for path in inside
+            if path.lower().endswith(suffixes or "") and not left_out(PurePosixPath(path).name, but)
+        ]
         return self._unpacked("unpack includes", self._root, wanted)
 
     def present(self, what: str, paths: Collection[str]) -> dict[str, Ref] | None:

@@ -8,6 +8,7 @@ which spheres hold the places of the meshes.
 from __future__ import annotations
 
 import copy
+import posixpath
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from assetbuild.errors import SourceError, Where
 from assetbuild.lfs import refuse_pointer
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators.mujoco import caught_warnings
-from assetbuild.source.mjcf.text import AT, WORLD, Classes, bodies, where_of
+from assetbuild.source.mjcf.text import AT, WORLD, Classes, bodies, remove, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -89,10 +90,19 @@ def compile_source(root: _Element, files: Mapping[str, bytes]) -> Compiled:
     """
     for path, content in files.items():
         refuse_pointer(content, where=Where(path))
-    plain = _plain(root)
-    full, said = _compiled(plain, files)
-    places, _ = _compiled(_without_meshes(plain), {})
+    bare = plain(root)
+    full, said = _compiled(bare, _by_number(bare, files))
+    places, _ = _compiled(without_meshes(bare), {})
     return Compiled(root, full, places, said)
+
+
+def _by_number(root: _Element, files: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Number the mesh files: to MuJoCo, files of one name in two folders are one."""
+    names = {path: f"{number}_{posixpath.basename(path)}" for number, path in enumerate(files)}
+    for mesh in root.iter("mesh"):
+        if mesh.get("file") in names:
+            mesh.set("file", names[str(mesh.get("file"))])
+    return {names[path]: content for path, content in files.items()}
 
 
 def _compiled(root: _Element, files: Mapping[str, bytes]) -> tuple[Model, tuple[str, ...]]:
@@ -127,24 +137,25 @@ def _told(message: str, text: str, root: _Element) -> SourceError:
     return SourceError(f"MuJoCo does not compile it: {words}", where=where)
 
 
-def _plain(root: _Element) -> _Element:
-    """The source without pictures and height fields, and with all its bodies and shapes kept."""
-    plain = copy.deepcopy(root)
-    for element in list(plain.iter("texture", "layer", "hfield")):
-        _remove(element)
-    for element in plain.iter("material", "light"):
+def plain(root: _Element) -> _Element:
+    """The source without pictures, skins and height fields, its bodies and shapes all kept."""
+    bare = copy.deepcopy(root)
+    for element in list(bare.iter("texture", "layer", "hfield", "skin")):
+        remove(element)
+    for element in bare.iter("material", "light"):
         element.attrib.pop("texture", "")
-    classes = Classes(plain)
-    for geom in list(plain.iter("geom")):
+    classes = Classes(bare)
+    for geom in list(bare.iter("geom")):
         if not _is_default(geom) and classes.attributes(geom).get("type") == "hfield":
-            _remove(geom)
-    for compiler in plain.iterchildren("compiler"):
+            remove(geom)
+    for compiler in bare.iterchildren("compiler"):
         compiler.attrib.pop("discardvisual", "")
         compiler.attrib.pop("fusestatic", "")
-    return plain
+    return bare
 
 
-def _without_meshes(root: _Element) -> _Element:
+def without_meshes(root: _Element) -> _Element:
+    """The source with small spheres in the places of its meshes."""
     spheres = copy.deepcopy(root)
     classes = Classes(spheres)
     meshed = [
@@ -159,15 +170,9 @@ def _without_meshes(root: _Element) -> _Element:
     for element in spheres.iter("geom", "site"):
         element.attrib.pop("mesh", "")
     for mesh in [m for m in spheres.iter("mesh") if not _is_default(m)]:
-        _remove(mesh)
+        remove(mesh)
     return spheres
 
 
 def _is_default(element: _Element) -> bool:
     return next(element.iterancestors("default"), None) is not None
-
-
-def _remove(element: _Element) -> None:
-    parent = element.getparent()
-    if parent is not None:
-        parent.remove(element)

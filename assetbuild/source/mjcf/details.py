@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _POSE = "pos quat euler axisangle xyaxes zaxis"
 _JOINT = keys(f"type axis range limited armature ref springdamper {_POSE}")
 _SITE = keys(f"fromto size {_POSE}")
-_BODY = keys(f"childclass mocap {_POSE}")
+_BODY = keys(f"childclass {_POSE}")
 _CAMERA = keys(f"mode target fovy resolution {_POSE}")
 _LIGHT = keys(f"dir target texture {_POSE}")
 CAMERA_MODES = ("fixed", "track", "trackcom", "targetbody", "targetbodycom")

@@ -9,21 +9,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from assetbuild.engine.step import Files, Limits, Step
-from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.findings import Finding
+from assetbuild.source.mjcf.copies import write_out
+from assetbuild.source.mjcf.includes import below, expanded, folder_of
 from assetbuild.source.mjcf.names import name_all
+from assetbuild.source.mjcf.scenery import cut_scenery
 from assetbuild.source.mjcf.text import AT, bodies, error_at, parts, where_of
-from assetbuild.source.urdf.xml import read_xml
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
 
 REFUSED = {
-    "replicate": "write its copies out",
     "composite": "a robot of this kind is not a tree of rigid bodies",
     "flexcomp": "a robot of this kind is not a tree of rigid bodies",
     "flex": "a robot of this kind is not a tree of rigid bodies",
-    "attach": "build the parts as robots of their own, or attach them in MuJoCo and save the XML",
     "plugin": "what a plug-in of MuJoCo does cannot be said of the robot",
 }
 """Elements that make a robot this reader does not know, and what to do about them."""
@@ -44,20 +43,21 @@ class FlattenMjcf(Step):
 
     file: str
     """Path of the MJCF below the source root."""
+    body: str | None = None
+    """Name of the robot's body in the world; None = as the source tells, see `cut_scenery`."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises SourceError with file and line for what is no MJCF or cannot be read as one."""
         from lxml import etree
 
-        root = _expanded(self.file, files.inputs / "tree")
-        if root.find("worldbody") is None:
-            raise error_at(root, "an MJCF without <worldbody>", "is this the right file?")
+        tree = files.inputs / "tree"
+        root = write_out(_resolved(expanded(self.file, tree)), lambda asked: _attached(asked, tree))
         for tag, hint in REFUSED.items():
             found = next(root.iter(tag), None)
             if found is not None:
                 raise error_at(found, f"<{tag}> is not read", hint)
-        _resolve_files(root, posixpath.dirname(self.file))
         name_all(root)
+        findings = list(cut_scenery(root, self.body))
         (files.outputs / "meshes.json").write_text(_json(_meshes(root)), encoding="ascii")
         lines = [str(element.get(AT)) for element in root.iter("*")]
         (files.outputs / "lines.json").write_text(_json(lines), encoding="ascii")
@@ -66,78 +66,28 @@ class FlattenMjcf(Step):
         for element in root.iter("*"):
             element.attrib.pop(AT, "")
         (files.outputs / "source.xml").write_bytes(etree.tostring(root, method="c14n"))
-        return iter(())
+        yield from findings
 
 
 def _json(value: object) -> str:
     return json.dumps(value, sort_keys=True, indent=1) + "\n"
 
 
-# --- includes -------------------------------------------------------------------------------
-
-
-def _expanded(file: str, tree: Path) -> _Element:
-    """The <mujoco> element with every include in its place."""
-    root = _parsed(file, tree, None)
-    if root.tag != "mujoco":
-        hint = "this is URDF: use `source.urdf`" if root.tag == "robot" else "is this MJCF?"
-        raise error_at(root, f"the root element is <{root.tag}>, not <mujoco>", hint)
-    seen = {file}
-    while (include := next(root.iter("include"), None)) is not None:
-        # MuJoCo looks for includes from the folder of the main file.
-        path = _below(include, include.get("file", ""), posixpath.dirname(file))
-        if path in seen:
-            raise error_at(include, f"`{path}` is included twice", "MuJoCo forbids it too")
-        seen.add(path)
-        parent, inside = include.getparent(), _parsed(path, tree, include)
-        if parent is None:
-            raise error_at(include, "nothing but an <include>")
-        index = parent.index(include)
-        parent[index : index + 1] = list(inside.iterchildren("*"))
-    # A scene that includes a robot has a second <worldbody>: to MuJoCo all are one.
-    worlds = list(root.iterchildren("worldbody"))
-    for other in worlds[1:]:
-        worlds[0].extend(list(other))
-        root.remove(other)
-    return root
-
-
-def _parsed(path: str, tree: Path, include: _Element | None) -> _Element:
-    file = tree / path
-    if not file.is_file():
-        known = [p.relative_to(tree).as_posix() for p in sorted(tree.rglob("*.xml"))]
-        where = where_of(include) if include is not None else Where(path)
-        hint = did_you_mean(path, known) + "; includes are read from the folder of the MJCF down"
-        raise SourceError(f"no file `{path}` to include", where=where, hint=hint)
-    root = read_xml(file.read_bytes(), path, "MJCF").element
-    for element in root.iter("*"):
-        if element.prefix or str(element.tag).startswith("{"):
-            raise error_at(root, f"<{element.tag}>: MJCF has no namespaces", "is this MJCF?")
-        element.set(AT, f"{path}:{element.sourceline or 0}")
-        element.text = element.tail = None
-    return root
-
-
-def _below(element: _Element, name: str, folder: str) -> str:
-    """The path below the source's root that a file name stands for."""
-    name = name.strip()
-    if not name:
-        raise error_at(element, f"<{element.tag}> without a file")
-    if "\\" in name or name.startswith("/") or ":" in name:
-        hint = "use `/` and a path relative to the MJCF"
-        raise error_at(element, f"file `{name}` cannot be followed", hint)
-    path = posixpath.normpath(posixpath.join(folder, name))
-    if path.startswith("../") or path == "..":
-        hint = "choose a higher `source.root` in the recipe"
-        raise error_at(element, f"file `{name}` leads out of the source", hint)
-    return path
-
-
 # --- files ----------------------------------------------------------------------------------
 
 
-def _resolve_files(root: _Element, folder: str) -> None:
+def _attached(asked: _Element, tree: Path) -> _Element:
+    """The model that an element of `<asset>` names."""
+    if asked.get("content_type", "text/xml") != "text/xml":
+        raise error_at(asked, "a model of a format that is not read", "attach MJCF")
+    return _resolved(expanded(below(asked, folder_of(asked)), tree, asked))
+
+
+def _resolved(root: _Element) -> _Element:
     """Each `file` becomes a path below the source's root; the compiler's folders go."""
+    if root.find("worldbody") is None:
+        raise error_at(root, "an MJCF without <worldbody>", "is this the right file?")
+    folder = folder_of(root)
     said: dict[str, str] = {}
     for compiler in root.iterchildren("compiler"):
         for key in ("assetdir", "meshdir", "texturedir", "strippath"):
@@ -158,9 +108,10 @@ def _resolve_files(root: _Element, folder: str) -> None:
                 if not element.get("name"):
                     element.set("name", posixpath.splitext(posixpath.basename(name))[0])
                 inside = posixpath.join(folder, folders[str(element.tag)])
-                element.set(key, _below(element, name, inside))
+                element.set(key, below(element, inside, name))
         for mesh in asset.iterchildren("mesh"):
             _check_mesh(mesh)
+    return root
 
 
 def _check_mesh(mesh: _Element) -> None:

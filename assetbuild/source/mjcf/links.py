@@ -24,7 +24,8 @@ from assetbuild.robot.inertia import Tensor, rotate_tensor
 from assetbuild.robot.model import Base, Body, Inertial, Joint, JointKind, Limits
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, vec3
 from assetbuild.source.mjcf.compiled import Compiled
-from assetbuild.source.mjcf.text import DROPPED, WORLD, bodies, error_at, parts
+from assetbuild.source.mjcf.scenery import is_held
+from assetbuild.source.mjcf.text import WORLD, bodies, error_at, parts
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -95,31 +96,27 @@ def read_links(source: Compiled, base: Base | None) -> Links:
     """
     world = source.bodies[0][0]
     tops = list(parts(world, "body"))
-    robot = [top for top in tops if top.get("mocap") != "true"]
-    if not robot:
+    if not tops:
         raise error_at(world, "a robot without bodies", "is this the file of the robot?")
-    links = _root(robot, source, base)
-    scenery = [top for top in tops if top not in robot]
-    links.findings += map(_dropped_mocap, scenery)
+    links = _root(tops, source, base)
     for body, parent in bodies(world):
-        if body not in scenery and (parent in links.shift or parent == WORLD):
-            _add_body(links, body, parent)
+        _add_body(links, body, parent)
     _add_sites(links)
     return links
 
 
 def _root(tops: list[_Element], source: Compiled, base: Base | None) -> Links:
-    """The root body of the source, or the world where several bodies or a joint hang on it."""
+    """The root body of the source, or the world where bodies, a joint or a tendon hang on it."""
     kinds = {str(top.get("name")): source.joint_kinds(str(top.get("name"))) for top in tops}
     free = [top for top in tops if kinds[str(top.get("name"))] == [FREE]]
-    if len(tops) > 1 and free:
-        hint = "one recipe builds one robot: give the file of the robot, not that of the scene"
-        raise error_at(free[-1], f"{len(tops)} bodies in the world, some of them free", hint)
     top, name = tops[0], str(tops[0].get("name"))
-    if len(tops) > 1 or (not free and kinds[name]):
+    held = not free and (bool(kinds[name]) or is_held(source.root))
+    if len(tops) > 1 or held:
         if base == "floating":
             hint = "write `base: fixed`"
-            raise error_at(top, "joints connect the robot to the world: it cannot float", hint)
+            raise error_at(
+                top, "joints or tendons connect the robot to the world: it cannot float", hint
+            )
         origin = {WORLD: (0.0, 0.0, 0.0)}
         return Links(source, "fixed", WORLD, bodies=[Body(WORLD)], kept=[WORLD], shift=origin)
     stated: Base = "floating" if free else "fixed"
@@ -263,7 +260,7 @@ def _add_sites(links: Links) -> None:
         links.joints.append(Joint(f"{name}_fixed", "fixed", body, name, pose))
 
 
-# --- refusals and findings ------------------------------------------------------------------
+# --- refusals -------------------------------------------------------------------------------
 
 
 def _refuse(element: _Element, name: str, kinds: list[int], is_root: bool) -> None:
@@ -273,16 +270,6 @@ def _refuse(element: _Element, name: str, kinds: list[int], is_root: bool) -> No
     if FREE in kinds and not is_root:
         hint = "one recipe builds one robot; its root alone may float"
         raise error_at(element, f"body `{name}`: a free joint inside the robot", hint)
-
-
-def _dropped_mocap(top: _Element) -> Finding:
-    return DROPPED(
-        f"link {top.get('name')}",
-        f"the mocap body `{top.get('name')}` and all on it was left out",
-        "it belongs to a scene; nothing moves it in a robot",
-        severity="warning",
-        data={"element": "body mocap", "count": 1},
-    )
 
 
 # --- small things ---------------------------------------------------------------------------

@@ -21,6 +21,7 @@ from assetbuild.source.mjcf.compiled import Model, pose_at
 from assetbuild.source.mjcf.drives import Drives
 from assetbuild.source.mjcf.links import FREE, Links
 from assetbuild.source.mjcf.opaque import element_text, keys, leftover, words
+from assetbuild.source.mjcf.scenery import NAMES
 from assetbuild.source.mjcf.text import (
     DROPPED,
     WORLD,
@@ -57,12 +58,6 @@ class Sections:
     findings: list[Finding] = field(default_factory=list)
 
 
-_KIND = {
-    "body": "body", "body1": "body", "body2": "body", "joint": "joint", "joint1": "joint",
-    "joint2": "joint", "site": "site", "site1": "site", "site2": "site", "refsite": "site",
-    "sidesite": "site", "cranksite": "site", "slidersite": "site",
-}  # fmt: skip
-"""Attribute -> kind of what it names, where the name may change or the thing be missing."""
 _Kind = Literal["frame", "body", "joint", "actuator", "shape", "camera", "tendon", "world"]
 _PLACES: Mapping[str, _Kind] = {
     "site": "frame", "joint": "joint", "actuator": "actuator", "tendon": "tendon",
@@ -87,17 +82,7 @@ def read_sections(links: Links, drives: Drives) -> Sections:
         ("sensor", reader.sensor),
     ):
         for element in source.root.iterfind(f"{section}/*"):
-            said, missing = reader.translated(source.classes.attributes(element))
-            inside = [reader.translated(own_attributes(child)) for child in element]
-            missing = next(filter(None, [missing, *(lost for _, lost in inside)]), "")
-            if missing:
-                what = f"<{element.tag}> `{element.get('name') or ''}`"
-                message = f"{what} was left out ({where_of(element)}): "
-                message += f"`{missing}` is not part of the robot"
-                data: Data = {"element": str(element.tag), "count": 1}
-                found.findings.append(DROPPED("robot", message, severity="warning", data=data))
-            else:
-                read(element, said)
+            read(element, reader.translated(source.classes.attributes(element)))
     for element in source.root.iterfind("keyframe/key"):
         reader.keyframe(element)
     found.findings += _not_read(source.root)
@@ -113,27 +98,15 @@ class _Reader:
     def __init__(self, links: Links, driven: Mapping[str, str]) -> None:
         self.links, self.driven, self.model = links, driven, links.source.model
         self.found = Sections(list(links.joints))
-        self._there = {
-            "body": {name: name for name in (WORLD, *links.shift)},
-            "joint": {joint.name: joint.name for joint in links.joints},
-            "site": links.sites,
-        }
 
-    def translated(self, said: Mapping[str, str]) -> tuple[dict[str, str], str]:
-        """Attributes with names of the Robot, and the first name that is not in it, or ""."""
-        out, missing = {}, ""
-        for key, value in said.items():
-            kind = _KIND.get(key, "")
-            if key in ("objname", "refname"):
-                kind = said.get(key.replace("name", "type"), "").removeprefix("x")
-            there = self._there.get(kind, {value: value})
-            missing = missing or ("" if value in there else value)
-            out[key] = there.get(value, value)
-        return out, missing
+    def translated(self, said: Mapping[str, str]) -> dict[str, str]:
+        """Attributes with names of the Robot: a site may have another there."""
+        sites = self.links.sites
+        return {k: sites.get(v, v) if _kind(k, said) == "site" else v for k, v in said.items()}
 
     def _keep(self, place: str, element: _Element, said: Mapping[str, str]) -> None:
         """Leave it to MJCF, with its children."""
-        children = ((str(c.tag), self.translated(own_attributes(c))[0]) for c in element)
+        children = ((str(c.tag), self.translated(own_attributes(c))) for c in element)
         named = {"name": str(element.get("name"))} if element.get("name") else {}
         text = element_text(str(element.tag), named | dict(sorted(said.items())), children)
         self.found.mjcf_only.append(MjcfOnly(place, text))
@@ -255,6 +228,13 @@ class _Reader:
             message += "at rest"
             data: Data = {"element": "key", "attributes": lost}
             self.found.findings.append(DROPPED(f"keyframe {name}", message, data=data))
+
+
+def _kind(key: str, said: Mapping[str, str]) -> str:
+    """Kind of what an attribute names, or ""."""
+    if key in ("objname", "refname"):
+        return said.get(key.replace("name", "type"), "").removeprefix("x")
+    return NAMES.get(key, "")
 
 
 def _follows(joints: Mapping[str, Joint], name: str, leader: str) -> bool:

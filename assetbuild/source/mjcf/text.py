@@ -43,6 +43,13 @@ def own_attributes(element: _Element) -> dict[str, str]:
     return {str(key): str(value) for key, value in element.attrib.items() if key != AT}
 
 
+def remove(element: _Element) -> None:
+    """Take an element out of its text."""
+    parent = element.getparent()
+    if parent is not None:
+        parent.remove(element)
+
+
 def parts(body: _Element, *tags: str) -> Iterator[_Element]:
     """A body's own elements of these kinds, in file order; those in `<frame>`s too."""
     waiting = list(body.iterchildren("*"))[::-1]

@@ -24,9 +24,26 @@ PROGRAM = (
     "from assetbuild.source.urdf import xacro_child; xacro_child.main()"
 )
 BEYOND_IMPORTS = ("assetbuild.source.urdf.xacro_child",)
-INCLUDED = (".xacro", ".urdf", ".xml", ".yaml", ".yml", ".txt")
-"""Suffixes of the files that a xacro may read."""
+NOT_INCLUDED = (
+    ".stl", ".dae", ".obj", ".mtl", ".ply", ".glb", ".gltf", ".fbx", ".3ds", ".blend", ".max",
+    ".step", ".stp", ".iges", ".igs", ".sldprt", ".sldasm", ".usd", ".usda", ".usdc", ".usdz",
+    ".cdf", ".vtk", ".pcd", ".png", ".jpg", ".jpeg", ".gif", ".bmp", ".tga", ".tif", ".tiff",
+    ".webp", ".svg", ".hdr", ".exr", ".dds", ".ico", ".pdf", ".mp4", ".avi", ".mov", ".webm",
+    ".zip", ".gz", ".bz2", ".xz", ".7z", ".rar", ".tar", ".bag", ".db3", ".mcap", ".npy", ".npz",
+    ".h5", ".pkl", ".pt", ".pth", ".onnx", ".bin", ".so", ".a", ".o", ".dll", ".exe", ".pyc",
+    ".whl", ".jar", ".ttf",
+    ".md", ".rst", ".html", ".ipynb", ".py", ".c", ".cc", ".cpp", ".h", ".hpp", ".rviz",
+)  # fmt: skip
+"""Endings of meshes, pictures, archives, code and pages; a xacro may include every other file."""
+MOST_FILES = 20_000
+"""Files that one xacro may choose from: the packages of a robot, not a disk."""
 
+ABSENT = Rule(
+    "xacro.package_missing",
+    "info",
+    "the xacro file asks for a package that the recipe states as missing, and reads nothing of it",
+    "nothing, if only what is left out (plugins of Gazebo, controllers) names it",
+)
 WARNING = Rule(
     "xacro.warning",
     "info",
@@ -38,9 +55,9 @@ WARNING = Rule(
 class ExpandXacro(Step):
     """`tree/` (declared files, relative to the source root) -> `robot.urdf`, `used.json`.
 
-    `used.json`: JSON list of the files that were read. The file runs without network, without
-    environment, and may read nothing but `tree/`. Paths below it come out as `package://` or
-    relative. SourceError names the file, and what it wanted.
+    `used.json`: {"files": those that were read, "packages": those that `$(find)` was asked for}.
+    The file runs without network, without environment, and may read nothing but `tree/`. Paths
+    below it come out as `package://` or relative. SourceError names the file, and what it wanted.
     """
 
     outputs = ("robot.urdf", "used.json")
@@ -53,6 +70,8 @@ class ExpandXacro(Step):
     """Values of its `xacro:arg`s."""
     packages: dict[str, str] = Field(default_factory=dict)
     """`$(find NAME)` -> folder below the source root."""
+    absent: tuple[str, ...] = ()
+    """Packages that the source does not have: `$(find NAME)` gives a path where nothing lies."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Expand; each of xacro's warnings is reported once."""
@@ -65,6 +84,13 @@ class ExpandXacro(Step):
         (files.outputs / "robot.urdf").write_text(answer["urdf"], encoding="utf-8")
         used = json.dumps(answer["used"], indent=1)
         (files.outputs / "used.json").write_text(used + "\n", encoding="ascii")
+        for name in sorted({*self.absent} & {*answer["used"]["packages"]}):
+            yield ABSENT(
+                "recipe source.missing.packages",
+                f"`$(find {name})` was answered with a path where nothing lies",
+                hint="if its files matter, add the package to the source",
+                data={"package": name},
+            )
         for text in dict.fromkeys(answer["said"]):
             yield WARNING("robot", f"xacro: {text}")
 
@@ -74,6 +100,7 @@ class ExpandXacro(Step):
             "file": self.file,
             "args": self.args,
             "packages": self.packages,
+            "absent": self.absent,
         }
         path = json.dumps([os.path.abspath(p) for p in sys.path if p])  # noqa: PTH100
         try:
@@ -112,9 +139,13 @@ class ExpandXacro(Step):
         if "$(find" in said:
             near = did_you_mean(said.split("`")[-2], self.packages) if self.packages else ""
             return f"{near}; " * bool(near) + "add it under `source.packages` in the recipe"
-        if "declared packages" in said or "readable files" in said:
-            suffixes = ", ".join(INCLUDED)
-            return f"declare its package under `source.packages`; {suffixes} files are readable"
+        if "declared packages" in said:
+            return "declare its package under `source.packages`"
+        if "readable files" in said:
+            return (
+                "declare its package under `source.packages`; "
+                "or is part of its name a value for `source.args`?"
+            )
         if "Undefined substitution argument" in said:
             return "give it under `source.args` in the recipe"
         return ""

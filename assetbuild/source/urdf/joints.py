@@ -134,11 +134,15 @@ def _link(node: Node, links: Mapping[str, Node]) -> str:
 def _read_axis(node: Node, kind: str) -> tuple[Vec3, list[Finding]]:
     """Unit axis in the joint frame; X where omitted (so says the format)."""
     element = node.only("axis")
-    if element is None:
+    if element is None or kind not in WITH_AXIS:  # exporters like to write one without meaning
         return (1.0, 0.0, 0.0), []
-    axis = vec3(element.numbers("xyz", 3, (1.0, 0.0, 0.0)))
-    if kind not in WITH_AXIS:
-        return (1.0, 0.0, 0.0), []  # an axis without meaning, which exporters like to write
+    if element.get("xyz") is None:
+        hint = (
+            'write `xyz="1 0 0"`, which counts where <axis> is absent, or the axis that is meant: '
+        )
+        hint += "urdfdom reads 0 0 0, yourdfpy 1 0 0, MuJoCo refuses it"
+        raise element.error("<axis> without `xyz`", hint)
+    axis = vec3(element.numbers("xyz", 3))
     norm = math.sqrt(math.fsum(value * value for value in axis))
     if norm < 1e-9:
         hint = "give the direction that the joint moves about or along"
@@ -154,6 +158,8 @@ def _read_axis(node: Node, kind: str) -> tuple[Vec3, list[Finding]]:
 
 def _read_limits(node: Node, kind: str) -> tuple[Limits, list[Finding]]:
     element = node.only("limit")
+    if kind in ("fixed", "floating", "planar"):
+        return Limits(), []  # no reader looks at it
     if element is None:
         if kind in ("revolute", "prismatic"):
             raise node.error(
@@ -167,8 +173,6 @@ def _read_limits(node: Node, kind: str) -> tuple[Limits, list[Finding]]:
     if kind == "continuous":
         findings = _ignored_range(node, lower, upper)
         return Limits(None, None, effort, velocity), findings
-    if kind not in ("revolute", "prismatic"):
-        return Limits(), []
     stated = {"lower": lower, "upper": upper, "effort": effort, "velocity": velocity}
     missing = [name for name, value in stated.items() if value is None]
     limits = Limits(lower or 0.0, upper or 0.0, effort, velocity)

@@ -13,7 +13,7 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.mesh.read import Format
 from assetbuild.robot.inertia import rotate_tensor
 from assetbuild.robot.model import Body, Inertial
-from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_of_rpy, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3, normalised_quat, quat_of_rpy, vec3
 from assetbuild.robot.shapes import (
     Box,
     Capsule,
@@ -48,13 +48,6 @@ MATERIAL_CONFLICT = Rule(
 )
 COLOUR_RANGE = Rule(
     "urdf.material.range", "warning", "a colour was clipped to 0..1", "write fractions of 1"
-)
-EMPTY_VISUAL = Rule(
-    "urdf.visual.nothing",
-    "warning",
-    "a visual sphere, cylinder or capsule of radius 0, or a box with two edges of 0, shows "
-    "nothing and was left out (as collision it is an error)",
-    "remove it, or give its size",
 )
 
 
@@ -92,11 +85,17 @@ def named(nodes: list[Node], problems: Problems) -> Iterator[tuple[str, Node]]:
 
 
 def read_origin(node: Node) -> Pose:
-    """The pose of <origin>: xyz in m, rpy in rad, zeros where omitted (so says the format)."""
+    """The pose of <origin>: xyz in m, rpy in rad, zeros where omitted (so says the format).
+
+    A `quat_xyzw` that `tidy` has left is the rotation: the file says URDF 1.1 or later.
+    """
     origin = node.only("origin")
     if origin is None:
         return IDENTITY
     xyz = vec3(origin.numbers("xyz", 3, (0.0, 0.0, 0.0)))
+    if origin.get("quat_xyzw") is not None:
+        x, y, z, w = origin.numbers("quat_xyzw", 4)
+        return Pose(xyz, normalised_quat((w, x, y, z)))
     roll, pitch, yaw = origin.numbers("rpy", 3, (0.0, 0.0, 0.0))
     return Pose(xyz, quat_of_rpy(roll, pitch, yaw))
 
@@ -136,10 +135,14 @@ def read_shapes(
                     suffix = f"_{index}" if index else ""
                     material = element.only("material") if role == "visual" else None
                     name = palette.see(material, link) if material is not None else ""
-                    if role == "visual" and _draws_nothing(element.need("geometry")):
-                        palette.findings.append(_drawn_as_nothing(element))
+                    stated = element.only("geometry")
+                    size = stated.first() if stated is not None else None
+                    if stated is None or size is None:
+                        continue  # `tidy` has reported it
+                    if missing := paths.left_out(stated, role):
+                        palette.findings.append(missing)
                         continue
-                    geometry = _read_geometry(element.need("geometry"), paths, uses)
+                    geometry = _read_geometry(size, paths, uses)
                     shape = SourceShape(
                         f"{link}_{role}{suffix}", link, role, geometry, read_origin(element)
                     )
@@ -151,31 +154,7 @@ def read_shapes(
     return Geometries(found, meshes, tuple(palette.findings), lines | palette.lines)
 
 
-def _draws_nothing(geometry: Node) -> bool:
-    """Whether it is a point or a line: a sphere of radius 0 is what authors write for "hide it"."""
-    shapes = geometry.all("*")
-    if len(shapes) != 1:
-        return False
-    if shapes[0].tag == "box":
-        return sorted(shapes[0].numbers("size", 3))[:2] == [0.0, 0.0]
-    round_ = shapes[0].tag in ("sphere", "cylinder", "capsule")
-    return round_ and shapes[0].number("radius") == 0.0
-
-
-def _drawn_as_nothing(visual: Node) -> Finding:
-    return EMPTY_VISUAL(
-        visual.subject,
-        f"a <visual> on line {visual.line} has no width and shows nothing: it was left out",
-        hint="remove it, or write its size",
-        data={"line": visual.line},
-    )
-
-
-def _read_geometry(node: Node, paths: Paths, uses: dict[str, FileUse]) -> SourceGeometry:
-    children = node.all("*")
-    if len(children) != 1:
-        raise node.error(f"<geometry> needs one shape, found {len(children)}")
-    shape = children[0]
+def _read_geometry(shape: Node, paths: Paths, uses: dict[str, FileUse]) -> SourceGeometry:
     if shape.tag == "mesh":
         path = paths.resolve(shape)
         uri = shape.text("filename").strip()

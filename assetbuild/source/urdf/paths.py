@@ -4,21 +4,56 @@ from __future__ import annotations
 
 import posixpath
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from assetbuild.errors import did_you_mean
+from assetbuild.findings import Finding, Rule
 from assetbuild.source.urdf.xml import Node
 
+TAKEN = Rule(
+    "urdf.path",
+    ("info", "warning"),
+    "file names that not every reader understands were followed: `model://`, `file://`, absolute "
+    "ones, or relative ones from another folder than the URDF's",
+    "write `package://NAME/path`, which all readers understand",
+)
+MISSING = Rule(
+    "urdf.visual.missing",
+    "warning",
+    "a visual mesh that the recipe states as missing was left out, and its shape with it",
+    "bring the mesh, and remove it from `source.missing.visuals`",
+)
+
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*):")
+_HINT = "use `package://NAME/path` (see `source.packages`) or a path relative to the URDF"
+
+
+@dataclass
+class Taken:
+    """File names of one kind. said: where they were taken to start; the first: what and where."""
+
+    said: str
+    uri: str
+    path: str
+    line: int
+    count: int = 0
 
 
 @dataclass(frozen=True)
 class Paths:
-    """file: the URDF itself, below the source root; packages: name -> folder below the root."""
+    """The meaning of file names; all folders lie below the source's root.
+
+    file: the URDF itself; packages: name -> folder; relative_to, absolute, missing: see `Source`.
+    taken: what not every reader would have followed, by kind.
+    """
 
     file: str
     packages: Mapping[str, str] = field(default_factory=dict)
+    relative_to: str | None = None
+    absolute: Mapping[str, str] = field(default_factory=dict)
+    missing: tuple[str, ...] = ()
+    taken: dict[str, Taken] = field(default_factory=dict)
 
     def resolve(self, node: Node) -> str:
         """The normalised path, below the source root, of the `filename` of a node.
@@ -26,30 +61,66 @@ class Paths:
         `package://name/path`, `package:///name/path` or relative to the URDF's own folder.
         Whether the file exists is not asked here.
         """
+        kind, said, path = self._meaning(node)
+        if kind:
+            uri = node.text("filename").strip()
+            self.taken.setdefault(kind, Taken(said, uri, path, node.line)).count += 1
+        return path
+
+    def _meaning(self, node: Node) -> tuple[str, str, str]:
+        """(kind, how it was taken, normalised path); kind: "" where all readers agree."""
         uri = node.text("filename").strip()
         if "\\" in uri:
             raise node.error(f"{node.tag} filename `{uri}` has a backslash", "write `/` instead")
-        scheme = _SCHEME.match(uri)
-        if scheme and scheme[1] == "package":
-            path = self._in_package(node, uri)
-        elif scheme:
-            raise node.error(
-                f"{node.tag} filename `{uri}`: `{scheme[1]}:` cannot be followed", _HINT
-            )
-        elif uri.startswith("/"):
-            raise node.error(f"{node.tag} filename `{uri}` is absolute", _HINT)
-        else:
-            path = posixpath.join(posixpath.dirname(self.file), uri)
+        kind, said, path = self._followed(node, uri)
         normal = posixpath.normpath(path)
         if normal == ".." or normal.startswith(("../", "/")):
             hint = "choose a higher `source.root` in the recipe"
             raise node.error(f"{node.tag} filename `{uri}` leads out of the source", hint)
         if normal == "." or uri.endswith("/"):
             raise node.error(f"{node.tag} filename `{uri}` names a folder")
-        return normal
+        return kind, said, normal
 
-    def _in_package(self, node: Node, uri: str) -> str:
-        name, _, rest = uri.removeprefix("package:").lstrip("/").partition("/")
+    def _followed(self, node: Node, uri: str) -> tuple[str, str, str]:
+        """As `_meaning`, not normalised."""
+        found = _SCHEME.match(uri)
+        scheme = found[1] if found else ""
+        if scheme == "package":
+            return "", "", self._in_package(node, uri, uri.removeprefix("package:"))
+        if scheme == "model":
+            said = "`model://` was taken for `package://`"
+            return "model", said, self._in_package(node, uri, uri.removeprefix("model:"))
+        if scheme not in ("", "file"):
+            raise node.error(f"{node.tag} filename `{uri}`: `{scheme}:` cannot be followed", _HINT)
+        path = uri.removeprefix("file:")
+        plain = re.sub("^//(?!/)", "", path) if scheme else path
+        if plain.startswith("/"):
+            return self._on_that_machine(node, uri, posixpath.normpath("/" + plain.lstrip("/")))
+        start = self.relative_to if self.relative_to is not None else posixpath.dirname(self.file)
+        whole = posixpath.join(start, plain)
+        if scheme:
+            return (
+                "file",
+                f"`file:` without an absolute path was taken to start at `{start}`",
+                whole,
+            )
+        if self.relative_to is None or start == posixpath.dirname(self.file):
+            return "", "", whole
+        return "relative", f"relative names were taken to start at `{start}`", whole
+
+    def _on_that_machine(self, node: Node, uri: str, path: str) -> tuple[str, str, str]:
+        fitting = [known for known in self.absolute if path.startswith(f"{known}/")]
+        if not fitting:
+            advice = (
+                "say what lies there: `absolute: {/FOLDER/OF/THE/AUTHOR: FOLDER}` under `source`"
+            )
+            raise node.error(f"{node.tag} filename `{uri}` is absolute", f"{advice}; or {_HINT}")
+        known = max(fitting, key=len)
+        said = f"`{known}` was taken for the folder `{self.absolute[known]}`"
+        return known, said, posixpath.join(self.absolute[known], path[len(known) + 1 :])
+
+    def _in_package(self, node: Node, uri: str, path: str) -> str:
+        name, _, rest = path.lstrip("/").partition("/")
         if name not in self.packages:
             near = did_you_mean(name, self.packages)
             advice = f"add `{name}: FOLDER` under `source.packages` in the recipe"
@@ -57,5 +128,31 @@ class Paths:
             raise node.error(f"{node.tag} filename `{uri}`: no package named `{name}`", hint)
         return posixpath.join(self.packages[name], rest)
 
+    def left_out(self, geometry: Node, role: str) -> Finding | None:
+        """The finding on a shape whose mesh is stated as missing; None: its mesh is there.
 
-_HINT = "use `package://NAME/path` (see `source.packages`) or a path relative to the URDF"
+        SourceError for a collision mesh: without it the robot would be another one.
+        """
+        mesh = geometry.only("mesh") if self.missing else None
+        if mesh is None or (path := self._meaning(mesh)[2]) not in self.missing:
+            return None
+        if role == "collision":
+            hint = "bring the mesh, or replace the <collision> by a patch (see `source.patches`)"
+            message = (
+                f"the collision mesh `{path}` is stated as missing, which only a visual can be"
+            )
+            raise mesh.error(message, hint)
+        said = f"its visual mesh `{path}` is missing (line {mesh.line}); nothing is drawn for it"
+        return MISSING(mesh.subject, said, hint=MISSING.remedy, data={"mesh": path})
+
+    def findings(self) -> Iterator[Finding]:
+        """One for each kind of name that not every reader would have followed."""
+        for kind, taken in sorted(self.taken.items()):
+            yield TAKEN(
+                "robot",
+                f"{taken.said}, {taken.count} times: first `{taken.uri}` (line {taken.line}) "
+                f"for `{taken.path}`",
+                hint=TAKEN.remedy,
+                severity="warning" if kind.startswith("/") or kind == "file" else "info",
+                data={"uri": taken.uri, "path": taken.path, "count": taken.count},
+            )

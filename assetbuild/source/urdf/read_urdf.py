@@ -16,21 +16,20 @@ from assetbuild.robot.model import Base, Joint, Tree
 from assetbuild.source.urdf.joints import build_tree, read_joint
 from assetbuild.source.urdf.links import Geometries, named, read_body, read_shapes
 from assetbuild.source.urdf.paths import Paths
+from assetbuild.source.urdf.tidy import read_tidy
 from assetbuild.source.urdf.xml import (
     Node,
     Problems,
+    canonical,
     homeless,
-    in_xml_1,
-    parse,
-    without_comments,
     xml_version,
 )
 
 DROPPED = Rule(
     "urdf.dropped",
-    "info",
+    ("info", "warning"),
     "elements or attributes that the robot model has no place for (transmission, gazebo, ...) "
-    "were left out",
+    "were left out (a warning for limits of acceleration, deceleration and jerk, URDF 1.2)",
     "nothing; the source keeps them",
 )
 XML_VERSION = Rule(
@@ -41,12 +40,15 @@ XML_VERSION = Rule(
 )
 NAMELESS = Rule("urdf.name.missing", "info", "`<robot>` has no name", "give it one")
 
+LIMITS_OF_1_2 = frozenset(f"{name} of limit" for name in ("acceleration", "deceleration", "jerk"))
+"""A simulated joint may move faster than they allow."""
+
 
 class ReadUrdf(Step):
     """`robot.urdf` -> links, shapes, the meshes it names, and the lines of them all.
 
-    `source.urdf` is the description itself, without comments and indentation: what checks read
-    who must not believe this reader.
+    `source.urdf` is the description itself, without comments and indentation and as `tidy` left
+    it: what checks read who must not believe this reader.
 
     Comments and formatting change nothing but `source_map.json` and the lines in `meshes.json`.
     Raises SourceError with `file:line`; of several mistakes the first in the file is reported.
@@ -61,15 +63,20 @@ class ReadUrdf(Step):
     base: Base = "fixed"
     packages: dict[str, str] = Field(default_factory=dict)
     """package:// name -> folder below the source root; `.` is the root itself."""
+    relative_to: str | None = None
+    absolute: dict[str, str] = Field(default_factory=dict)
+    missing: tuple[str, ...] = ()
+    """See `Paths`."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads `robot.urdf`; writes Tree, Shapes, mesh uses, lines."""
         data = (files.inputs / "robot.urdf").read_bytes()
-        root = parse(data, self.file)
         problems = Problems()
+        root, mended = read_tidy(data, self.file, problems, self.base)
         links = list(named(root.all("link"), problems))
         bodies = problems.collect(links, read_body)
-        geometries = read_shapes(root, links, Paths(self.file, self.packages), problems)
+        paths = Paths(self.file, self.packages, self.relative_to, self.absolute, self.missing)
+        geometries = read_shapes(root, links, paths, problems)
         joints, findings = _read_joints(root, dict(links), problems)
         name, unnamed = _robot_name(root)
         if not root.all("link"):
@@ -77,14 +84,22 @@ class ReadUrdf(Step):
         nodes = {f"{n.tag} {n.get('name')}": n for n in root.all("link") + root.all("joint")}
         tree, held = build_tree(name, self.base, bodies, joints, nodes, problems)
         _write(files, tree, geometries, self._source_map(root, nodes, geometries))
-        (files.outputs / "source.urdf").write_bytes(without_comments(in_xml_1(data)))
+        (files.outputs / "source.urdf").write_bytes(canonical(root))
         if version := xml_version(data):
             yield XML_VERSION(
                 "robot",
                 f"it says it is XML {version}, which does not exist: read as XML 1.0",
                 hint='many readers refuse it: write `<?xml version="1.0"?>`',
             )
-        yield from [*unnamed, *geometries.findings, *findings, *held, *_dropped(root)]
+        yield from [
+            *mended,
+            *unnamed,
+            *paths.findings(),
+            *geometries.findings,
+            *findings,
+            *held,
+            *_dropped(root),
+        ]
 
     def _source_map(
         self, root: Node, nodes: dict[str, Node], geometries: Geometries
@@ -132,6 +147,7 @@ def _dropped(root: Node) -> Iterator[Finding]:
             "robot",
             f"{what} was left out, {count} times" if count > 1 else f"{what} was left out",
             hint="no target has a place for it; the source keeps it",
+            severity="warning" if kind in LIMITS_OF_1_2 else "info",
             data={"element": kind, "count": count},
         )
 

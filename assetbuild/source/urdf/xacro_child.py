@@ -19,6 +19,8 @@ from typing import Any, NoReturn
 from assetbuild.source.urdf.confine import confine
 
 MEMORY_BYTES = 2 << 30
+ABSENT = ".absent"
+"""Folder below the tree, which does not exist, for packages that the source does not have."""
 READING = os.O_ACCMODE | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 """Bits of `open`'s flags that are all 0 (`O_RDONLY`) for reading."""
 LISTING = ("os.listdir", "os.scandir")
@@ -35,10 +37,12 @@ class RefusedError(Exception):
 
 @dataclass
 class Guard:
-    """The audit hook. tree: the folder of the declared files; used: those that were opened."""
+    """The audit hook. tree: the folder of the declared files; used: those that were opened;
+    found: packages that `$(find)` was asked for."""
 
     tree: str
     used: set[str] = field(default_factory=set)
+    found: set[str] = field(default_factory=set)
     refused: list[str] = field(default_factory=list)
 
     def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:  # Any: the event's own
@@ -101,6 +105,7 @@ def _run(job: dict[str, Any], guard: Guard) -> dict[str, object]:  # Any: JSON
 
     os.chdir(guard.tree)
     packages = {name: _joined(guard.tree, folder) for name, folder in job["packages"].items()}
+    packages |= {name: _joined(guard.tree, f"{ABSENT}/{name}") for name in job["absent"]}
     said = _prepare(packages, guard)
     confine([guard.tree, *_linked(guard.tree)])
     sys.addaudithook(guard)
@@ -114,7 +119,10 @@ def _run(job: dict[str, Any], guard: Guard) -> dict[str, object]:  # Any: JSON
         return _told(error, guard, packages) | _stacks(guard)
     if guard.refused:  # and excused by xacro, as in an optional include
         return {"error": guard.refused[0]} | _stacks(guard)
-    used = sorted(path for path in guard.used if os.path.isfile(path))  # noqa: PTH113
+    used = {
+        "files": sorted(path for path in guard.used if os.path.isfile(path)),  # noqa: PTH113
+        "packages": sorted(guard.found),
+    }
     return {"urdf": _portable(text, guard.tree, packages, job["file"]), "used": used, "said": said}
 
 
@@ -149,6 +157,7 @@ def _prepare(packages: dict[str, str], guard: Guard) -> list[str]:
     def find(name: str) -> str:
         if name not in packages:
             guard.refuse(f"`$(find {name})`: no package named `{shown(name)}`")
+        guard.found.add(name)
         return packages[name]
 
     substitution_args._eval_find = find
@@ -196,6 +205,10 @@ def _told(error: Exception, guard: Guard, packages: dict[str, str]) -> dict[str,
         return {"error": "a macro, property or include uses itself without end", "line": line}
     if isinstance(cause, FileNotFoundError):
         path = guard.inside(str(cause.filename)) or shown(cause.filename)
+        if path.startswith(f"{ABSENT}/"):
+            _, name, inside = path.split("/", 2)
+            wants = f"wants to read `{inside}` of the package `{name}`, which is stated as missing"
+            return {"error": wants, "line": line}
         return {"error": f"no file `{path}` among the readable files of the packages", "line": line}
     if type(cause).__name__ in ("DTDForbidden", "EntitiesForbidden"):
         return {"error": "a DOCTYPE is not allowed", "line": line}
@@ -214,13 +227,17 @@ def _innermost(error: BaseException) -> BaseException:
 
 
 def _portable(text: str, tree: str, packages: dict[str, str], file: str) -> str:
-    """Paths of this process, as `package://` or relative to the file: the same everywhere."""
-    end = r"(?=[/\"'\s<&]|$)"
+    """Paths of this process, as `package://` or relative to the file: the same everywhere.
+
+    `$(find NAME)` gives a path that begins with a slash; a scheme may stand before it, with as
+    many slashes as the author thought right.
+    """
+    end, scheme = r"(?=[/\"'\s<&]|$)", "(?:(?:file|package|model):/{0,3})?"
     for name, folder in sorted(packages.items(), key=lambda item: (-len(item[1]), item[0])):
-        text = re.sub(rf"(file://)?{re.escape(folder)}{end}", f"package://{name}", text)
+        text = re.sub(rf"{scheme}{re.escape(folder)}{end}", f"package://{name}", text)
     beside = os.path.dirname(file) or "."  # noqa: PTH120 - strings
 
     def relative(match: re.Match[str]) -> str:
-        return os.path.relpath("." + (match[2] or ""), beside)
+        return os.path.relpath("." + (match[1] or ""), beside)
 
-    return re.sub(rf"(file://)?{re.escape(tree)}(/[^\"'\s<&]*)?", relative, text)
+    return re.sub(rf"{scheme}{re.escape(tree)}(/[^\"'\s<&]*)?", relative, text)

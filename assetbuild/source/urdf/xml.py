@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar, cast
-from xml.parsers import expat
 
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.lfs import refuse_pointer
+from assetbuild.xml_text import Fault, NotXml, read_tree
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -60,18 +60,34 @@ class Node:
         return [Node(child, self.file, self.subject) for child in found]
 
     def only(self, tag: str) -> Node | None:
-        """The one child with that tag, or None; two of them are an error."""
-        found = self.all(tag)
-        if len(found) > 1:
-            raise found[1].error(f"a second <{tag}> in one <{self.tag}>", "remove one of the two")
-        return found[0] if found else None
+        """The first child with that tag, or None; `tidy` has reported and removed the others."""
+        found = next(self.element.iterchildren(tag), None)
+        return None if found is None else Node(found, self.file, self.subject)
+
+    def first(self) -> Node | None:
+        """The first child of any tag, or None."""
+        return self.only("*")
 
     def need(self, tag: str) -> Node:
-        """The one child with that tag."""
+        """The first child with that tag."""
         found = self.only(tag)
         if found is None:
             raise self.error(f"<{self.tag}> without <{tag}>", f"add the <{tag}> element")
         return found
+
+    def added(self, tag: str) -> Node:
+        """A new last child, on the line of its parent."""
+        from lxml import etree
+
+        child = etree.SubElement(self.element, tag)
+        child.sourceline = self.element.sourceline
+        return Node(child, self.file, self.subject)
+
+    def remove(self) -> None:
+        """Take the element out of its parent."""
+        parent = self.element.getparent()
+        if parent is not None:
+            parent.remove(self.element)
 
     def get(self, attribute: str) -> str | None:
         """The text of an attribute, or None."""
@@ -104,10 +120,11 @@ class Node:
         """`count` finite numbers; without the attribute the default, or an error."""
         if default is not None and self.get(attribute) is None:
             return tuple(default)
-        words = self.text(attribute).split()
+        text = self.text(attribute)
+        words = text.split()
         if len(words) != count:
-            hint = "separate the numbers by spaces" if "," in self.text(attribute) else ""
-            hint = _EXPAND if _is_macro(self.text(attribute)) else hint
+            hint = _COMMAS if "," in text else ""
+            hint = _EXPAND if _is_macro(text) else hint
             found = " ".join(words)
             message = f"{self.tag} {attribute} needs {count} numbers, found {len(words)}"
             raise self.error(f"{message}: `{_cut(found)}`", hint)
@@ -132,12 +149,16 @@ class Node:
         value = float(word) if _NUMBER.fullmatch(word) else math.nan
         if math.isfinite(value):
             return value
-        hint = _EXPAND if _is_macro(word) else "give a decimal number, such as 0.0123"
+        hint = "give a decimal number, such as 0.0123"
+        hint = _COMMAS if "," in word else _EXPAND if _is_macro(word) else hint
         raise self.error(f"{self.tag} {attribute} is `{_cut(word)}`, not a finite number", hint)
 
 
 _EXPAND = "expand the xacro file first"
-SIZE = "write its size, or remove the shape"
+_COMMAS = (
+    "a comma may separate numbers or start decimals: write blanks between and `.` for decimals"
+)
+SIZE = "write its size (a plate needs a thickness, such as 0.001), or remove the shape"
 
 
 def _is_macro(text: str) -> bool:
@@ -177,15 +198,29 @@ class Problems:
 
 
 def parse(data: bytes, file: str) -> Node:
-    """The <robot> element of a URDF; see `read_xml`."""
-    node = read_xml(data, file, "URDF")
+    """The <robot> element of a URDF; see `parse_untidy`."""
+    return parse_untidy(data, file)[0]
+
+
+def parse_untidy(data: bytes, file: str) -> tuple[Node, tuple[Fault, ...]]:
+    """The <robot> element of a URDF, and the faults of the text that all readers overlook."""
+    from lxml import etree
+
+    element, faults = _read(data, file, "URDF", read_tree)
+    node = Node(element, file)
+    if None in element.nsmap and node.tag == "robot":
+        for child in element.iter("*"):
+            if child.prefix is None:
+                child.tag = str(child.tag).rpartition("}")[2]
+        faults = (*faults, Fault("namespace", node.line, str(element.nsmap[None])))
+        etree.cleanup_namespaces(element)
     if node.tag != "robot":
         hint = "is this the right file?"
         if node.tag in ("mujoco", "sdf"):
             hint = f"this is {'MJCF' if node.tag == 'mujoco' else 'SDF'}, not URDF"
         raise node.error(f"the root element is <{node.tag}>, not <robot>", hint)
     _refuse_xacro(node)
-    return node
+    return node, faults
 
 
 def read_xml(data: bytes, file: str, what: str) -> Node:
@@ -193,25 +228,24 @@ def read_xml(data: bytes, file: str, what: str) -> Node:
 
     The parser's own bounds hold too: 256 levels, 10 MB per text. what: `URDF`, for messages.
     """
-    from lxml import etree
+    return Node(_read(data, file, what, _strictly), file)
 
+
+def _read(data: bytes, file: str, what: str, reader: Callable[[bytes], T]) -> T:
     if len(data) > MAX_BYTES:
         size = f"{len(data) / 1e6:.0f} MB"
         raise SourceError(f"{size} of {what}; at most 64 MiB are read", where=Where(file))
     refuse_pointer(data, where=Where(file))
-    data = in_xml_1(data)
-    _refuse_doctype(data, file)
-    parser = etree.XMLParser(
-        resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False,
-        remove_comments=True, remove_pis=True,
-    )  # fmt: skip
     try:
-        root = etree.fromstring(data, parser)
-    except etree.XMLSyntaxError as error:
-        raise _not_xml(str(error.msg or "unreadable"), error.lineno or 0, file) from None
-    if etree.ElementTree(root).docinfo.doctype:  # type: ignore[attr-defined] # stubs lack it
-        raise _doctype(file, 0)
-    return Node(root, file)
+        return reader(in_xml_1(data))
+    except NotXml as error:
+        if error.doctype:
+            raise _doctype(file, error.line) from None
+        raise _not_xml(error.message, error.line, file) from None
+
+
+def _strictly(data: bytes) -> _Element:
+    return read_tree(data, overlook=False)[0]
 
 
 def xml_version(data: bytes) -> str:
@@ -227,24 +261,6 @@ def in_xml_1(data: bytes) -> bytes:
     """The same text as XML 1.0, where it states a version that does not exist."""
     found = _VERSION.match(data)
     return data[: found.start(1)] + b"1.0" + data[found.end(1) :] if found else data
-
-
-def _refuse_doctype(data: bytes, file: str) -> None:
-    """Stop at a DOCTYPE before anything could be expanded; expat reads only the prologue."""
-    parser = expat.ParserCreate()
-
-    def at_doctype(*_: object) -> None:
-        raise _doctype(file, parser.CurrentLineNumber)
-
-    def at_element(*_: object) -> None:
-        raise StopIteration
-
-    parser.StartDoctypeDeclHandler = at_doctype
-    parser.StartElementHandler = at_element
-    try:
-        parser.Parse(data, True)
-    except (StopIteration, expat.ExpatError, ValueError):
-        return  # the real parser reports broken XML, which knows more encodings too
 
 
 def _doctype(file: str, line: int) -> SourceError:
@@ -267,8 +283,9 @@ def _not_xml(message: str, line: int, file: str) -> SourceError:
 
 def _refuse_xacro(root: Node) -> None:
     """A xacro file is a program; its elements would be dropped as unknown, silently wrong."""
-    for uri in XACRO:
-        found = next(root.element.iter(f"{{{uri}}}*"), None)
+    undeclared = (e for e in root.element.iter("*") if str(e.tag).startswith("xacro:"))
+    declared = (e for uri in XACRO for e in root.element.iter(f"{{{uri}}}*"))
+    for found in (next(declared, None), next(undeclared, None)):
         if found is not None:
             node = Node(found, root.file)
             raise node.error(f"<{node.tag}> in a URDF", "this is a xacro file: expand it first")
@@ -282,7 +299,7 @@ _HOME: dict[str, tuple[frozenset[str], frozenset[str]]] = {
         ("inertial", "", "origin mass inertia"),
         ("mass", "value", ""),
         ("inertia", "ixx ixy ixz iyy iyz izz", ""),
-        ("origin", "xyz rpy", ""),
+        ("origin", "xyz rpy quat_xyzw", ""),
         ("visual", "", "origin geometry material"),
         ("collision", "", "origin geometry"),
         ("geometry", "", "box sphere cylinder capsule mesh"),
@@ -342,14 +359,17 @@ def _cut(text: str) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def without_comments(data: bytes) -> bytes:
-    """The same XML without comments and indentation, in canonical form (W3C C14N).
+def canonical(root: Node) -> bytes:
+    """The elements without comments and indentation, in canonical form (W3C C14N).
 
-    data: a file that `parse` accepts. Every element, attribute and text is as it was.
+    A prefix that is declared nowhere stands for a namespace of its own name.
     """
     from lxml import etree
 
-    parser = etree.XMLParser(
-        resolve_entities=False, no_network=True, remove_comments=True, remove_blank_text=True
-    )
-    return etree.tostring(etree.fromstring(data, parser), method="c14n")
+    names = {str(name) for e in root.element.iter("*") for name in (e.tag, *e.attrib)}
+    prefixes = sorted({name.partition(":")[0] for name in names if ":" in name and name[0] != "{"})
+    text = etree.tostring(root.element, method="c14n")
+    head = "".join(f' xmlns:{prefix}="urn:{prefix}"' for prefix in prefixes)
+    text = text.replace(b"<robot", b"<robot" + head.encode(), 1)
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_blank_text=True)
+    return etree.tostring(etree.fromstring(text, parser), method="c14n")

@@ -23,7 +23,7 @@ from assetbuild.targets.mjcf.constraints import contact_section, equality_sectio
 from assetbuild.targets.mjcf.drives import actuator_names, row_of
 from assetbuild.targets.mjcf.families import joint_classes
 from assetbuild.targets.mjcf.geoms import GeomElements
-from assetbuild.targets.mjcf.inertia import principal_inertia
+from assetbuild.targets.mjcf.inertia import principal_inertia, rounded_up
 from assetbuild.targets.mjcf.sensors import (
     camera_elements,
     extra_sites,
@@ -31,7 +31,7 @@ from assetbuild.targets.mjcf.sensors import (
     sensor_section,
     site_elements,
 )
-from assetbuild.targets.mjcf.xml import direction, element, number, numbers, pose_attributes
+from assetbuild.targets.mjcf.xml import direction, element, exact, number, numbers, pose_attributes
 
 SITE_GROUP = "4"
 NAME = re.compile(r"""\bname="([^"]*)\"""")
@@ -323,7 +323,7 @@ def _inertial(inertial: Inertial) -> Element:
             "pos": numbers(inertial.com_m),
             "quat": numbers(quat) if quat != (1.0, 0.0, 0.0, 0.0) else None,
             "mass": number(inertial.mass_kg),
-            "diaginertia": numbers(moments),
+            "diaginertia": " ".join(map(exact, rounded_up(moments))),
         },
     )
 

@@ -24,15 +24,19 @@ _SCENE = """
   <asset>
     <texture type="skybox" builtin="gradient" rgb1="0.55 0.7 0.85" rgb2="0.1 0.15 0.2" width="256"
       height="1536"/>
-    <texture name="{ground}" type="2d" builtin="checker" mark="edge" rgb1="0.22 0.28 0.34"
-      rgb2="0.16 0.2 0.25" markrgb="0.6 0.6 0.6" width="300" height="300"/>
-    <material name="{ground}" texture="{ground}" texuniform="true" texrepeat="4 4"
-      reflectance="0.1"/>
   </asset>
   <worldbody>
     <light pos="0 0 2.5" dir="0 0 -1" directional="true"/>
   </worldbody>
 </mujoco>
+"""
+_GROUND = """
+<asset>
+  <texture name="{ground}" type="2d" builtin="checker" mark="edge" rgb1="0.22 0.28 0.34"
+    rgb2="0.16 0.2 0.25" markrgb="0.6 0.6 0.6" width="300" height="300"/>
+  <material name="{ground}" texture="{ground}" texuniform="true" texrepeat="4 4"
+    reflectance="0.1"/>
+</asset>
 """
 _PLANE = re.compile(r"""<geom\b[^>]*\btype="plane\"""")
 
@@ -41,14 +45,15 @@ def scene(model: RobotXml, file: str) -> Element:
     """The root element of `scene.xml`. file: stem of the robot's own file."""
     tree, control = model.tree, model.control
     center, extent = view(starting_origins(tree, control))
-    ground = model.free_name("ground")
-    root = fromstring(_SCENE.format(ground=ground))  # noqa: S314 # our own text
+    root = fromstring(_SCENE)  # noqa: S314 # our own text
     root.set("model", f"{model.robot} scene")
     root[:0] = [
         element("include", {"file": f"{file}.xml"}),
         element("statistic", {"center": numbers(center), "extent": numbers([extent])}),
     ]
     if not _has_floor(tree, control):
+        ground = model.free_name("ground")
+        root[-2].extend(fromstring(_GROUND.format(ground=ground)))  # noqa: S314 # our own text
         root[-1].append(_floor(ground, model.free_name("floor"), floor_of(tree, control)))
     return root
 

@@ -26,15 +26,20 @@ def element(
 
 
 def number(value: float) -> str:
-    """Shortest text that reads back to the same double: `1`, `0.0375`, `1e-06`.
+    """Shortest text of the double, or of the decimal that it means: `1`, `0.0375`, `1e-06`."""
+    return exact(plain(value))
 
-    Where that is a short decimal but for the rounding of a sum (0.6799999999999999), the decimal.
-    """
+
+def exact(value: float) -> str:
+    """Shortest text that reads back to the same double."""
+    return repr(value).removesuffix(".0")
+
+
+def plain(value: float) -> float:
+    """The short decimal that it is but for the rounding of a sum (0.6799999999999999), else it."""
     value = float(value) + 0.0  # + 0.0: negative zero is zero
     decimal = float(f"{value:.12g}")
-    if abs(decimal - value) <= DIRT_ULPS * math.ulp(value):
-        value = decimal
-    return repr(value).removesuffix(".0")
+    return decimal if abs(decimal - value) <= DIRT_ULPS * math.ulp(value) else value
 
 
 def numbers(values: Iterable[float]) -> str:

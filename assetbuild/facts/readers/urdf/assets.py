@@ -120,8 +120,12 @@ class Assets:
                     files = {name: path.parent / name for name in names}
                     beside = {n: file.read_bytes() for n, file in files.items() if file.is_file()}
                 known = cast(Format, format)  # read_mesh refuses what it does not know
-                parts = [p.mesh.corners for p in read_mesh(data, known, companions=beside).parts]
-                self._meshes[stated] = np.concatenate(parts), None, None
+                mesh = read_mesh(data, known, companions=beside, subject=stated)
+                self._meshes[stated] = (
+                    np.concatenate([p.mesh.corners for p in mesh.parts]),
+                    None,
+                    None,
+                )
         return self._meshes[stated]
 
     def _read_obj(self, stated: str, data: bytes) -> tuple[Array, Array | None, Array | None]:

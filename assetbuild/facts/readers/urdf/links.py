@@ -11,7 +11,7 @@ import numpy as np
 from assetbuild.facts.readers.urdf.assets import Assets
 from assetbuild.facts.table import Value, Writer
 from assetbuild.facts.xml import Walk
-from assetbuild.robot.pose import IDENTITY, Pose, quat_of_rpy, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat, quat_of_rpy, vec3
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -120,7 +120,9 @@ class Links:
         elif geometry is not None and tag == "mesh":
             found = walk.first(geometry, tag)
             stated = (walk.text(found, "filename") or "").strip()
-            scale = walk.numbers(found, "scale", 3) or (1.0, 1.0, 1.0)
+            one = walk.number(found, "scale")  # which counts for all axes
+            scale = walk.numbers(found, "scale", 3) if one is None else (one, one, one)
+            scale = scale or (1.0, 1.0, 1.0)
             facts = self._assets.mesh_facts(stated, scale, pose)
             if role == "visual":  # who reads collision shapes knows no materials
                 facts |= self._assets.mesh_looks(stated)
@@ -159,8 +161,16 @@ class Links:
 
 
 def read_origin(walk: Walk, parent: _Element) -> Pose:
-    """The pose of `<origin>`: m, and roll, pitch, yaw in rad about fixed axes."""
+    """The pose of `<origin>`: m, and roll, pitch, yaw in rad about fixed axes.
+
+    `quat_xyzw` is the rotation in URDF 1.1 and 1.2 where no `rpy` is stated; else it is unread.
+    """
     origin = walk.first(parent, "origin")
     xyz = walk.numbers(origin, "xyz", 3) or (0.0, 0.0, 0.0)
-    roll, pitch, yaw = walk.numbers(origin, "rpy", 3) or (0.0, 0.0, 0.0)
+    rpy = walk.numbers(origin, "rpy", 3)
+    if rpy is None and walk.root.get("version", "1.0").strip() in ("1.1", "1.2"):
+        x, y, z, w = walk.numbers(origin, "quat_xyzw", 4) or (0.0, 0.0, 0.0, 1.0)
+        if x or y or z or w:
+            return Pose(vec3(xyz), normalised_quat((w, x, y, z)))
+    roll, pitch, yaw = rpy or (0.0, 0.0, 0.0)
     return Pose(vec3(xyz), quat_of_rpy(roll, pitch, yaw))

@@ -1,0 +1,216 @@
+"""Drives, pose and time step of a recipe, corrected until no check of a build objects.
+
+Corrected, in this order: an effort that is unknown and too weak; a damping ratio that the joints'
+own damping exceeds; then, where the simulation outruns its drives, the time step, the inertia of
+the rotors, and a shorter step still. What the source states and cannot be is left, and said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+from assetbuild.findings import Finding
+from assetbuild.init.anatomy import Anatomy, Leg
+from assetbuild.init.drives import STEP_S, DriveRow, drive_rows
+from assetbuild.init.home import home_pose
+from assetbuild.init.patterns import patterns_of
+from assetbuild.init.strength import (
+    FEW,
+    Guess,
+    largest_inertias,
+    rotor_inertia,
+    rounded_up,
+    with_efforts,
+)
+from assetbuild.init.trial import Trial
+from assetbuild.robot.inertia import total_mass
+from assetbuild.robot.model import Tree
+
+LIGHT_KG = 5.0
+SHORT_STEP_S, SHORTEST_STEP_S = 0.002, 0.001
+ROUNDS = 8
+"""Corrections at most: each needs a trial, of a second or two for a humanoid."""
+WEAK = ("gains.torque", "trials.dead")
+"""Rules that a stronger drive satisfies."""
+STRONGER = 2.0
+DAMPED = 1.25
+"""Times the damping ratio that was refused."""
+MOST_DAMPED = 4.0
+
+Try = Callable[["Tuning"], Trial]
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """A choice of drives, and what made it. tree: with the guessed efforts.
+
+    notes: what was corrected and why; unmended: what could not be, each with the edit that mends
+    it. armature: by joint, kg m2 or kg.
+    """
+
+    tree: Tree
+    pose: Mapping[str, float]
+    drives: tuple[DriveRow, ...]
+    timestep: float
+    guesses: Mapping[str, Guess]
+    armature: Mapping[str, float]
+    notes: tuple[str, ...] = ()
+    unmended: tuple[str, ...] = ()
+
+
+def tune(
+    tree: Tree,
+    anatomy: Anatomy,
+    guesses: Mapping[str, Guess],
+    attempt: Try,
+    rotors: Mapping[str, float] = MappingProxyType({}),
+    longest_step: float = STEP_S,
+) -> tuple[Tuning, Trial]:
+    """The first choice of drives that the trial has nothing against, else the last.
+
+    tree: with the guessed efforts. rotors: inertias that the source states, by joint, kg m2 or kg;
+    longest_step: s.
+    """
+    armature = _heavy_rotors(tree, guesses) | {name: own for name, own in rotors.items() if own}
+    start = Tuning(tree, {}, (), 0.0, guesses, armature)
+    tuning = _chosen(start, anatomy.legs, longest_step)
+    trial = attempt(tuning)
+    for _ in range(ROUNDS):
+        better = None if trial.is_fine else _corrected(tuning, trial, anatomy.legs)
+        if better is None:
+            break
+        tuning, trial = better, attempt(better)
+    if trial.is_fine and trial.stands is False:
+        tuning, trial = _standing(tuning, trial, anatomy.legs, attempt)
+    rest = tuple(f"{error.subject}: {error.message} ({error.hint})" for error in trial.errors)
+    if trial.refused is not None:
+        rest += (f"{trial.refused.message} ({trial.refused.hint})",)
+    return replace(tuning, unmended=rest), trial
+
+
+def _heavy_rotors(tree: Tree, guesses: Mapping[str, Guess]) -> dict[str, float]:
+    """Rotors of guessed drives that are more than what the joint moves, as at a wrist's flange.
+
+    Without them a drive would have next to nothing to hold on to.
+    """
+    moved = largest_inertias(tree) if guesses else {}
+    rotors = {name: rotor_inertia(tree.by_joint[name]) for name in guesses}
+    return {name: rotor for name, rotor in rotors.items() if rotor > moved.get(name, 0.0)}
+
+
+def _chosen(tuning: Tuning, legs: tuple[Leg, ...], step: float = 0.0) -> Tuning:
+    """The same with pose, drives and time step chosen anew; step: no longer than this, s."""
+    tree = tuning.tree
+    pose = home_pose(tree, legs)
+    drives = drive_rows(tree, pose, legs, tuning.guesses, tuning.armature)
+    hops = any(row.outruns(STEP_S) for row in drives)
+    own = SHORT_STEP_S if hops or total_mass(tree) < LIGHT_KG else STEP_S
+    return replace(tuning, pose=pose, drives=drives, timestep=min(own, step or own))
+
+
+# --- corrections ----------------------------------------------------------------------------
+
+
+def _corrected(tuning: Tuning, trial: Trial, legs: tuple[Leg, ...]) -> Tuning | None:
+    """One step further; None when nothing is left to try."""
+    if trial.refused is not None:
+        return _damped_more(tuning, trial)
+    weak = [error for error in trial.errors if error.rule in WEAK]
+    stronger = _stronger(tuning, weak, legs) if weak else None
+    if stronger is not None:
+        return stronger
+    others = [error for error in trial.errors if error.rule not in WEAK]
+    return _calmer(tuning, others[0], legs) if others else None
+
+
+def _damped_more(tuning: Tuning, trial: Trial) -> Tuning | None:
+    """More than the joints' own damping makes; damping that makes more than 4 is dropped."""
+    key = trial.refused.key if trial.refused else ()
+    if len(key) < 3 or key[2] != "damping_ratio" or not isinstance(key[1], int):
+        return None
+    drives, index = list(tuning.drives), _drive_of(tuning, key[1])
+    row = drives[index]
+    ratio = DAMPED * row.gains["damping_ratio"]
+    if ratio <= MOST_DAMPED:
+        row = replace(row, gains={**row.gains, "damping_ratio": float(f"{ratio:.2g}")})
+    elif "damping" not in row.drops:
+        row = replace(row, drops=(*row.drops, "damping"), gains={**row.gains, "damping_ratio": 1.0})
+    else:
+        return None
+    drives[index] = row
+    return replace(tuning, drives=tuple(drives))
+
+
+def _drive_of(tuning: Tuning, row: int) -> int:
+    """The drive that a row of the recipe's table is of: one has a row for each pattern."""
+    everything = [joint.name for joint in tuning.tree.moving_joints]
+    counts = [len(patterns_of(drive.joints, everything)) for drive in tuning.drives]
+    return next(i for i in range(len(counts)) if row < sum(counts[: i + 1]))
+
+
+def _stronger(tuning: Tuning, weak: list[Finding], legs: tuple[Leg, ...]) -> Tuning | None:
+    """Efforts that are guesses grow; so do those that all joints state as one number."""
+    guesses, grown = dict(tuning.guesses), []
+    for error in weak:
+        name = error.subject.partition(" ")[2]
+        effort = tuning.tree.by_joint[name].limits.effort or 0.0
+        if name not in guesses and not _is_one_for_all(tuning, effort):
+            continue
+        load = float(str(error.data.get("load", 1.0)))
+        why = f"the source's effort of {effort:g}, the same for every joint, cannot hold its weight"
+        known = guesses.get(name) or Guess(effort, why, "arm")
+        guesses[name] = replace(known, effort=rounded_up(max(load, 1.0) * STRONGER * effort))
+        grown.append(name)
+    if not grown:
+        return None
+    tree = with_efforts(tuning.tree, {name: guesses[name].effort for name in grown})
+    armature = {name: rotor_inertia(tree.by_joint[name]) for name in tuning.armature}
+    again = replace(tuning, tree=tree, guesses=guesses, armature=armature)
+    return _chosen(again, legs, tuning.timestep)
+
+
+def _is_one_for_all(tuning: Tuning, effort: float) -> bool:
+    stated = [
+        joint.limits.effort
+        for joint in tuning.tree.moving_joints
+        if joint.mimic is None and joint.limits.effort and joint.name not in tuning.guesses
+    ]
+    return len(stated) > FEW and set(stated) == {effort}
+
+
+def _calmer(tuning: Tuning, error: Finding, legs: tuple[Leg, ...]) -> Tuning | None:
+    """A step of 2 ms, then rotors, then a step of 1 ms."""
+    said = f"{error.subject} {error.message}"
+    if tuning.timestep > SHORT_STEP_S:
+        return _shorter(tuning, SHORT_STEP_S, said, legs)
+    if not any(note.startswith("armature") for note in tuning.notes):
+        driven = [name for row in tuning.drives if row.gains for name in row.joints]
+        guessed = {name: rotor_inertia(tuning.tree.by_joint[name]) for name in driven}
+        armature = guessed | dict(tuning.armature)
+        note = (
+            "armature: a guess, effort / 6000 rad/s2 as motors of that size have, for the source "
+            f"states no rotors and without them {said}"
+        )
+        again = replace(tuning, armature=armature, notes=(*tuning.notes, note))
+        return _chosen(again, legs, tuning.timestep)
+    if tuning.timestep > SHORTEST_STEP_S:
+        return _shorter(tuning, SHORTEST_STEP_S, said, legs)
+    return None
+
+
+def _shorter(tuning: Tuning, step: float, said: str, legs: tuple[Leg, ...]) -> Tuning:
+    note = f"a time step of {1e3 * step:g} ms: at {1e3 * tuning.timestep:g} ms {said}"
+    return _chosen(replace(tuning, notes=(*tuning.notes, note)), legs, step)
+
+
+def _standing(
+    tuning: Tuning, trial: Trial, legs: tuple[Leg, ...], attempt: Try
+) -> tuple[Tuning, Trial]:
+    """A shorter step where that makes the robot stand; else as it was."""
+    if tuning.timestep <= SHORT_STEP_S or not legs:
+        return tuning, trial
+    shorter = _shorter(tuning, SHORT_STEP_S, f"it {trial.sentence}", legs)
+    again = attempt(shorter)
+    return (shorter, again) if again.is_fine and again.stands else (tuning, trial)

@@ -1,0 +1,214 @@
+"""`<replicate>` and `<attach>` written out by MuJoCo's own specification, numbers as they stand.
+
+MuJoCo reads the text and writes it again with every copy, its names and what refers to them. That
+both mean the same is compiled and compared. Each element keeps its line: by its name, of which the
+copies' names are made, or by a mark where it has none.
+"""
+
+from __future__ import annotations
+
+import base64
+import copy
+import re
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from assetbuild.errors import SourceError
+from assetbuild.simulators.mujoco import caught_warnings
+from assetbuild.source.mjcf.compiled import plain, without_meshes
+from assetbuild.source.mjcf.text import AT, error_at, remove, where_of
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
+
+MARK = re.compile(r"at-(\d+)-at")
+STANDING_IN = {
+    "mesh": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n",
+    "picture": base64.b64decode(
+        "iVBORw0KGgoAAAANSUhEUgAAAAwAAAAMCAAAAABzHgM7AAAADElEQVR42mNgGLwAAACcAAEoPOGlAAAAAElFTkSuQmCC"
+    ),
+}
+"""A tetrahedron and a grey picture: MuJoCo opens all files before it writes, and keeps none."""
+NAMED = {
+    "body", "frame", "joint", "freejoint", "geom", "site", "camera", "light", "mesh", "material",
+}  # fmt: skip
+SECTIONS = {"contact", "equality", "tendon", "actuator", "sensor"}
+DEEPEST = 4
+"""Models that attach models that attach models."""
+MOST = 100_000
+"""Elements that are written out."""
+
+
+def write_out(root: _Element, load: Callable[[_Element], _Element], depth: int = 0) -> _Element:
+    """The same robot without `<replicate>` and `<attach>`. SourceError with file and line.
+
+    load: a model that an element of `<asset>` names, files resolved.
+    """
+    first = next(root.iter("replicate", "attach"), None)
+    elements = root.findall("asset/model")
+    if first is None:
+        for element in elements:  # attached nowhere
+            remove(element)
+        return root
+    if depth > DEEPEST:
+        raise error_at(first, f"models are attached more than {DEEPEST} deep")
+    models: dict[str, _Element] = {}
+    for number, element in enumerate(elements):
+        child = write_out(load(element), load, depth + 1)
+        if not element.get("name"):
+            element.set("name", str(child.get("model") or ""))
+        element.set("file", f"{number}.xml")
+        models[f"{number}.xml"] = child
+    _refuse_many(
+        root,
+        {str(e.get("name")): len(list(models[str(e.get("file"))].iter("*"))) for e in elements},
+    )
+    lines = _Lines([root, *models.values()])
+    files = _stand_in([root, *models.values()])
+    spec = _spec(root, models, first)
+    if not hasattr(spec.compiler, "savecanonical"):
+        hint = "build with MuJoCo 3.16 or newer, or write the copies out"
+        raise error_at(first, f"this MuJoCo does not write <{first.tag}> out exactly", hint)
+    spec.compiler.savecompiled = spec.compiler.savecanonical = False
+    try:
+        with caught_warnings():
+            made = lines.of(spec.to_xml())
+    except ValueError as error:
+        raise _refused(error, first) from None
+    _compare(root, models, made, first)
+    lines.unmark(made)
+    for element in made.iterfind("asset/*"):
+        element.attrib.update({k: files[str(v)] for k, v in element.attrib.items() if v in files})
+    return made
+
+
+def _stand_in(roots: list[_Element]) -> dict[str, str]:
+    """Rename all files to such that stand in for them; their paths by the new names."""
+    paths: dict[str, str] = {}
+    for element in (e for root in roots for e in root.iterfind("asset/*")):
+        for key in [str(k) for k in element.attrib if str(k).startswith("file")]:
+            if element.tag in ("mesh", "texture", "hfield"):
+                name = f"{len(paths)}.{'obj' if element.tag == 'mesh' else 'png'}"
+                paths[name] = str(element.get(key))
+                element.set(key, name)
+    return paths
+
+
+def _refused(error: ValueError, first: _Element) -> SourceError:
+    words = " ".join(str(error).split())
+    message = f"MuJoCo does not write <{first.tag}> out: {words}"
+    return SourceError(message, where=where_of(first))
+
+
+def _refuse_many(root: _Element, sizes: Mapping[str, int]) -> None:
+    """sizes: number of elements of each model by name."""
+    total = 0
+    for element in root.iter("*"):
+        copies = sizes.get(element.get("model", ""), 1) if element.tag == "attach" else 1
+        for around in element.iterancestors("replicate"):
+            count = around.get("count", "").strip()
+            copies *= int(count) if count.isdecimal() and len(count) < 9 else MOST + 1
+        total += copies
+        if total > MOST:
+            raise error_at(element, f"more than {MOST} elements when all copies are written out")
+
+
+class _Lines:
+    """Where each element of some texts stands. It marks those that have no name."""
+
+    def __init__(self, roots: list[_Element]) -> None:
+        self._marked: list[str] = []
+        self._named: dict[tuple[str, str], str] = {}
+        self._root = str(roots[0].get(AT))
+        for element in (e for root in roots for e in root.iter("*")):
+            name, place = element.get("name"), str(element.get(AT))
+            if name:
+                self._named.setdefault((str(element.tag), name), place)
+            elif _takes_name(element):
+                element.set("name", f"at-{len(self._marked)}-at")
+                self._marked.append(place)
+
+    def of(self, text: str) -> _Element:
+        """MuJoCo's text, each element with its place."""
+        from lxml import etree
+
+        root = etree.fromstring(text.encode())
+        root.set(AT, self._root)
+        for element in root.iterdescendants("*"):
+            parent = element.getparent()
+            above = str(parent.get(AT)) if parent is not None else self._root
+            element.set(AT, self._place(str(element.tag), element.get("name", "")) or above)
+        return root
+
+    def _place(self, tag: str, name: str) -> str:
+        if found := MARK.search(name):
+            return self._marked[int(found[1])]
+        known = (own for kind, own in self._named if kind == tag and own in name)
+        return self._named.get((tag, max(known, key=len, default="")), "")
+
+    def unmark(self, root: _Element) -> None:
+        """Elements without names of their own lose the marks."""
+        for element in root.iter("*"):
+            if MARK.search(element.get("name", "")):
+                element.attrib.pop("name")
+
+
+def _takes_name(element: _Element) -> bool:
+    if any(True for _ in element.iterancestors("default")):
+        return False
+    parent = element.getparent()
+    return element.tag in NAMED or (parent is not None and parent.tag in SECTIONS)
+
+
+def _spec(root: _Element, models: Mapping[str, _Element], first: _Element) -> Any:  # Any: MjSpec
+    import mujoco
+
+    files = {name: _text(child).encode() for name, child in models.items()}
+    assets = {
+        str(name): STANDING_IN["mesh" if element.tag == "mesh" else "picture"]
+        for one in (root, *models.values())
+        for element in one.iterfind("asset/*")
+        for key, name in element.attrib.items()
+        if str(key).startswith("file") and element.tag != "model"
+    }
+    with caught_warnings():
+        try:
+            return mujoco.MjSpec.from_string(_text(root), include=files, assets=assets)
+        except ValueError as error:
+            raise _refused(error, first) from None
+
+
+def _text(root: _Element) -> str:
+    from lxml import etree
+
+    bare = copy.deepcopy(root)
+    for element in bare.iter("*"):
+        element.attrib.pop(AT, "")
+    return etree.tostring(bare, encoding="unicode")
+
+
+def _compare(
+    root: _Element, models: Mapping[str, _Element], made: _Element, first: _Element
+) -> None:
+    """SourceError where the text that MuJoCo wrote is another robot."""
+    bare = {name: without_meshes(plain(child)) for name, child in models.items()}
+    before = _spec(without_meshes(plain(root)), bare, first)
+    after = _spec(without_meshes(plain(made)), {}, first)
+    try:
+        with caught_warnings():
+            one, two = before.compile(), after.compile()
+    except ValueError as error:
+        raise _refused(error, first) from None
+    for name in dir(one):
+        a, b = getattr(one, name), getattr(two, name)
+        if isinstance(a, np.ndarray) and not _close(a, b):
+            message = f"MuJoCo writes <{first.tag}> out as another robot: `{name}` differs"
+            raise error_at(first, message, "write the copies out, or attach in MuJoCo")
+
+
+def _close(a: np.ndarray[Any, Any], b: np.ndarray[Any, Any]) -> bool:
+    return a.shape == b.shape and (
+        a.dtype.kind not in "fiu" or bool(np.allclose(a, b, rtol=1e-9, atol=1e-12, equal_nan=True))
+    )

@@ -1,0 +1,120 @@
+"""The files of an MJCF: what it includes, and the models that it attaches."""
+
+from __future__ import annotations
+
+import json
+import posixpath
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from assetbuild.engine.step import Files, Limits, Step
+from assetbuild.errors import SourceError, Where, did_you_mean
+from assetbuild.findings import Finding
+from assetbuild.source.mjcf.text import AT, error_at, where_of
+from assetbuild.source.urdf.xml import read_xml
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
+
+
+class ListIncludes(Step):
+    """Reads `tree/<path>`, as far as it is known; lists the other XML files that it names.
+
+    What cannot be read is not listed: `flatten_mjcf` refuses it.
+    """
+
+    outputs = ("includes.json",)
+    isolated = True
+    limits = Limits(wall_s=120.0, memory_mb=2048)
+
+    file: str
+    """Path of the MJCF below the source root."""
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Writes the sorted paths, from the source's root, that are not in `tree/`."""
+        tree, wanted = files.inputs / "tree", set[str]()
+        waiting, seen = [(self.file, self.file)], set[str]()
+        while waiting:
+            path, main = waiting.pop()
+            if path in seen:
+                continue
+            seen.add(path)
+            if not (tree / path).is_file():
+                wanted.add(path)
+                continue
+            try:
+                root = _parsed(path, tree, None)
+                for element in root.iter("include", "model"):
+                    if element.get("file"):
+                        found = below(element, posixpath.dirname(main))
+                        waiting.append((found, main if element.tag == "include" else found))
+            except SourceError:
+                continue
+        (files.outputs / "includes.json").write_text(json.dumps(sorted(wanted)), encoding="ascii")
+        return iter(())
+
+
+def expanded(file: str, tree: Path, asked: _Element | None = None) -> _Element:
+    """The <mujoco> element with every include in its place.
+
+    asked: the element that names the file; None for the robot's own.
+    """
+    root = _parsed(file, tree, asked)
+    if root.tag != "mujoco":
+        hint = "this is URDF: use `source.urdf`" if root.tag == "robot" else "is this MJCF?"
+        raise error_at(root, f"the root element is <{root.tag}>, not <mujoco>", hint)
+    seen = {file}
+    while (include := next(root.iter("include"), None)) is not None:
+        # MuJoCo looks for includes from the folder of the main file.
+        path = below(include, posixpath.dirname(file))
+        if path in seen:
+            raise error_at(include, f"`{path}` is included twice", "MuJoCo forbids it too")
+        seen.add(path)
+        parent, inside = include.getparent(), _parsed(path, tree, include)
+        if parent is None:
+            raise error_at(include, "nothing but an <include>")
+        index = parent.index(include)
+        parent[index : index + 1] = list(inside.iterchildren("*"))
+    # A scene that includes a robot has a second <worldbody>: to MuJoCo all are one.
+    worlds = list(root.iterchildren("worldbody"))
+    for other in worlds[1:]:
+        worlds[0].extend(list(other))
+        root.remove(other)
+    return root
+
+
+def _parsed(path: str, tree: Path, include: _Element | None) -> _Element:
+    file = tree / path
+    if not file.is_file():
+        known = [p.relative_to(tree).as_posix() for p in sorted(tree.rglob("*.xml"))]
+        where = where_of(include) if include is not None else Where(path)
+        hint = did_you_mean(path, known)
+        raise SourceError(f"no file `{path}` to include", where=where, hint=hint)
+    root = read_xml(file.read_bytes(), path, "MJCF").element
+    for element in root.iter("*"):
+        if element.prefix or str(element.tag).startswith("{"):
+            raise error_at(root, f"<{element.tag}>: MJCF has no namespaces", "is this MJCF?")
+        element.set(AT, f"{path}:{element.sourceline or 0}")
+        element.text = element.tail = None
+    return root
+
+
+def folder_of(element: _Element) -> str:
+    """The folder of the file that an element stands in."""
+    return posixpath.dirname(where_of(element).file)
+
+
+def below(element: _Element, folder: str, name: str | None = None) -> str:
+    """The path below the source's root that an element's `file`, or a name, stands for."""
+    name = (element.get("file", "") if name is None else name).strip()
+    if not name:
+        raise error_at(element, f"<{element.tag}> without a file")
+    if "\\" in name or name.startswith("/") or ":" in name:
+        hint = "use `/` and a path relative to the MJCF"
+        raise error_at(element, f"file `{name}` cannot be followed", hint)
+    path = posixpath.normpath(posixpath.join(folder, name))
+    if path.startswith("../") or path == "..":
+        hint = "choose a higher `source.root` in the recipe"
+        raise error_at(element, f"file `{name}` leads out of the source", hint)
+    return path

@@ -1,0 +1,244 @@
+"""The robot among several bodies of a world: what is no part of it is cut from the text.
+
+A scene has obstacles, objects to grasp, markers moved by a program (mocap). Where one of the bodies
+in the world floats, only one can be the robot: the one that actuators move. The recipe may name it
+(`source.body`). With a body goes whatever refers to it; keyframes keep the rest of their numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from assetbuild.errors import SourceError, did_you_mean
+from assetbuild.findings import Finding, Rule
+from assetbuild.source.mjcf.text import DROPPED, Classes, bodies, error_at, parts, remove, where_of
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element
+
+SCENERY = Rule(
+    "mjcf.scenery",
+    "warning",
+    "a body of the source's world is no part of the robot and was left out",
+    "name the robot's body by `source.body`; make one body of what belongs together",
+)
+OBJECTS = ("joint", "freejoint", "geom", "site", "camera", "light")
+NAMES: Mapping[str, str] = {
+    **{f"{kind}{n}": kind for kind in ("body", "joint", "geom", "site") for n in ("", "1", "2")},
+    **dict.fromkeys(("refsite", "sidesite", "cranksite", "slidersite"), "site"),
+    **{key: key for key in ("camera", "actuator")},
+    **dict.fromkeys(("tendon", "tendon1", "tendon2"), "tendon"),
+    **{"jointinparent": "joint", "target": "body", "subtree1": "body", "subtree2": "body"},
+}
+"""Attribute -> kind of what it names."""
+SECTIONS = ("tendon", "actuator", "equality", "contact", "sensor")
+"""In this order each names only what stands before it."""
+WIDTHS = {"free": (7, 6), "ball": (4, 3)}
+"""Numbers of a joint in `qpos` and `qvel`; of others one each."""
+JOINTS = ("joint", "freejoint")
+_Name = tuple[str, str]
+"""Kind and name."""
+_Names = set[_Name]
+
+
+class SeveralRobotsError(SourceError):
+    """The file holds several robots. names: of their bodies in the world, in file order."""
+
+    def __init__(self, at: _Element, message: str, names: tuple[str, ...]) -> None:
+        hint = f"choose one in the recipe, `source: {{body: ...}}`: {', '.join(names[:8])}"
+        super().__init__(message, where=where_of(at), hint=hint)
+        self.names = names
+
+
+def cut_scenery(root: _Element, chosen: str | None) -> Iterator[Finding]:
+    """Leave one robot in a world whose elements all have names. chosen: its body, by name.
+
+    Raises SeveralRobotsError where the source does not tell which body is the robot.
+    """
+    world = root.find("worldbody")
+    assert world is not None  # noqa: S101 # the caller has looked
+    tops = {str(top.get("name")): top for top in parts(world, "body")}
+    kept = _robot(root, world, tops, chosen)
+    gone = [top for name, top in tops.items() if name not in kept]
+    lost = set[_Name]().union(*map(_inside, gone))
+    if not _hangs(root, [tops[name] for name in kept]):
+        lost |= set(_objects(world, "site", "geom"))
+    if gone:
+        _refuse_total_mass(root)
+    for element, missing in _cut(root, gone, lost):
+        what = f"<{element.tag}> `{element.get('name')}`"
+        yield DROPPED(
+            "robot",
+            f"{what} was left out ({where_of(element)}): `{missing}` is not part of the robot",
+            severity="warning",
+            data={"element": str(element.tag), "count": 1},
+        )
+    for top in gone:
+        mocap = top.get("mocap") == "true"
+        yield SCENERY(
+            f"link {top.get('name')}",
+            f"the {'mocap ' if mocap else ''}body `{top.get('name')}` of the world was left out "
+            f"({where_of(top)}): it is no part of the robot",
+            f"`source: {{body: {top.get('name')}}}` in the recipe would build it instead",
+            data={"mocap": mocap, "kept": tuple(kept)},
+        )
+
+
+def is_held(root: _Element) -> bool:
+    """Whether a tendon, actuator or equality ties the robot to a site or geom of the world."""
+    world = root.find("worldbody")
+    assert world is not None  # noqa: S101 # the caller has looked
+    of_world = set(_objects(world, "site", "geom"))
+    elements = (e for section in ("tendon", "actuator", "equality") for e in _of(root, section))
+    return any(of_world & {*_named(e), *(n for c in e for n in _named(c))} for e in elements)
+
+
+def _hangs(root: _Element, robot: list[_Element]) -> bool:
+    """Whether joints, tendons or several bodies make the world the root, see `read_links`."""
+    classes = Classes(root)
+    on_top = [_kind(one, classes) for one in parts(robot[0], *JOINTS)] if robot else []
+    return len(robot) > 1 or ("free" not in on_top and (bool(on_top) or is_held(root)))
+
+
+def _robot(
+    root: _Element, world: _Element, tops: Mapping[str, _Element], chosen: str | None
+) -> tuple[str, ...]:
+    """Names of the bodies in the world that are the robot."""
+    if chosen is not None:
+        if chosen not in tops:
+            hint = did_you_mean(chosen, list(tops))
+            raise error_at(world, f"`source.body`: no body `{chosen}` in the world", hint)
+        return (chosen,)
+    solid = {name: top for name, top in tops.items() if top.get("mocap") != "true"}
+    joints = {name: _joints(top, Classes(root)) for name, top in solid.items()}
+    floating = [name for name, kinds in joints.items() if "free" in kinds]
+    if len(solid) < 2 or not floating:
+        return tuple(solid)
+    driven = _driven(root, solid)
+    moving = tuple(name for name, kinds in joints.items() if set(kinds) - {"free"})
+    robots = driven or moving
+    if len(robots) == 1 or (robots and not set(robots) & set(floating)):
+        return robots
+    names = robots or tuple(solid)
+    what = "robots" if robots else "bodies, none of them driven,"
+    message = f"{len(names)} {what} in the world, and a recipe builds one"
+    raise SeveralRobotsError(solid[names[-1]], message, names)
+
+
+def _joints(top: _Element, classes: Classes) -> list[str]:
+    """Kinds of all joints on a body and below it."""
+    return [_kind(one, classes) for body in _whole(top) for one in parts(body, *JOINTS)]
+
+
+def _kind(joint: _Element, classes: Classes) -> str:
+    return "free" if joint.tag == "freejoint" else classes.attributes(joint).get("type", "hinge")
+
+
+def _driven(root: _Element, tops: Mapping[str, _Element]) -> tuple[str, ...]:
+    """Those that an actuator acts on, if only through a tendon."""
+    tendons = {str(t.get("name")): {n for c in t for n in _named(c)} for t in _of(root, "tendon")}
+    pulled: _Names = set()
+    for actuator in _of(root, "actuator"):
+        for kind, name in _named(actuator):
+            pulled |= tendons.get(name, set()) if kind == "tendon" else {(kind, name)}
+    return tuple(name for name, top in tops.items() if pulled & _inside(top))
+
+
+def _whole(top: _Element) -> list[_Element]:
+    return [top, *(body for body, _ in bodies(top))]
+
+
+def _inside(top: _Element) -> _Names:
+    """(kind, name) of a body and of all on it and below it."""
+    found = {("body", str(body.get("name"))) for body in _whole(top)}
+    return found.union(*(_objects(body, *OBJECTS) for body in _whole(top)))
+
+
+def _objects(body: _Element, *tags: str) -> Iterator[_Name]:
+    """(kind, name) of what stands on a body."""
+    for one in parts(body, *tags):
+        yield "joint" if one.tag == "freejoint" else str(one.tag), str(one.get("name"))
+
+
+def _of(root: _Element, section: str) -> list[_Element]:
+    return list(root.iterfind(f"{section}/*"))
+
+
+def _named(element: _Element) -> Iterator[tuple[str, str]]:
+    """(kind, name) of all that an element names."""
+    for key, name in element.attrib.items():
+        if key in ("objname", "refname"):
+            kind = element.get(str(key).replace("name", "type"), "")
+            yield kind.removeprefix("x"), str(name)
+        elif key in NAMES:
+            yield NAMES[str(key)], str(name)
+
+
+# --- cutting --------------------------------------------------------------------------------
+
+
+def _refuse_total_mass(root: _Element) -> None:
+    for compiler in root.iterchildren("compiler"):
+        if float(compiler.get("settotalmass", "-1")) > 0.0:
+            hint = "give the file of the robot alone, or state the masses"
+            raise error_at(compiler, "`settotalmass` spreads one mass over a whole scene", hint)
+
+
+def _cut(root: _Element, gone: Iterable[_Element], lost: _Names) -> Iterator[tuple[_Element, str]]:
+    """Yield each element that refers to what is lost, with the name of that."""
+    widths = _widths(root)
+    commands = [str(actuator.get("name")) for actuator in _of(root, "actuator")]
+    for top in gone:
+        remove(top)
+    for section in SECTIONS:
+        for element in _of(root, section):
+            missing = [n for e in (element, *element) for n in _named(e) if n in lost]
+            if missing:
+                lost.add((section, str(element.get("name"))))
+                remove(element)
+                yield element, missing[0][1]
+    for watching in list(root.iter("camera", "light")):
+        if ("body", watching.get("target", "")) in lost:
+            remove(watching)
+            yield watching, str(watching.get("target"))
+    for key in root.iterfind("keyframe/key"):
+        _slice(key, widths, commands, lost)
+
+
+def _widths(root: _Element) -> list[tuple[str, int, int]]:
+    """(name, numbers in qpos, numbers in qvel) of all joints, in MuJoCo's order."""
+    classes = Classes(root)
+    world = root.find("worldbody")
+    assert world is not None  # noqa: S101 # the caller has looked
+    return [
+        (str(one.get("name")), *WIDTHS.get(_kind(one, classes), (1, 1)))
+        for body, _ in bodies(world)
+        for one in parts(body, *JOINTS)
+    ]
+
+
+def _slice(
+    key: _Element, joints: list[tuple[str, int, int]], commands: list[str], lost: _Names
+) -> None:
+    """Keep the numbers of a keyframe that belong to what stays; MuJoCo refuses a wrong count."""
+    rows = {
+        "qpos": [(("joint", name), width) for name, width, _ in joints],
+        "qvel": [(("joint", name), width) for name, _, width in joints],
+        "ctrl": [(("actuator", name), 1) for name in commands],
+    }
+    for word, row in rows.items():
+        numbers = key.get(word, "").split()
+        if len(numbers) != sum(width for _, width in row):
+            continue
+        kept, at = [], 0
+        for one, width in row:
+            kept += numbers[at : at + width] if one not in lost else []
+            at += width
+        key.set(word, " ".join(kept))
+        if not kept:
+            key.attrib.pop(word)
+    if any(kind == "actuator" for kind, _ in lost):
+        key.attrib.pop("act", "")  # as many numbers as states; a keyframe of a robot has none
+    for word in ("mpos", "mquat"):
+        key.attrib.pop(word, "")

@@ -1,0 +1,139 @@
+"""The recipe's patches as steps between the files of the source and whoever reads them."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from assetbuild.engine.graph import Ref
+from assetbuild.engine.planner import Planner
+from assetbuild.errors import RecipeError, Where, did_you_mean
+from assetbuild.recipe.loader import LoadedRecipe, read_small_file, shown_path
+from assetbuild.recipe.source import Patch
+from assetbuild.source.patch_text import PatchText
+
+Key = tuple[str | int, ...]
+
+_HUNK = re.compile(r"@@ -\d+(?:,(\d+))? \+\d+(?:,(\d+))? @@")
+
+
+@dataclass(frozen=True)
+class Passage:
+    """One replacement. key: of the patch in the recipe; number: of the passage, from 1."""
+
+    key: Key
+    number: int
+    step: PatchText
+
+    @property
+    def label(self) -> str:
+        """Label of its node."""
+        return f"patch {self.number} {self.step.file}"
+
+    @property
+    def moves_lines(self) -> bool:
+        """Whether the lines behind it get other numbers."""
+        return self.step.find.count("\n") != self.step.replace.count("\n")
+
+
+def patch_keys(loaded: LoadedRecipe) -> dict[str, Key]:
+    """Key in the recipe of each passage's node, by label."""
+    return {passage.label: passage.key for passage in passages(loaded)}
+
+
+def passages(loaded: LoadedRecipe) -> list[Passage]:
+    """All of them in order. RecipeError for a diff that is none."""
+    found: list[tuple[Key, PatchText]] = []
+    for index, patch in enumerate(loaded.recipe.source.patches):
+        key = ("source", "patches", index)
+        steps = _of_diff(loaded, key, patch) if patch.diff is not None else [_of_text(patch)]
+        found += ((key, step) for step in steps)
+    return [Passage(key, number, step) for number, (key, step) in enumerate(found, start=1)]
+
+
+def patched(loaded: LoadedRecipe, texts: Mapping[str, Ref], p: Planner) -> dict[str, Ref]:
+    """The texts by path, each behind its patches. RecipeError for a patch of no such text."""
+    now = dict(texts)
+    for passage in passages(loaded):
+        step = passage.step
+        if step.file not in now:
+            message = f"`{step.file}` is no text that is read of the source"
+            raise loaded.error(passage.key, message, did_you_mean(step.file, now))
+        now[step.file] = p.add(passage.label, step, {"text": now[step.file]})["text"]
+    return now
+
+
+def _of_text(patch: Patch) -> PatchText:
+    assert patch.find is not None  # noqa: S101 # so says the model
+    return PatchText(
+        file=str(patch.file),
+        find=patch.find,
+        replace=str(patch.replace),
+        times=patch.times,
+        because=patch.because,
+    )
+
+
+# --- unified diffs --------------------------------------------------------------------------
+
+
+def _of_diff(loaded: LoadedRecipe, key: Key, patch: Patch) -> list[PatchText]:
+    path = Path(os.path.normpath(loaded.folder(key) / str(patch.diff)))
+    file = shown_path(path)
+    data = read_small_file(path, file, RecipeError, loaded.world)
+    steps = [
+        PatchText(file=name, find=find, replace=replace, because=patch.because)
+        for name, find, replace in _hunks(data.decode("utf-8", "replace"), file)
+    ]
+    if not steps:
+        hint = "write it by `diff -u OLD NEW` or `git diff`"
+        raise RecipeError("no hunk of a unified diff", where=Where(file), hint=hint)
+    return steps
+
+
+def _hunks(text: str, file: str) -> Iterator[tuple[str, str, str]]:
+    """(file, old lines, new lines) of each hunk."""
+    name, lines = "", text.splitlines(keepends=True)
+    at = 0
+    while at < len(lines):
+        line, at = lines[at], at + 1
+        if line.startswith("+++ "):
+            name = _name(line)
+        if not (head := _HUNK.match(line)):
+            continue
+        where = Where(file, at)
+        old, new = int(head[1] or 1), int(head[2] or 1)
+        body, start = [], at
+        while at < len(lines) and (old > 0 or new > 0 or lines[at].startswith("\\")):
+            sign = lines[at][0]
+            old -= sign in " -\n"
+            new -= sign in " +\n"
+            body.append(lines[at])
+            at += 1
+        find, replace = _side(body, " -\n"), _side(body, " +\n")
+        if old or new or not name:
+            raise RecipeError("the diff is cut off or names no file", where=where)
+        if not find:
+            hint = "write the diff with lines around the change (`diff -U3`)"
+            raise RecipeError(
+                "a hunk without old lines has no place", where=Where(file, start), hint=hint
+            )
+        yield name, find, replace
+
+
+def _name(line: str) -> str:
+    """The file of `+++ b/urdf/arm.urdf<tab>date`."""
+    return line[4:].split("\t")[0].strip().removeprefix("b/")
+
+
+def _side(body: list[str], signs: str) -> str:
+    """The lines of a hunk with one of the signs; the last may lack its line end."""
+    kept: list[str] = []
+    for index, line in enumerate(body):
+        if line[0] in signs:
+            unended = index + 1 < len(body) and body[index + 1][0] == "\\"
+            kept.append((line if line == "\n" else line[1:]).rstrip("\n" if unended else ""))
+    return "".join(kept)

@@ -1,0 +1,65 @@
+"""Every mesh file below some folders, read by us and by assimp.
+
+    PYTHONPATH=tests python -m corpus.meshes FOLDER...
+
+Prints each file that one of the two refuses or on which they differ, and a count; exits with 1 if
+they differ on any.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+
+from assetbuild.errors import StepError
+from assetbuild.mesh.companions import companions_of, format_of
+from assetbuild.mesh.read import Format, read_mesh
+from corpus.assimp import Measured, measured, polygons_measured
+
+
+def main(folders: list[str]) -> int:
+    counts: Counter[str] = Counter()
+    for path in sorted(p for folder in folders for p in Path(folder).rglob("*") if p.is_file()):
+        if format_of(path.name) in get_args(Format):
+            outcome, words = compared(path)
+            counts[outcome] += 1
+            if words:
+                print(f"{outcome}: {path}: {words}", flush=True)
+    print(", ".join(f"{count} {outcome}" for outcome, count in counts.most_common()))
+    return 1 if counts["differs"] else 0
+
+
+def compared(path: Path) -> tuple[str, str]:
+    """(`same`, `differs`, `we refuse`, `assimp refuses` or `both refuse`; in words)."""
+    ours, why = _or_error(ours_measured, path)
+    theirs, why_not = _or_error(measured, path)
+    if ours is None or theirs is None:
+        both = ours is None and theirs is None
+        who = "both refuse" if both else "we refuse" if ours is None else "assimp refuses"
+        return who, f"{why or why_not}"
+    words = ours.unlike(theirs)
+    return ("differs", words) if words else ("same", "")
+
+
+def ours_measured(path: Path) -> Measured:
+    data, format = path.read_bytes(), format_of(path.name)
+    names = companions_of(data, "gltf") if format == "gltf" else ()
+    beside = {n: (path.parent / n).read_bytes() for n in names if (path.parent / n).is_file()}
+    mesh = read_mesh(data, format, companions=beside, subject=path.name)  # type: ignore[arg-type]
+    corners = np.concatenate([part.mesh.corners.reshape(-1, 3) for part in mesh.parts])
+    return polygons_measured(corners, np.full(len(corners) // 3, 3))
+
+
+def _or_error(read, path: Path) -> tuple[Measured | None, str]:
+    try:
+        return read(path), ""
+    except (StepError, ValueError) as error:
+        return None, str(error).splitlines()[0]
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

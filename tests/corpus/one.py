@@ -1,0 +1,244 @@
+"""One robot through `init` and `build`: its row of the table.
+
+As a program: `python one.py`, the robot as JSON on the standard input, the row on the standard
+output. The runner starts it that way: whatever a robot does to this process is an outcome.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import re
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from corpus.counts import counts_in, counts_out
+from corpus.find import resolved
+from corpus.judge import judged
+from corpus.lists import Robot
+from corpus.rules import broken
+from corpus.xacros import XacroError, expanded, packages_in
+
+SECONDS = 300
+"""For `init` and `build` together."""
+MEMORY_BYTES = 8 << 30
+"""Of data, for each process that they start."""
+KINDS = ("inertia", "kinematics", "mass_matrix", "gravity")
+
+
+def one(robot: Robot, work: Path, seconds: float = SECONDS) -> dict[str, object]:
+    """Init and build; everything that the table says about it."""
+    folder = work / folder_name(robot.name)
+    folder.mkdir(parents=True, exist_ok=True)
+    recipe, bundle = folder / "recipe.yaml", folder / "bundle"
+    row: dict[str, object] = {"result": "refused", "note": ""}
+    started = time.monotonic()
+    done = run("init", str(robot.file), *robot.words, "-o", str(recipe), "--force", seconds=seconds)
+    verb = "init"
+    if done.returncode == 0:
+        with_hulls(recipe)
+        left, verb = seconds - (time.monotonic() - started), "build"
+        done = run("build", str(recipe), "-o", str(bundle), seconds=left)
+        row |= reported(folder, done.returncode)
+    row["seconds"] = round(time.monotonic() - started, 1)
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    row["cpu_seconds"] = round(used.ru_utime + used.ru_stime, 1)
+    if row["result"] == "refused":
+        row |= stopped(done, verb, robot.root)
+    return row | compared_with_source(robot, folder, row)
+
+
+def folder_name(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_]", "_", name.removesuffix(".urdf"))
+
+
+# --- assetbuild -----------------------------------------------------------------------------
+
+
+def run(*words: str, seconds: float | None = None) -> subprocess.CompletedProcess[str]:
+    """Exit code 124: it took longer, and was asked to stop."""
+    command = [sys.executable, "-m", "assetbuild", *words]
+    with subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+        preexec_fn=_limit if seconds else None,
+    ) as child:
+        try:
+            out, error = child.communicate(timeout=seconds)
+        except subprocess.TimeoutExpired:
+            child.terminate()
+            try:
+                child.communicate(timeout=20)
+            except subprocess.TimeoutExpired:
+                child.kill()
+            return subprocess.CompletedProcess(command, 124, "", f"no end after {seconds:.0f} s")
+    return subprocess.CompletedProcess(command, child.returncode, out, error)
+
+
+def _limit() -> None:
+    _end_with_parent()
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY_BYTES, MEMORY_BYTES))
+
+
+def _end_with_parent() -> None:
+    """A run that is killed leaves nobody behind (Linux)."""
+    ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG
+
+
+def with_hulls(recipe: Path) -> None:
+    """Convex hulls for collision: this is about the robots, not about decomposition."""
+    text = recipe.read_text(encoding="utf-8")
+    recipe.write_text(text.replace("{method: auto,", "{method: hull,"), encoding="utf-8")
+
+
+def stopped(done: subprocess.CompletedProcess[str], verb: str, root: Path) -> dict[str, object]:
+    """Of a run without a bundle: refused with one error (exit code 2), or failed."""
+    note = error_of(done.stderr + done.stdout).replace(str(root), "")
+    if "Traceback" in done.stderr:
+        return {"result": "failed", "cause": f"{verb}: traceback", "note": last(done.stderr)}
+    if done.returncode == 124:
+        return {"result": "failed", "cause": f"{verb}: time", "note": done.stderr}
+    if done.returncode != 2:
+        return {"result": "failed", "cause": f"{verb}: {class_of(note)}", "note": note}
+    return {"cause": f"{verb}: {class_of(note)}", "note": note}
+
+
+def error_of(text: str) -> str:
+    """The first error line."""
+    lines = [line for line in text.splitlines() if "error" in line.lower()] or text.splitlines()
+    return lines[0].removeprefix("error: ")[:300] if lines else ""
+
+
+def last(text: str) -> str:
+    return text.strip().splitlines()[-1][:300]
+
+
+def class_of(note: str) -> str:
+    """The message without the robot's own names and numbers, so that like causes are alike."""
+    words = re.sub(r"`[^`]*`?", "`…`", re.sub(r"^\S*?:\d+(:\d+)?: ", "", note))
+    words = re.sub(r"\b(link|joint|body|geom|mesh|actuator) \S+?(?=[:,]|$| )", r"\1 …", words)
+    return re.sub(r"[-+]?\d[\d.,e+-]*", "N", words)[:90]
+
+
+def reported(folder: Path, code: int) -> dict[str, object]:
+    """What the bundle's report says; a bundle in `bundle.failed` is not ready."""
+    bundle = folder / ("bundle" if code == 0 else "bundle.failed")
+    report = bundle / "report/report.json"
+    if not report.is_file():
+        return {}
+    said = json.loads(report.read_text())
+    findings = said["findings"]
+    errors = [f for f in findings if f["severity"] == "error"]
+    row: dict[str, object] = {
+        "result": "ready" if said["verdict"]["ready"] else "not ready",
+        "bundle": bundle.name,
+        "findings": dict(Counter(f["severity"] for f in findings)),
+    }
+    if not said["verdict"]["ready"] and not errors:
+        row["cause"] = ", ".join(said["verdict"]["blocked_by"])
+        row["note"] = said["verdict"]["next_step"][:300]
+    if errors:
+        first = errors[0]
+        rules = ", ".join(sorted({e["rule"] for e in errors}))
+        row["cause"] = first["rule"]
+        row["note"] = f"{len(errors)} errors ({rules}): {first['subject']}: {first['message']}"[
+            :300
+        ]
+        row["where"] = first["where"]
+    row |= compared(said["checks"])
+    row["edits"] = dict(Counter(f["rule"][5:] for f in findings if f["rule"].startswith("edit.")))
+    row["lost"] = sorted({f["subject"] for f in findings if f["rule"].startswith("count.")})
+    return row | counts_out(bundle)
+
+
+def compared(checks: dict[str, dict]) -> dict[str, object]:
+    """Relative errors against the source: a URDF in pinocchio, an MJCF in MuJoCo."""
+    figures = checks.get("oracle", {}).get("figures", {})
+    errors = {kind: figures.get(f"{kind}_error") for kind in KINDS}
+    same = checks.get("mjcf_source", {}).get("figures", {})
+    if not same:
+        return {"errors": errors}
+    worst = same.get("worst_relative_error", {})
+    parts = {
+        "kinematics": ("axis", "anchor"),
+        "mass_matrix": ("mass_matrix",),
+        "gravity": ("forces",),
+    }
+    errors = {
+        kind: max((worst[p] for p in names if p in worst), default=None)
+        for kind, names in parts.items()
+    }
+    return {"errors": errors, "compared": same.get("compared", {})}
+
+
+# --- others ---------------------------------------------------------------------------------
+
+
+def compared_with_source(robot: Robot, folder: Path, row: dict) -> dict[str, object]:
+    """What others say: counts of the source, the rule that it breaks, and the judges."""
+    packages = packages_in(robot.root)
+    try:
+        source = description(robot, folder, packages)
+    except XacroError as error:
+        return left_out(row, f"readers: xacro: {error}")
+    more: dict[str, object] = {}
+    try:
+        more |= counts_in(source, robot.root)
+    except Exception as error:  # it is the source that may be anything
+        more["uncounted"] = f"{type(error).__name__}: {error}"[:120]
+    more["breaks"] = broken(source)
+    if row["result"] != "ready":
+        return more | (left_out(row, str(more["breaks"])) if more["breaks"] else {})
+    edited = bool(set(row["edits"]) - {"merge"})
+    bundle = folder / str(row["bundle"])
+
+    def find(uri: str) -> Path | None:
+        return resolved(uri, robot.file, robot.root, packages)
+
+    try:
+        more["judge"] = judged(source, bundle, find, edited=edited)
+    except Exception as error:  # a judge that fails is no acquittal: its name stands in the table
+        more["judge"] = f"not judged: {type(error).__name__}: {error}"[:200]
+    return more
+
+
+def left_out(row: dict, rule: str) -> dict[str, object]:
+    """The robot breaks a rule that was written down: it does not count, and is named."""
+    return {
+        "result": "left out",
+        "cause": rule.partition(":")[0],
+        "note": f"{rule}; we say: {row['result']}: {row['note']}"[:400],
+    }
+
+
+def description(robot: Robot, folder: Path, packages: dict[str, Path]) -> Path:
+    """The description itself, of a xacro what it expands to."""
+    if robot.file.suffix != ".xacro":
+        return robot.file
+    path = folder / "expanded.urdf"
+    path.write_bytes(expanded(robot.file, robot.args, packages))
+    return path
+
+
+def main() -> int:
+    _end_with_parent()
+    given = json.load(sys.stdin)
+    work, seconds = Path(given.pop("work")), given.pop("seconds")
+    robot = Robot(given["name"], Path(given["file"]), Path(given["root"]), given["args"])
+    print(json.dumps(one(robot, work, seconds)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,125 @@
+"""The runner of the corpus: its outcomes, its rules, and a run that was stopped."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from corpus.find import robots_in
+from corpus.lists import Robot, wide
+from corpus.rules import RULES, broken
+from corpus.run import in_a_child, rows_in
+
+ROOT = Path(__file__).parents[2]
+
+GOOD = """<robot name="good"><link name="base"><inertial><mass value="2"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>
+<visual><geometry><box size="0.2 0.2 0.2"/></geometry></visual></link>
+<link name="arm"><inertial><origin xyz="0 0 0.1"/><mass value="1"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>
+<visual><origin xyz="0 0 0.1"/><geometry><box size="0.05 0.05 0.2"/></geometry></visual></link>
+<joint name="elbow" type="revolute"><parent link="base"/><child link="arm"/>
+<origin xyz="0 0 0.1"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="10" velocity="3"/></joint></robot>"""
+BROKEN = GOOD.replace('<child link="arm"/>', '<child link="nowhere"/>')
+INCOMPLETE = GOOD.replace('<box size="0.2 0.2 0.2"/>', '<mesh filename="package://p/a.stl"/>')
+LIST = """
+sources:
+  - github: someone/robots
+    commit: 0123456789abcdef
+    license: MIT
+    robots: [good.urdf, broken.urdf, absent.urdf]
+"""
+
+
+@pytest.fixture
+def sources(tmp_path: Path) -> Path:
+    folder = tmp_path / "sources/someone+robots"
+    folder.mkdir(parents=True)
+    (folder / "good.urdf").write_text(GOOD)
+    (folder / "broken.urdf").write_text(BROKEN)
+    (folder / "incomplete.urdf").write_text(INCOMPLETE)
+    (tmp_path / "list.yaml").write_text(LIST)
+    return folder.parent
+
+
+def test_the_search_finds_whole_robots_and_names_what_others_lack(sources: Path):
+    found = {robot.path: robot.lacks for robot in robots_in(sources / "someone+robots")}
+    assert found == {
+        "good.urdf": "",
+        "broken.urdf": "",
+        "incomplete.urdf": "no file package://p/a.stl",
+    }
+
+
+def test_a_list_is_split_by_the_names(sources: Path):
+    whole = wide(sources, sources.parent / "list.yaml")
+    halves = [wide(sources, sources.parent / "list.yaml", half) for half in "ab"]
+    assert sorted(r.name for half in halves for r in half) == sorted(r.name for r in whole)
+    assert {r.half for r in halves[0]} <= {"a"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "rule"),
+    [
+        ('<child link="arm"/>', '<child link="nowhere"/>', "tree"),
+        ('<link name="base">', '<link name="other"/><link name="base">', "tree"),
+        ('</joint></robot>', '<mimic joint="none"/></joint></robot>', "mimic"),
+        ('lower="-1"', 'lower="2"', "limits"),
+        ('value="2"', 'value="-2"', "mass"),
+        ('value="2"', 'value="20000"', "absurd"),
+        ('value="2"', 'value="nan"', "number"),
+        ('ixx="0.01"', 'ixx="-0.01"', "tensor"),
+        (GOOD, "<robot name=", "readers"),
+    ],
+)  # fmt: skip
+def test_a_broken_source_is_known_by_its_rule(old: str, new: str, rule: str, tmp_path: Path):
+    file = tmp_path / "robot.urdf"
+    file.write_text(GOOD)
+    assert broken(file) == ""
+    file.write_text(GOOD.replace(old, new))
+    assert broken(file).partition(":")[0] == rule
+
+
+def test_the_documentation_states_each_rule():
+    page = (ROOT / "docs/reference/corpus.md").read_text(encoding="utf-8")
+    assert all(f"| `{name}` | {words} |" in page for name, words in RULES.items())
+
+
+@pytest.mark.slow
+def test_a_run_that_was_stopped_goes_on(sources: Path, tmp_path: Path):
+    table, lines = tmp_path / "table.md", tmp_path / "table.jsonl"
+    done = {"robot": "someone/robots/absent.urdf", "result": "refused", "note": "", "seconds": 0}
+    lines.write_text(json.dumps(done) + '\n{"robot": "someone/ro')  # killed while it wrote
+    program = [sys.executable, "-m", "tests.corpus", "-o", str(table), "--jobs", "2"]
+    words = ["--list", str(tmp_path / "list.yaml"), "--sources", str(sources)]
+    subprocess.run([*program, *words], check=True, cwd=ROOT, stdout=subprocess.DEVNULL)
+    rows = rows_in(lines)
+    assert rows["someone/robots/absent.urdf"]["result"] == "refused"  # it did not run again
+    good, bad = (rows[f"someone/robots/{name}.urdf"] for name in ("good", "broken"))
+    assert (good["result"], good["judge"], good["actuators_out"]) == ("ready", "equal", 1)
+    assert (bad["result"], bad["cause"]) == ("left out", "tree")
+    assert "| someone/robots/good | ready |" in table.read_text()
+
+
+def test_a_robot_whose_file_is_not_there_is_left_out(tmp_path: Path):
+    row = in_a_child(Robot("r", tmp_path / "r.urdf", tmp_path), tmp_path, 1.0)
+    assert (row["result"], row["cause"]) == ("left out", "file")
+
+
+def test_a_build_that_does_not_end_is_an_outcome(sources: Path, tmp_path: Path):
+    folder = sources / "someone+robots"
+    row = in_a_child(Robot("r", folder / "good.urdf", folder), tmp_path, 0.01)
+    assert (row["result"], row["cause"]) == ("failed", "init: time")
+
+
+def test_a_child_that_dies_is_an_outcome(sources: Path, tmp_path: Path):
+    folder = sources / "someone+robots"
+    (tmp_path / "r").write_text("a file where the robot's folder should be")
+    row = in_a_child(Robot("r", folder / "good.urdf", folder), tmp_path, 60.0)
+    assert row["result"] == "failed"
+    assert str(row["cause"]).startswith("runner: exit code")

@@ -1,0 +1,89 @@
+"""What `init` writes for links whose collision no simulator could use, or that have none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trimesh
+import yaml
+
+from assetbuild.init import propose
+
+FLAT = trimesh.Trimesh(
+    [[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]], [[0, 1, 2], [0, 2, 3]], process=False
+)
+INERTIAL = (
+    '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" '
+    'iyz="0"/></inertial>'
+)
+
+
+def shape(role: str, geometry: str, height: float = 0.0) -> str:
+    return f'<{role}><origin xyz="0 0 {height}"/><geometry>{geometry}</geometry></{role}>'
+
+
+PLATE, BOX = '<mesh filename="plate.stl"/>', '<box size="0.1 0.1 0.1"/>'
+
+
+def rules_of(folder: Path, *shapes: str) -> dict[str, dict[str, str]]:
+    """`collision.links` of an arm whose last link has these shapes."""
+    FLAT.export(folder / "plate.stl")
+    (folder / "arm.urdf").write_text(
+        f'<robot name="arm"><link name="world">{shape("collision", BOX)}</link>'
+        f'<link name="tip">{INERTIAL}{"".join(shapes)}</link>'
+        '<joint name="j" type="revolute"><parent link="world"/><child link="tip"/>'
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="5" velocity="3"/></joint></robot>'
+    )
+    text = propose(folder / "arm.urdf", folder / "arm.yaml", {}).text
+    return dict(yaml.safe_load(text)["collision"].get("links", {}))
+
+
+@pytest.mark.parametrize(
+    ("shapes", "rule"),
+    [
+        ([("visual", BOX, 0.0), ("collision", PLATE, 0.0)], {"method": "auto", "from": "visual"}),
+        ([("visual", PLATE, 0.0), ("collision", PLATE, 0.0)], {"method": "none"}),
+        (
+            [("visual", PLATE, 0.0), ("collision", PLATE, 0.0), ("collision", PLATE, 0.05)],
+            {"method": "primitive", "shape": "box"},
+        ),
+    ],
+)
+def test_a_flat_mesh_is_no_collision_shape(
+    shapes: list[tuple[str, str, float]], rule: dict[str, str], tmp_path: Path
+):
+    assert rules_of(tmp_path, *(shape(*one) for one in shapes)) == {"tip": rule}
+
+
+def test_a_box_needs_no_rule_of_its_own(tmp_path: Path):
+    assert rules_of(tmp_path, shape("visual", PLATE), shape("collision", BOX)) == {}
+
+
+def dog_on_air(robots: Path, folder: Path, *, drawn: bool) -> dict[str, Any]:  # Any: YAML
+    """The recipe of a dog whose calves and feet hit nothing; drawn: whether feet are seen."""
+    lines = []
+    for line in (robots / "four_legs.urdf").read_text().splitlines():
+        if ("_foot" in line or "_calf" in line) and "<collision>" in line:
+            start, end = line.index("<collision>"), line.index("</collision>")
+            ball = line[start + len("<collision>") : end]
+            seen = f"<visual>{ball}</visual>" if drawn and "_foot" in line else ""
+            line = line[:start] + seen + line[end + len("</collision>") :]
+        lines.append(line)
+    path = folder / "dog.urdf"
+    path.write_text("\n".join(lines))
+    return dict(yaml.safe_load(propose(path, folder / "dog.yaml", {}).text))
+
+
+def test_feet_without_collision_get_what_is_drawn_of_them_and_the_dog_stands(
+    robots: Path, tmp_path: Path
+):
+    recipe = dog_on_air(robots, tmp_path, drawn=True)
+    assert list(recipe["collision"]["links"].values()) == [{"method": "auto", "from": "visual"}]
+    assert recipe["validate"]["stand"]["keyframe"] == "home"
+
+
+def test_a_dog_with_no_feet_at_all_is_not_asked_to_stand(robots: Path, tmp_path: Path):
+    recipe = dog_on_air(robots, tmp_path, drawn=False)
+    assert "stand" not in recipe["validate"]

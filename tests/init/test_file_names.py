@@ -1,0 +1,255 @@
+"""A robot whose files lie elsewhere than its URDF says is found by `init`, and its recipe checks.
+
+Each case is a tiny robot in a tree of files; `check` runs the recipe that `init` wrote, so what
+`init` has found is what a build reads.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+from urdfs import inertial, joint, link, mesh, robot, shape
+
+from assetbuild.errors import SourceError
+from assetbuild.findings import Finding
+from assetbuild.init import propose, write
+from assetbuild.pipeline.checking import check
+
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+OTHER = OBJ.replace("v 1 0 0", "v 2 0 0")
+XACRO = "xmlns:xacro='http://www.ros.org/wiki/xacro'"
+
+
+def lay(folder: Path, files: dict[str, str]) -> Path:
+    for name, text in files.items():
+        path = folder / "ws" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    (folder / "ws/.git").mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def arm(*names: str, role: str = "visual") -> str:
+    """A fixed link and a moving one; every name is a mesh of the first."""
+    shown = "".join(shape(role, mesh(name)) for name in names)
+    return robot(link("a", inertial(), shown), link("b"), joint("j", "a", "b"))
+
+
+def built(folder: Path, file: str) -> tuple[dict, list[Finding]]:
+    """(`source` of the recipe that `init` writes, findings of its `check`)."""
+    out = folder / "arm.yaml"
+    write(propose(folder / "ws" / file, out, {}), force=True)
+    return yaml.safe_load(out.read_text())["source"], check(out)
+
+
+def said(findings: list[Finding], rule: str) -> Finding:
+    return next(finding for finding in findings if finding.rule == rule)
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ASSETBUILD_CACHE", str(tmp_path / "cache"))
+
+
+# --- relative and absolute names ------------------------------------------------------------
+
+
+def test_a_name_may_lead_through_the_parent_folder(tmp_path: Path):
+    lay(tmp_path, {"arm/urdf/arm.urdf": arm("../meshes/a.obj"), "arm/meshes/a.obj": OBJ})
+    source, findings = built(tmp_path, "arm/urdf/arm.urdf")
+    assert "relative_to" not in source
+    assert source["urdf"] == "urdf/arm.urdf"
+    assert not [finding for finding in findings if finding.rule == "urdf.path"]
+
+
+@pytest.mark.parametrize(
+    ("name", "start"), [("meshes/a.obj", "."), ("arm/meshes/a.obj", ".")], ids=["package", "assets"]
+)
+def test_a_name_may_start_from_a_folder_above(tmp_path: Path, name: str, start: str):
+    lay(tmp_path, {"arm/urdf/arm.urdf": arm(name), "arm/meshes/a.obj": OBJ})
+    source, findings = built(tmp_path, "arm/urdf/arm.urdf")
+    assert source["relative_to"] == start  # of the lowest folder that holds all
+    assert "taken to start at `.`, 1 times" in said(findings, "urdf.path").message
+
+
+def test_a_file_beside_the_urdf_wins_over_one_above(tmp_path: Path):
+    files = {"arm/urdf/meshes/a.obj": OBJ, "arm/meshes/a.obj": OTHER}
+    lay(tmp_path, {"arm/urdf/arm.urdf": arm("meshes/a.obj")} | files)
+    assert "relative_to" not in built(tmp_path, "arm/urdf/arm.urdf")[0]
+
+
+def test_two_folders_with_other_bytes_are_refused(tmp_path: Path):
+    files = {"arm/meshes/a.obj": OBJ, "meshes/a.obj": OTHER}
+    lay(tmp_path, {"arm/urdf/arm.urdf": arm("meshes/a.obj")} | files)
+    with pytest.raises(SourceError, match=r"`meshes/a\.obj` is two files"):
+        built(tmp_path, "arm/urdf/arm.urdf")
+
+
+@pytest.mark.parametrize("scheme", ["", "file://", "file:"])
+def test_a_path_of_the_author_is_found_by_its_end(tmp_path: Path, scheme: str):
+    name = f"{scheme}/home/me/ws/arm/meshes/a.obj"
+    lay(tmp_path, {"arm/urdf/arm.urdf": arm(name), "arm/meshes/a.obj": OBJ})
+    source, findings = built(tmp_path, "arm/urdf/arm.urdf")
+    assert source["absolute"] == {"/home/me/ws/arm": "."}
+    found = said(findings, "urdf.path")
+    assert found.severity == "warning"
+    assert found.data["path"] == "meshes/a.obj"
+
+
+def test_a_path_of_the_author_into_another_package_is_found(tmp_path: Path):
+    name = "file:///opt/ros/share/parts/meshes/a.obj"
+    files = {"lib/parts_v2/package.xml": "<name>parts</name>", "lib/parts_v2/meshes/a.obj": OBJ}
+    lay(tmp_path, {"arm/urdf/arm.urdf": arm(name)} | files)
+    source, _ = built(tmp_path, "arm/urdf/arm.urdf")
+    assert source["absolute"] == {"/opt/ros/share/parts": "lib/parts_v2"}
+
+
+def test_the_name_of_a_file_alone_proves_nothing(tmp_path: Path):
+    lay(tmp_path, {"arm/arm.urdf": arm("/home/me/a.obj"), "arm/a.obj": OBJ})
+    with pytest.raises(SourceError, match="on the author"):
+        built(tmp_path, "arm/arm.urdf")
+
+
+def test_the_scheme_of_gazebo_is_that_of_packages(tmp_path: Path):
+    lay(tmp_path, {"arm/urdf/arm.urdf": arm("model://arm/a.obj"), "arm/a.obj": OBJ})
+    source, findings = built(tmp_path, "arm/urdf/arm.urdf")
+    assert source["packages"] == {"arm": "."}
+    assert said(findings, "urdf.path").severity == "info"
+
+
+# --- packages -------------------------------------------------------------------------------
+
+
+def test_a_package_is_known_by_the_name_that_it_declares(tmp_path: Path):
+    files = {"lib/one/package.xml": "<name>shapes</name>", "lib/one/a.obj": OBJ}
+    lay(tmp_path, {"bot/urdf/arm.urdf": arm("package://shapes/a.obj")} | files)
+    assert built(tmp_path, "bot/urdf/arm.urdf")[0]["packages"] == {"shapes": "lib/one"}
+
+
+def test_two_packages_of_one_name_are_a_choice(tmp_path: Path):
+    files = {f"lib/{n}/package.xml": "<name>shapes</name>" for n in ("one", "two")}
+    files |= {f"lib/{n}/a.obj": OBJ for n in ("one", "two")}
+    lay(tmp_path, {"bot/urdf/arm.urdf": arm("package://shapes/a.obj")} | files)
+    with pytest.raises(SourceError, match="2 folders are package `shapes`") as raised:
+        built(tmp_path, "bot/urdf/arm.urdf")
+    assert raised.value.hint.count("--package shapes=") == 2
+
+
+def xacro(body: str) -> str:
+    return f"<robot name='arm' {XACRO}>{body}</robot>"
+
+
+BODY = link("a") + link("b") + joint("j", "a", "b")
+
+
+@pytest.mark.parametrize("ending", ["gazebo", "trans", "ros2_control", "inc", "XACRO", ""])
+def test_a_xacro_may_include_a_file_of_any_ending(tmp_path: Path, ending: str):
+    name = f"more.{ending}".rstrip(".")
+    body = BODY + f"<xacro:include filename='{name}'/>"
+    lay(tmp_path, {"arm/arm.xacro": xacro(body), f"arm/{name}": xacro(link("c").strip())})
+    with pytest.raises(SourceError, match=r"root|c"):  # it was read: link c hangs on nothing
+        built(tmp_path, "arm/arm.xacro")
+
+
+def test_names_of_packages_may_be_computed(tmp_path: Path):
+    body = (
+        "<xacro:arg name='of' default='parts'/><xacro:property name='v' value='$(arg of)'/>"
+        "<xacro:include filename='$(find ${v})/b.xacro'/>"
+    )
+    inner = xacro("<xacro:include filename='$(find ${v}_more)/c.xacro'/>")
+    files = {"lib/x/package.xml": "<name>parts</name>", "lib/x/b.xacro": inner}
+    files |= {"lib/y/package.xml": "<name>parts_more</name>", "lib/y/c.xacro": xacro(BODY)}
+    lay(tmp_path, {"arm/arm.xacro": xacro(body)} | files)
+    source, _ = built(tmp_path, "arm/arm.xacro")
+    assert source["packages"] == {"parts": "lib/x", "parts_more": "lib/y"}
+
+
+@pytest.mark.parametrize("scheme", ["", "file://", "file:///", "package://"])
+def test_a_found_package_is_one_behind_any_scheme(tmp_path: Path, scheme: str):
+    shown = shape("visual", mesh(f"{scheme}$(find arm)/a.obj"))
+    body = link("a", inertial(), shown) + link("b") + joint("j", "a", "b")
+    lay(tmp_path, {"arm/urdf/arm.xacro": xacro(body), "arm/a.obj": OBJ})
+    source, _ = built(tmp_path, "arm/urdf/arm.xacro")
+    assert source["packages"] == {"arm": "."}
+
+
+def test_a_xacro_may_include_from_its_own_package(tmp_path: Path):
+    files = {"arm/package.xml": "<name>arm</name>", "arm/urdf/b.xacro": xacro(BODY)}
+    main = xacro("<xacro:include filename='../urdf/b.xacro'/>")
+    lay(tmp_path, {"arm/robots/arm.xacro": main} | files)
+    source, _ = built(tmp_path, "arm/robots/arm.xacro")
+    assert source["packages"] == {"arm": "."}
+
+
+def test_a_package_of_which_nothing_is_read_may_be_missing(tmp_path: Path):
+    body = BODY + "<gazebo><plugin><p>$(find arm_control)/c.yaml</p></plugin></gazebo>"
+    lay(tmp_path, {"arm/arm.xacro": xacro(body)})
+    source, findings = built(tmp_path, "arm/arm.xacro")
+    assert source["missing"] == {"packages": ["arm_control"]}
+    assert said(findings, "xacro.package_missing").data["package"] == "arm_control"
+
+
+def test_a_package_of_which_something_is_read_may_not(tmp_path: Path):
+    body = BODY + "<xacro:include filename='$(find parts)/b.xacro'/>"
+    lay(tmp_path, {"arm/arm.xacro": xacro(body)})
+    with pytest.raises(SourceError, match=r"`\$\(find parts\)`: no package") as raised:
+        built(tmp_path, "arm/arm.xacro")
+    assert raised.value.hint == "say where it is: `--package NAME=FOLDER`"
+
+
+def test_an_include_of_macros_that_are_not_called_is_patched_away(tmp_path: Path):
+    """`parts` is nowhere. It defines the macro `wheel`, which nothing calls."""
+    body = BODY + "<xacro:include filename='$(find parts)/b.xacro'/>"
+    body += "<xacro:if value='{}'><xacro:wheel name='w'/></xacro:if>"
+    lay(tmp_path, {"arm/arm.xacro": xacro(body.format("false"))})
+    (patch,) = built(tmp_path, "arm/arm.xacro")[0]["patches"]
+    assert patch["find"] == "<xacro:include filename='$(find parts)/b.xacro'/>"
+    assert patch["replace"] == ""
+    lay(tmp_path, {"arm/arm.xacro": xacro(body.format("true"))})
+    with pytest.raises(SourceError, match=r"`\$\(find parts\)`: no package"):
+        built(tmp_path, "arm/arm.xacro")
+
+
+def test_an_argument_that_is_used_above_its_default_gets_it(tmp_path: Path):
+    text = xacro("<xacro:arg name='called' default='bot'/>" + BODY)
+    lay(tmp_path, {"arm/arm.xacro": text.replace("name='arm'", "name='$(arg called)'")})
+    assert built(tmp_path, "arm/arm.xacro")[0]["args"] == {"called": "bot"}
+
+
+# --- what is missing, and what is called otherwise ------------------------------------------
+
+
+def test_a_missing_visual_is_left_out_by_name(tmp_path: Path):
+    lay(tmp_path, {"arm.urdf": arm("a.obj", "none.obj"), "a.obj": OBJ})
+    source, findings = built(tmp_path, "arm.urdf")
+    assert source["missing"] == {"visuals": ["none.obj"]}
+    found = said(findings, "urdf.visual.missing")
+    assert (found.severity, found.subject) == ("warning", "link a")
+
+
+def test_a_missing_collision_mesh_is_refused(tmp_path: Path):
+    lay(tmp_path, {"arm.urdf": arm("a.obj", "none.obj", role="collision"), "a.obj": OBJ})
+    with pytest.raises(SourceError, match=r"no file `none\.obj`"):
+        built(tmp_path, "arm.urdf")
+
+
+def test_a_robot_of_which_no_mesh_is_there_is_refused(tmp_path: Path):
+    lay(tmp_path, {"arm.urdf": arm("none.obj")})
+    with pytest.raises(SourceError, match=r"no file `none\.obj`"):
+        built(tmp_path, "arm.urdf")
+
+
+@pytest.mark.parametrize(
+    ("name", "own"),
+    [("meshes/A.OBJ", "meshes/a.obj"), ("Meshes/a.obj", "meshes/a.obj"), ("meshes\\a.obj",) * 2],
+)
+def test_a_name_that_only_windows_would_find_is_patched(tmp_path: Path, name: str, own: str):
+    lay(tmp_path, {"arm.urdf": arm(name, name), "meshes/a.obj": OBJ})
+    source, findings = built(tmp_path, "arm.urdf")
+    (patch,) = source["patches"]
+    assert patch["find"] == f'"{name}"'
+    assert patch["replace"] == f'"{own}"'.replace("\\", "/")
+    assert patch["times"] == 2
+    assert said(findings, "source.patch").data["file"] == "arm.urdf"

@@ -1,0 +1,124 @@
+"""An effort that the source does not state, or cannot mean, is guessed from physics and marked."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import yaml
+
+from assetbuild.init import Proposal, propose
+
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A rod of a chain: kg, and m from its joint to the next; it turns about `axis`."""
+
+    mass: float
+    length: float
+    effort: str
+    axis: str = "0 1 0"
+    name: str = ""
+
+
+def chain(folder: Path, segments: Sequence[Segment], root: str = "world") -> Proposal:
+    """What `init` proposes for a chain that stands on a bolted root."""
+    text, above, height = [f'<robot name="chain"><link name="{root}"/>'], root, 0.0
+    for index, part in enumerate(segments):
+        name = part.name or f"segment_{index}"
+        across = part.mass * part.length**2 / 12
+        text.append(
+            f'<link name="{name}"><inertial><origin xyz="0 0 {part.length / 2}"/>'
+            f'<mass value="{part.mass}"/><inertia ixx="{across}" iyy="{across}" izz="{across / 9}" '
+            'ixy="0" ixz="0" iyz="0"/></inertial></link>'
+            f'<joint name="{name}_joint" type="revolute"><parent link="{above}"/>'
+            f'<child link="{name}"/><origin xyz="0 0 {height}"/><axis xyz="{part.axis}"/>'
+            f'<limit lower="-3.1" upper="3.1" velocity="3" {part.effort}/></joint>'
+        )
+        above, height = name, part.length
+    path = folder / "chain.urdf"
+    path.write_text("\n".join([*text, "</robot>"]))
+    return propose(path, folder / "chain.yaml", {})
+
+
+def rows(proposal: Proposal) -> list[dict[str, object]]:
+    """The actuator table."""
+    return list(yaml.safe_load(proposal.text)["actuators"])
+
+
+def row_of(proposal: Proposal, joint: str) -> dict[str, object]:
+    """The row that matches a joint."""
+    return next(row for row in rows(proposal) if re.fullmatch(str(row["joints"]), joint))
+
+
+ARM = [Segment(8.0, 0.5, ""), Segment(4.0, 0.5, ""), Segment(0.5, 0.1, "", "0 0 1")]
+
+
+@pytest.mark.parametrize("said", ["", 'effort="0"', 'effort="1e9"', 'effort="1000000"'])
+def test_an_arm_without_efforts_is_driven_by_guesses_that_hold_it_stretched_out(
+    said: str, tmp_path: Path
+):
+    parts = [Segment(part.mass, part.length, said, part.axis) for part in [*ARM, *ARM[2:]]]
+    proposal = chain(tmp_path, parts)
+    assert all(row["model"] == "pd" and row["guessed"] for row in rows(proposal))
+    stretched = GRAVITY * (8.0 * 0.25 + 4.0 * 0.75 + 0.5 * 1.05 + 0.5 * 1.15)
+    shoulder = float(str(row_of(proposal, "segment_0_joint")["effort"]))
+    assert 1.9 * stretched < shoulder < 10 * stretched
+    assert "is a guess for the arm, as the source" in proposal.text
+
+
+def test_stated_efforts_stay_the_sources_own(tmp_path: Path):
+    efforts = (150, 100, 12)
+    parts = [Segment(p.mass, p.length, f'effort="{e}"', p.axis) for p, e in zip(ARM, efforts)]  # noqa: B905
+    assert not any("guessed" in row or "effort" in row for row in rows(chain(tmp_path, parts)))
+
+
+def test_a_wrist_that_moves_nothing_gets_a_share_of_its_arm_and_the_rotor_that_comes_with_it(
+    tmp_path: Path,
+):
+    proposal = chain(tmp_path, ARM)
+    shoulder, wrist = (row_of(proposal, f"segment_{n}_joint") for n in (0, 2))
+    assert float(str(wrist["effort"])) >= 0.1 * float(str(shoulder["effort"]))
+    assert float(str(wrist["armature"])) == pytest.approx(
+        float(str(wrist["effort"])) / 6000, rel=0.05
+    )
+    assert "armature" not in shoulder
+
+
+def test_a_joint_takes_the_effort_that_the_source_states_of_its_like(tmp_path: Path):
+    """A shoulder of two axes a hand apart: one states 77 N m, the other 0."""
+    shoulder = [Segment(0.05, 0.02, 'effort="77"'), Segment(2.0, 0.6, 'effort="0"')]
+    proposal = chain(tmp_path, shoulder)
+    row = row_of(proposal, "segment_1_joint")
+    assert (row["effort"], row["guessed"]) == (77.0, True)
+    assert "an effort of 0 here and 77 for its like" in proposal.text
+
+
+def test_a_caster_stays_passive(tmp_path: Path):
+    parts = [*ARM, Segment(0.1, 0.05, 'effort="0"', name="caster")]
+    assert row_of(chain(tmp_path, parts), "caster_joint") == {
+        "joints": "caster_joint",
+        "model": "passive",
+    }
+
+
+def test_one_effort_for_all_that_cannot_hold_the_robot_is_a_placeholder_too(tmp_path: Path):
+    """100 N m on each of five joints, of which the first two need 1,400 and 600 to hold still."""
+    heavy = [Segment(150.0, 1.0, 'effort="100"'), Segment(100.0, 1.0, 'effort="100"')]
+    tip = Segment(1.0, 0.1, 'effort="100"')
+    sideways = [Segment(1.0, 0.1, 'effort="100"', "1 0 0"), *heavy, tip, tip]
+    proposal = chain(tmp_path, sideways)
+    assert proposal.unmended == ()
+
+
+def test_what_cannot_be_mended_is_said_first(tmp_path: Path):
+    """A stated effort is not replaced: a tenth of a gram metre cannot swing the arm."""
+    weak = [Segment(8.0, 0.5, 'effort="0.001"'), Segment(4.0, 0.5, 'effort="5"')]
+    proposal = chain(tmp_path, weak)
+    assert "segment_0_joint" in proposal.unmended[0]
+    assert proposal.text.splitlines()[3].startswith("# NOT READY: actuator segment_0_joint")
