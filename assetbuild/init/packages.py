@@ -65,7 +65,7 @@ def package_folders(name: str, file: Path) -> Iterator[list[Path]]:
     """
     folders = above(file)
     for folder in folders:
-        if folder.name == name or _declared(folder) == name:
+        if folder.name == name or declared(folder) == name:
             yield [folder]
     for folder in folders:
         if (folder / name).is_dir():
@@ -112,21 +112,27 @@ def packages_below(top: Path) -> Mapping[str, tuple[Path, ...]]:
     for count, (here, folders, names) in enumerate(os.walk(top)):
         deep = len(Path(here).relative_to(top).parts)
         folders[:] = [] if deep >= DEEPEST else sorted(f for f in folders if f[0] != ".")
-        if "package.xml" in names and (name := _declared(Path(here))):
+        if "package.xml" in names and (name := declared(Path(here))):
             found[name] = (*found.get(name, ()), Path(here))
         if count > MOST_FOLDERS:
             break
     return found
 
 
-def _declared(folder: Path) -> str | None:
+def declared(folder: Path) -> str | None:
     """The name in its package.xml."""
-    try:
-        text = (folder / "package.xml").read_bytes()[: 1 << 16].decode("utf-8", "replace")
-    except OSError:
-        return None
-    found = _NAMED.search(text)
+    manifest = folder / "package.xml"
+    found = _NAMED.search(start_of(manifest, 1 << 16)) if is_file(manifest) else None
     return found and found[1]
+
+
+def start_of(path: Path, most: int) -> str:
+    """The first bytes of a file as text; none of one that cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return file.read(most).decode("utf-8", "replace")
+    except OSError:
+        return ""
 
 
 def is_file(path: Path) -> bool:

@@ -16,7 +16,14 @@ from xml.etree.ElementTree import ParseError
 
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError
-from assetbuild.init.packages import common_folder, find_package, package_folders
+from assetbuild.init.packages import (
+    above,
+    common_folder,
+    declared,
+    find_package,
+    package_folders,
+    start_of,
+)
 from assetbuild.recipe.loader import shown_path
 from assetbuild.source.get.from_archive import left_out
 from assetbuild.source.urdf.expand_xacro import MOST_FILES, NOT_INCLUDED, ExpandXacro
@@ -120,7 +127,9 @@ class _Attempt:
         needed = {
             name: folder
             for name, folder in folders.items()
-            if f"package://{name}/" in text or name in used["packages"]
+            if f"package://{name}/" in text
+            or name in used["packages"]
+            or any(path.is_relative_to(folder) for path in files)
         }
         absent = tuple(sorted({*self.absent} & {*used["packages"]}))
         defaults = _defaults([self.file, *files])
@@ -134,7 +143,7 @@ class _Attempt:
                 self.absent.append(asked[1])
             else:
                 self.folders[asked[1]] = folder
-        elif self._gave_default(error) or self._removed_include(error):
+        elif self._gave_default(error) or self._own_package(error) or self._removed_include(error):
             return
         elif self.lacking is not None and _UNKNOWN.search(error.message):
             raise self.lacking
@@ -150,6 +159,16 @@ class _Attempt:
         if "$" in value or undefined[1] in self.args:
             return False
         self.args[undefined[1]] = value
+        return True
+
+    def _own_package(self, error: SourceError) -> bool:
+        """The package that the file lies in, where it includes from there by a relative name."""
+        if "readable files" not in error.message and "declared packages" not in error.message:
+            return False
+        found = next(((f, name) for f in above(self.file) if (name := declared(f))), None)
+        if found is None or found[0] in self.folders.values() or found[1] in self.folders:
+            return False
+        self.folders[found[1]] = found[0]
         return True
 
     def _removed_include(self, error: SourceError) -> bool:
@@ -219,7 +238,7 @@ def _packages(file: Path, data: bytes, stated: Mapping[str, Path]) -> dict[str, 
 
 
 def _text(path: Path) -> str:
-    return path.read_bytes()[: 1 << 20].decode("utf-8", "replace")
+    return start_of(path, 1 << 20)
 
 
 def _readable(folder: Path) -> Iterator[Path]:

@@ -29,6 +29,10 @@ POINTS = 2**14
 """Sobol points of the sampled volumes: 1 sigma of a ratio is about 0.004."""
 SAMPLES = 4000
 """Surface samples on each side."""
+FILLING = 2**12
+"""As many of them tell a search what is inside."""
+ROOM = 0.03
+"""Share of its extents by which the box of sampled volumes is wider than a mesh."""
 LEAST_INSIDE = 32
 """With fewer of POINTS inside, their share says nothing."""
 GRID = 48
@@ -73,6 +77,7 @@ class Reference:
         self.mesh = mesh
         self.diagonal = mesh.diagonal
         self.hull = convex_hull(mesh.vertices)
+        self._clouds: dict[tuple[float, ...], NDArray[np.bool_]] = {}
 
     @cached_property
     def closed(self) -> bool:
@@ -84,13 +89,36 @@ class Reference:
         """An open mesh with next to nothing inside, a sheet: its hull stands for it."""
         if self.closed:
             return False
-        cloud = sobol(POINTS, *self.mesh.bounds)
-        return int(Solid(self.mesh).contains(cloud).sum()) < LEAST_INSIDE
+        inside = self._as_drawn.contains(sobol(POINTS, *self.room))
+        self._clouds[_key(*self.room)] = inside
+        return int(inside.sum()) < LEAST_INSIDE
 
     @cached_property
     def solid(self) -> Solid:
         """Which points are inside."""
-        return Solid(self.hull if self.hollow else self.mesh)
+        if not self.hollow:
+            return self._as_drawn
+        self._clouds.clear()
+        return Solid(self.hull)
+
+    @cached_property
+    def _as_drawn(self) -> Solid:
+        return Solid(self.mesh)
+
+    @cached_property
+    def room(self) -> tuple[Array, Array]:
+        """A box around the mesh in which its pieces have room: capped ones stick out a little."""
+        lower, upper = self.mesh.bounds
+        return lower - ROOM * (upper - lower), upper + ROOM * (upper - lower)
+
+    @cached_property
+    def filling(self) -> tuple[Array, float]:
+        """(points (n, 3) evenly inside the mesh, the volume that each stands for in m3)."""
+        lower, upper = self.room
+        cloud = sobol(POINTS, lower, upper)[:FILLING]
+        known = self._clouds.get(_key(lower, upper)) if not self.hollow else None
+        inside = self.solid.contains(cloud) if known is None else known[:FILLING]
+        return cloud[inside], float(np.prod(upper - lower)) / FILLING
 
     @cached_property
     def exact(self) -> Manifold | None:
@@ -110,7 +138,7 @@ class Reference:
         """m3; sampled unless the mesh is a solid."""
         if self.exact is not None:
             return float(self.exact.volume())
-        lower, upper = self.mesh.bounds
+        lower, upper = self.room
         return float(self._shares(lower, upper)[1].mean() * np.prod(upper - lower))
 
     @cached_property
@@ -139,23 +167,22 @@ class Reference:
 
     def _shares(self, lower: Array, upper: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Sobol points in a box, and which of them are inside; kept for equal boxes."""
-        key = (*lower.tolist(), *upper.tolist())
-        known: dict[tuple[float, ...], tuple[Array, NDArray[np.bool_]]]
-        known = self.__dict__.setdefault("_clouds", {})
-        if key not in known:
-            cloud = sobol(POINTS, lower, upper)
-            known[key] = (cloud, self.solid.contains(cloud))
-        return known[key]
+        cloud, solid, key = sobol(POINTS, lower, upper), self.solid, _key(lower, upper)
+        if key not in self._clouds:
+            self._clouds[key] = solid.contains(cloud)
+        return cloud, self._clouds[key]
 
-    def volumes(self, union: Manifold, lower: Array, upper: Array) -> tuple[float, float, float]:
-        """(iou, over, missing) of a solid inside the box."""
+    def volumes(
+        self, pieces: Sequence[ConvexPiece], union: Manifold, lower: Array, upper: Array
+    ) -> tuple[float, float, float]:
+        """(iou, over, missing) of pieces whose union lies inside the box."""
         if self.exact is not None:
             mine, other = self.volume, float(union.volume())
             common = float((self.exact ^ union).volume())
         else:
-            low, high = self.mesh.bounds
+            low, high = self.room
             cloud, inside = self._shares(np.minimum(low, lower), np.maximum(high, upper))
-            covered = Solid(_triangles(union)).contains(cloud)
+            covered = _covered(pieces, cloud)
             mine, other, common = (float(n.sum()) for n in (inside, covered, inside & covered))
         return (
             common / (mine + other - common or 1.0),
@@ -173,9 +200,12 @@ def union_of(pieces: Sequence[ConvexPiece]) -> tuple[Manifold, TriangleMesh]:
     return union, _triangles(union)
 
 
-def rough(reference: Reference, pieces: Sequence[ConvexPiece]) -> Quality:
-    """The figures that tolerances speak of: volumes and how far pieces stick out; others are 0."""
-    return _volumes_and_outside(reference, pieces, *union_of(pieces))
+def rough(reference: Reference, pieces: Sequence[ConvexPiece], samples: int = SAMPLES) -> Quality:
+    """The figures that tolerances speak of: volumes and how far pieces stick out; others are 0.
+
+    samples: of the pieces' surface; with SAMPLES the figures are those of `measure`.
+    """
+    return _volumes_and_outside(reference, pieces, *union_of(pieces), samples)
 
 
 def measure(reference: Reference, pieces: Sequence[ConvexPiece], *, flat: int = 0) -> Quality:
@@ -199,10 +229,14 @@ def measure(reference: Reference, pieces: Sequence[ConvexPiece], *, flat: int = 
 
 
 def _volumes_and_outside(
-    reference: Reference, pieces: Sequence[ConvexPiece], union: Manifold, skin: TriangleMesh
+    reference: Reference,
+    pieces: Sequence[ConvexPiece],
+    union: Manifold,
+    skin: TriangleMesh,
+    samples: int = SAMPLES,
 ) -> Quality:
-    iou, over, missing = reference.volumes(union, *skin.bounds)
-    on_skin = surface_samples(skin, SAMPLES, 1)[0]
+    iou, over, missing = reference.volumes(pieces, union, *skin.bounds)
+    on_skin = surface_samples(skin, samples, 1)[0]
     return Quality(
         exact=reference.exact is not None,
         closed=reference.closed,
@@ -212,6 +246,16 @@ def _volumes_and_outside(
         max_outside_m=outside(reference, np.concatenate([on_skin, skin.vertices])),
         pieces=len(pieces),
     )
+
+
+def _covered(pieces: Sequence[ConvexPiece], points: Array) -> NDArray[np.bool_]:
+    """(n,) which of points (n, 3) lie in one of the pieces."""
+    found = np.zeros(len(points), dtype=bool)
+    for piece in pieces:
+        lower, upper = piece.surface().bounds
+        near = np.flatnonzero(~found & ((points >= lower) & (points <= upper)).all(axis=1))
+        found[near] = piece.distance(points[near]) <= 0.0
+    return found
 
 
 def outside(reference: Reference, points: Array) -> float:
@@ -239,6 +283,10 @@ def blocked_by(piece: ConvexPiece, probe: Probe) -> bool:
     if least <= 0.0 or least >= radius:
         return least <= 0.0
     return bool((NearestSurface(piece.surface()).distance(probe.axis()) < radius).any())
+
+
+def _key(lower: Array, upper: Array) -> tuple[float, ...]:
+    return (*lower.tolist(), *upper.tolist())
 
 
 # --- solids and rays ------------------------------------------------------------------------

@@ -15,6 +15,11 @@ NEAR = 0.005
 """Parts whose bounds are nearer than this share of the size of all are neighbours."""
 
 
+def hulls_of(parts: Sequence[Array]) -> list[TriangleMesh]:
+    """The hull of each part's points (n, 3); parts without volume are left out."""
+    return [hull for hull in map(_hull_or_none, parts) if hull is not None]
+
+
 def grown_to(parts: Sequence[TriangleMesh], surface: Array, reach: float) -> list[TriangleMesh]:
     """Hulls that also hold the surface points just outside of them.
 
@@ -22,7 +27,7 @@ def grown_to(parts: Sequence[TriangleMesh], surface: Array, reach: float) -> lis
     up to a voxel inside the mesh: each takes the points that no part holds and that lie within
     reach of its planes. Parts without volume are left out.
     """
-    hulls = [hull for hull in map(_hull_or_none, parts) if hull is not None]
+    hulls = hulls_of([part.vertices for part in parts])
     away = np.stack([beyond(hull_planes(hull), surface) for hull in hulls], axis=1)
     bare = away.min(axis=1) > 0.0
     grown = []
@@ -107,8 +112,8 @@ def _hull_corners(points: Array) -> Array:
     return points[np.sort(hull.vertices)]
 
 
-def _hull_or_none(part: TriangleMesh) -> TriangleMesh | None:
+def _hull_or_none(points: Array) -> TriangleMesh | None:
     try:
-        return convex_hull(part.vertices)
+        return convex_hull(points)
     except StepError:
         return None

@@ -88,16 +88,49 @@ def test_a_wide_tolerance_takes_the_hull_and_a_tight_one_two_pieces(tmp_path):
     count, findings = fit(tmp_path, Auto(sources=MESH, **TIGHT), L_SHAPE, "tight")
     assert count == 2
     assert "collision.tolerance" not in findings
-    assert findings["collision.gap"].data["method"] == "CoACD"  # a clean manifold
+    assert findings["collision.gap"].data["method"] == "cuts"
 
 
-def test_an_open_mesh_is_left_to_vhacd(tmp_path):
+def test_an_open_mesh_is_cut_as_well(tmp_path):
     nub = solid(((2, 1, 1), (1, 0.5, 0.5)), ((1, 2, 1), (0.5, 1, 0.5)), ((0.02,) * 3, (1, 0, 0.5)))
     smallest = int(np.argmin(face_areas(nub)))
     hole = nub.select(np.arange(len(nub.faces)) != smallest)
     count, findings = fit(tmp_path, Auto(sources=MESH, **TIGHT), hole)
     assert count == 2
-    assert findings["collision.gap"].data["method"] == "V-HACD"
+    assert findings["collision.gap"].data["method"] == "cuts"
+
+
+@pytest.fixture
+def uncut(monkeypatch):
+    """Cuts find nothing, so the libraries have their turn."""
+    monkeypatch.setattr(ladder, "cut_parts", lambda *_: [])
+
+
+@pytest.mark.usefixtures("uncut")
+def test_a_clean_manifold_goes_to_coacd_before_vhacd(tmp_path):
+    count, findings = fit(tmp_path, Auto(sources=MESH, **TIGHT), L_SHAPE)
+    assert count == 2
+    assert findings["collision.gap"].data["method"] == "CoACD"
+
+
+def test_where_cuts_need_many_pieces_coacd_may_need_fewer(tmp_path, monkeypatch):
+    """A row of four boxes, 5 cm apart in height; cuts are content with up to FEW pieces."""
+    row = solid(*(((1.0, 1.0, 1.0 + 0.5 * k), (k, 0.0, 0.25 * k)) for k in range(4)))
+    method = Auto(sources=MESH, max_outside=0.02, max_missing=0.02, max_overcover=0.02)
+    count, findings = fit(tmp_path, method, row, "content")
+    assert (count, findings["collision.gap"].data["method"]) == (4, "cuts")
+    monkeypatch.setattr(ladder, "FEW", 3)
+    tried = []
+    monkeypatch.setattr(ladder, "coacd_parts", lambda *_, **__: tried.append(1) or [])
+    assert fit(tmp_path, method, row, "doubtful")[0] == 4
+    assert tried == [1]
+
+
+def test_what_cuts_miss_by_far_is_left_to_no_library(tmp_path, monkeypatch):
+    monkeypatch.setattr(ladder, "vhacd_parts", lambda *_, **__: pytest.fail("V-HACD was started"))
+    count, findings = fit(tmp_path, Auto(sources=MESH, max_hulls=1, **TIGHT), L_SHAPE)
+    assert count == 1
+    assert "collision.tolerance" in findings
 
 
 def test_a_tolerance_that_cannot_be_met_says_by_how_much_and_what_to_change(tmp_path):
@@ -127,6 +160,7 @@ def test_a_region_may_be_tighter_than_the_rest(tmp_path):
     assert findings["collision.region"].data["found_m"] == pytest.approx(0.3, abs=0.05)
 
 
+@pytest.mark.usefixtures("uncut")
 @pytest.mark.parametrize("cause", ["crash", "time", "memory"])
 def test_a_library_that_fails_leaves_a_finding_and_the_next_rung(tmp_path, monkeypatch, cause):
     def fails(*_, **__):
@@ -189,6 +223,7 @@ def test_a_slower_processor_comes_to_the_same_pieces(monkeypatch, most):
     assert quick == slow == (1 if most == 100 else "[i] iter 3 ---- waiting pool: 8")
 
 
+@pytest.mark.usefixtures("uncut")
 def test_a_mesh_that_takes_coacd_too_much_work_is_left_to_vhacd(tmp_path, monkeypatch):
     monkeypatch.setattr(ladder, "COACD_LOOKS", 1)
     count, findings = fit(tmp_path, Auto(sources=MESH, **TIGHT), L_SHAPE)
@@ -197,6 +232,7 @@ def test_a_mesh_that_takes_coacd_too_much_work_is_left_to_vhacd(tmp_path, monkey
     assert set(findings) == {"collision.gap"}
 
 
+@pytest.mark.usefixtures("uncut")
 def test_a_thin_walled_mesh_is_left_to_vhacd(tmp_path):
     # Two walls of 5 cm and a floor: 14 % of the hull; the tolerances want three pieces.
     wall, floor = (0.05, 1.0, 1.0), (1.0, 1.0, 0.05)

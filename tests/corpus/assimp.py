@@ -115,7 +115,8 @@ def polygons_measured(corners: np.ndarray, counts: np.ndarray) -> Measured:
     starts = np.cumsum(counts) - counts
     after = np.arange(len(corners)) + 1
     after[starts + counts - 1] = starts
-    middle = corners.mean(axis=0)  # volumes far from zero lose digits
+    # The volume of an open surface depends on this point, and one far away loses digits.
+    middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
     crosses = np.cross(corners - middle, corners[after] - middle)
     normals = np.add.reduceat(crosses, starts) / 2.0
     heights = np.einsum("ij,ij->i", normals, corners[starts] - middle)

@@ -175,6 +175,14 @@ def test_a_found_package_is_one_behind_any_scheme(tmp_path: Path, scheme: str):
     assert source["packages"] == {"arm": "."}
 
 
+def test_a_xacro_may_include_from_its_own_package(tmp_path: Path):
+    files = {"arm/package.xml": "<name>arm</name>", "arm/urdf/b.xacro": xacro(BODY)}
+    main = xacro("<xacro:include filename='../urdf/b.xacro'/>")
+    lay(tmp_path, {"arm/robots/arm.xacro": main} | files)
+    source, _ = built(tmp_path, "arm/robots/arm.xacro")
+    assert source["packages"] == {"arm": "."}
+
+
 def test_a_package_of_which_nothing_is_read_may_be_missing(tmp_path: Path):
     body = BODY + "<gazebo><plugin><p>$(find arm_control)/c.yaml</p></plugin></gazebo>"
     lay(tmp_path, {"arm/arm.xacro": xacro(body)})

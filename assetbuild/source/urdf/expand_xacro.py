@@ -143,7 +143,8 @@ class ExpandXacro(Step):
             return "declare its package under `source.packages`"
         if "readable files" in said:
             return (
-                "is part of its name a value of `source.args`, or its package none of the declared?"
+                "declare its package under `source.packages`; "
+                "or is part of its name a value for `source.args`?"
             )
         if "Undefined substitution argument" in said:
             return "give it under `source.args` in the recipe"
