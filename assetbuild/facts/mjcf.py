@@ -13,7 +13,7 @@ from assetbuild.facts.mjcf_copies import leave_out_copies
 from assetbuild.facts.mjcf_expected import shown_pictures
 from assetbuild.facts.mjcf_meshes import Meshes, sketches
 from assetbuild.facts.mjcf_model import read_model
-from assetbuild.facts.mjcf_opaque import Opaque, free_joint, opaque_of, opaque_option
+from assetbuild.facts.mjcf_opaque import Opaque, free_joint, opaque_of, opaque_option, sensor_words
 from assetbuild.facts.mjcf_words import NEVER_ALONE, Spec, is_covered, words
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Assets, Reference
@@ -148,6 +148,9 @@ class MjcfReader(Reader):
         for sensor in reference.control.sensors:
             if sensor.kind == "contact":
                 facts[Key("sensor", sensor.name, "mjcf:intprm")] = STRONGEST
+            if sensor.kind == "rangefinder":
+                said = sensor_words(sensor.kind).items()
+                facts |= {key._replace(name=sensor.name): value for key, value in said}
         surfaces = dict(reference.assets.surfaces)
         for shape in reference.shapes.shapes:
             if isinstance(shape.geometry, Mesh) and surfaces[shape.geometry.mesh].normals:

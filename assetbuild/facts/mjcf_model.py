@@ -325,12 +325,12 @@ def _senses(model: Model, book: Writer) -> None:
     import mujoco
 
     for sensor in range(model.nsensor):
-        kind = mujoco.mjtSensor(int(model.sensor_type[sensor])).name
+        kind = mujoco.mjtSensor(int(model.sensor_type[sensor])).name.removeprefix("mjSENS_").lower()
         book.put(
             "sensor",
             _name(model, "sensor", sensor),
             {
-                "type": kind.removeprefix("mjSENS_").lower(),
+                "type": kind.replace("actfrc", "actuatorfrc"),  # MJCF's word
                 "object": _object(model, sensor, "obj"),
                 "reference": _object(model, sensor, "ref"),
                 "cutoff": float(model.sensor_cutoff[sensor]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -25,6 +26,9 @@ MEANS: Mapping[str, tuple[str, ...]] = {
     "rgba": ("rgba",), "mode": ("tracking",), "gear": ("gear", "kp", "kd", "effort"),
 }  # fmt: skip
 """Attribute that only MJCF says -> quantities of the owner that it changes."""
+
+WORDS = {"mjcf:actfrcrange": "mjcf:actuatorfrcrange"}
+"""Word of MuJoCo's specification -> the quantity as the compiled model is read."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +67,14 @@ def opaque_of(items: tuple[MjcfOnly, ...], reference: Reference) -> Opaque:
         stated = attributes_of(item.element)
         of = "joint" if kind in ("actuator", "equality") else kind
         touched |= {Key(of, owner, q) for name in stated for q in MEANS.get(name, ())}
-        plain = " ".join(f'{name}="{value}"' for name, value in stated.items() if value)
         named = stated.get("name", owner) if kind == "equality" else owner
         if named != owner:  # the equality of a joint is called as the joint, unless it says else
             found[Key("joint", owner, "mjcf:equality")] = named
-        for key, value in _owned(kind, plain).items():
-            found[Key(kind, named, key.quantity)] = value
+        if stated.get("actuatorfrclimited") == "false":
+            stated.pop("actuatorfrcrange", None)
+        plain = " ".join(f'{name}="{value}"' for name, value in stated.items() if value)
+        for key, value in _owned(kind, plain).items() if plain else ():
+            found[Key(kind, named, WORDS.get(key.quantity, key.quantity))] = value
     return Opaque(frozenset(subjects), found, frozenset(touched))
 
 
@@ -119,19 +125,23 @@ def _owned(kind: str, attributes: str) -> dict[Key, Value]:
         parsed = _parsed(f"<worldbody>{text}</worldbody>")
     else:
         parsed = _parsed(f"<worldbody><body>{text}</body></worldbody>")
-    stated = {name.split("=")[0] for name in attributes.split() if "=" in name}
-    aliases = {"solreflimit": "solref_limit", "solimplimit": "solimp_limit",
-               "solreffriction": "solref_friction", "solimpfriction": "solimp_friction",
-               "user": "userdata", "mesh": "meshname", "target": "targetbody",
-               "focal": "focal_length", "focalpixel": "focal_pixel",
-               "principal": "principal_length", "principalpixel": "principal_pixel",
-               "sensorsize": "sensor_size"}  # fmt: skip
-    wanted = {aliases.get(name, name) for name in stated}
     return {
         key: value
         for key, value in parsed.items()
-        if key.kind == kind and key.quantity.removeprefix("mjcf:").split(".")[0] in wanted
+        if key.kind == kind and not (attributes and _blank(kind).get(key.quantity) == value)
     }
+
+
+@functools.cache
+def _blank(kind: str) -> Mapping[str, Value]:
+    """Words of an element that states nothing, by quantity."""
+    return {key.quantity: value for key, value in _owned(kind, "").items()}
+
+
+def sensor_words(kind: str) -> dict[Key, Value]:
+    """Words that MuJoCo gives to a sensor of a site by itself: a rangefinder measures distance."""
+    parsed = _parsed(f'<sensor><{kind} name="s" site="s"/></sensor>')
+    return {key: value for key, value in parsed.items() if key.quantity == "mjcf:intprm"}
 
 
 def attributes_of(element: str) -> dict[str, str]:

@@ -13,7 +13,6 @@ from pathlib import Path
 from assetbuild.errors import MachineError, SourceError, UsageError, Where
 from assetbuild.init.absent import mended
 from assetbuild.init.anatomy import study
-from assetbuild.init.floating_root import floating, without_empty_root
 from assetbuild.init.look import judge, look
 from assetbuild.init.mjcf import find_mjcf, is_mjcf, mjcf_text
 from assetbuild.init.source import find_source
@@ -53,9 +52,7 @@ def propose(
         return Proposal(path, recipe.text, recipe.unmended)
     source = mended(find_source(file, packages, args or {}))
     robot = look(source)
-    source, joint = without_empty_root(source, robot)
-    robot = look(source) if joint else robot
-    anatomy = floating(study(robot), joint)
+    anatomy = study(robot)
     robot = judge(robot.links, robot.shapes, anatomy.base)
     path = out or Path(f"{recipe_name(robot.links.name)}.yaml")
     recipe = recipe_text(robot, anatomy, source, path)

@@ -1,6 +1,6 @@
 """What our MJCF must say, from the source's own facts: each change that is meant, by rule.
 
-- Sites of the world are scenery; a world that is the root has no mass.
+- Sites of a world that is not the root are scenery; a world that is the root has no mass.
 - Positions count from `ref`, and so do the commands of drives that hold positions.
 - A body's frame stands in the anchor of its last joint; its old one becomes `<body>_origin`.
 - A body without mass and joints becomes a site; one that the recipe merges joins its parent.
@@ -71,8 +71,7 @@ def _robot(side: Side, world: str) -> Subjects:
     """Facts that may be changed, without scenery. world: the root, where the world is it."""
     facts: Subjects = {}
     for (kind, name), own in side.facts.items():
-        owner = name if kind == "body" else own.get("body")
-        if kind != "frame" or owner not in ("", world):
+        if kind != "frame" or own.get("body"):
             weightless = kind == "body" and name == world
             facts[kind, name] = {"parent": "", "mass": 0.0} if weightless else dict(own)
     return facts
@@ -124,6 +123,10 @@ def _move(facts: Subjects, model: Model, tree: Tree, *, merges: bool) -> None:
         if parent:
             own |= {"parent": into[parent], "pose": pose_value(X_parent_body @ anchor)}
     for (kind, _), own in facts.items():
+        if "mjcf:weld pose" in own:
+            first, second = (X_new_old[str(own[f"body{side}"])] for side in (1, 2))
+            X = first @ _pose(own["mjcf:weld pose"]) @ second.inverse()
+            own["mjcf:weld pose"] = pose_value(X)
         for side in ("", "1", "2"):
             if kind != "body" and isinstance(body := own.get(f"body{side}"), str):
                 own |= _moved(own, X_new_old[body], side) | {f"body{side}": into[body]}
@@ -265,6 +268,8 @@ def _is_stated(
     watches = kind == "sensor" and str(own.get("object")).startswith("actuator ")
     free = kind == "joint" and "type" not in own
     root = kind == "body" and quantity == "pose" and not own.get("parent")
+    if root and any(word.startswith("keyframe ") for word in stated):
+        return True  # a floating robot starts where the first keyframe has it
     if kind == "simulation":
         return bool(
             {quantity, quantity.removeprefix("mjcf:")} & {OPTIONS.get(s, s) for s in stated}

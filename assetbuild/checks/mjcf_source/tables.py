@@ -34,7 +34,8 @@ WORDS = {
     "keyframe": {"mjcf:qvel", "mjcf:act", "mjcf:mpos", "mjcf:mquat", "mjcf:time"},
     "light": {"mjcf:texture"},
     "tendon": {"mjcf:material"},
-    "actuator": {f"mjcf:{name}" for name in COVERED["actuator"] - {"target"}},  # as compiled
+    "actuator": {f"mjcf:{name}" for name in COVERED["actuator"] - {"target"}}  # as compiled
+                | {"mjcf:lengthrange", "mjcf:userdata"},
 }  # fmt: skip
 """Words that another fact covers, or that the build leaves out (`mjcf.dropped`), by kind."""
 OF_FREE = frozenset(f"mjcf:{name}" for name in (
@@ -140,6 +141,9 @@ def _acting(model: Model, facts: Subjects) -> None:
         name = name_of(model, "actuator", drive)
         own = facts.setdefault(("actuator", name), {})
         alone = read_drive(model, drive) is None  # what drives a joint is a fact of the joint
+        pulls = int(model.actuator_gaintype[drive]) == mujoco.mjtGain.mjGAIN_MUSCLE
+        if pulls:  # MuJoCo measures it where the file states none
+            own["mjcf:lengths"] = _numbers(model.actuator_lengthrange[drive])
         for word in ACTING if alone else ("actlimited",):
             own[f"mjcf:{word}"] = _numbers(getattr(model, f"actuator_{word}")[drive])
         if int(model.actuator_trntype[drive]) == mujoco.mjtTrn.mjTRN_SITE:
@@ -163,8 +167,16 @@ def _couplings(model: Model, facts: Subjects) -> None:
     for index in range(model.neq):
         own = facts.get(("equality", name_of(model, "eq", index)), {})
         kind, connects = int(model.eq_objtype[index]), mujoco.mjtEq.mjEQ_CONNECT
+        welds = mujoco.mjtEq.mjEQ_WELD
         if own and kind == mujoco.mjtObj.mjOBJ_SITE:
             own |= {name: f"site {own[name]}" for name in ("mjcf:name1", "mjcf:name2")}
+        elif own and int(model.eq_type[index]) == welds and kind == mujoco.mjtObj.mjOBJ_BODY:
+            own.pop("mjcf:data", None)  # the relative pose as compiled
+            data = _numbers(model.eq_data[index])
+            own |= {"body1": _body(model, int(model.eq_obj1id[index])),
+                    "body2": _body(model, int(model.eq_obj2id[index])),
+                    "mjcf:anchor2": data[:3], "mjcf:weld pose": data[3:10],
+                    "mjcf:torquescale": data[10]}  # fmt: skip
         elif own and int(model.eq_type[index]) == connects and kind == mujoco.mjtObj.mjOBJ_BODY:
             own.pop("mjcf:data", None)  # the anchors as compiled, each in its body
             for end, at, start in ("1", model.eq_obj1id, 0), ("2", model.eq_obj2id, 3):

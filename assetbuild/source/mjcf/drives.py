@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from assetbuild.findings import Data, Finding
 from assetbuild.robot.model import Actuator, General, Joint, Limits, MjcfOnly
 from assetbuild.source.mjcf.compiled import Model
 from assetbuild.source.mjcf.links import Links
 from assetbuild.source.mjcf.opaque import element_text, words
-from assetbuild.source.mjcf.text import error_at
+from assetbuild.source.mjcf.text import DROPPED, error_at, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -19,7 +20,9 @@ KINDS = {
     "gain": ("fixed", "affine", "muscle", "user"),
     "bias": ("none", "affine", "muscle", "user"),
 }
-"""MuJoCo's words for the numbers of `dyntype`, `gaintype` and `biastype`."""
+"""MuJoCo's words for `dyntype`, `gaintype` and `biastype`, as far as 3.11 knows them."""
+ALONE = frozenset({"muscle", "user"})
+"""Kinds that MJCF alone has the words for."""
 JOINT = 0
 """Transmission straight to a joint."""
 _REFS = ("joint", "jointinparent", "tendon", "site", "refsite", "body", "cranksite", "slidersite")
@@ -36,6 +39,7 @@ class Drives:
     mjcf_only: list[MjcfOnly] = field(default_factory=list)
     names: list[tuple[str, str]] = field(default_factory=list)
     limits: dict[str, Limits] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
 
 
 def read_drives(links: Links) -> Drives:
@@ -43,11 +47,17 @@ def read_drives(links: Links) -> Drives:
     found, model = Drives(), links.source.model
     driven: dict[str, Actuator] = {}
     moving = {joint.name: joint for joint in links.joints if joint.kind != "fixed"}
+    joints = [_joint_of(model, index) for index in range(len(model.actuator_trntype))]
     for element in links.source.root.iterfind("actuator/*"):
         name = str(element.get("name"))
         index = links.source.id_of("actuator", name)
+        if element.get("user"):
+            message = f"`user` of actuator `{name}` was left out ({where_of(element)})"
+            data: Data = {"element": "actuator", "attributes": ("user",)}
+            hint = "it says nothing about the robot itself"
+            found.findings.append(DROPPED(f"actuator {name}", message, hint, data=data))
         joint = _joint_of(model, index)
-        taken = _taken(model, index) if joint in moving and joint not in driven else None
+        taken = _taken(model, index) if joint in moving and joints.count(joint) == 1 else None
         if taken is None:
             found.mjcf_only.append(_whole(element, links, index))
             found.names.append((name, ""))
@@ -94,15 +104,15 @@ def _taken(model: Model, index: int) -> Actuator | None:
     force = _range(model.actuator_forcelimited[index], model.actuator_forcerange[index])
     if force is not None and force[0] != -force[1]:
         return None
-    kinds = {part: int(getattr(model, f"actuator_{part}type")[index]) for part in KINDS}
-    if any(kind >= len(KINDS[part]) - 1 for part, kind in kinds.items()):
+    kinds = _kinds(model, index)
+    if any(kind in ALONE or kind not in KINDS[part] for part, kind in kinds.items()):
         return None
     effort = force[1] if force else None
     ctrl = _range(model.actuator_ctrllimited[index], model.actuator_ctrlrange[index])
     dyn, gain, bias = (
         [float(v) for v in getattr(model, f"actuator_{part}prm")[index]] for part in KINDS
     )
-    dyntype, gaintype, biastype = (KINDS[part][kind] for part, kind in kinds.items())
+    dyntype, gaintype, biastype = kinds.values()
     kp, kd = gain[0], 0.0 - bias[2]
     if (dyntype, gaintype) == ("none", "fixed") and not any(gain[1:]):
         if (
@@ -119,7 +129,7 @@ def _taken(model: Model, index: int) -> Actuator | None:
                 return Actuator("", "velocity", kd=kp, effort=effort, ctrl=ctrl)
     said: dict[str, Any] = {}  # Any: the tables' words are those of the model
     for part, prm in (("dyn", dyn), ("gain", gain), ("bias", bias)):
-        said |= {f"{part}type": KINDS[part][kinds[part]], f"{part}prm": _trimmed(prm)}
+        said |= {f"{part}type": kinds[part], f"{part}prm": _trimmed(prm)}
     general = General.model_construct(**said)
     return Actuator("", "general", effort=effort, ctrl=ctrl, general=general)
 
@@ -151,24 +161,22 @@ def _moved(prm: tuple[float, ...], ref: float) -> tuple[float, ...]:
 def _whole(element: _Element, links: Links, index: int) -> MjcfOnly:
     """The actuator as `<general>` with all its compiled numbers."""
     model = links.source.model
-    kinds = {part: int(getattr(model, f"actuator_{part}type")[index]) for part in KINDS}
-    unknown = any(kind >= len(KINDS[part]) for part, kind in kinds.items())
-    if unknown or int(model.actuator_plugin[index]) >= 0:
-        raise error_at(
-            element,
-            f"actuator `{element.get('name')}` of a kind that is not read",
-            "use motor, position, velocity, general, muscle or cylinder",
-        )
+    kinds = _kinds(model, index)
+    unknown = any(kind not in KINDS[part] for part, kind in kinds.items())
+    if unknown or int(model.actuator_plugin[index]) >= 0 or _newer(model, index):
+        hint = "use motor, position, velocity, general, muscle or cylinder, without a delay"
+        message = f"actuator `{element.get('name')}` of a kind that MuJoCo 3.11 does not know"
+        raise error_at(element, message, hint)
     said = {"name": str(element.get("name"))}
     for ref in _REFS:
         if element.get(ref):
             name = str(element.get(ref))
             said[ref] = links.sites.get(name, name) if "site" in ref else name
     joint = said.get("joint") or said.get("jointinparent")
-    if joint in links.rest:
+    if joint in links.rest and _depends_on_position(model, index, kinds):
         hint = "give the joint no `ref`, and move its range and body instead"
         raise error_at(element, f"actuator `{said['name']}` on a joint with `ref`", hint)
-    said |= {f"{part}type": KINDS[part][kind] for part, kind in kinds.items()}
+    said |= {f"{part}type": kind for part, kind in kinds.items()}
     for part in KINDS:
         said[f"{part}prm"] = words(_trimmed(getattr(model, f"actuator_{part}prm")[index]))
     said["gear"] = words(model.actuator_gear[index])
@@ -184,6 +192,27 @@ def _whole(element: _Element, links: Links, index: int) -> MjcfOnly:
         if limited:
             said[f"{kind}range"] = words(getattr(model, f"actuator_{kind}range")[index])
     return MjcfOnly("actuator", element_text("general", said))
+
+
+def _kinds(model: Model, index: int) -> dict[str, str]:
+    """MuJoCo's words for what makes the force of an actuator."""
+    import mujoco
+
+    enums = {"dyn": mujoco.mjtDyn, "gain": mujoco.mjtGain, "bias": mujoco.mjtBias}
+    return {
+        part: enum(int(getattr(model, f"actuator_{part}type")[index])).name.split("_")[1].lower()
+        for part, enum in enums.items()
+    }
+
+
+def _depends_on_position(model: Model, index: int, kinds: dict[str, str]) -> bool:
+    """Whether its force changes with the position of its joint."""
+    linear = [
+        float(getattr(model, f"actuator_{part}prm")[index][1])
+        for part in ("gain", "bias")
+        if kinds[part] == "affine"
+    ]
+    return any(linear) or "muscle" in kinds.values()
 
 
 def _newer(model: Model, index: int) -> bool:

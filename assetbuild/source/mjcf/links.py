@@ -239,7 +239,7 @@ def _keep_origin(links: Links, name: str) -> None:
 
 def _add_sites(links: Links) -> None:
     taken = {body.name for body in links.bodies}
-    on_bodies = [(owner, body) for owner, body in links.source.bodies[1:] if body in links.shift]
+    on_bodies = [(owner, body) for owner, body in links.source.bodies if body in links.shift]
     for site, body in [
         (str(element.get("name")), body)
         for owner, body in on_bodies

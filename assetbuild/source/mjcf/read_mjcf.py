@@ -78,7 +78,7 @@ class ReadMjcf(Step):
         (files.outputs / "shapes.json").write_bytes(encode(shapes))
         (files.outputs / "source_control.json").write_bytes(encode(source))
         yield from _warnings(compiled)
-        yield from [*links.findings, *geoms.findings, *sections.findings]
+        yield from [*links.findings, *geoms.findings, *drives.findings, *sections.findings]
         yield from _order(sections, drives)
 
 

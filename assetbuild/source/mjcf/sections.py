@@ -63,6 +63,7 @@ _PLACES: Mapping[str, _Kind] = {
     "site": "frame", "joint": "joint", "actuator": "actuator", "tendon": "tendon",
     "body": "body", "geom": "shape", "camera": "camera", "xbody": "frame",
 }  # fmt: skip
+ORIGIN: Vec3 = (0.0, 0.0, 0.0)
 _SAID = keys("name cutoff noise objtype objname reftype refname")
 
 
@@ -129,7 +130,7 @@ class _Reader:
             x, y, z = (float(word) for word in said["anchor"].split())
             said["anchor"] = words(self.links.in_link(said["body1"], Pose((x, y, z))).xyz)
         if element.tag == "weld":
-            self._refuse_moved(element, said)
+            self._weld(element, said)
         self._keep("equality", element, said)
 
     def _mimic(self, element: _Element, said: Mapping[str, str]) -> bool:
@@ -149,11 +150,17 @@ class _Reader:
         self.found.mjcf_only.append(MjcfOnly("mimic", element_text("joint", more), follower))
         return True
 
-    def _refuse_moved(self, element: _Element, said: Mapping[str, str]) -> None:
-        for key in ("body1", "body2"):
-            if any(self.links.shift.get(said.get(key, ""), (0.0, 0.0, 0.0))):
-                text = f"<{element.tag}> on body `{said[key]}`, whose joint has a `pos`"
-                raise error_at(element, text, "connect two sites instead")
+    def _weld(self, element: _Element, said: dict[str, str]) -> None:
+        """State the relative pose of bodies whose frames have moved, as compiled."""
+        shifts = [self.links.shift.get(said.get(f"body{side}", ""), ORIGIN) for side in (1, 2)]
+        if not any(map(any, shifts)):
+            return
+        index = self.links.source.id_of("equality", str(element.get("name")))
+        data = self.model.eq_data[index]
+        one, two = (Pose(shift) for shift in shifts)
+        X = one.inverse() @ pose_at(data[3:6], data[6:10]) @ two
+        said["relpose"] = words((*X.xyz, *X.quat))
+        said["anchor"] = words(two.inverse().apply(data[:3]))
 
     def tendon(self, element: _Element, said: dict[str, str]) -> None:
         """As it is, without its material."""
