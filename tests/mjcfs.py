@@ -20,6 +20,7 @@ from assetbuild.robot.model import Base, Control, Tree
 from assetbuild.robot.shapes import MeshFile, SourceShapes
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
+from assetbuild.source.mjcf.inline import FOLDER
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.targets.mjcf import Mjcf
 
@@ -79,7 +80,9 @@ def read(
     meshes = json.loads((flat / "meshes.json").read_text())
     for mesh in meshes:
         (inputs / "files" / mesh["path"]).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(tree / mesh["path"], inputs / "files" / mesh["path"])
+        name = str(mesh["path"])
+        file = flat / name.replace(FOLDER, "inline/") if name.startswith(FOLDER) else tree / name
+        shutil.copyfile(file, inputs / "files" / name)
     findings += run_step(ReadMjcf(base=base), inputs, out)
     return Reading(
         decode(Tree, (out / "links.json").read_bytes()),

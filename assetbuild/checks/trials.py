@@ -43,8 +43,9 @@ LARGE = Rule(
 )
 DEAD = Rule(
     "trials.dead",
-    "error",
-    "a joint hardly moves when its drive is commanded",
+    ("error", "warning"),
+    "a joint hardly moves when its drive is commanded (a warning where an MJCF's own drive does "
+    "that in the source, too)",
     "check whether kp is in degrees, and the effort limit",
 )
 ENERGY = Rule(
@@ -165,12 +166,18 @@ class Trials(Check):
     )
     alone: bool = True
     """Whether to leave the robot alone under its drives: not where `validate.stand` does."""
+    inherited: bool = False
+    """Whether the drives are those of the source's MJCF, whose forces `mjcf_source` compares."""
 
     @classmethod
     def values(cls, recipe: RecipeView) -> dict[str, Any] | None:  # Any: values of its fields
         """The check `stand` sees the robot fall where the recipe asks for it."""
         found = super().values(recipe)
-        return None if found is None else found | {"alone": recipe.value("validate.stand") is None}
+        if found is None:
+            return None
+        inherited = recipe.value("source.mjcf") is not None and not recipe.value("actuators")
+        alone = recipe.value("validate.stand") is None
+        return found | {"alone": alone, "inherited": inherited}
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Reads the robot and `mjcf/scene.xml`."""
@@ -239,10 +246,13 @@ class Trials(Check):
         ]
         for joint, answer in answers.items():
             if answer.moved < min(self.dead, 0.2 * answer.asked):
+                own = ", as in the source's own MJCF" if self.inherited else ""
+                message = f"told to swing by {answer.asked:.3g}, the joint moved by "
                 yield DEAD(
                     f"actuator {joint}",
-                    f"told to swing by {answer.asked:.3g}, the joint moved by {answer.moved:.3g}",
+                    f"{message}{answer.moved:.3g}{own}",
                     hint="is kp in other units, the effort limit too small, or kd far too large?",
+                    severity="warning" if self.inherited else "error",
                     data={"asked": answer.asked, "moved": answer.moved},
                 )
 

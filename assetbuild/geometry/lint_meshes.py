@@ -39,6 +39,10 @@ CLEARLY = 0.05
 CLOSELY = 0.15
 """Share of the size up to which a part fits its other shapes so well that they are sure."""
 
+AGREED = 0.5
+"""(votes for - votes against) / votes of a format: above it single doubts do not count."""
+SHAPE = "its collision or visual shape"
+
 UP_AXIS_FIT = Rule(
     "mesh.up_axis.fit",
     ("error", "warning"),
@@ -132,16 +136,25 @@ def meshes_to_turn(
 def _wrong(votes: Sequence[_Vote], doubted: Mapping[str, bool]) -> frozenset[str]:
     """Paths of the meshes that should stand the other way.
 
-    What is sure of a mesh decides for it; the others follow the majority of their format, since
-    one exporter wrote them.
+    The shapes beside a mesh decide for it. Else it follows the other meshes of its format, since
+    one exporter wrote them, where most agree; what its own joints and mass say comes after that.
     """
-    turn: Counter[str] = Counter()
+    shown: Counter[str] = Counter()
+    sure: Counter[str] = Counter()
+    alike: Counter[str] = Counter()
+    count: Counter[str] = Counter()
     for vote in votes:
         for path in vote.paths:
             says = 1 if vote.is_better != doubted[path] else -1
-            turn[format_of(path)] += says
-            turn[path] += says if vote.is_sure else 0
-    wanted = {path: turn[path] or turn[format_of(path)] for path in doubted}
+            shown[path] += says if vote.is_sure and vote.by == SHAPE else 0
+            sure[path] += says if vote.is_sure else 0
+            alike[format_of(path)] += says
+            count[format_of(path)] += 1
+    wanted = {}
+    for path in doubted:
+        format = format_of(path)
+        most = alike[format] if abs(alike[format]) > AGREED * count[format] else 0
+        wanted[path] = shown[path] or most or sure[path] or alike[format]
     return frozenset(path for path, says in wanted.items() if says and (says > 0) != doubted[path])
 
 
@@ -204,7 +217,7 @@ def _vote(
     misfits: dict[str, list[float]] = {}
     if witnesses:
         seen = _around(witnesses, records, other=False)
-        misfits["its collision or visual shape"] = [float(np.abs(b - seen).max()) for b in boxes]
+        misfits[SHAPE] = [float(np.abs(b - seen).max()) for b in boxes]
     else:
         if body.inertial is not None and any(body.inertial.com_m):  # zero is often made up
             com = np.array(body.inertial.com_m)

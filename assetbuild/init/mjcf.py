@@ -28,6 +28,7 @@ from assetbuild.robot.model import Control
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
 from assetbuild.source.mjcf.includes import ListIncludes
+from assetbuild.source.mjcf.inline import FOLDER
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.source.mjcf.scenery import SeveralRobotsError
 from assetbuild.source.urdf.xml import MAX_BYTES
@@ -86,6 +87,8 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
         ports.run(FlattenMjcf(file=name, body=bodies[0] if bodies else None))
         for mesh in json.loads(ports.read("meshes.json")):
             path = root / mesh["path"]
+            if mesh["path"].startswith(FOLDER):
+                path = ports.folder / "inline" / path.name
             if not path.is_file():
                 where = Where(str(mesh["file"]), int(mesh["line"]))
                 raise SourceError(f"no file `{mesh['path']}`", where=where)

@@ -1,4 +1,4 @@
-"""What a source's MJCF says of efforts beside the Robot's own limit: `actuatorfrcrange` and such."""
+"""What a source's MJCF says of efforts beside the Robot's own limit: `actuatorfrcrange`."""
 
 from __future__ import annotations
 

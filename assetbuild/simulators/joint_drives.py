@@ -33,7 +33,8 @@ class Drive:
     N/m; kd: N m s/rad or N s/m. For a gain or bias that is not affine in ctrl, q and qdot (a
     muscle, a damper), these are the values at q = qdot = 0, and `is_affine` is False.
     filtered: the command passes through an activation first.
-    torque, ctrl: limits; on_joint: the torque within the joint's own `actuatorfrcrange`. damping, armature: the actuator's own (MuJoCo > 3.11), on the joint.
+    torque, ctrl: limits; on_joint: the torque within the joint's own `actuatorfrcrange`. damping,
+    armature: the actuator's own (MuJoCo > 3.11), on the joint.
     """
 
     index: int

@@ -10,6 +10,7 @@ from assetbuild.engine.graph import Ref
 from assetbuild.engine.planner import Planner
 from assetbuild.recipe.models import Recipe
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
+from assetbuild.source.mjcf.inline import FOLDER
 from assetbuild.source.mjcf.read_mjcf import ReadMjcf
 from assetbuild.source.plan import Description, SourceFiles
 from assetbuild.source.urdf.read_urdf import ReadUrdf
@@ -65,10 +66,14 @@ def _read_mjcf(
     inputs = {f"tree/{path}": ref for path, ref in sorted(tree.items())}
     step = FlattenMjcf(file=description.path, body=recipe.source.body)
     flat = p.add("flatten_mjcf", step, inputs)
-    listed = p.ask(flat["meshes.json"])
-    files = source.meshes(json.loads(listed), description.path) if listed is not None else None
+    answer = p.ask(flat["meshes.json"])
+    listed = json.loads(answer) if answer is not None else []
+    own = [entry for entry in listed if not entry["path"].startswith(FOLDER)]
+    files = source.meshes(own, description.path) if answer is not None else None
     if files is None:
         return None
+    made = (entry["path"] for entry in listed if entry not in own)
+    files = {**files, **{path: flat["inline/"] / path.removeprefix(FOLDER) for path in made}}
     given = {"source.xml": flat["source.xml"]}
     given |= {f"files/{path}": ref for path, ref in files.items()}
     # Without the key the source itself says whether its root floats.

@@ -85,6 +85,19 @@ def test_a_gain_in_degrees_is_a_dead_drive(tmp_path: Path):
     }
 
 
+def test_a_drive_that_is_as_weak_in_its_own_mjcf_is_a_warning(tmp_path: Path):
+    found = tried(drives(effort=1e-3, friction=0.05), tmp_path, inherited=True)
+    assert {f.severity for f in found if f.rule == "trials.dead"} == {"warning"}
+    source = {"path": ".", "mjcf": "robot.xml"}
+    recipe = {"schema": "assetbuild/v1", "robot": "robot", "source": source}
+    rows = [{"joints": ".*", "model": "pd", "kp": 1, "kd": 1}]
+    checks = [
+        Trials.configure(whole_model().model_validate(one))
+        for one in (recipe, {**recipe, "actuators": rows})
+    ]
+    assert [check.inherited for check in checks if check] == [True, False]
+
+
 def test_an_effort_limit_of_almost_nothing_is_a_dead_drive(tmp_path: Path):
     assert "trials.dead" in rules(tried(drives(effort=1e-3, friction=0.05), tmp_path))
 

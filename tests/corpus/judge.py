@@ -79,7 +79,11 @@ def in_pinocchio(source: Path, built: Path, *, edited: bool) -> str:
         upright(ours, state)
         pin.framesForwardKinematics(theirs, data, q)
         mujoco.mj_forward(ours, state)
-        there = {f.name: data.oMf[i].homogeneous for i, f in enumerate(theirs.frames)}
+        there = {
+            frame.name: data.oMf[number].homogeneous  # a joint may have the name of a link
+            for number, frame in enumerate(theirs.frames)
+            if frame.type == pin.FrameType.BODY
+        }
         if differs := unlike(there, poses(ours, state)):
             return differs
         masses = [inertia.mass for inertia in theirs.inertias]

@@ -62,7 +62,7 @@ def data_root(stated: Path | None) -> Path:
     named = stated or os.environ.get("ASSETBUILD_TEST_DATA")
     if named:
         return Path(named) / "example-robot-data"
-    return unpacked_wheel(PACKAGE, cache_root() / "test-data/whole") / ROOT_IN_WHEEL
+    return unpacked_wheel(PACKAGE, Path(cache_root()) / "test-data/whole") / ROOT_IN_WHEEL
 
 
 def unpacked_wheel(requirement: str, folder: Path) -> Path:

@@ -7,13 +7,14 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from mjcfs import TET, Reading, hard_arm, read
 
 from assetbuild.errors import SourceError
 from assetbuild.robot.model import Contact, Limits, Mimic, Place, Sensor
-from assetbuild.robot.pose import Pose
+from assetbuild.robot.pose import Pose, rotation_of
 from assetbuild.robot.shapes import Capsule, MeshFile
 from assetbuild.robot.tree import forward_kinematics
 
@@ -328,7 +329,6 @@ def test_a_comment_changes_only_the_lines(tmp_path: Path):
         (robot('<body name="a">\n<geom class="no" size=".1"/></body>'), "robot.xml:2: no default class `no`"),
         (robot(ARM, head='<asset><mesh name="m" file="../../x.stl"/></asset>'), "file `../../x.stl` leads out of the source"),
         (robot(ARM, head='<asset><mesh name="m" file="/etc/x.stl"/></asset>'), "file `/etc/x.stl` cannot be followed"),
-        (robot(ARM, head='<asset><mesh name="m" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>'), "mesh `m` has no file"),
         (robot(ARM, head='<asset><mesh file="a.msh"/></asset>'), "is neither STL nor OBJ"),
         (robot(ARM, head='<include file="no.xml"/>'), "no file `arm/no.xml` to include"),
         (robot(ARM, head='<include file="../../../etc/passwd"/>'), "leads out of the source"),
@@ -464,3 +464,43 @@ def test_what_acts_through_a_lost_tendon_is_lost_too(tmp_path: Path):
     told = [f.message.split(" was")[0] for f in reading.findings if f.rule == "mjcf.dropped"]
     assert told == ["<spatial> `t`", "<muscle> `m`", "<tendonpos> `p`"]
     assert not {i.place for i in reading.control.mjcf_only} & {"tendon", "actuator"}
+
+
+POINTS = 'vertex="0 0 0 1 0 0 0 2 0 0 0 3"'
+INLINE = {
+    "with faces": f'{POINTS} face="0 2 1 0 1 3 0 3 2 1 2 3"',
+    "the hull of its points": POINTS,
+    "made by MuJoCo": 'builtin="wedge" params="3 3 90 30 .1" inertia="convex"',
+    "turned and scaled": f'{POINTS} scale="2 2 2" refpos=".1 .2 .3" refquat="1 .3 .2 .1"',
+}
+
+
+@pytest.mark.parametrize("what", INLINE)
+def test_a_mesh_in_the_text_becomes_a_file(what: str, tmp_path: Path):
+    text = robot(
+        '<body name="a"><geom type="mesh" mesh="m"/></body>',
+        head=f'<asset><mesh name="m" {INLINE[what]}/></asset>',
+    )
+    reading, model = read(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    assert [mesh["path"] for mesh in reading.meshes] == ["(inline)/0.obj"]
+    inertial = reading.links.by_body["a"].inertial
+    assert inertial is not None
+    assert inertial.mass_kg == pytest.approx(model.body_mass[1], rel=1e-6)
+    assert inertial.com_m == pytest.approx(model.body_ipos[1], abs=1e-6)
+    shape = reading.shapes.shapes[0]
+    points = [
+        [float(word) for word in line.split()[1:]]
+        for line in (reading.files / "(inline)/0.obj").read_text().splitlines()
+        if line.startswith("v ")
+    ]
+    assert isinstance(shape.geometry, MeshFile)
+    ours = np.array([shape.X_link_shape.apply(np.array(p) * shape.geometry.scale) for p in points])
+    turn = rotation_of(tuple(model.geom_quat[0]))
+    theirs = model.mesh_vert @ turn.T + model.geom_pos[0]
+    assert np.sort(ours, axis=0) == pytest.approx(np.sort(theirs, axis=0), abs=1e-6)
+
+
+def test_points_that_are_no_mesh_are_refused_with_their_line(tmp_path: Path):
+    for number, said in enumerate(('vertex="0 1"', f'{POINTS} face="0 1 9"', "")):
+        head = f'<asset>\n<mesh name="m" {said}/></asset>'
+        assert "robot.xml:2: mesh `m`" in refused(robot(ARM, head=head), tmp_path / str(number))

@@ -12,6 +12,7 @@ from assetbuild.engine.step import Files, Limits, Step
 from assetbuild.findings import Finding
 from assetbuild.source.mjcf.copies import write_out
 from assetbuild.source.mjcf.includes import below, expanded, folder_of
+from assetbuild.source.mjcf.inline import write_inline
 from assetbuild.source.mjcf.names import name_all
 from assetbuild.source.mjcf.scenery import cut_scenery
 from assetbuild.source.mjcf.text import AT, bodies, error_at, parts, where_of
@@ -37,7 +38,7 @@ class FlattenMjcf(Step):
     comments or the order of attributes' blanks changes `lines.json` and `source_map.json` alone.
     """
 
-    outputs = ("source.xml", "lines.json", "meshes.json", "source_map.json")
+    outputs = ("source.xml", "lines.json", "meshes.json", "source_map.json", "inline/")
     isolated = True
     limits = Limits(wall_s=120.0, memory_mb=2048)
 
@@ -58,6 +59,7 @@ class FlattenMjcf(Step):
                 raise error_at(found, f"<{tag}> is not read", hint)
         name_all(root)
         findings = list(cut_scenery(root, self.body))
+        findings += write_inline(root, files.outputs / "inline")
         (files.outputs / "meshes.json").write_text(_json(_meshes(root)), encoding="ascii")
         lines = [str(element.get(AT)) for element in root.iter("*")]
         (files.outputs / "lines.json").write_text(_json(lines), encoding="ascii")
@@ -115,11 +117,8 @@ def _resolved(root: _Element) -> _Element:
 
 
 def _check_mesh(mesh: _Element) -> None:
-    file = mesh.get("file")
-    if file is None:
-        hint = "store its points in an OBJ file"
-        raise error_at(mesh, f"mesh `{mesh.get('name')}` has no file", hint)
-    if not file.lower().endswith(MESHES):
+    file = mesh.get("file", "")
+    if file and not file.lower().endswith(MESHES):
         raise error_at(mesh, f"mesh `{file}` is neither STL nor OBJ", "convert it to OBJ")
 
 
