@@ -112,6 +112,13 @@ def test_what_only_mjcf_has_comes_out_as_it_went_in(what: str, tmp_path: Path):
     assert run_step(MjcfSource(robot="robot"), made.inputs, tmp_path / "compared") == []
 
 
+def test_a_material_whose_geoms_all_have_colours_of_their_own_is_not_expected(tmp_path: Path):
+    text = """<mujoco><asset><material name="m" shininess="1" rgba="1 0 0 1"/></asset><worldbody>
+    <body name="a"><geom size=".1"/><geom size=".2" material="m" rgba="0 1 0 1" contype="0"
+    conaffinity="0"/></body></worldbody></mujoco>"""
+    assert proved(written(tmp_path, text)) == []
+
+
 @pytest.mark.parametrize("free", ["", "<joint/>", "<freejoint/>"])
 def test_a_muscle_between_world_and_robot_comes_out_as_it_went_in(free: str, tmp_path: Path):
     text = f"""<mujoco><worldbody><site name="anchor" pos="0 0 2"/>
