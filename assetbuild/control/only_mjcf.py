@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator, Mapping
 from xml.etree import ElementTree
 
 from assetbuild.findings import Finding, Rule
+from assetbuild.robot.effort_words import WORDS as EFFORT_WORDS
+from assetbuild.robot.effort_words import force_range
 from assetbuild.robot.model import MjcfOnly
 
 ONLY_IN_MJCF = Rule(
@@ -15,6 +17,13 @@ ONLY_IN_MJCF = Rule(
     "in the MJCF; URDF and USD have no place for it",
     "nothing",
 )
+UNEVEN_EFFORT = Rule(
+    "mjcf.uneven_effort",
+    "warning",
+    "`actuatorfrcrange` limits a joint's effort more in one direction than in the other; the "
+    "MJCF has both numbers, URDF, USD and the trainers' modules have one, the larger",
+    "give the joint a row in `actuators` with the `effort` that all formats shall have",
+)
 
 
 def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
@@ -22,6 +31,11 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
     groups: dict[tuple[str, str], list[str]] = {}
     for item in items:
         element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+        yield from _uneven(item)
+        for name in EFFORT_WORDS.get(item.place, ()):
+            element.attrib.pop(name, None)  # the robot's effort limit holds it
+        if item.place in EFFORT_WORDS and not element.attrib:
+            continue
         said = _SAID_OF.get(item.place, _element_of)(element)
         groups.setdefault((item.place, said), []).append(item.owner or element.get("name", ""))
     for (place, said), owners in groups.items():
@@ -32,6 +46,19 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
             "robot",
             f"{said}{of}: in the MJCF only, URDF and USD have no place for it",
             data={"place": place, "said": said, "count": len(owners)},
+        )
+
+
+def _uneven(item: MjcfOnly) -> Iterator[Finding]:
+    ends = force_range(item)
+    if ends is not None and -ends[0] != ends[1]:
+        lower, upper = ends
+        yield UNEVEN_EFFORT(
+            f"joint {item.owner}",
+            f"its effort lies in {lower:.4g}..{upper:.4g} (`actuatorfrcrange`): the MJCF has both "
+            f"ends, URDF, USD and the trainers' modules are limited to {max(-lower, upper):.4g} "
+            "either way",
+            data={"lower": lower, "upper": upper},
         )
 
 

@@ -13,6 +13,7 @@ from assetbuild.control.senses import changed
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.contact import Surface
+from assetbuild.robot.effort_words import of_same_effort
 from assetbuild.robot.model import (
     Actuator,
     Camera,
@@ -84,11 +85,14 @@ def join(
     bodies = _Bodies(tree, findings)
     contact, contacts = _contacts(control.contact, source, shapes, stated, findings)
     keyframes = joined_keyframes(control.keyframes, said.keyframes, tree, stated.poses)
-    mjcf_only = tuple(_kept(said, bodies, shapes, stated, findings))
+    actuators = _actuators(control, said, stated)
+    now = {actuator.joint: actuator for actuator in actuators}
+    kept = _kept(said, bodies, shapes, stated, findings)
+    mjcf_only = tuple(of_same_effort(kept, said.by_joint, now))
     mjcf_only += tuple(_commands(source, keyframes, stated))
     joined = replace(
         control,
-        actuators=_actuators(control, said, stated),
+        actuators=actuators,
         keyframes=keyframes,
         excludes=tuple(sorted({*control.excludes, *bodies.pairs(said.excludes)})),
         contact=contact,

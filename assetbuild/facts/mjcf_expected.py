@@ -146,7 +146,8 @@ def _drive(actuator: Actuator, joint: Joint, facts: dict[Key, Value]) -> None:
             ctrl = actuator.ctrl or ((-effort, effort) if effort else None)
             put("model", "motor")
             put("command range", ctrl)
-            put("effort", max(-ctrl[0], ctrl[1]) if ctrl else None)
+            asked = max(-ctrl[0], ctrl[1]) if ctrl else effort
+            put("effort", min(asked, effort or asked) if asked else None)
             put("kp", 0.0)
             put("kd", 0.0)
     if actuator.model == "velocity":

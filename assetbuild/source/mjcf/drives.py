@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -71,10 +72,40 @@ def read_drives(links: Links) -> Drives:
             found.mjcf_only.append(MjcfOnly("drive", unclipped, joint))
     for name, moved in moving.items():
         own = driven.get(name, Actuator(name, "passive"))
-        found.actuators.append(_of_joint(own, moved, model))
-        if own.effort is not None:
-            found.limits[name] = replace(moved.limits, effort=own.effort)
+        limited, words_of_its_own = _clamped(own, _clamp(model, name))
+        found.actuators.append(_of_joint(limited, moved, model))
+        if words_of_its_own:
+            text = element_text("general", words_of_its_own)
+            found.mjcf_only.append(MjcfOnly("drive", text, name))
+        if limited.effort is not None:
+            found.limits[name] = replace(moved.limits, effort=limited.effort)
     return found
+
+
+def _clamp(model: Model, joint: str) -> tuple[float, float] | None:
+    index = int(model.joint(joint).id)
+    return _range(model.jnt_actfrclimited[index], model.jnt_actfrcrange[index])
+
+
+def _clamped(
+    actuator: Actuator, clamp: tuple[float, float] | None
+) -> tuple[Actuator, dict[str, str]]:
+    """(with the effort limit that the joint's `actuatorfrcrange` leaves, its own limit in MJCF).
+
+    MuJoCo clips the force of the drive to its own range, and the sum on the joint to the joint's.
+    """
+    most = max(-clamp[0], clamp[1]) if clamp else math.inf
+    own = actuator.effort
+    if most == math.inf or (own is not None and own <= most):
+        return actuator, {}
+    limited = replace(actuator, effort=most)
+    if actuator.model == "passive":
+        return limited, {}
+    word = "ctrl" if actuator.model == "motor" and actuator.ctrl is None else "force"
+    if own is None or actuator.model == "motor":
+        # Taken away from the element, and switched off where its class says it.
+        return limited, {f"{word}range": "", f"{word}limited": "false"}
+    return limited, {"forcerange": words((-own, own))}
 
 
 def _of_joint(actuator: Actuator, joint: Joint, model: Model) -> Actuator:

@@ -8,7 +8,8 @@
 | general | `<general>` with its own parameters, forcerange = effort |
 | passive | no actuator |
 
-A row's own range of the command (`ctrl`) comes before these rules.
+A row's own range of the command (`ctrl`) comes before these rules; a motor that may be asked for
+more than its effort has that as its forcerange.
 
 Damping of the joint and `kv` of the drive add up in MuJoCo, as `damping` and `kd` do here.
 `dampratio` is not written: its meaning changed between versions of MuJoCo.
@@ -16,6 +17,7 @@ Damping of the joint and `kv` of the drive add up in MuJoCo, as `damping` and `k
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -136,7 +138,9 @@ def _drive(joint: Joint, actuator: Actuator) -> dict[str, dict[str, str | None]]
         case "general":
             tag, said = "general", {"forcerange": effort, **_general(actuator)}
         case _:
-            tag, said = "motor", {"ctrlrange": effort}
+            asked = max(-actuator.ctrl[0], actuator.ctrl[1]) if actuator.ctrl else 0.0
+            beyond = effort if asked > (actuator.effort or math.inf) else None
+            tag, said = "motor", {"ctrlrange": effort, "forcerange": beyond}
     if actuator.ctrl is not None:
         said |= {"inheritrange": None, "ctrlrange": numbers(actuator.ctrl)}
     return {tag: said}

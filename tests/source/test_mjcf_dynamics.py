@@ -1,0 +1,151 @@
+"""The forces on an MJCF's joints, their limits, gears and springs come out as they went in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from mjcfs import Written, read, write
+from tiny import run_step
+
+from assetbuild.checks.mjcf_source import MjcfSource
+from assetbuild.facts.compare import Precision, differences
+from assetbuild.facts.readers.mjcf import MjcfFacts
+from assetbuild.robot.model import Actuator
+from assetbuild.robot.randomize import JointSample, Sample
+from assetbuild.samples.apply_sample import with_control
+
+
+def arm(joint: str = "", drive: str = "", *, more: str = "") -> str:
+    """A pendulum of one joint `j` with attributes, driven by `drive`."""
+    return f"""<mujoco><compiler angle="radian"/><worldbody><body name="base"><geom size=".1"/>
+  <body name="a" pos="0 0 .3"><joint name="j" axis="0 1 0" damping="1" {joint}/>
+  <geom type="capsule" size=".03" fromto="0 0 0 .3 0 0"/></body></body></worldbody>
+  <actuator>{drive}</actuator>{more}</mujoco>"""
+
+
+CAPPED = '<position name="j" joint="j" kp="200" kv="1" forcerange="-100 100"/>'
+OPEN = '<position name="j" joint="j" kp="100" kv="1"/>'
+MOTOR = '<motor name="j" joint="j" ctrlrange="-20 20"/>'
+BARE_MOTOR = '<motor name="j" joint="j"/>'
+GENERAL = '<general name="j" joint="j" gainprm="3" biastype="affine" biasprm="1 -2 -3"/>'
+SEVEN = 'actuatorfrcrange="-7 7"'
+
+
+def written(text: str, folder: Path, **recipe: object) -> Written:
+    return write(read(text, folder / "read"), folder / "out", **recipe)
+
+
+def drive_of(done: Written) -> Actuator:
+    return done.control.by_joint["j"]
+
+
+def same_motion(source: str, result: Path, scale: float = 1.0) -> None:
+    """200 steps under random commands. scale: of the result's command for one of the source's."""
+    a, b = mujoco.MjModel.from_xml_string(source), mujoco.MjModel.from_xml_path(str(result))
+    b.opt.timestep = a.opt.timestep
+    one, other = mujoco.MjData(a), mujoco.MjData(b)
+    random = np.random.default_rng(1)
+    for _ in range(200):
+        command = random.uniform(-30.0, 30.0, a.nu)
+        one.ctrl[:], other.ctrl[:] = command, scale * command
+        mujoco.mj_step(a, one)
+        mujoco.mj_step(b, other)
+        np.testing.assert_allclose(other.qpos, one.qpos, rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(other.qvel, one.qvel, rtol=1e-6, atol=1e-9)
+
+
+def compared(done: Written) -> set[str]:
+    out = done.inputs.parent / f"check{len(list(done.inputs.parent.iterdir()))}"
+    return {f.rule for f in run_step(MjcfSource(robot="robot"), done.inputs, out)}
+
+
+def with_change(done: Written, old: str, new: str) -> Written:
+    text = done.xml.read_text()
+    assert text.count(old) == 1, text
+    done.xml.write_text(text.replace(old, new))
+    return done
+
+
+# --- actuatorfrcrange -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("drive", [CAPPED, OPEN, MOTOR, BARE_MOTOR, GENERAL, ""])
+def test_the_range_of_a_joint_s_force_is_its_effort_limit(drive: str, tmp_path: Path):
+    text = arm(SEVEN, drive)
+    reading = read(text, tmp_path / "read")
+    assert reading.links.by_joint["j"].limits.effort == 7.0, "for URDF, and for a recipe's rows"
+    done = write(reading, tmp_path / "out")
+    assert drive_of(done).effort == 7.0
+    assert compared(done) == set()
+    same_motion(text, done.xml)
+    assert not {f.rule for f in done.findings} & {"mjcf.uneven_effort"}
+    told = [f.message for f in done.findings if f.rule == "mjcf.only"]
+    assert not [text for text in told if "actuatorfrcrange" in text], "every format has it"
+
+
+def test_a_narrower_limit_of_the_drive_itself_stays_the_effort(tmp_path: Path):
+    text = arm(SEVEN, CAPPED.replace("100", "5"))
+    done = written(text, tmp_path)
+    assert drive_of(done).effort == 5.0
+    assert compared(done) == set()
+    same_motion(text, done.xml)
+
+
+def test_a_range_that_is_switched_off_limits_nothing(tmp_path: Path):
+    done = written(arm(f'{SEVEN} actuatorfrclimited="false"', OPEN), tmp_path)
+    assert drive_of(done).effort is None
+
+
+def test_an_uneven_range_is_exact_in_mjcf_and_reported_for_the_other_formats(tmp_path: Path):
+    text = arm('actuatorfrcrange="-7 3"', OPEN)
+    done = written(text, tmp_path)
+    assert drive_of(done).effort == 7.0
+    same_motion(text, done.xml)
+    (said,) = [f for f in done.findings if f.rule == "mjcf.uneven_effort"]
+    assert (said.severity, said.data) == ("warning", {"lower": -7.0, "upper": 3.0})
+
+
+def test_an_effort_of_the_recipe_takes_the_place_of_the_range(tmp_path: Path):
+    row = {"joints": "j", "model": "pd", "kp": 50, "kd": 1, "effort": 20}
+    text = written(arm(SEVEN, OPEN), tmp_path / "a", actuators=[row]).xml.read_text()
+    assert 'forcerange="-20 20"' in text
+    assert "actuatorfrcrange" not in text
+    del row["effort"]
+    text = written(arm(SEVEN, OPEN), tmp_path / "b", actuators=[row]).xml.read_text()
+    assert 'forcerange="-7 7"' in text
+
+
+@pytest.mark.parametrize(
+    ("drive", "old", "new", "rule"),
+    [
+        (OPEN, SEVEN, 'actuatorfrcrange="-7 7.1"', "equal.source.effort"),
+        (OPEN, SEVEN, "", "equal.source.effort"),
+        (CAPPED, "-100 100", "-100 90", "equal.source.effort_range"),
+        (CAPPED, ' forcerange="-100 100"', "", "equal.source.effort_range"),
+        (CAPPED, "-100 100", "-6 6", "equal.source.effort"),
+        (MOTOR, "-20 20", "-20 21", "equal.source.command_range"),
+        (BARE_MOTOR, SEVEN, 'actuatorfrcrange="-8 8"', "equal.source.effort"),
+        ("", SEVEN, 'actuatorfrcrange="-8 8"', "equal.source.actuatorfrcrange"),
+    ],
+)
+def test_a_changed_limit_is_found_by_both_values(
+    drive: str, old: str, new: str, rule: str, tmp_path: Path
+):
+    done = written(arm(SEVEN, drive), tmp_path)
+    before = MjcfFacts(robot="robot").read(done.xml)
+    spoilt = with_change(done, old, new)
+    assert rule in compared(spoilt)
+    after = MjcfFacts(robot="robot").read(spoilt.xml)
+    assert differences(before, after, Precision()), "as `diff` compares two files"
+
+
+def test_a_drawn_effort_is_the_effort_of_the_mjcf(tmp_path: Path):
+    done = written(arm(SEVEN, CAPPED), tmp_path)
+    stronger = Sample(joints=(JointSample("j", effort=2.0),))
+    words = [item.element for item in with_control(done.control, stronger).mjcf_only]
+    assert not [text for text in words if "range=" in text and "inherit" not in text]
+    same = with_control(done.control, Sample(joints=(JointSample("j"),)))
+    assert same.mjcf_only == done.control.mjcf_only
