@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from xml.etree import ElementTree
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.effort_words import WORDS as EFFORT_WORDS
 from assetbuild.robot.effort_words import force_range
-from assetbuild.robot.model import MjcfOnly
+from assetbuild.robot.model import Actuator, MjcfOnly
 
 ONLY_IN_MJCF = Rule(
     "mjcf.only",
@@ -24,6 +24,32 @@ UNEVEN_EFFORT = Rule(
     "MJCF has both numbers, URDF, USD and the trainers' modules have one, the larger",
     "give the joint a row in `actuators` with the `effort` that all formats shall have",
 )
+
+
+GEAR = Rule(
+    "mjcf.gear",
+    "info",
+    "actuators of the MJCF have a `gear`: the MJCF keeps it and its commands, all other formats "
+    "have the drive as it acts on the joint",
+    "multiply a position or a speed by the gear, and divide an effort by it, where you send it to "
+    "the MJCF's actuator",
+)
+
+
+def explain_gears(actuators: Iterable[Actuator]) -> Iterator[Finding]:
+    """What was folded into the joints' numbers."""
+    geared = {row.joint: row.gear for row in actuators if row.gear != 1.0}
+    if geared:
+        names = [f"`{name}` ({gear:.4g})" for name, gear in geared.items()]
+        shown = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
+        yield GEAR(
+            "robot",
+            f"actuators of {len(geared)} joints have a gear g: {shown}; URDF, USD and the trainers' "
+            "modules have the drive on the joint: kp and kd times g^2, effort times |g|, commands "
+            "of position and speed divided by g, of effort times g",
+            "the MJCF keeps gear and commands as its source has them",
+            data=geared,
+        )
 
 
 def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
