@@ -72,7 +72,10 @@ def with_change(done: Written, old: str, new: str) -> Written:
 # --- actuatorfrcrange -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("drive", [CAPPED, OPEN, MOTOR, BARE_MOTOR, GENERAL, ""])
+THRUSTER = '<general name="j" joint="j" gainprm="30" ctrlrange="-.1 2"/>'
+
+
+@pytest.mark.parametrize("drive", [CAPPED, OPEN, MOTOR, BARE_MOTOR, GENERAL, THRUSTER, ""])
 def test_the_range_of_a_joint_s_force_is_its_effort_limit(drive: str, tmp_path: Path):
     text = arm(SEVEN, drive)
     reading = read(text, tmp_path / "read")
@@ -160,7 +163,8 @@ GEARED = '<motor name="j" joint="j" gear="{}" ctrlrange="-1 1"/>'
 LOOSE = '<motor name="j" joint="j" gear="{}"/>'
 LAW = GENERAL.replace("/>", ' gear="{}" forcerange="-8 8" ctrlrange="-2 3"/>')
 GROWING = '<general name="j" joint="j" gear="{}" gaintype="affine" gainprm="2 .5 .1"/>'
-EVERY = [SERVO, AIMED, WHEEL, GEARED, LOOSE, LAW, GROWING]
+GAIN = THRUSTER.replace("/>", ' gear="{}"/>')
+EVERY = [GAIN, SERVO, AIMED, WHEEL, GEARED, LOOSE, LAW, GROWING]
 
 
 @pytest.mark.parametrize("gear", ["6", "-3", "0.7"])
