@@ -45,8 +45,8 @@ def explain_gears(actuators: Iterable[Actuator]) -> Iterator[Finding]:
         yield GEAR(
             "robot",
             f"actuators of {len(geared)} joints have a gear g: {shown}; URDF, USD and the "
-            "trainers' modules have the drive on the joint: kp and kd times g^2, effort times |g|, commands "
-            "of position and speed divided by g, of effort times g",
+            "trainers' modules have the drive on the joint: kp and kd times g^2, effort times |g|, "
+            "commands of position and speed divided by g, of effort times g",
             "the MJCF keeps gear and commands as its source has them",
             data=geared,
         )
