@@ -7,6 +7,7 @@ and a torque motor stands for every drive whose law acts outside of the simulato
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -137,6 +138,9 @@ def _drive(actuator: Actuator, joint: Joint, facts: dict[Key, Value]) -> None:
                 put("drive parameters", _general(actuator))
             put("kp", kp if kind == "pd" else 0.0)
             put("kd", kd if kind in ("pd", "velocity") else 0.0)
+            if reached := _reached(actuator):
+                put("effort", max(-reached[0], reached[1]))
+                put("mjcf:effort range", reached if reached[0] != -reached[1] else None)
         case _:
             effort = actuator.effort
             ctrl = actuator.ctrl or ((-effort, effort) if effort else None)
@@ -148,6 +152,20 @@ def _drive(actuator: Actuator, joint: Joint, facts: dict[Key, Value]) -> None:
             put("kd", 0.0)
     if actuator.model == "velocity":
         put("kp", 0.0)
+
+
+def _reached(actuator: Actuator) -> tuple[float, float] | None:
+    """Least and greatest force where it is the command times a gain, and the command is limited."""
+    said, ctrl = actuator.general, actuator.ctrl
+    if said is None or ctrl is None or said.gaintype != "fixed":
+        return None
+    filtered = said.dyntype in ("none", "filter", "filterexact")
+    if not filtered or said.biastype != "none":
+        return None
+    gain = float((*said.gainprm, *DEFAULT_PRM[len(said.gainprm) :])[0])
+    low, high = sorted((gain * ctrl[0], gain * ctrl[1]))
+    most = math.inf if actuator.effort is None else actuator.effort
+    return max(low, -most), min(high, most)
 
 
 def _law(actuator: Actuator) -> tuple[str, float, float]:

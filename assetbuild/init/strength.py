@@ -186,9 +186,7 @@ def physical_efforts(
     wheels = [name for name, role in parts.items() if role == "wheel"]
     weight, found = total_mass(tree) * GRAVITY, {}
     share = weight / max(1, len(anatomy.walks_on) // 2)
-    legs = {
-        j.name: _standing_load(leg, share) for leg in anatomy.walks_on for j in leg.joints
-    }
+    legs = {j.name: _standing_load(leg, share) for leg in anatomy.walks_on for j in leg.joints}
     for joint in tree.moving_joints:
         if joint.mimic is not None:
             continue

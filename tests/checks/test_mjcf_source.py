@@ -54,6 +54,12 @@ def test_a_hard_arm_comes_out_as_it_went_in(tmp_path: Path):
     assert compared(write(hard_arm(tmp_path / "read"), tmp_path / "out")) == []
 
 
+def test_triangles_without_area_are_no_difference(tmp_path: Path):
+    flat = TET + "v .5 .5 .5\nv .5 .5 .5\nf 5 6 1\nf 1 1 2\n"
+    reading = read(FLOATING, tmp_path / "read", tet_obj=flat)
+    assert compared(write(reading, tmp_path / "out")) == []
+
+
 def test_a_floating_robot_comes_out_as_it_went_in(tmp_path: Path):
     reading = read(FLOATING, tmp_path / "read", tet_obj=TET)
     assert compared(write(reading, tmp_path / "out")) == []

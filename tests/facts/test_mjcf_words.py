@@ -99,6 +99,11 @@ TEXTS = {
     "two drives of a joint": ('<actuator><motor name="a" joint="j" ctrlrange="0 1" ctrllimited="true"/><motor name="b" joint="j"/></actuator>', "", ""),
     "user numbers": ('<actuator><motor joint="j" user="1 2"/></actuator>', "", ""),
     "geared motor at ref": ('<actuator><motor joint="j" gear="3"/></actuator>', 'ref=".2"', ""),
+    "gain": ('<actuator><general joint="j" gainprm="20" ctrlrange="-1 2" ctrllimited="true"/></actuator>', "", ""),
+    "gain behind a filter": ('<actuator><general joint="j" gainprm="20" ctrlrange="-1 1" ctrllimited="true" dyntype="filter" dynprm=".1"/></actuator>', "", ""),
+    "keyframe without commands": ('<actuator><position joint="j" kp="3"/></actuator><keyframe><key name="k" qpos=".3 .1"/></keyframe>', "", ""),
+    "keyframes without names": (ROPE.replace('joint="j"', 'tendon="t"') + '<size nkey="2"/><keyframe><key name="k" qpos=".3 .1"/></keyframe>', "", ""),
+    "ranges that limit nothing": (ROPE.replace('joint="j"', 'tendon="t" forcerange="-2 2" forcelimited="false" ctrlrange="-1 1" ctrllimited="false"'), "", ""),
     "quadrotor": ('<actuator><motor site="s" gear="0 0 1 0 0 .1"/></actuator>', "", ""),
     "adhesion": ('<actuator><adhesion body="lower" ctrlrange="0 1" gain="2"/></actuator>', "", ""),
 }  # fmt: skip

@@ -282,5 +282,6 @@ def _is_stated(
         "contact": shape and quantity.removeprefix("mjcf:") in SURFACE,
         "decimated": shape and not touches(own) and quantity in MESH,
         f"keyframe {name.split('/')[0]}": kind == "keyframe",
+        f"commands {name.split('/')[0]}": commands,
     }
     return any(said and reason in stated for reason, said in reasons.items())
