@@ -13,9 +13,13 @@ from tiny import run_step
 from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.facts.compare import Precision, differences
 from assetbuild.facts.readers.mjcf import MjcfFacts
+from assetbuild.findings import Finding
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.randomize import JointSample, Sample
 from assetbuild.samples.apply_sample import with_control
+from assetbuild.simulators.usd_options import UsdOptions
+from assetbuild.targets.usd.unsupported import unsupported
 
 
 def arm(joint: str = "", drive: str = "", *, more: str = "") -> str:
@@ -240,3 +244,53 @@ def test_a_changed_gear_is_found(old: str, new: str, rule: str, tmp_path: Path):
     assert f"equal.source.{rule}" in compared(spoilt)
     after = MjcfFacts(robot="robot").read(spoilt.xml)
     assert rule in {one.key.quantity for one in differences(before, after, Precision())}
+
+
+# --- springs --------------------------------------------------------------------------------
+
+SPRUNG = 'stiffness="12" springref="0.4"'
+
+
+def usd_findings(done: Written) -> list[Finding]:
+    files = RobotFiles(done.inputs)
+    return list(unsupported(files.tree, files.control, UsdOptions.model_validate({})))
+
+
+def test_a_spring_stays_in_the_mjcf_and_both_losses_are_reported(tmp_path: Path):
+    text = arm(f'{SPRUNG} {SEVEN} solreflimit=".01 1"', OPEN)
+    done = written(text, tmp_path)
+    same_motion(text, done.xml)
+    assert compared(done) == set()
+    (warning,) = [f for f in done.findings if f.rule == "mjcf.spring"]
+    assert (warning.severity, warning.data) == ("warning", {"j": "12"})
+    (error,) = [f for f in usd_findings(done) if f.rule == "usd.spring"]
+    assert (error.severity, error.data) == ("error", {"j": "12"})
+    told = [f.message for f in done.findings if f.rule == "mjcf.only" and "of joint" in f.message]
+    assert told == [
+        "`solreflimit` of joint `j`: in the MJCF only, the other formats are written without it"
+    ]
+
+
+@pytest.mark.parametrize("joint", ["", 'springref="0.4"', 'stiffness="0"'])
+def test_a_joint_without_stiffness_has_no_spring(joint: str, tmp_path: Path):
+    done = written(arm(joint, OPEN), tmp_path)
+    rules = {f.rule for f in (*done.findings, *usd_findings(done))}
+    assert not rules & {"mjcf.spring", "usd.spring"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "rule"),
+    [
+        ('stiffness="12"', 'stiffness="12.5"', "stiffness"),
+        (' stiffness="12"', "", "stiffness"),
+        ('springref="0.4"', 'springref="0.41"', "spring_reference"),
+    ],
+)
+def test_a_changed_spring_is_found(old: str, new: str, rule: str, tmp_path: Path):
+    done = written(arm(SPRUNG, OPEN), tmp_path)
+    before = MjcfFacts(robot="robot").read(done.xml)
+    spoilt = with_change(done, old, new)
+    assert f"equal.source.{rule}" in compared(spoilt)
+    after = MjcfFacts(robot="robot").read(spoilt.xml)
+    changed = {one.key.quantity for one in differences(before, after, Precision())}
+    assert rule.replace("_", " ") in changed
