@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 from xml.etree import ElementTree
 
-from assetbuild.control.only_mjcf import explain_opaque
+from assetbuild.control.only_mjcf import explain_gears, explain_opaque
 from assetbuild.control.senses import changed
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuator_table import ActuatorRow
@@ -102,7 +102,8 @@ def join(
         cameras=_by_name(control.cameras, said.cameras),
         mjcf_only=mjcf_only,
     )
-    return JoinedControl(joined, [*findings, *explain_opaque(mjcf_only)])
+    findings += [*explain_gears(actuators), *explain_opaque(mjcf_only)]
+    return JoinedControl(joined, findings)
 
 
 def _by_name(own: tuple[T, ...], said: Sequence[T]) -> tuple[T, ...]:

@@ -161,8 +161,9 @@ def _drive(model: Model, drive: Drive, book: Writer) -> None:
     if not plain or (kind == "motor" and drive.gain != drive.gear):
         facts["drive parameters"] = general_text(model, drive.index)
     hidden = drive.on_joint != drive.torque and model.actuator_forcelimited[drive.index]
-    if drive.torque[0] != -drive.torque[1] or hidden:
-        facts["mjcf:effort range"] = drive.torque
+    ends = drive.torque if hidden else drive.within_effort
+    if ends[0] != -ends[1] or hidden:
+        facts["mjcf:effort range"] = ends
     known = book.facts.get(("joint", drive.joint_name, "gear"))  # type: ignore[call-overload] # a plain tuple
     if known is not None:
         book.put("actuator", name, {"mjcf:drives": drive.joint_name, **_as_words(facts)})

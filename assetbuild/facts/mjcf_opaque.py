@@ -75,12 +75,17 @@ def opaque_of(items: tuple[MjcfOnly, ...], reference: Reference) -> Opaque:
         if item.place == "drive":
             # The joint's own range, which is narrower, is the robot's effort.
             if ends := stated.pop("forcerange", ""):
-                found[Key("joint", owner, "mjcf:effort range")] = tuple(map(float, ends.split()))
+                found[Key("joint", owner, "mjcf:effort range")] = _on_joint(ends, owner, reference)
             stated = {k: v for k, v in stated.items() if not k.endswith("limited")}  # as compiled
         plain = " ".join(f'{name}="{value}"' for name, value in stated.items() if value)
         for key, value in _owned(kind, plain).items() if plain else ():
             found[Key(kind, named, WORDS.get(key.quantity, key.quantity))] = value
     return Opaque(frozenset(subjects), found, frozenset(touched))
+
+
+def _on_joint(ends: str, joint: str, reference: Reference) -> tuple[float, ...]:
+    row = reference.control.by_joint.get(joint)
+    return tuple((abs(row.gear) if row else 1.0) * float(end) for end in ends.split())
 
 
 def _document(item: MjcfOnly, names: Mapping[str, str]) -> str:

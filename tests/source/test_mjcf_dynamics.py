@@ -13,9 +13,13 @@ from tiny import run_step
 from assetbuild.checks.mjcf_source import MjcfSource
 from assetbuild.facts.compare import Precision, differences
 from assetbuild.facts.readers.mjcf import MjcfFacts
+from assetbuild.findings import Finding
+from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.randomize import JointSample, Sample
 from assetbuild.samples.apply_sample import with_control
+from assetbuild.simulators.usd_options import UsdOptions
+from assetbuild.targets.usd.unsupported import unsupported
 
 
 def arm(joint: str = "", drive: str = "", *, more: str = "") -> str:
@@ -30,7 +34,7 @@ CAPPED = '<position name="j" joint="j" kp="200" kv="1" forcerange="-100 100"/>'
 OPEN = '<position name="j" joint="j" kp="100" kv="1"/>'
 MOTOR = '<motor name="j" joint="j" ctrlrange="-20 20"/>'
 BARE_MOTOR = '<motor name="j" joint="j"/>'
-GENERAL = '<general name="j" joint="j" gainprm="3" biastype="affine" biasprm="1 -2 -3"/>'
+GENERAL = '<general name="j" joint="j" gainprm="3" biastype="affine" biasprm="1 -2 -.3"/>'
 SEVEN = 'actuatorfrcrange="-7 7"'
 
 
@@ -72,7 +76,10 @@ def with_change(done: Written, old: str, new: str) -> Written:
 # --- actuatorfrcrange -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("drive", [CAPPED, OPEN, MOTOR, BARE_MOTOR, GENERAL, ""])
+THRUSTER = '<general name="j" joint="j" gainprm="30" ctrlrange="-.1 2"/>'
+
+
+@pytest.mark.parametrize("drive", [CAPPED, OPEN, MOTOR, BARE_MOTOR, GENERAL, THRUSTER, ""])
 def test_the_range_of_a_joint_s_force_is_its_effort_limit(drive: str, tmp_path: Path):
     text = arm(SEVEN, drive)
     reading = read(text, tmp_path / "read")
@@ -149,3 +156,141 @@ def test_a_drawn_effort_is_the_effort_of_the_mjcf(tmp_path: Path):
     assert not [text for text in words if "range=" in text and "inherit" not in text]
     same = with_control(done.control, Sample(joints=(JointSample("j"),)))
     assert same.mjcf_only == done.control.mjcf_only
+
+
+# --- gear -----------------------------------------------------------------------------------
+
+SERVO = '<position name="j" joint="j" kp="20" kv="0.5" gear="{}" forcerange="-4 4"/>'
+AIMED = '<position name="j" joint="j" kp="3" kv="0.1" gear="{}" ctrlrange="-2 6"/>'
+WHEEL = '<velocity name="j" joint="j" kv="0.7" gear="{}" ctrlrange="-9 9" forcerange="-3 3"/>'
+GEARED = '<motor name="j" joint="j" gear="{}" ctrlrange="-1 1"/>'
+LOOSE = '<motor name="j" joint="j" gear="{}"/>'
+LAW = GENERAL.replace("/>", ' gear="{}" forcerange="-8 8" ctrlrange="-2 3"/>')
+GROWING = '<general name="j" joint="j" gear="{}" gaintype="affine" gainprm="2 .5 .1"/>'
+GAIN = THRUSTER.replace("/>", ' gear="{}"/>')
+EVERY = [GAIN, SERVO, AIMED, WHEEL, GEARED, LOOSE, LAW, GROWING]
+
+
+@pytest.mark.parametrize("gear", ["6", "-3", "0.7"])
+@pytest.mark.parametrize("drive", EVERY)
+@pytest.mark.parametrize("joint", ["", SEVEN, 'ref="0.2" range="-2 2"'])
+def test_a_geared_drive_moves_as_in_the_source_under_its_own_commands(
+    drive: str, gear: str, joint: str, tmp_path: Path
+):
+    text = arm(joint, drive.format(gear))
+    done = written(text, tmp_path)
+    assert drive_of(done).gear == float(gear)
+    assert compared(done) == set()
+    assert [f.data for f in done.findings if f.rule == "mjcf.gear"] == [{"j": float(gear)}]
+    if "ref" not in joint:
+        same_motion(text, done.xml)
+
+
+@pytest.mark.parametrize(
+    ("drive", "model", "said"),
+    [
+        (SERVO, "pd", {"kp": 720.0, "kd": 18.0, "effort": 24.0, "ctrl": None}),
+        (AIMED, "pd", {"kp": 108.0, "ctrl": (-2 / 6, 1.0), "effort": None}),
+        (WHEEL, "velocity", {"kd": 25.2, "effort": 18.0, "ctrl": (-1.5, 1.5)}),
+        (GEARED, "motor", {"effort": 6.0, "ctrl": (-6.0, 6.0)}),
+        (LOOSE, "motor", {"effort": None, "ctrl": None}),
+        (LAW, "general", {"effort": 48.0, "ctrl": (-2.0, 3.0)}),
+    ],
+)
+def test_a_gear_is_folded_into_what_acts_on_the_joint(
+    drive: str, model: str, said: dict[str, object], tmp_path: Path
+):
+    row = drive_of(written(arm("", drive.format(6)), tmp_path))
+    assert row.model == model
+    for name, value in said.items():
+        assert getattr(row, name) == (value if value is None else pytest.approx(value)), name
+
+
+def test_a_folded_servo_without_its_gear_moves_as_the_geared_one(tmp_path: Path):
+    text = arm("", SERVO.format(6))
+    row = drive_of(written(text, tmp_path))
+    folded = f'<position name="j" joint="j" kp="{row.kp}" kv="{row.kd}" forcerange="-24 24"/>'
+    (tmp_path / "folded.xml").write_text(arm("", folded))
+    same_motion(text, tmp_path / "folded.xml", scale=1 / 6)
+
+
+def test_a_keyframe_s_command_of_a_geared_servo_holds_its_pose(tmp_path: Path):
+    pose = {"home": {"joints": {"j": 0.3}}}
+    done = written(arm("", SERVO.format(6)), tmp_path, keyframes=pose)
+    model = mujoco.MjModel.from_xml_path(str(done.xml))
+    assert model.key_ctrl[0, 0] == pytest.approx(1.8)
+
+
+def test_a_row_of_the_recipe_has_no_gear(tmp_path: Path):
+    row = {"joints": "j", "model": "pd", "kp": 50, "kd": 1, "effort": 20}
+    done = written(arm("", SERVO.format(6)), tmp_path, actuators=[row])
+    assert drive_of(done).gear == 1.0
+    assert "gear" not in done.xml.read_text()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "rule"),
+    [
+        ('gear="6"', 'gear="6.1"', "gear"),
+        (' gear="6"', "", "gear"),
+        ('kp="20"', 'kp="20.5"', "kp"),
+        ('forcerange="-4 4"', 'forcerange="-4.1 4.1"', "effort"),
+    ],
+)
+def test_a_changed_gear_is_found(old: str, new: str, rule: str, tmp_path: Path):
+    done = written(arm("", SERVO.format(6)), tmp_path)
+    before = MjcfFacts(robot="robot").read(done.xml)
+    spoilt = with_change(done, old, new)
+    assert f"equal.source.{rule}" in compared(spoilt)
+    after = MjcfFacts(robot="robot").read(spoilt.xml)
+    assert rule in {one.key.quantity for one in differences(before, after, Precision())}
+
+
+# --- springs --------------------------------------------------------------------------------
+
+SPRUNG = 'stiffness="12" springref="0.4"'
+
+
+def usd_findings(done: Written) -> list[Finding]:
+    files = RobotFiles(done.inputs)
+    return list(unsupported(files.tree, files.control, UsdOptions.model_validate({})))
+
+
+def test_a_spring_stays_in_the_mjcf_and_both_losses_are_reported(tmp_path: Path):
+    text = arm(f'{SPRUNG} {SEVEN} solreflimit=".01 1"', OPEN)
+    done = written(text, tmp_path)
+    same_motion(text, done.xml)
+    assert compared(done) == set()
+    (warning,) = [f for f in done.findings if f.rule == "mjcf.spring"]
+    assert (warning.severity, warning.data) == ("warning", {"j": "12"})
+    (error,) = [f for f in usd_findings(done) if f.rule == "usd.spring"]
+    assert (error.severity, error.data) == ("error", {"j": "12"})
+    told = [f.message for f in done.findings if f.rule == "mjcf.only" and "of joint" in f.message]
+    assert told == [
+        "`solreflimit` of joint `j`: in the MJCF only, the other formats are written without it"
+    ]
+
+
+@pytest.mark.parametrize("joint", ["", 'springref="0.4"', 'stiffness="0"'])
+def test_a_joint_without_stiffness_has_no_spring(joint: str, tmp_path: Path):
+    done = written(arm(joint, OPEN), tmp_path)
+    rules = {f.rule for f in (*done.findings, *usd_findings(done))}
+    assert not rules & {"mjcf.spring", "usd.spring"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "rule"),
+    [
+        ('stiffness="12"', 'stiffness="12.5"', "stiffness"),
+        (' stiffness="12"', "", "stiffness"),
+        ('springref="0.4"', 'springref="0.41"', "spring_reference"),
+    ],
+)
+def test_a_changed_spring_is_found(old: str, new: str, rule: str, tmp_path: Path):
+    done = written(arm(SPRUNG, OPEN), tmp_path)
+    before = MjcfFacts(robot="robot").read(done.xml)
+    spoilt = with_change(done, old, new)
+    assert f"equal.source.{rule}" in compared(spoilt)
+    after = MjcfFacts(robot="robot").read(spoilt.xml)
+    changed = {one.key.quantity for one in differences(before, after, Precision())}
+    assert rule.replace("_", " ") in changed

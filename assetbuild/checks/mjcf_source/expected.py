@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -80,7 +81,7 @@ def _robot(side: Side, world: str) -> Subjects:
 
 def _count_from(rest: float, joint: str, facts: Subjects) -> None:
     own = facts["joint", joint]
-    holds = own.get("model") == "pd"
+    holds, gear = own.get("model") == "pd", own.get("gear", 1.0)
     shifted = [(own, "lower"), (own, "upper")]
     shifted += [(own, "spring reference")] if own.get("stiffness") else []
     shifted += [(own, "command range")] if holds else []
@@ -89,10 +90,22 @@ def _count_from(rest: float, joint: str, facts: Subjects) -> None:
             shifted += [(pose, "position"), *([(pose, "target")] if holds else [])]
     for some, quantity in shifted:
         value = some.get(quantity)
+        commands = quantity in ("command range", "target")  # which count in the drive's gear
+        by = rest * float(gear) if commands and isinstance(gear, float) else rest
         if isinstance(value, tuple):
-            some[quantity] = tuple(float(v) - rest for v in value)
+            some[quantity] = tuple(float(v) - by for v in value)
         elif value is not None:
-            some[quantity] = float(value) - rest
+            some[quantity] = float(value) - by
+    if isinstance(law := own.get("drive parameters"), str) and isinstance(gear, float):
+        own["drive parameters"] = _law_from(rest * gear, law)
+
+
+def _law_from(rest: float, law: str) -> str:
+    """A gain and a bias that are affine in a position, which counts from `rest`."""
+    *kinds, dyn, gain, bias = json.loads(law)
+    for kind, prm in zip(kinds[1:], (gain, bias), strict=True):
+        prm[0] = float(f"{prm[0] + prm[1] * rest:.15g}") if kind == "affine" else prm[0]
+    return json.dumps([*kinds, dyn, gain, bias])
 
 
 # --- frames of bodies -----------------------------------------------------------------------
