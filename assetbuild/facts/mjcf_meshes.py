@@ -51,9 +51,9 @@ class Meshes:
             own = model.mesh_normal[int(model.mesh_normaladr[mesh]) :]
             normals = own[model.mesh_facenormal[faces]]
         corners = np.asarray(vertices, dtype=np.float64)[model.mesh_face[faces]]
-        a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-        # The build drops triangles of which two corners are one: they have no area.
-        whole = (a != b).any(axis=1) & (b != c).any(axis=1) & (c != a).any(axis=1)
+        # The build drops triangles that use one vertex twice: they have no area.
+        a, b, c = model.mesh_face[faces].T
+        whole = (a != b) & (b != c) & (c != a)
         uv = None if uv is None else uv[whole]
         return measure(corners[whole], uv, None if normals is None else normals[whole])
 

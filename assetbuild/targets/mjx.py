@@ -93,7 +93,7 @@ class Mjx(Target):
         robot = RobotFiles(files.inputs)
         tree, shapes, control = robot.tree, robot.shapes, robot.control
         meshes = robot.mesh_dir
-        left_out, shapes = self._touching(readable(shapes, meshes))
+        left_out, shapes = self._touching(readable(shapes, meshes, control.mjcf_only))
         yield from self._explain_condim(control)
         control = self._masked(control, shapes)
         stem = f"{self.robot}_mjx"

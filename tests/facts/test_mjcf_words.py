@@ -117,6 +117,14 @@ def test_what_only_mjcf_has_comes_out_as_it_went_in(what: str, tmp_path: Path):
     assert run_step(MjcfSource(robot="robot"), made.inputs, tmp_path / "compared") == []
 
 
+def test_materials_alike_but_for_what_mjcf_alone_says_stay_two(tmp_path: Path):
+    text = """<mujoco><asset><material name="m" rgba="1 0 0 1"/>
+    <material name="n" shininess="1" rgba="1 0 0 1"/></asset><worldbody><body name="a">
+    <geom size=".1"/><geom size=".2" material="m" contype="0" conaffinity="0"/>
+    <geom size=".3" material="n" contype="0" conaffinity="0"/></body></worldbody></mujoco>"""
+    assert proved(written(tmp_path, text)) == []
+
+
 def test_a_camera_whose_target_is_no_body_looks_ahead(tmp_path: Path):
     text = """<mujoco><worldbody><camera name="c" mode="targetbody" target="focus" fovy="70"/>
     <body name="a"><geom size=".1"/><body name="focus" pos="0 0 1"/></body></worldbody></mujoco>"""

@@ -60,7 +60,7 @@ class Mjcf(Target):
         tree, shapes, control = robot.tree, robot.shapes, robot.control
 
         meshes = files.inputs / "meshes"
-        looks = readable(shapes, meshes)
+        looks = readable(shapes, meshes, control.mjcf_only)
         model = RobotXml(self.robot, Solver.of(self.options), tree, looks, control)
         folder = files.outputs / "mjcf"
         write_robot(folder / f"{self.robot}.xml", model, control.mjcf_only, meshes)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -46,16 +46,20 @@ def unreadable_textures(shapes: Shapes, folder: Path) -> tuple[Material, ...]:
     )
 
 
-def readable(shapes: Shapes, folder: Path) -> Shapes:
+def readable(shapes: Shapes, folder: Path, said: Iterable[MjcfOnly] = ()) -> Shapes:
     """The shapes as MuJoCo can show them; CAD exports have a material for every face.
 
     Materials whose picture it cannot read have one colour; those that look alike have one name,
-    the first.
+    the first. said: what only MJCF says; a material of which it says more keeps its name.
     """
+    own = {item.owner for item in said if item.place == "material"}
     without = unreadable_textures(shapes, folder)
     materials = [replace(m, texture=None) if m in without else m for m in shapes.materials]
     first: dict[tuple[object, ...], str] = {}
-    names = {m.name: first.setdefault((m.rgba, m.texture), m.name) for m in materials}
+    names = {
+        m.name: first.setdefault((m.rgba, m.texture, m.name if m.name in own else ""), m.name)
+        for m in materials
+    }
     worn = tuple(
         replace(shape, material=names.get(shape.material or "", shape.material))
         for shape in shapes.shapes

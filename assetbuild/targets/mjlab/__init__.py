@@ -114,7 +114,7 @@ class Mjlab(Target):
         robot = RobotFiles(files.inputs)
         tree, shapes, control = robot.tree, robot.shapes, robot.control
         meshes = robot.mesh_dir
-        shapes = readable(shapes, meshes)
+        shapes = readable(shapes, meshes, control.mjcf_only)
 
         facts = self._facts(tree, shapes, control)
         looked_at = (*(sole.link for sole in self._soles(shapes)), facts.imu_site)
