@@ -281,6 +281,8 @@ def _kept(
             yield _unsaid(item, stated.base.stated)
         elif bodies.keeps(item):
             yield item
+        elif item.place == "camera":
+            yield _without(item, ("mode", "target"))
     if gone:
         findings.append(_gone(gone))
 
@@ -303,10 +305,13 @@ def _attribute(item: MjcfOnly, key: str) -> str:
 
 def _unsaid(item: MjcfOnly, stated: Collection[str]) -> MjcfOnly:
     """Options of the source that the recipe does not state itself. stated: of the base."""
+    return _without(item, [key.removeprefix("mjcf.") for key in stated if key.startswith("mjcf.")])
+
+
+def _without(item: MjcfOnly, keys: Collection[str]) -> MjcfOnly:
     element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
-    for key in list(element.attrib):
-        if f"mjcf.{key}" in stated:
-            del element.attrib[key]
+    for key in keys:
+        element.attrib.pop(key, "")
     return replace(item, element=ElementTree.tostring(element, "unicode"))
 
 

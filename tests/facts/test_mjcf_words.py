@@ -117,6 +117,15 @@ def test_what_only_mjcf_has_comes_out_as_it_went_in(what: str, tmp_path: Path):
     assert run_step(MjcfSource(robot="robot"), made.inputs, tmp_path / "compared") == []
 
 
+def test_a_camera_whose_target_is_no_body_looks_ahead(tmp_path: Path):
+    text = """<mujoco><worldbody><camera name="c" mode="targetbody" target="focus" fovy="70"/>
+    <body name="a"><geom size=".1"/><body name="focus" pos="0 0 1"/></body></worldbody></mujoco>"""
+    made = written(tmp_path, text)
+    assert "mjcf.dropped" in {finding.rule for finding in made.findings}
+    assert proved(made) == []
+    assert run_step(MjcfSource(robot="robot"), made.inputs, tmp_path / "compared") == []
+
+
 def test_a_material_whose_geoms_all_have_colours_of_their_own_is_not_expected(tmp_path: Path):
     text = """<mujoco><asset><material name="m" shininess="1" rgba="1 0 0 1"/></asset><worldbody>
     <body name="a"><geom size=".1"/><geom size=".2" material="m" rgba="0 1 0 1" contype="0"

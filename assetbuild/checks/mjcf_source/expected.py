@@ -4,6 +4,7 @@
 - Positions count from `ref`, and so do the commands of drives that hold positions.
 - A body's frame stands in the anchor of its last joint; its old one becomes `<body>_origin`.
 - A body without mass and joints becomes a site; one that the recipe merges joins its parent.
+- A camera that looks at such a body looks ahead.
 - A site with the name of a body is called `<site>_site`; a body `world` has MuJoCo's name.
 - Bodies that a joint connects are excluded.
 """
@@ -140,6 +141,9 @@ def _move(facts: Subjects, model: Model, tree: Tree, *, merges: bool) -> None:
             first, second = (X_new_old[str(own[f"body{side}"])] for side in (1, 2))
             X = first @ _pose(own["mjcf:weld pose"]) @ second.inverse()
             own["mjcf:weld pose"] = pose_value(X)
+        watched = own.get("mjcf:targetbody")
+        if kind == "camera" and watched and into.get(str(watched)) != watched:
+            own |= {"mjcf:targetbody": None, "tracking": "fixed"}  # `mjcf.dropped` says so
         for side in ("", "1", "2"):
             if kind != "body" and isinstance(body := own.get(f"body{side}"), str):
                 own |= _moved(own, X_new_old[body], side) | {f"body{side}": into[body]}
