@@ -2,36 +2,108 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from xml.etree import ElementTree
 
 from assetbuild.findings import Finding, Rule
-from assetbuild.robot.model import MjcfOnly
+from assetbuild.robot.effort_words import WORDS as EFFORT_WORDS
+from assetbuild.robot.effort_words import force_range
+from assetbuild.robot.joint_springs import WORDS as SPRING_WORDS
+from assetbuild.robot.joint_springs import joint_springs, shown
+from assetbuild.robot.model import Actuator, MjcfOnly
 
 ONLY_IN_MJCF = Rule(
     "mjcf.only",
     "info",
     "what only MJCF can express (sizes of sites, tendons, lights, solver options, ...) is kept "
-    "in the MJCF; URDF and USD have no place for it",
+    "in the MJCF; the other formats are written without it",
     "nothing",
 )
+UNEVEN_EFFORT = Rule(
+    "mjcf.uneven_effort",
+    "warning",
+    "`actuatorfrcrange` limits a joint's effort more in one direction than in the other; the "
+    "MJCF has both numbers, URDF, USD and the trainers' modules have one, the larger",
+    "give the joint a row in `actuators` with the `effort` that all formats shall have",
+)
+
+
+SPRING = Rule(
+    "mjcf.spring",
+    "warning",
+    "joints of the MJCF have springs (`stiffness`, `springref`), which the MJCF, the mjx model and "
+    "mjlab's model keep; the URDF and the USD are written without them",
+    "use the MJCF where the spring matters; `usd.spring` says what becomes of the USD",
+)
+GEAR = Rule(
+    "mjcf.gear",
+    "info",
+    "actuators of the MJCF have a `gear`: the MJCF keeps it and its commands, all other formats "
+    "have the drive as it acts on the joint",
+    "multiply a position or a speed by the gear, and divide an effort by it, where you send it to "
+    "the MJCF's actuator",
+)
+
+
+def explain_gears(actuators: Iterable[Actuator]) -> Iterator[Finding]:
+    """What was folded into the joints' numbers."""
+    geared = {row.joint: row.gear for row in actuators if row.gear != 1.0}
+    if geared:
+        names = [f"`{name}` ({gear:.4g})" for name, gear in geared.items()]
+        listed = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
+        yield GEAR(
+            "robot",
+            f"actuators of {len(geared)} joints have a gear g: {listed}; URDF, USD and the "
+            "trainers' modules have the drive on the joint: kp and kd times g^2, effort times |g|, "
+            "commands of position and speed divided by g, of effort times g",
+            "the MJCF keeps gear and commands as its source has them",
+            data=geared,
+        )
 
 
 def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
     """One finding for each kind of thing that only the MJCF holds."""
+    if springs := joint_springs(items):
+        yield SPRING(
+            "robot",
+            f"{len(springs)} joints have springs of the stiffness in N m/rad or N/m: "
+            f"{shown(springs)}; the URDF and the USD are written without them, so these joints "
+            "move otherwise there",
+            "use the MJCF, the mjx model or mjlab's model where the springs matter",
+            data=dict(springs),
+        )
     groups: dict[tuple[str, str], list[str]] = {}
     for item in items:
         element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
+        yield from _uneven(item)
+        own = (*EFFORT_WORDS.get(item.place, ()), *(SPRING_WORDS if item.place == "joint" else ()))
+        for name in own:
+            element.attrib.pop(name, None)  # the robot's effort limit holds it, or `SPRING` says it
+        if own and not element.attrib:
+            continue
         said = _SAID_OF.get(item.place, _element_of)(element)
         groups.setdefault((item.place, said), []).append(item.owner or element.get("name", ""))
     for (place, said), owners in groups.items():
         names = [f"`{name}`" for name in owners if name]
-        shown = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
-        of = f" of {_WORDS.get(place, place)} {shown}" if names else ""
+        listed = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
+        of = f" of {_WORDS.get(place, place)} {listed}" if names else ""
         yield ONLY_IN_MJCF(
             "robot",
-            f"{said}{of}: in the MJCF only, URDF and USD have no place for it",
+            f"{said}{of}: in the MJCF only, the other formats are written without it",
             data={"place": place, "said": said, "count": len(owners)},
+        )
+
+
+def _uneven(item: MjcfOnly) -> Iterator[Finding]:
+    ends = force_range(item)
+    if ends is not None and -ends[0] != ends[1]:
+        lower, upper = ends
+        yield UNEVEN_EFFORT(
+            f"joint {item.owner}",
+            f"its effort lies in {lower:.4g}..{upper:.4g} (`actuatorfrcrange`): the MJCF has both "
+            f"ends, URDF, USD and the trainers' modules are limited to {max(-lower, upper):.4g} "
+            "either way",
+            data={"lower": lower, "upper": upper},
         )
 
 

@@ -8,11 +8,12 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 from xml.etree import ElementTree
 
-from assetbuild.control.only_mjcf import explain_opaque
+from assetbuild.control.only_mjcf import explain_gears, explain_opaque
 from assetbuild.control.senses import changed
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.contact import Surface
+from assetbuild.robot.effort_words import of_same_effort
 from assetbuild.robot.model import (
     Actuator,
     Camera,
@@ -84,11 +85,14 @@ def join(
     bodies = _Bodies(tree, findings)
     contact, contacts = _contacts(control.contact, source, shapes, stated, findings)
     keyframes = joined_keyframes(control.keyframes, said.keyframes, tree, stated.poses)
-    mjcf_only = tuple(_kept(said, bodies, shapes, stated, findings))
+    actuators = _actuators(control, said, stated)
+    now = {actuator.joint: actuator for actuator in actuators}
+    kept = _kept(said, bodies, shapes, stated, findings)
+    mjcf_only = tuple(of_same_effort(kept, said.by_joint, now))
     mjcf_only += tuple(_commands(source, keyframes, stated))
     joined = replace(
         control,
-        actuators=_actuators(control, said, stated),
+        actuators=actuators,
         keyframes=keyframes,
         excludes=tuple(sorted({*control.excludes, *bodies.pairs(said.excludes)})),
         contact=contact,
@@ -98,7 +102,8 @@ def join(
         cameras=_by_name(control.cameras, said.cameras),
         mjcf_only=mjcf_only,
     )
-    return JoinedControl(joined, [*findings, *explain_opaque(mjcf_only)])
+    findings += [*explain_gears(actuators), *explain_opaque(mjcf_only)]
+    return JoinedControl(joined, findings)
 
 
 def _by_name(own: tuple[T, ...], said: Sequence[T]) -> tuple[T, ...]:
@@ -276,6 +281,8 @@ def _kept(
             yield _unsaid(item, stated.base.stated)
         elif bodies.keeps(item):
             yield item
+        elif item.place == "camera":
+            yield _without(item, ("mode", "target"))
     if gone:
         findings.append(_gone(gone))
 
@@ -298,10 +305,13 @@ def _attribute(item: MjcfOnly, key: str) -> str:
 
 def _unsaid(item: MjcfOnly, stated: Collection[str]) -> MjcfOnly:
     """Options of the source that the recipe does not state itself. stated: of the base."""
+    return _without(item, [key.removeprefix("mjcf.") for key in stated if key.startswith("mjcf.")])
+
+
+def _without(item: MjcfOnly, keys: Collection[str]) -> MjcfOnly:
     element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
-    for key in list(element.attrib):
-        if f"mjcf.{key}" in stated:
-            del element.attrib[key]
+    for key in keys:
+        element.attrib.pop(key, "")
     return replace(item, element=ElementTree.tostring(element, "unicode"))
 
 

@@ -19,6 +19,10 @@ FACES = (0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3)
 """A tetrahedron: the smallest mesh that MuJoCo takes."""
 
 
+RGBA = 6
+"""Byte 25 of a PNG: its pixels have an alpha channel, which MuJoCo reads with `nchannel="4"`."""
+
+
 @dataclass(frozen=True)
 class Copies:
     """What the files hold that were left out: by name of the mesh, and of the texture.
@@ -45,10 +49,11 @@ def leave_out_copies(spec: Spec, known: KnownFiles) -> Copies:
     for texture in spec.textures:
         if not texture.file:
             continue
-        digest = known.picture((folder / spec.compiler.texturedir / texture.file).read_bytes())
-        if digest is not None:
+        data = (folder / spec.compiler.texturedir / texture.file).read_bytes()
+        digest = known.picture(data)
+        if digest is not None and texture.nchannel == (4 if data[25] == RGBA else 3):
             pixels[texture.name] = digest
-            texture.file, texture.width, texture.height = "", 1, 1
+            texture.file, texture.width, texture.height, texture.nchannel = "", 1, 1, 3
             texture.builtin = type(texture.builtin).mjBUILTIN_FLAT
     return Copies(surfaces, pixels)
 

@@ -7,6 +7,7 @@ and a torque motor stands for every drive whose law acts outside of the simulato
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -118,35 +119,63 @@ def _drive(actuator: Actuator, joint: Joint, facts: dict[Key, Value]) -> None:
     def put(quantity: str, value: Value) -> None:
         facts[Key("joint", joint.name, quantity)] = value
 
-    limits = joint.limits
-    opens = joint.kind != "continuous" and _opens(joint)
+    limits, gear, ctrl = joint.limits, actuator.gear, _command_range(actuator)
+    opens = joint.kind != "continuous" and _opens(joint) and gear == 1.0
     match actuator.model:
         case "passive":
             put("effort", None)
             return
         case "pd":
             reach = (limits.lower, limits.upper) if opens else None
-            put("command range", actuator.ctrl or reach)  # type: ignore[arg-type] # both stated
+            put("command range", ctrl or reach)  # type: ignore[arg-type] # both stated
         case "velocity":
             speed = actuator.velocity
-            put("command range", actuator.ctrl or ((-speed, speed) if speed else None))
+            put("command range", ctrl or ((-speed, speed) if speed else None))
         case "general":
             kind, kp, kd = _law(actuator)
             put("model", kind)
             if kind == "general" or (kind == "motor" and kp != 1.0):
                 put("drive parameters", _general(actuator))
-            put("kp", kp if kind == "pd" else 0.0)
-            put("kd", kd if kind in ("pd", "velocity") else 0.0)
+            put("command range", ctrl)
+            put("kp", kp * gear * gear if kind == "pd" else 0.0)
+            put("kd", kd * gear * gear if kind in ("pd", "velocity") else 0.0)
+            if reached := _reached(actuator):
+                put("effort", max(-reached[0], reached[1]))
+                put("mjcf:effort range", reached if reached[0] != -reached[1] else None)
         case _:
             effort = actuator.effort
-            ctrl = actuator.ctrl or ((-effort, effort) if effort else None)
+            own = effort / abs(gear) if effort else None
+            ctrl = ctrl or ((-own, own) if own else None)
             put("model", "motor")
             put("command range", ctrl)
-            put("effort", max(-ctrl[0], ctrl[1]) if ctrl else None)
+            asked = max(-ctrl[0], ctrl[1]) * abs(gear) if ctrl else effort
+            put("effort", min(asked, effort or asked) if asked else None)
             put("kp", 0.0)
             put("kd", 0.0)
     if actuator.model == "velocity":
         put("kp", 0.0)
+
+
+def _command_range(actuator: Actuator) -> tuple[float, float] | None:
+    """As MuJoCo counts commands of a drive with a gear."""
+    if actuator.ctrl is None:
+        return None
+    low, high = sorted(end * actuator.command_gear for end in actuator.ctrl)
+    return low, high
+
+
+def _reached(actuator: Actuator) -> tuple[float, float] | None:
+    """Least and greatest force where it is the command times a gain, and the command is limited."""
+    said, ctrl = actuator.general, actuator.ctrl
+    if said is None or ctrl is None or said.gaintype != "fixed":
+        return None
+    filtered = said.dyntype in ("none", "filter", "filterexact")
+    if not filtered or said.biastype != "none":
+        return None
+    gain = float((*said.gainprm, *DEFAULT_PRM[len(said.gainprm) :])[0])
+    low, high = sorted(actuator.gear * gain * end for end in ctrl)
+    most = math.inf if actuator.effort is None else actuator.effort
+    return max(low, -most), min(high, most)
 
 
 def _law(actuator: Actuator) -> tuple[str, float, float]:
@@ -258,7 +287,7 @@ def _senses(reference: Reference, facts: dict[Key, Value]) -> None:
         for joint, value in key.joints:
             row = known.get(joint)
             if row is not None and row.model != "passive":
-                aimed = value if row.model == "pd" else 0.0
+                aimed = value * row.gear if row.model == "pd" else 0.0
                 aimed = commands.get((key.name, drives.get(joint, joint)), aimed)
                 facts[Key("keyframe", f"{key.name}/{joint}", "target")] = aimed
         for joint_ in tree.joints:

@@ -51,7 +51,11 @@ class Meshes:
             own = model.mesh_normal[int(model.mesh_normaladr[mesh]) :]
             normals = own[model.mesh_facenormal[faces]]
         corners = np.asarray(vertices, dtype=np.float64)[model.mesh_face[faces]]
-        return measure(corners, uv, normals)
+        a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+        # The build drops triangles of which two corners are one: they have no area.
+        whole = (a != b).any(axis=1) & (b != c).any(axis=1) & (c != a).any(axis=1)
+        uv = None if uv is None else uv[whole]
+        return measure(corners[whole], uv, None if normals is None else normals[whole])
 
     @functools.cache  # noqa: B019 # as above
     def pixels(self, texture: int) -> str:

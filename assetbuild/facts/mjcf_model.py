@@ -153,15 +153,17 @@ def _drive(model: Model, drive: Drive, book: Writer) -> None:
         "kp": drive.kp if plain else 0.0,
         "kd": drive.kd if plain else 0.0,
         "gear": drive.gear,
-        "effort": _largest(drive.torque),
+        "effort": _largest(drive.on_joint),
         "command range": drive.ctrl if math.isfinite(drive.ctrl[1]) else None,
     }
     if name != drive.joint_name:
         facts["drive name"] = name
     if not plain or (kind == "motor" and drive.gain != drive.gear):
         facts["drive parameters"] = general_text(model, drive.index)
-    if drive.torque[0] != -drive.torque[1]:
-        facts["mjcf:effort range"] = drive.torque
+    hidden = drive.on_joint != drive.torque and model.actuator_forcelimited[drive.index]
+    ends = drive.torque if hidden else drive.within_effort
+    if ends[0] != -ends[1] or hidden:
+        facts["mjcf:effort range"] = ends
     known = book.facts.get(("joint", drive.joint_name, "gear"))  # type: ignore[call-overload] # a plain tuple
     if known is not None:
         book.put("actuator", name, {"mjcf:drives": drive.joint_name, **_as_words(facts)})

@@ -19,7 +19,7 @@ OWNERS = {"joint": "joint", "shape": "shape", "frame": "frame", "camera": "camer
 TAGS = {"frame": "site", "shape": "geom", "actuator": "general", "equality": "joint"}
 MEANS: Mapping[str, tuple[str, ...]] = {
     "ctrlrange": ("command range",), "inheritrange": ("command range",),
-    "ctrllimited": ("command range",), "forcerange": ("effort",), "forcelimited": ("effort",),
+    "ctrllimited": ("command range",),
     "resolution": ("resolution",), "polycoef": ("mimic multiplier", "mimic offset"),
     "stiffness": ("stiffness", "spring reference"),
     "springref": ("spring reference",), "group": ("role", "mjcf:group"),
@@ -72,10 +72,20 @@ def opaque_of(items: tuple[MjcfOnly, ...], reference: Reference) -> Opaque:
             found[Key("joint", owner, "mjcf:equality")] = named
         if stated.get("actuatorfrclimited") == "false":
             stated.pop("actuatorfrcrange", None)
+        if item.place == "drive":
+            # The joint's own range, which is narrower, is the robot's effort.
+            if ends := stated.pop("forcerange", ""):
+                found[Key("joint", owner, "mjcf:effort range")] = _on_joint(ends, owner, reference)
+            stated = {k: v for k, v in stated.items() if not k.endswith("limited")}  # as compiled
         plain = " ".join(f'{name}="{value}"' for name, value in stated.items() if value)
         for key, value in _owned(kind, plain).items() if plain else ():
             found[Key(kind, named, WORDS.get(key.quantity, key.quantity))] = value
     return Opaque(frozenset(subjects), found, frozenset(touched))
+
+
+def _on_joint(ends: str, joint: str, reference: Reference) -> tuple[float, ...]:
+    row = reference.control.by_joint.get(joint)
+    return tuple((abs(row.gear) if row else 1.0) * float(end) for end in ends.split())
 
 
 def _document(item: MjcfOnly, names: Mapping[str, str]) -> str:

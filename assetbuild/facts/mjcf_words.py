@@ -59,7 +59,7 @@ COVERED: Mapping[str, frozenset[str]] = {
     "frame": frozenset({"pos", "quat", "alt", "fromto"}),
     "camera": frozenset({"pos", "quat", "alt", "fovy", "resolution", "mode"}),
     "material": frozenset({"rgba", "textures"}),
-    "texture": frozenset({"file", "content_type", "data"}),
+    "texture": frozenset({"file", "content_type", "data", "nchannel"}),
     "mesh": frozenset({"file", "content_type", "scale", "refpos", "refquat", "uservert",
                        "usernormal", "userface", "userfacenormal", "userfacetexcoord",
                        "usertexcoord"}),

@@ -228,6 +228,8 @@ def drive_facts(joint: Joint, control: Control) -> dict[str, Value]:
     }  # fmt: skip
     if row.model == "dc_motor":
         facts["stall"] = row.saturation
+    if row.gear != 1.0:
+        facts["gear"] = row.gear
     if row.name:
         facts["drive name"] = row.name
     if row.general is not None:

@@ -15,7 +15,8 @@ import numpy as np
 
 from assetbuild.init.look import InspectedRobot
 from assetbuild.robot.model import MOVING, Base, Joint, Tree
-from assetbuild.robot.pose import Pose
+from assetbuild.robot.pose import Pose, vec3
+from assetbuild.robot.shapes import Capsule, Cylinder, Sphere
 from assetbuild.robot.tree import forward_kinematics
 
 SENSORS: Mapping[str, str] = {
@@ -48,12 +49,14 @@ REACH = 0.25
 class Leg:
     """joints: moving joints from the trunk down. tip: its last body; foot: the source link there.
 
-    X_root_foot: at the zero pose. soles: links that may touch the floor, the foot among them.
+    X_tip_foot: where it touches the ground, about; X_root_foot: the same at the zero pose.
+    soles: links that may touch the floor, the foot among them.
     """
 
     joints: tuple[Joint, ...]
     tip: str
     foot: str
+    X_tip_foot: Pose
     X_root_foot: Pose
     soles: tuple[str, ...]
 
@@ -179,7 +182,24 @@ def _limb(robot: InspectedRobot, at_zero: Mapping[str, Pose], tip: str) -> Leg:
         holders = set(_holders(robot.links, foot, tip))
         links = [link for link in links if link in holders and not _SHANK.fullmatch(link)]
     soles = tuple(link for link in links if link in solid) or (foot,)
-    return Leg(tuple(joints[::-1]), tip, foot, at_zero[foot], soles)
+    X_tip_foot = tree.placement(foot)[1]
+    if foot == tip and len(joints) < ANKLE:
+        X_tip_foot = _lowest_end(robot, tip, at_zero[tip])
+    return Leg(tuple(joints[::-1]), tip, foot, X_tip_foot, at_zero[tip] @ X_tip_foot, soles)
+
+
+def _lowest_end(robot: InspectedRobot, shank: str, X_root_shank: Pose) -> Pose:
+    """Where a shank without a foot of its own ends: its lowest ball or end of a capsule.
+
+    Its own frame, which is the knee, where it has no such shape.
+    """
+    ends = []
+    for shape in robot.shapes.of("collision"):
+        if shape.link == shank and isinstance(shape.geometry, Sphere | Capsule | Cylinder):
+            half = 0.0 if isinstance(shape.geometry, Sphere) else shape.geometry.length / 2.0
+            ends += [shape.X_link_shape.apply((0.0, 0.0, side * half)) for side in (-1.0, 1.0)]
+    lowest = min(ends, key=lambda end: float(X_root_shank.apply(end)[2]), default=(0.0, 0.0, 0.0))
+    return Pose(vec3(lowest))
 
 
 def _holders(links: Tree, foot: str, tip: str) -> Iterator[str]:

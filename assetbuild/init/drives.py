@@ -227,12 +227,11 @@ def _felt(
     feet: list[tuple[str, Array]] = []
     loads: dict[str, float] = {}
     for leg in legs:
-        body, X_body_foot = tree.placement(leg.foot)
-        foot = np.asarray((robot.motions[body].pose @ X_body_foot).xyz)
+        foot = np.asarray((robot.motions[leg.tip].pose @ leg.X_tip_foot).xyz)
         hip = np.asarray(robot.motions[leg.joints[0].child].pose.xyz)
         load = total_mass(tree) / len(legs) * float(np.linalg.norm(hip - foot)) ** 2
         loads |= {joint.name: load for joint in leg.joints}
-        feet.append((body, foot))
+        feet.append((leg.tip, foot))
     torque, left_over = holding_torques(robot, feet)
     if tree.base == "floating" and left_over > 0.05:
         torque = {}  # it would tip over: nothing is held

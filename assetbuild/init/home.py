@@ -58,7 +58,7 @@ def _planted(
     from scipy.optimize import least_squares
 
     at_zero = forward_kinematics(tree, {})
-    chain, X_tip_foot = replace(tree, joints=chain_to(tree, leg.tip)), tree.placement(leg.foot)[1]
+    chain, X_tip_foot = replace(tree, joints=chain_to(tree, leg.tip)), leg.X_tip_foot
     names = [joint.name for joint in leg.joints]
 
     def foot(q: Array) -> Pose:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from assetbuild.init.tune import Tuning, tune
 from assetbuild.init.wheels import wheel_radii
 from assetbuild.init.words import quoted, some, source_section, written
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.joint_springs import joint_springs
 from assetbuild.robot.model import Control
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
@@ -123,8 +124,8 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
         repairs_text(robot, repairs(robot, found.root)),
         _collision(robot),
         _drives(found, tuning),
-        () if control.keyframes else home(robot, anatomy, home_pose(robot.tree, anatomy.legs)),
-        [targets(robot), *_validate(found, anatomy)],
+        () if control.keyframes else home(robot, anatomy, _pose(found, anatomy, tuning)),
+        [targets(robot, joint_springs(control.mjcf_only)), *_validate(found, anatomy)],
     )
     return Recipe(text, unmended)
 
@@ -140,6 +141,11 @@ def _tuned(found: MjcfSource, anatomy: Anatomy) -> Tuning:
 
     rotors = {actuator.joint: actuator.armature for actuator in control.actuators}
     return tune(tree, anatomy, guesses, attempt, rotors, control.simulation.timestep)[0]
+
+
+def _pose(found: MjcfSource, anatomy: Anatomy, tuning: Tuning | None) -> Mapping[str, float]:
+    """The pose in which the drives were tried; of a source with drives, one for its limits."""
+    return tuning.pose if tuning else home_pose(found.robot.tree, anatomy.legs)
 
 
 def _chosen(bodies: tuple[str, ...]) -> Iterator[str]:

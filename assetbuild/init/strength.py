@@ -186,9 +186,7 @@ def physical_efforts(
     wheels = [name for name, role in parts.items() if role == "wheel"]
     weight, found = total_mass(tree) * GRAVITY, {}
     share = weight / max(1, len(anatomy.walks_on) // 2)
-    legs = {
-        j.name: _standing_load(tree, leg, share) for leg in anatomy.walks_on for j in leg.joints
-    }
+    legs = {j.name: _standing_load(leg, share) for leg in anatomy.walks_on for j in leg.joints}
     for joint in tree.moving_joints:
         if joint.mimic is not None:
             continue
@@ -290,10 +288,10 @@ def _own_length(tree: Tree, body: str) -> float:
     return 2.0 * float(np.linalg.norm(inertial.com_m)) if inertial else 0.0
 
 
-def _standing_load(tree: Tree, leg: Leg, weight: float) -> float:
+def _standing_load(leg: Leg, weight: float) -> float:
     """N m of a leg that carries its share on half of the legs, half its length off its foot."""
     ways = [joint.X_parent_joint.xyz for joint in leg.joints[1:]]
-    ways.append(tree.placement(leg.foot)[1].xyz)
+    ways.append(leg.X_tip_foot.xyz)
     length = math.fsum(math.dist(way, (0.0, 0.0, 0.0)) for way in ways)
     return weight * length / 2.0
 

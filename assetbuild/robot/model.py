@@ -181,6 +181,9 @@ class Actuator:
     general: of the model `general` alone.
     motor: name in the recipe's motor table; source: where its numbers come from.
     name: of the drive where it is not the joint's own.
+    gear: of the drive in MuJoCo, which its commands there count in. All numbers here are already
+    on the joint: with the force f of MuJoCo's actuator and its length l, effort = gear f and
+    l = gear q. The parameters of `general` alone are the actuator's own.
     """
 
     joint: str
@@ -198,6 +201,14 @@ class Actuator:
     motor: str = ""
     source: str = ""
     name: str = ""
+    gear: float = 1.0
+
+    @property
+    def command_gear(self) -> float:
+        """MuJoCo's command for a command of 1 on the joint: a position, a speed or an effort."""
+        if self.model in ("pd", "velocity"):
+            return self.gear
+        return 1.0 if self.model == "general" else 1.0 / self.gear
 
     @property
     def saturation(self) -> float | None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from assetbuild.engine.step import Files, Step
 from assetbuild.findings import Finding
 from assetbuild.robot.codec import decode_file, encode
+from assetbuild.robot.effort_words import of_same_effort
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Actuator, Contact, Control, Tree
 from assetbuild.robot.randomize import JointSample, Sample, Samples
@@ -49,8 +50,13 @@ def with_control(control: Control, sample: Sample) -> Control:
         for actuator in control.actuators
     )
     contacts = tuple((shape, _slid(contact, sample)) for shape, contact in control.contacts)
-    contact = _slid(control.contact, sample)
-    return replace(control, actuators=actuators, contact=contact, contacts=contacts)
+    changed = replace(control, actuators=actuators)
+    return replace(
+        changed,
+        contact=_slid(control.contact, sample),
+        contacts=contacts,
+        mjcf_only=tuple(of_same_effort(control.mjcf_only, control.by_joint, changed.by_joint)),
+    )
 
 
 def _slid(contact: Contact, sample: Sample) -> Contact:

@@ -33,7 +33,8 @@ class Drive:
     N/m; kd: N m s/rad or N s/m. For a gain or bias that is not affine in ctrl, q and qdot (a
     muscle, a damper), these are the values at q = qdot = 0, and `is_affine` is False.
     filtered: the command passes through an activation first.
-    torque, ctrl: limits. damping, armature: the actuator's own (MuJoCo > 3.11), on the joint.
+    torque, ctrl: limits; on_joint: the torque within the joint's own `actuatorfrcrange`. damping,
+    armature: the actuator's own (MuJoCo > 3.11), on the joint.
     """
 
     index: int
@@ -49,6 +50,7 @@ class Drive:
     is_affine: bool
     filtered: bool
     torque: Range
+    on_joint: Range
     ctrl: Range
     damping: float
     armature: float
@@ -57,6 +59,12 @@ class Drive:
     def holds_position(self) -> bool:
         """Whether a constant command pulls the joint to one position; a growing one, further."""
         return self.is_affine and self.kp > 0.0 and self.gain * self.gear > 0.0
+
+    @property
+    def within_effort(self) -> Range:
+        """The torque within the larger end of what the joint takes, either way, N m or N."""
+        most = max(-self.on_joint[0], self.on_joint[1])
+        return max(self.torque[0], -most), min(self.torque[1], most)
 
     def command(self, position: float) -> float:
         """The command at which a drive that holds positions is at rest at `position`."""
@@ -120,8 +128,7 @@ def drives_of(model: Model, joint: int) -> JointDrives:
     drives = tuple(drive for drive in read_drives(model) if drive.joint == joint)
     lower = sum(drive.torque[0] for drive in drives) if drives else -math.inf
     upper = sum(drive.torque[1] for drive in drives) if drives else math.inf
-    own = _range(model.jnt_actfrclimited[joint], model.jnt_actfrcrange[joint])
-    return JointDrives(joint, drives, _inside((lower, upper), own))
+    return JointDrives(joint, drives, _on_joint(model, joint, (lower, upper)))
 
 
 def _drive(model: Model, index: int, joint: int) -> Drive:
@@ -142,6 +149,7 @@ def _drive(model: Model, index: int, joint: int) -> Drive:
     is_affine = (fixed or slope) and (biased or unbiased) and settles
     constant, stiff, viscous = (float(v) for v in bias[:3]) if biased else (0.0, 0.0, 0.0)
     kind = _kind(float(gain[0]), (constant, stiff, viscous))
+    torque = _torque(model, index, gear, plain=is_affine and unbiased)
     return Drive(
         index=index,
         ctrl_index=int(model.actuator_ctrladr[index]) if _has(model, "ctrladr") else index,
@@ -155,7 +163,8 @@ def _drive(model: Model, index: int, joint: int) -> Drive:
         kd=0.0 - gear * gear * viscous,
         is_affine=is_affine,
         filtered=filtered,
-        torque=_torque(model, index, gear, plain=is_affine and unbiased),
+        torque=torque,
+        on_joint=_on_joint(model, joint, torque),
         ctrl=_range(model.actuator_ctrllimited[index], model.actuator_ctrlrange[index]),
         damping=_own(model, "damping", index, gear),
         armature=_own(model, "armature", index, gear),
@@ -183,6 +192,11 @@ def _torque(model: Model, index: int, gear: float, *, plain: bool) -> Range:
         force = _inside(force, (float(asked.min()), float(asked.max())))
     ends = [gear * end if gear else 0.0 for end in force]
     return min(ends), max(ends)
+
+
+def _on_joint(model: Model, joint: int, torque: Range) -> Range:
+    """Clipped to what the joint takes in all."""
+    return _inside(torque, _range(model.jnt_actfrclimited[joint], model.jnt_actfrcrange[joint]))
 
 
 def _inside(one: Range, other: Range) -> Range:

@@ -54,6 +54,12 @@ def test_a_hard_arm_comes_out_as_it_went_in(tmp_path: Path):
     assert compared(write(hard_arm(tmp_path / "read"), tmp_path / "out")) == []
 
 
+def test_triangles_without_area_are_no_difference(tmp_path: Path):
+    flat = TET + "v .5 .5 .5\nv .5 .5 .5\nf 5 6 1\nf 1 1 2\n"
+    reading = read(FLOATING, tmp_path / "read", tet_obj=flat)
+    assert compared(write(reading, tmp_path / "out")) == []
+
+
 def test_a_floating_robot_comes_out_as_it_went_in(tmp_path: Path):
     reading = read(FLOATING, tmp_path / "read", tet_obj=TET)
     assert compared(write(reading, tmp_path / "out")) == []
@@ -262,11 +268,11 @@ def test_worlds_of_a_scene_and_the_robot_that_it_includes_are_one(tmp_path: Path
 
 
 def test_drives_that_only_mjcf_holds_are_no_missing_table(tmp_path: Path):
-    geared = FLOATING[: FLOATING.index("<actuator>")] + (
-        '<actuator><motor joint="hip" gear="30" ctrlrange="-1 1" ctrllimited="true"/></actuator>'
+    grouped = FLOATING[: FLOATING.index("<actuator>")] + (
+        '<actuator><motor joint="hip" group="2" ctrlrange="-1 1" ctrllimited="true"/></actuator>'
         "</mujoco>"
     )
-    written = write(read(geared, tmp_path / "read", tet_obj=TET), tmp_path / "out")
+    written = write(read(grouped, tmp_path / "read", tet_obj=TET), tmp_path / "out")
     (told,) = [f for f in written.findings if f.rule == "actuator.none"]
     assert "the source's drives (1) exist in the MJCF alone" in told.message
     assert told.severity == "warning"

@@ -42,7 +42,7 @@ def main() -> int:
     rows = {} if options.again else rows_in(rows_file)
     rows_file.write_text("".join(map(line_of, rows.items())), encoding="utf-8")
     with tempfile.TemporaryDirectory(prefix="corpus-") as scratch:
-        work = options.work or Path(scratch)
+        work = (options.work or Path(scratch)).resolve()
         robots = chosen(options, work)
         writing = Lock()
 

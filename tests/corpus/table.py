@@ -154,7 +154,9 @@ def shapes_summary(rows: dict[str, dict]) -> str:
         name
         for name, row in there.items()
         if row.get("lost")
-        or any(row[f"{role}_out"] < row[f"{role}_in"] for role in ("visual", "visual_meshes"))
+        or any(
+            row[f"{role}_out"] < row.get(f"{role}_in", 0) for role in ("visual", "visual_meshes")
+        )
         or row.get("textures_out", 0) != row.get("textures_in", 0)
     ]
     counts = ", ".join(

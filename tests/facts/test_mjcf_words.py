@@ -99,6 +99,11 @@ TEXTS = {
     "two drives of a joint": ('<actuator><motor name="a" joint="j" ctrlrange="0 1" ctrllimited="true"/><motor name="b" joint="j"/></actuator>', "", ""),
     "user numbers": ('<actuator><motor joint="j" user="1 2"/></actuator>', "", ""),
     "geared motor at ref": ('<actuator><motor joint="j" gear="3"/></actuator>', 'ref=".2"', ""),
+    "gain": ('<actuator><general joint="j" gainprm="20" ctrlrange="-1 2" ctrllimited="true"/></actuator>', "", ""),
+    "gain behind a filter": ('<actuator><general joint="j" gainprm="20" ctrlrange="-1 1" ctrllimited="true" dyntype="filter" dynprm=".1"/></actuator>', "", ""),
+    "keyframe without commands": ('<actuator><position joint="j" kp="3"/></actuator><keyframe><key name="k" qpos=".3 .1"/></keyframe>', "", ""),
+    "keyframes without names": (ROPE.replace('joint="j"', 'tendon="t"') + '<size nkey="2"/><keyframe><key name="k" qpos=".3 .1"/></keyframe>', "", ""),
+    "ranges that limit nothing": (ROPE.replace('joint="j"', 'tendon="t" forcerange="-2 2" forcelimited="false" ctrlrange="-1 1" ctrllimited="false"'), "", ""),
     "quadrotor": ('<actuator><motor site="s" gear="0 0 1 0 0 .1"/></actuator>', "", ""),
     "adhesion": ('<actuator><adhesion body="lower" ctrlrange="0 1" gain="2"/></actuator>', "", ""),
 }  # fmt: skip
@@ -110,6 +115,22 @@ def test_what_only_mjcf_has_comes_out_as_it_went_in(what: str, tmp_path: Path):
     made = written(tmp_path, ARM.format(more=more, joint=joint, other=other))
     assert proved(made) == []
     assert run_step(MjcfSource(robot="robot"), made.inputs, tmp_path / "compared") == []
+
+
+def test_a_camera_whose_target_is_no_body_looks_ahead(tmp_path: Path):
+    text = """<mujoco><worldbody><camera name="c" mode="targetbody" target="focus" fovy="70"/>
+    <body name="a"><geom size=".1"/><body name="focus" pos="0 0 1"/></body></worldbody></mujoco>"""
+    made = written(tmp_path, text)
+    assert "mjcf.dropped" in {finding.rule for finding in made.findings}
+    assert proved(made) == []
+    assert run_step(MjcfSource(robot="robot"), made.inputs, tmp_path / "compared") == []
+
+
+def test_a_material_whose_geoms_all_have_colours_of_their_own_is_not_expected(tmp_path: Path):
+    text = """<mujoco><asset><material name="m" shininess="1" rgba="1 0 0 1"/></asset><worldbody>
+    <body name="a"><geom size=".1"/><geom size=".2" material="m" rgba="0 1 0 1" contype="0"
+    conaffinity="0"/></body></worldbody></mujoco>"""
+    assert proved(written(tmp_path, text)) == []
 
 
 @pytest.mark.parametrize("free", ["", "<joint/>", "<freejoint/>"])

@@ -71,6 +71,13 @@ def test_untouched_robots_are_equal(tmp_path: Path) -> None:
         assert check(robot, tmp_path / str(i)) == []
 
 
+def test_neighbours_whose_masks_never_meet_are_told_apart_by_their_joint(tmp_path: Path) -> None:
+    robot = gripper()
+    never = Contact(mask=2, partners=1)
+    control = replace(robot.control, contact=never, contacts=(), excludes=())
+    assert check(replace(robot, control=control), tmp_path) == []
+
+
 @settings(max_examples=examples(40), deadline=None)
 @given(robots())
 def test_every_random_tree_is_equal(robot: TinyRobot) -> None:

@@ -81,3 +81,44 @@ def test_a_source_that_drives_nothing_gets_guessed_drives_with_its_own_rotors(tm
     (row,) = load_recipe(out).recipe.actuators
     assert (row.joints, row.model, row.guessed, row.armature) == ("knuckle", "pd", True, 0.0003)
     assert "The source drives no joint" in out.read_text()
+
+
+def test_a_shank_without_a_foot_of_its_own_ends_at_its_ball(tmp_path: Path):
+    """Legs of two links of 0.2 m: the ball, not the knee, belongs below the hip."""
+    shape = '<geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.01" contype="0" conaffinity="0"/>'
+    ball = '<geom type="sphere" pos="0 0 -0.2" size="0.02"/>'
+    legs = "".join(
+        f"""<body name="{name}_thigh" pos="{x} {y} 0">
+        <joint name="{name}_hip" axis="0 1 0" range="-1 2"/>
+        <inertial mass="0.5" pos="0 0 -0.1" diaginertia="0.002 0.002 0.0002"/>{shape}
+        <body name="{name}_shank" pos="0 0 -0.2">
+        <joint name="{name}_knee" axis="0 1 0" range="-2.5 -0.5"/>
+        <inertial mass="0.2" pos="0 0 -0.1" diaginertia="0.001 0.001 0.0001"/>{ball}
+        </body></body>"""
+        for name, x, y in (("a", 0.2, 0.1), ("b", 0.2, -0.1), ("c", -0.2, 0.1), ("d", -0.2, -0.1))
+    )
+    (tmp_path / "dog.xml").write_text(
+        f"""<mujoco model="dog"><compiler angle="radian"/><worldbody>
+        <body name="trunk" pos="0 0 0.5">
+        <freejoint/><inertial mass="5" pos="0 0 0" diaginertia="0.05 0.1 0.1"/>
+        <geom type="box" size="0.2 0.1 0.05"/>{legs}</body></worldbody></mujoco>"""
+    )
+    recipe = tmp_path / "dog.yaml"
+    write(propose(tmp_path / "dog.xml", recipe, {}), force=True)
+    joints = load_recipe(recipe, None).recipe.keyframes["home"].joints
+    hip, knee = (next(v for k, v in joints.items() if k.endswith(end)) for end in ("hip", "knee"))
+    assert hip == pytest.approx(-knee / 2.0, abs=0.02)
+
+
+def test_a_robot_with_springs_is_not_proposed_as_usd(tmp_path: Path):
+    """UsdPhysics has no spring beside the drive, so a USD would move otherwise."""
+    joint = '<joint name="j" axis="0 1 0" range="-1 1" stiffness="3"/>'
+    body = f'<body name="b" pos="0 0 1">{joint}<geom size=".1"/></body>'
+    (tmp_path / "s.xml").write_text(
+        f'<mujoco model="s"><compiler angle="radian"/><worldbody>{body}</worldbody>'
+        '<actuator><position joint="j" kp="50" kv="2" forcerange="-9 9"/></actuator></mujoco>'
+    )
+    out = tmp_path / "s.yaml"
+    write(propose(tmp_path / "s.xml", out, {}), force=True)
+    assert load_recipe(out).recipe.targets == ("urdf", "mjcf")
+    assert "UsdPhysics has no springs, which j have" in out.read_text()

@@ -218,11 +218,9 @@ def test_drives_are_the_robots_where_it_has_the_words(arm: Reading):
     assert (drives["elbow"].model, drives["elbow"].kp, drives["elbow"].kd) == ("pd", 50.0, 2.0)
     assert (drives["elbow"].effort, drives["elbow"].name) == (20.0, "pull")
     assert (drives["twist"].model, drives["twist"].kd) == ("velocity", 3.0)
-    assert drives["shoulder"].model == "passive", "a motor with a gear is left to MJCF"
+    assert (drives["shoulder"].model, drives["shoulder"].gear) == ("motor", 30.0)
+    assert drives["shoulder"].effort == 30.0
     assert {d.armature for d in drives.values()} == {0.01}
-    assert 'gear="30 0 0 0 0 0"' in "".join(
-        i.element for i in arm.control.mjcf_only if i.place == "actuator"
-    )
     assert arm.links.by_joint["elbow"].limits.effort == 20.0
 
 
@@ -237,6 +235,7 @@ def test_drives_are_the_robots_where_it_has_the_words(arm: Reading):
         ('<motor joint="j" ctrlrange="-5 6"/>', "general"),
         ('<position joint="j" kp="3" forcerange="-1 2"/>', "passive"),
         ('<motor joint="j" group="2"/>', "passive"),
+        ('<motor joint="j" gear="0"/>', "passive"),
     ],
 )
 def test_every_actuator_is_the_robots_or_left_whole(element: str, model: str, tmp_path: Path):

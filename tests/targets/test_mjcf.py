@@ -549,6 +549,22 @@ def test_texture_is_copied_and_a_missing_one_is_said(tmp_path: Path) -> None:
     assert (model.ntex, model.nmat) == (1, 2)
 
 
+def test_a_picture_with_transparent_parts_keeps_them(tmp_path: Path) -> None:
+    """MuJoCo reads three channels of a picture unless its file says four."""
+    picture = BytesIO()
+    Image.new("RGBA", (2, 2), (255, 0, 0, 40)).save(picture, "PNG")
+    skin = (Material("leaf", texture="leaf.png"),)
+    shapes = Shapes(
+        (Shape("leaf", "arm", "visual", Mesh("box"), material="leaf"),),
+        skin,
+        (MeshAsset("box", "box.obj", 8, 12),),
+    )
+    meshes = {"box.obj": tiny_quadruped().meshes["trunk_box.obj"], "leaf.png": picture.getvalue()}
+    emit(replace(pendulum(), shapes=shapes, meshes=meshes), tmp_path)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out/mjcf/robot.xml"))
+    assert model.tex_data.tolist() == [255, 0, 0, 40] * 4
+
+
 def test_long_chain_needs_no_recursion(tmp_path: Path) -> None:
     count = 1500
     bodies = tuple(Body(f"b{i}", box_inertial(1.0, (0.1, 0.1, 0.1))) for i in range(count))

@@ -77,6 +77,9 @@ class MjcfSource(Check):
         tree, stated = RobotFiles(files.inputs).tree, frozenset(self.stated)
         flat = ElementTree.fromstring((files.inputs / "source.xml").read_bytes())  # noqa: S314 # `flatten_mjcf` wrote it
         rough = is_rough(flat)
+        # Without `ctrl` the source says 0; our drives hold the pose of the keyframe.
+        silent = [key for key in flat.iterfind("keyframe/key") if not key.get("ctrl")]
+        stated |= {f"commands {key.get('name')}" for key in silent}
         if tree.root != "world":
             _clear_scenery(flat)
         try:

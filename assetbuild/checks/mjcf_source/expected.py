@@ -4,12 +4,14 @@
 - Positions count from `ref`, and so do the commands of drives that hold positions.
 - A body's frame stands in the anchor of its last joint; its old one becomes `<body>_origin`.
 - A body without mass and joints becomes a site; one that the recipe merges joins its parent.
+- A camera that looks at such a body looks ahead.
 - A site with the name of a body is called `<site>_site`; a body `world` has MuJoCo's name.
 - Bodies that a joint connects are excluded.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -79,7 +81,7 @@ def _robot(side: Side, world: str) -> Subjects:
 
 def _count_from(rest: float, joint: str, facts: Subjects) -> None:
     own = facts["joint", joint]
-    holds = own.get("model") == "pd"
+    holds, gear = own.get("model") == "pd", own.get("gear", 1.0)
     shifted = [(own, "lower"), (own, "upper")]
     shifted += [(own, "spring reference")] if own.get("stiffness") else []
     shifted += [(own, "command range")] if holds else []
@@ -88,10 +90,22 @@ def _count_from(rest: float, joint: str, facts: Subjects) -> None:
             shifted += [(pose, "position"), *([(pose, "target")] if holds else [])]
     for some, quantity in shifted:
         value = some.get(quantity)
+        commands = quantity in ("command range", "target")  # which count in the drive's gear
+        by = rest * float(gear) if commands and isinstance(gear, float) else rest
         if isinstance(value, tuple):
-            some[quantity] = tuple(float(v) - rest for v in value)
+            some[quantity] = tuple(float(v) - by for v in value)
         elif value is not None:
-            some[quantity] = float(value) - rest
+            some[quantity] = float(value) - by
+    if isinstance(law := own.get("drive parameters"), str) and isinstance(gear, float):
+        own["drive parameters"] = _law_from(rest * gear, law)
+
+
+def _law_from(rest: float, law: str) -> str:
+    """A gain and a bias that are affine in a position, which counts from `rest`."""
+    *kinds, dyn, gain, bias = json.loads(law)
+    for kind, prm in zip(kinds[1:], (gain, bias), strict=True):
+        prm[0] = float(f"{prm[0] + prm[1] * rest:.15g}") if kind == "affine" else prm[0]
+    return json.dumps([*kinds, dyn, gain, bias])
 
 
 # --- frames of bodies -----------------------------------------------------------------------
@@ -127,6 +141,9 @@ def _move(facts: Subjects, model: Model, tree: Tree, *, merges: bool) -> None:
             first, second = (X_new_old[str(own[f"body{side}"])] for side in (1, 2))
             X = first @ _pose(own["mjcf:weld pose"]) @ second.inverse()
             own["mjcf:weld pose"] = pose_value(X)
+        watched = own.get("mjcf:targetbody")
+        if kind == "camera" and watched and into.get(str(watched)) != watched:
+            own |= {"mjcf:targetbody": None, "tracking": "fixed"}  # `mjcf.dropped` says so
         for side in ("", "1", "2"):
             if kind != "body" and isinstance(body := own.get(f"body{side}"), str):
                 own |= _moved(own, X_new_old[body], side) | {f"body{side}": into[body]}
@@ -282,5 +299,6 @@ def _is_stated(
         "contact": shape and quantity.removeprefix("mjcf:") in SURFACE,
         "decimated": shape and not touches(own) and quantity in MESH,
         f"keyframe {name.split('/')[0]}": kind == "keyframe",
+        f"commands {name.split('/')[0]}": commands,
     }
     return any(said and reason in stated for reason, said in reasons.items())

@@ -148,7 +148,11 @@ def _acting(model: Model, facts: Subjects) -> None:
             own[f"mjcf:{word}"] = _numbers(getattr(model, f"actuator_{word}")[drive])
         if int(model.actuator_trntype[drive]) == mujoco.mjtTrn.mjTRN_SITE:
             own["mjcf:target"] = f"site {own['mjcf:target']}"
-        for key in range(model.nkey) if alone else ():
+        for kind in ("ctrl", "force"):
+            if not getattr(model, f"actuator_{kind}limited")[drive]:
+                own.pop(f"mjcf:{kind}range", None)  # it limits nothing
+        named = [key for key in range(model.nkey) if str(model.key(key).name)]  # `<size nkey>`
+        for key in named if alone else ():
             command = {"mjcf:command": float(model.key_ctrl[key][drive])}
             facts["keyframe", f"{name_of(model, 'key', key)}/{name}"] = {**command}
     for joint in range(model.njnt):

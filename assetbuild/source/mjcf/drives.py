@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -62,7 +63,8 @@ def read_drives(links: Links) -> Drives:
             found.mjcf_only.append(_whole(element, links, index))
             found.names.append((name, ""))
             continue
-        driven[joint] = replace(_at_rest(taken, links.rest.get(joint, 0.0)), joint=joint, name=name)
+        taken = _at_rest(_geared(taken, model, index), links.rest.get(joint, 0.0))
+        driven[joint] = replace(taken, joint=joint, name=name)
         found.names.append((name, joint))
         endless = moving[joint].kind == "continuous"
         if taken.model == "pd" and taken.ctrl is None and not endless:
@@ -71,10 +73,41 @@ def read_drives(links: Links) -> Drives:
             found.mjcf_only.append(MjcfOnly("drive", unclipped, joint))
     for name, moved in moving.items():
         own = driven.get(name, Actuator(name, "passive"))
-        found.actuators.append(_of_joint(own, moved, model))
-        if own.effort is not None:
-            found.limits[name] = replace(moved.limits, effort=own.effort)
+        limited, words_of_its_own = _clamped(own, _clamp(model, name))
+        found.actuators.append(_of_joint(limited, moved, model))
+        if words_of_its_own:
+            text = element_text("general", words_of_its_own)
+            found.mjcf_only.append(MjcfOnly("drive", text, name))
+        if limited.effort is not None:
+            found.limits[name] = replace(moved.limits, effort=limited.effort)
     return found
+
+
+def _clamp(model: Model, joint: str) -> tuple[float, float] | None:
+    index = int(model.joint(joint).id)
+    return _range(model.jnt_actfrclimited[index], model.jnt_actfrcrange[index])
+
+
+def _clamped(
+    actuator: Actuator, clamp: tuple[float, float] | None
+) -> tuple[Actuator, dict[str, str]]:
+    """(with the effort limit that the joint's `actuatorfrcrange` leaves, its own limit in MJCF).
+
+    MuJoCo clips the force of the drive to its own range, and the sum on the joint to the joint's.
+    """
+    most = max(-clamp[0], clamp[1]) if clamp else math.inf
+    own = actuator.effort
+    if most == math.inf or (own is not None and own <= most):
+        return actuator, {}
+    limited = replace(actuator, effort=most)
+    if actuator.model == "passive":
+        return limited, {}
+    word = "ctrl" if actuator.model == "motor" and actuator.ctrl is None else "force"
+    if own is None or actuator.model == "motor":
+        # Taken away from the element, and switched off where its class says it.
+        return limited, {f"{word}range": "", f"{word}limited": "false"}
+    own /= abs(actuator.gear)
+    return limited, {"forcerange": words((-own, own))}
 
 
 def _of_joint(actuator: Actuator, joint: Joint, model: Model) -> Actuator:
@@ -97,7 +130,7 @@ def _joint_of(model: Model, index: int) -> str:
 def _taken(model: Model, index: int) -> Actuator | None:
     """The actuator in the Robot's words; None when they do not say all of it."""
     gear = [float(v) for v in model.actuator_gear[index]]
-    plain = gear[0] == 1.0 and not any(gear[1:]) and not int(model.actuator_group[index])
+    plain = gear[0] != 0.0 and not any(gear[1:]) and not int(model.actuator_group[index])
     plain = plain and not int(model.actuator_actlimited[index]) and not _newer(model, index)
     if not plain or int(model.actuator_plugin[index]) >= 0:
         return None
@@ -134,6 +167,28 @@ def _taken(model: Model, index: int) -> Actuator | None:
     return Actuator("", "general", effort=effort, ctrl=ctrl, general=general)
 
 
+def _geared(actuator: Actuator, model: Model, index: int) -> Actuator:
+    """The numbers of an actuator on its joint.
+
+    MuJoCo's length is gear q and its force pulls with gear f: a stiffness counts gear^2 times, a
+    limit of the force |gear| times. A command is a position or a speed of the actuator, or a force.
+    """
+    gear = float(model.actuator_gear[index, 0])
+    if gear == 1.0:
+        return actuator
+    geared = replace(
+        actuator,
+        gear=gear,
+        kp=actuator.kp * gear * gear,
+        kd=actuator.kd * gear * gear,
+        effort=None if actuator.effort is None else actuator.effort * abs(gear),
+    )
+    if actuator.ctrl is not None:
+        low, high = sorted(end / geared.command_gear for end in actuator.ctrl)
+        geared = replace(geared, ctrl=(low, high))
+    return geared
+
+
 def _at_rest(actuator: Actuator, ref: float) -> Actuator:
     """The same drive where positions count from `ref` of the joint.
 
@@ -146,7 +201,7 @@ def _at_rest(actuator: Actuator, ref: float) -> Actuator:
         ctrl = actuator.ctrl
         return replace(actuator, ctrl=(ctrl[0] - ref, ctrl[1] - ref) if ctrl else None)
     assert actuator.general is not None  # noqa: S101 # `_taken` made it
-    general = actuator.general
+    general, ref = actuator.general, actuator.gear * ref
     if general.gaintype == "affine":
         general = general.model_copy(update={"gainprm": _moved(general.gainprm, ref)})
     if general.biastype == "affine":
@@ -155,7 +210,8 @@ def _at_rest(actuator: Actuator, ref: float) -> Actuator:
 
 
 def _moved(prm: tuple[float, ...], ref: float) -> tuple[float, ...]:
-    return (prm[0] + prm[1] * ref, *prm[1:]) if len(prm) > 1 else prm
+    """15 digits, as an MJCF states them: parameters are compared as text."""
+    return (float(f"{prm[0] + prm[1] * ref:.15g}"), *prm[1:]) if len(prm) > 1 else prm
 
 
 def _whole(element: _Element, links: Links, index: int) -> MjcfOnly:

@@ -119,7 +119,7 @@ def _commands(
     """Return each keyframe's commands by actuator; position drives count from the joint's `ref`."""
     by_joint = {actuator.joint: actuator for actuator in drives.actuators}
     rest = {
-        name: links.rest.get(joint, 0.0)
+        name: links.rest.get(joint, 0.0) * by_joint[joint].gear
         for name, joint in drives.names
         if joint and by_joint[joint].model == "pd"
     }

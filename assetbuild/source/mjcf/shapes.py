@@ -70,6 +70,9 @@ def read_geoms(links: Links) -> Geoms:
                 reader.read(geom, name)
             elif name == WORLD:
                 geoms.findings.append(_scenery(geom, classes))
+    worn = {shape.material for shape in geoms.shapes}  # a colour of its own makes another
+    geoms.materials = {name: look for name, look in geoms.materials.items() if name in worn}
+    geoms.mjcf_only = [i for i in geoms.mjcf_only if i.place != "material" or i.owner in worn]
     visible = [s.name for s in geoms.shapes if s.role == "collision" and s.name in reader.drawn]
     if visible:
         seen = any(shape.role == "visual" for shape in geoms.shapes)

@@ -8,7 +8,9 @@
 | general | `<general>` with its own parameters, forcerange = effort |
 | passive | no actuator |
 
-A row's own range of the command (`ctrl`) comes before these rules.
+A row's own range of the command (`ctrl`) comes before these rules; a motor that may be asked for
+more than its effort has that as its forcerange. A drive of an MJCF keeps its `gear`: gains, limits
+and commands are divided by it again.
 
 Damping of the joint and `kv` of the drive add up in MuJoCo, as `damping` and `kd` do here.
 `dampratio` is not written: its meaning changed between versions of MuJoCo.
@@ -16,6 +18,7 @@ Damping of the joint and `kv` of the drive add up in MuJoCo, as `damping` and `k
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -115,7 +118,9 @@ def locked_at(joint: Joint) -> float | None:
 
 def _drive(joint: Joint, actuator: Actuator) -> dict[str, dict[str, str | None]]:
     """The attributes of the actuator element by its tag; nothing for a passive joint."""
-    effort = numbers((-actuator.effort, actuator.effort)) if actuator.effort else None
+    gear, square = actuator.gear, actuator.gear * actuator.gear
+    force = (actuator.effort or 0.0) / abs(gear)
+    effort = numbers((-force, force)) if force else None
     speed = numbers((-actuator.velocity, actuator.velocity)) if actuator.velocity else None
     match actuator.model:
         case "passive":
@@ -124,21 +129,26 @@ def _drive(joint: Joint, actuator: Actuator) -> dict[str, dict[str, str | None]]
             tag, said = (
                 "position",
                 {
-                    "kp": number(actuator.kp),
-                    "kv": number(actuator.kd) if actuator.kd else None,
+                    "kp": number(actuator.kp / square),
+                    "kv": number(actuator.kd / square) if actuator.kd else None,
                     "forcerange": effort,
-                    "inheritrange": "1" if _range(joint) else None,
+                    "inheritrange": "1" if _range(joint) and gear == 1.0 else None,
                 },
             )
         case "velocity":
             tag = "velocity"
-            said = {"kv": number(actuator.kd), "forcerange": effort, "ctrlrange": speed}
+            said = {"kv": number(actuator.kd / square), "forcerange": effort, "ctrlrange": speed}
         case "general":
             tag, said = "general", {"forcerange": effort, **_general(actuator)}
         case _:
-            tag, said = "motor", {"ctrlrange": effort}
+            asked = max(-actuator.ctrl[0], actuator.ctrl[1]) if actuator.ctrl else 0.0
+            beyond = effort if asked > (actuator.effort or math.inf) else None
+            tag, said = "motor", {"ctrlrange": effort, "forcerange": beyond}
     if actuator.ctrl is not None:
-        said |= {"inheritrange": None, "ctrlrange": numbers(actuator.ctrl)}
+        ends = sorted(end * actuator.command_gear for end in actuator.ctrl)
+        said |= {"inheritrange": None, "ctrlrange": numbers(ends)}
+    if gear != 1.0:
+        said["gear"] = number(gear)
     return {tag: said}
 
 

@@ -10,6 +10,7 @@ from xml.etree.ElementTree import Element
 
 from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
+from assetbuild.mesh.picture import has_holes
 from assetbuild.robot.model import MjcfOnly
 from assetbuild.robot.shapes import Material, Shapes
 from assetbuild.targets.mjcf.opaque import add_opaque
@@ -90,7 +91,9 @@ def write_robot(path: Path, model: RobotXml, opaque: tuple[MjcfOnly, ...], meshe
 
     opaque: what only MJCF says; meshes: folder of the built ones.
     """
-    write_xml(path, robot_element(model, opaque))
+    root = robot_element(model, opaque)
+    keep_transparency(root, meshes)
+    write_xml(path, root)
     copy_assets(path.parent, model.shapes, meshes)
 
 
@@ -99,6 +102,13 @@ def robot_element(model: RobotXml, opaque: tuple[MjcfOnly, ...], *, bare: bool =
     root = model.element(bare=bare)
     add_opaque(root, opaque, model.body_names)
     return root
+
+
+def keep_transparency(root: Element, meshes: Path) -> None:
+    """State four channels for pictures that have them: MuJoCo reads three unless it is told."""
+    for texture in root.iter("texture"):
+        if has_holes((meshes / texture.attrib["file"]).read_bytes()):
+            texture.set("nchannel", "4")
 
 
 def copy_assets(folder: Path, shapes: Shapes, meshes: Path) -> None:

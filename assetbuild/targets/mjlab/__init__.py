@@ -23,6 +23,7 @@ from assetbuild.robot.shapes import Shape, Shapes
 from assetbuild.robot.tree import forward_kinematics
 from assetbuild.targets.mjcf.files import (
     copy_assets,
+    keep_transparency,
     readable,
     refuse_name,
     robot_element,
@@ -126,6 +127,7 @@ class Mjlab(Target):
         path = folder / "mjcf" / f"{self.robot}_bare.xml"
         root = robot_element(model, opaque, bare=True)
         renamed = name_collisions(root, {shape.name for shape in shapes.of("visual")})
+        keep_transparency(root, meshes)
         write_xml(path, root)
         copy_assets(path.parent, shapes, meshes)
         feet = [_called(foot, renamed) for foot in facts.feet]

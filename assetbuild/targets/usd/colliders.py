@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.contact_filter import passing_pairs
-from assetbuild.robot.model import Control
+from assetbuild.robot.model import Contact, Control
 from assetbuild.robot.pose import Vec3
 from assetbuild.robot.shapes import Mesh, Shape, Shapes
 from assetbuild.simulators.usd_names import PHYSICS_MATERIALS
@@ -123,11 +124,25 @@ def apply_filtered_pairs(
 
 def touching_neighbours(names: PrimPaths, shapes: Shapes, control: Control) -> set[frozenset[str]]:
     """Jointed pairs that may touch: most often, the parent is fixed to the world."""
-    tree = names.tree
-    solid = {tree.placement(shape.link)[0] for shape in shapes.of("collision")}
+    tree, own = names.tree, dict(control.contacts)
+    solid: dict[str, list[Contact]] = {}
+    for shape in shapes.of("collision"):
+        body = tree.placement(shape.link)[0]
+        solid.setdefault(body, []).append(own.get(shape.name, control.contact))
     apart = {frozenset(pair) for pair in (*control.excludes, *passing_pairs(tree, shapes, control))}
-    pairs = (frozenset((joint.parent, joint.child)) for joint in tree.joints)
-    return {pair for pair in pairs if pair <= solid and pair not in apart}
+    return {
+        frozenset(pair)
+        for pair in ((joint.parent, joint.child) for joint in tree.joints)
+        if frozenset(pair) not in apart
+        and any(
+            _meet(one, two) for one, two in product(solid.get(pair[0], ()), solid.get(pair[1], ()))
+        )
+    }
+
+
+def _meet(one: Contact, two: Contact) -> bool:
+    """Whether MuJoCo's bits let two shapes touch."""
+    return bool(one.mask & two.partners or two.mask & one.partners)
 
 
 def _filter(stage: Usd.Stage, path: str, others: list[str]) -> None:
@@ -154,7 +169,7 @@ def apply_masks(stage: Usd.Stage, names: PrimPaths, shapes: Shapes, control: Con
             names.shape(other)
             for other, theirs in surfaces[index + 1 :]
             if (theirs.mask or theirs.partners)
-            and not (surface.mask & theirs.partners or theirs.mask & surface.partners)
+            and not _meet(surface, theirs)
             and names.tree.placement(shape.link)[0] != names.tree.placement(other.link)[0]
         ]
         _filter(stage, names.shape(shape), apart)

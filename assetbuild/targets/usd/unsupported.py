@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.joint_springs import joint_springs, shown
 from assetbuild.robot.model import Contact, Control, Joint, Tree
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd.units import is_angular, limits
@@ -67,6 +68,14 @@ ONE_SIDED_LIMIT = Rule(
     "one bound is infinite; some readers of PhysX then limit neither side",
     "give the joint both limits",
 )
+SPRING = Rule(
+    "usd.spring",
+    "error",
+    "a joint has a spring, which the USD is written without: in PhysX, Newton and Isaac Lab it "
+    "moves otherwise than in MuJoCo",
+    "leave `usd` and `isaaclab` out of `targets`, add the spring in the simulator, or accept the "
+    "loss by `rules: {usd.spring: {severity: warning, because: ...}}`",
+)
 MIMIC = Rule(
     "usd.mimic",
     ("warning", "info"),
@@ -94,6 +103,7 @@ def unsupported(tree: Tree, control: Control, options: UsdOptions) -> Iterator[F
         yield from _limits(joint)
         yield from _mimic(tree, joint, options)
     yield from _actuators(control)
+    yield from _springs(control)
     yield from _contact(control)
     yield from _keyframes(control)
     yield from _starts(tree, control)
@@ -181,6 +191,19 @@ def _actuators(control: Control) -> Iterator[Finding]:
             "and older read `physxJoint:jointFriction` as a coefficient",
             hint="set `friction=0` in the actuator configuration there",
             data={"joints": tuple(rubbed)},
+        )
+
+
+def _springs(control: Control) -> Iterator[Finding]:
+    springs = joint_springs(control.mjcf_only)
+    if springs:
+        yield SPRING(
+            "robot",
+            f"springs of {len(springs)} joints are not in the USD, where UsdPhysics has only the "
+            f"drive; stiffness in N m/rad or N/m: {shown(springs)}",
+            hint="leave out the targets `usd` and `isaaclab`, or accept it by `rules: {usd.spring: "
+            "{severity: warning, because: ...}}` and add the springs in the simulator",
+            data=dict(springs),
         )
 
 

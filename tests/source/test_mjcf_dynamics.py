@@ -1,0 +1,296 @@
+"""The forces on an MJCF's joints, their limits, gears and springs come out as they went in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from mjcfs import Written, read, write
+from tiny import run_step
+
+from assetbuild.checks.mjcf_source import MjcfSource
+from assetbuild.facts.compare import Precision, differences
+from assetbuild.facts.readers.mjcf import MjcfFacts
+from assetbuild.findings import Finding
+from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.model import Actuator
+from assetbuild.robot.randomize import JointSample, Sample
+from assetbuild.samples.apply_sample import with_control
+from assetbuild.simulators.usd_options import UsdOptions
+from assetbuild.targets.usd.unsupported import unsupported
+
+
+def arm(joint: str = "", drive: str = "", *, more: str = "") -> str:
+    """A pendulum of one joint `j` with attributes, driven by `drive`."""
+    return f"""<mujoco><compiler angle="radian"/><worldbody><body name="base"><geom size=".1"/>
+  <body name="a" pos="0 0 .3"><joint name="j" axis="0 1 0" damping="1" {joint}/>
+  <geom type="capsule" size=".03" fromto="0 0 0 .3 0 0"/></body></body></worldbody>
+  <actuator>{drive}</actuator>{more}</mujoco>"""
+
+
+CAPPED = '<position name="j" joint="j" kp="200" kv="1" forcerange="-100 100"/>'
+OPEN = '<position name="j" joint="j" kp="100" kv="1"/>'
+MOTOR = '<motor name="j" joint="j" ctrlrange="-20 20"/>'
+BARE_MOTOR = '<motor name="j" joint="j"/>'
+GENERAL = '<general name="j" joint="j" gainprm="3" biastype="affine" biasprm="1 -2 -.3"/>'
+SEVEN = 'actuatorfrcrange="-7 7"'
+
+
+def written(text: str, folder: Path, **recipe: object) -> Written:
+    return write(read(text, folder / "read"), folder / "out", **recipe)
+
+
+def drive_of(done: Written) -> Actuator:
+    return done.control.by_joint["j"]
+
+
+def same_motion(source: str, result: Path, scale: float = 1.0) -> None:
+    """200 steps under random commands. scale: of the result's command for one of the source's."""
+    a, b = mujoco.MjModel.from_xml_string(source), mujoco.MjModel.from_xml_path(str(result))
+    b.opt.timestep = a.opt.timestep
+    one, other = mujoco.MjData(a), mujoco.MjData(b)
+    random = np.random.default_rng(1)
+    for _ in range(200):
+        command = random.uniform(-30.0, 30.0, a.nu)
+        one.ctrl[:], other.ctrl[:] = command, scale * command
+        mujoco.mj_step(a, one)
+        mujoco.mj_step(b, other)
+        np.testing.assert_allclose(other.qpos, one.qpos, rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(other.qvel, one.qvel, rtol=1e-6, atol=1e-9)
+
+
+def compared(done: Written) -> set[str]:
+    out = done.inputs.parent / f"check{len(list(done.inputs.parent.iterdir()))}"
+    return {f.rule for f in run_step(MjcfSource(robot="robot"), done.inputs, out)}
+
+
+def with_change(done: Written, old: str, new: str) -> Written:
+    text = done.xml.read_text()
+    assert text.count(old) == 1, text
+    done.xml.write_text(text.replace(old, new))
+    return done
+
+
+# --- actuatorfrcrange -----------------------------------------------------------------------
+
+
+THRUSTER = '<general name="j" joint="j" gainprm="30" ctrlrange="-.1 2"/>'
+
+
+@pytest.mark.parametrize("drive", [CAPPED, OPEN, MOTOR, BARE_MOTOR, GENERAL, THRUSTER, ""])
+def test_the_range_of_a_joint_s_force_is_its_effort_limit(drive: str, tmp_path: Path):
+    text = arm(SEVEN, drive)
+    reading = read(text, tmp_path / "read")
+    assert reading.links.by_joint["j"].limits.effort == 7.0, "for URDF, and for a recipe's rows"
+    done = write(reading, tmp_path / "out")
+    assert drive_of(done).effort == 7.0
+    assert compared(done) == set()
+    same_motion(text, done.xml)
+    assert not {f.rule for f in done.findings} & {"mjcf.uneven_effort"}
+    told = [f.message for f in done.findings if f.rule == "mjcf.only"]
+    assert not [text for text in told if "actuatorfrcrange" in text], "every format has it"
+
+
+def test_a_narrower_limit_of_the_drive_itself_stays_the_effort(tmp_path: Path):
+    text = arm(SEVEN, CAPPED.replace("100", "5"))
+    done = written(text, tmp_path)
+    assert drive_of(done).effort == 5.0
+    assert compared(done) == set()
+    same_motion(text, done.xml)
+
+
+def test_a_range_that_is_switched_off_limits_nothing(tmp_path: Path):
+    done = written(arm(f'{SEVEN} actuatorfrclimited="false"', OPEN), tmp_path)
+    assert drive_of(done).effort is None
+
+
+def test_an_uneven_range_is_exact_in_mjcf_and_reported_for_the_other_formats(tmp_path: Path):
+    text = arm('actuatorfrcrange="-7 3"', OPEN)
+    done = written(text, tmp_path)
+    assert drive_of(done).effort == 7.0
+    same_motion(text, done.xml)
+    (said,) = [f for f in done.findings if f.rule == "mjcf.uneven_effort"]
+    assert (said.severity, said.data) == ("warning", {"lower": -7.0, "upper": 3.0})
+
+
+def test_an_effort_of_the_recipe_takes_the_place_of_the_range(tmp_path: Path):
+    row = {"joints": "j", "model": "pd", "kp": 50, "kd": 1, "effort": 20}
+    text = written(arm(SEVEN, OPEN), tmp_path / "a", actuators=[row]).xml.read_text()
+    assert 'forcerange="-20 20"' in text
+    assert "actuatorfrcrange" not in text
+    del row["effort"]
+    text = written(arm(SEVEN, OPEN), tmp_path / "b", actuators=[row]).xml.read_text()
+    assert 'forcerange="-7 7"' in text
+
+
+@pytest.mark.parametrize(
+    ("drive", "old", "new", "rule"),
+    [
+        (OPEN, SEVEN, 'actuatorfrcrange="-7 7.1"', "equal.source.effort"),
+        (OPEN, SEVEN, "", "equal.source.effort"),
+        (CAPPED, "-100 100", "-100 90", "equal.source.effort_range"),
+        (CAPPED, ' forcerange="-100 100"', "", "equal.source.effort_range"),
+        (CAPPED, "-100 100", "-6 6", "equal.source.effort"),
+        (MOTOR, "-20 20", "-20 21", "equal.source.command_range"),
+        (BARE_MOTOR, SEVEN, 'actuatorfrcrange="-8 8"', "equal.source.effort"),
+        ("", SEVEN, 'actuatorfrcrange="-8 8"', "equal.source.actuatorfrcrange"),
+    ],
+)
+def test_a_changed_limit_is_found_by_both_values(
+    drive: str, old: str, new: str, rule: str, tmp_path: Path
+):
+    done = written(arm(SEVEN, drive), tmp_path)
+    before = MjcfFacts(robot="robot").read(done.xml)
+    spoilt = with_change(done, old, new)
+    assert rule in compared(spoilt)
+    after = MjcfFacts(robot="robot").read(spoilt.xml)
+    assert differences(before, after, Precision()), "as `diff` compares two files"
+
+
+def test_a_drawn_effort_is_the_effort_of_the_mjcf(tmp_path: Path):
+    done = written(arm(SEVEN, CAPPED), tmp_path)
+    stronger = Sample(joints=(JointSample("j", effort=2.0),))
+    words = [item.element for item in with_control(done.control, stronger).mjcf_only]
+    assert not [text for text in words if "range=" in text and "inherit" not in text]
+    same = with_control(done.control, Sample(joints=(JointSample("j"),)))
+    assert same.mjcf_only == done.control.mjcf_only
+
+
+# --- gear -----------------------------------------------------------------------------------
+
+SERVO = '<position name="j" joint="j" kp="20" kv="0.5" gear="{}" forcerange="-4 4"/>'
+AIMED = '<position name="j" joint="j" kp="3" kv="0.1" gear="{}" ctrlrange="-2 6"/>'
+WHEEL = '<velocity name="j" joint="j" kv="0.7" gear="{}" ctrlrange="-9 9" forcerange="-3 3"/>'
+GEARED = '<motor name="j" joint="j" gear="{}" ctrlrange="-1 1"/>'
+LOOSE = '<motor name="j" joint="j" gear="{}"/>'
+LAW = GENERAL.replace("/>", ' gear="{}" forcerange="-8 8" ctrlrange="-2 3"/>')
+GROWING = '<general name="j" joint="j" gear="{}" gaintype="affine" gainprm="2 .5 .1"/>'
+GAIN = THRUSTER.replace("/>", ' gear="{}"/>')
+EVERY = [GAIN, SERVO, AIMED, WHEEL, GEARED, LOOSE, LAW, GROWING]
+
+
+@pytest.mark.parametrize("gear", ["6", "-3", "0.7"])
+@pytest.mark.parametrize("drive", EVERY)
+@pytest.mark.parametrize("joint", ["", SEVEN, 'ref="0.2" range="-2 2"'])
+def test_a_geared_drive_moves_as_in_the_source_under_its_own_commands(
+    drive: str, gear: str, joint: str, tmp_path: Path
+):
+    text = arm(joint, drive.format(gear))
+    done = written(text, tmp_path)
+    assert drive_of(done).gear == float(gear)
+    assert compared(done) == set()
+    assert [f.data for f in done.findings if f.rule == "mjcf.gear"] == [{"j": float(gear)}]
+    if "ref" not in joint:
+        same_motion(text, done.xml)
+
+
+@pytest.mark.parametrize(
+    ("drive", "model", "said"),
+    [
+        (SERVO, "pd", {"kp": 720.0, "kd": 18.0, "effort": 24.0, "ctrl": None}),
+        (AIMED, "pd", {"kp": 108.0, "ctrl": (-2 / 6, 1.0), "effort": None}),
+        (WHEEL, "velocity", {"kd": 25.2, "effort": 18.0, "ctrl": (-1.5, 1.5)}),
+        (GEARED, "motor", {"effort": 6.0, "ctrl": (-6.0, 6.0)}),
+        (LOOSE, "motor", {"effort": None, "ctrl": None}),
+        (LAW, "general", {"effort": 48.0, "ctrl": (-2.0, 3.0)}),
+    ],
+)
+def test_a_gear_is_folded_into_what_acts_on_the_joint(
+    drive: str, model: str, said: dict[str, object], tmp_path: Path
+):
+    row = drive_of(written(arm("", drive.format(6)), tmp_path))
+    assert row.model == model
+    for name, value in said.items():
+        assert getattr(row, name) == (value if value is None else pytest.approx(value)), name
+
+
+def test_a_folded_servo_without_its_gear_moves_as_the_geared_one(tmp_path: Path):
+    text = arm("", SERVO.format(6))
+    row = drive_of(written(text, tmp_path))
+    folded = f'<position name="j" joint="j" kp="{row.kp}" kv="{row.kd}" forcerange="-24 24"/>'
+    (tmp_path / "folded.xml").write_text(arm("", folded))
+    same_motion(text, tmp_path / "folded.xml", scale=1 / 6)
+
+
+def test_a_keyframe_s_command_of_a_geared_servo_holds_its_pose(tmp_path: Path):
+    pose = {"home": {"joints": {"j": 0.3}}}
+    done = written(arm("", SERVO.format(6)), tmp_path, keyframes=pose)
+    model = mujoco.MjModel.from_xml_path(str(done.xml))
+    assert model.key_ctrl[0, 0] == pytest.approx(1.8)
+
+
+def test_a_row_of_the_recipe_has_no_gear(tmp_path: Path):
+    row = {"joints": "j", "model": "pd", "kp": 50, "kd": 1, "effort": 20}
+    done = written(arm("", SERVO.format(6)), tmp_path, actuators=[row])
+    assert drive_of(done).gear == 1.0
+    assert "gear" not in done.xml.read_text()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "rule"),
+    [
+        ('gear="6"', 'gear="6.1"', "gear"),
+        (' gear="6"', "", "gear"),
+        ('kp="20"', 'kp="20.5"', "kp"),
+        ('forcerange="-4 4"', 'forcerange="-4.1 4.1"', "effort"),
+    ],
+)
+def test_a_changed_gear_is_found(old: str, new: str, rule: str, tmp_path: Path):
+    done = written(arm("", SERVO.format(6)), tmp_path)
+    before = MjcfFacts(robot="robot").read(done.xml)
+    spoilt = with_change(done, old, new)
+    assert f"equal.source.{rule}" in compared(spoilt)
+    after = MjcfFacts(robot="robot").read(spoilt.xml)
+    assert rule in {one.key.quantity for one in differences(before, after, Precision())}
+
+
+# --- springs --------------------------------------------------------------------------------
+
+SPRUNG = 'stiffness="12" springref="0.4"'
+
+
+def usd_findings(done: Written) -> list[Finding]:
+    files = RobotFiles(done.inputs)
+    return list(unsupported(files.tree, files.control, UsdOptions.model_validate({})))
+
+
+def test_a_spring_stays_in_the_mjcf_and_both_losses_are_reported(tmp_path: Path):
+    text = arm(f'{SPRUNG} {SEVEN} solreflimit=".01 1"', OPEN)
+    done = written(text, tmp_path)
+    same_motion(text, done.xml)
+    assert compared(done) == set()
+    (warning,) = [f for f in done.findings if f.rule == "mjcf.spring"]
+    assert (warning.severity, warning.data) == ("warning", {"j": "12"})
+    (error,) = [f for f in usd_findings(done) if f.rule == "usd.spring"]
+    assert (error.severity, error.data) == ("error", {"j": "12"})
+    told = [f.message for f in done.findings if f.rule == "mjcf.only" and "of joint" in f.message]
+    assert told == [
+        "`solreflimit` of joint `j`: in the MJCF only, the other formats are written without it"
+    ]
+
+
+@pytest.mark.parametrize("joint", ["", 'springref="0.4"', 'stiffness="0"'])
+def test_a_joint_without_stiffness_has_no_spring(joint: str, tmp_path: Path):
+    done = written(arm(joint, OPEN), tmp_path)
+    rules = {f.rule for f in (*done.findings, *usd_findings(done))}
+    assert not rules & {"mjcf.spring", "usd.spring"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "rule"),
+    [
+        ('stiffness="12"', 'stiffness="12.5"', "stiffness"),
+        (' stiffness="12"', "", "stiffness"),
+        ('springref="0.4"', 'springref="0.41"', "spring_reference"),
+    ],
+)
+def test_a_changed_spring_is_found(old: str, new: str, rule: str, tmp_path: Path):
+    done = written(arm(SPRUNG, OPEN), tmp_path)
+    before = MjcfFacts(robot="robot").read(done.xml)
+    spoilt = with_change(done, old, new)
+    assert f"equal.source.{rule}" in compared(spoilt)
+    after = MjcfFacts(robot="robot").read(spoilt.xml)
+    changed = {one.key.quantity for one in differences(before, after, Precision())}
+    assert rule.replace("_", " ") in changed
