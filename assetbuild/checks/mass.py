@@ -38,6 +38,8 @@ HEAVIEST_KG = 20e3
 """The strongest arm in series production, Fanuc's M-2000iA, weighs 12.5 t as a whole."""
 LONGEST_M = 20.0
 """The longest arm of all, Canadarm2, is 17.6 m as a whole."""
+LEAST_KG_M3 = 1.2
+"""Air. A robot whose bodies together weigh less would float; masses of 1e-5 kg are placeholders."""
 BROKEN = 5.0
 """Times the tolerance of the total mass that is no tolerance any more."""
 
@@ -68,8 +70,8 @@ AXES = Rule(
 ABSURD = Rule(
     "mass.absurd",
     "error",
-    "a body weighs more than 20 t, which no robot's body does",
-    "check the density, and the units of the mesh from which the mass comes",
+    "a body weighs more than 20 t, or the whole robot less than the air in its place",
+    "state the masses: `edits: set_mass`; check the units of the mesh from which they come",
 )
 SIZE = Rule(
     "mass.size",
@@ -132,6 +134,7 @@ class Mass(Check):
         write_figures(files, figures, limits)
         yield from self._judge_total(total)
         yield from _absurd(tree, hulls)
+        yield from _weightless(tree, hulls)
         for name, row in found.items():
             yield from self._judge(name, row)
 
@@ -198,6 +201,38 @@ def _absurd(
                 hint='is the mesh in millimetres? give it `scale="0.001 0.001 0.001"`',
                 data={"size_m": size, "limit_m": LONGEST_M},
             )
+
+
+def _weightless(
+    tree: Tree, hulls: Mapping[tuple[str, Role], Sequence[TriangleMesh]]
+) -> Iterator[Finding]:
+    """Placeholder masses: all bodies with a shape together are lighter than air, kg/m3.
+
+    The bolted root does not count: nothing moves it, so many files give it no mass.
+    """
+    mass_kg, volume_m3 = 0.0, 0.0
+    for body in tree.bodies:
+        if tree.base == "fixed" and body.name == tree.root:
+            continue
+        mass_kg += body.inertial.mass_kg if body.inertial else 0.0
+        volume_m3 += _hull_volume(body.name, hulls)
+    if volume_m3 > 0.0 and 0.0 < mass_kg < LEAST_KG_M3 * volume_m3:
+        yield ABSURD(
+            "robot",
+            f"its moving bodies weigh {mass_kg:.4g} kg in hulls of {1e3 * volume_m3:.4g} litres, "
+            f"less than air (limit {LEAST_KG_M3:g} kg/m³)",
+            hint="are the masses placeholders? state them by `edits: set_mass`",
+            data={"mass_kg": mass_kg, "volume_m3": volume_m3, "limit_kg_m3": LEAST_KG_M3},
+        )
+
+
+def _hull_volume(name: str, hulls: Mapping[tuple[str, Role], Sequence[TriangleMesh]]) -> float:
+    """m3 of what is seen of a body, else of what collides; 0 where there is neither."""
+    parts = hulls.get((name, "visual")) or hulls.get((name, "collision"))
+    try:
+        return float(solid_moments(common_hull(parts))[0]) if parts else 0.0
+    except StepError:
+        return 0.0
 
 
 def _measured(

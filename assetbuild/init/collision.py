@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from assetbuild.init.anatomy import Anatomy
 from assetbuild.init.look import InspectedRobot
 from assetbuild.init.mesh_points import is_flat, mesh_of, scaled_points
 from assetbuild.init.patterns import patterns_of
-from assetbuild.init.words import flow, inline, quoted
+from assetbuild.init.words import flow, inline, plain, quoted
 from assetbuild.mesh.hull import refuse_flat
 from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import MeshFile, Role, SourceShape
@@ -26,8 +27,13 @@ Rules = dict[str, tuple[dict[str, str], str]]
 """Link -> its rule and the reason."""
 
 
-def collision(robot: InspectedRobot, anatomy: Anatomy, root: Path) -> Iterator[str]:
-    """The whole section. root: of the source's files."""
+def collision(
+    robot: InspectedRobot,
+    anatomy: Anatomy,
+    root: Path,
+    overlaps: Mapping[tuple[str, str], float] = MappingProxyType({}),
+) -> Iterator[str]:
+    """The whole section. root: of the source's files; overlaps: pairs of bodies and depths, m."""
     origin, why = "visual", "the source has no collision shapes"
     if robot.shapes.of("collision"):
         seen = {shape.link for shape in robot.shapes.of("visual")}
@@ -50,10 +56,16 @@ def collision(robot: InspectedRobot, anatomy: Anatomy, root: Path) -> Iterator[s
             yield f"    {quoted(pattern)}: {rule}"
     yield "  exclude:"
     yield "    adjacent: true   # bodies that a joint connects never collide"
-    pairs = _compound_pairs(robot.tree, anatomy.size_m)
+    pairs = compound_pairs(robot.tree, anatomy.size_m)
     if pairs:
         yield "    # Joints close together make one (a hip, a wrist): hulls overlap there."
-        yield from flow("    pairs: [", [inline(pair) for pair in pairs], "]")
+    if overlaps:
+        yield "    # Hulls of these bodies overlap at home and push the robot over or askew."
+        yield "    # They pass through each other now; another pose of `home` may free them:"
+        for (a, b), depth in overlaps.items():
+            yield f"    #   {plain(a)} in {plain(b)}: {1e3 * depth:.3g} mm"
+    if pairs or overlaps:
+        yield from flow("    pairs: [", [inline(pair) for pair in (*pairs, *overlaps)], "]")
 
 
 def soles_of(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
@@ -133,7 +145,7 @@ def _ball_feet(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
     return balls
 
 
-def _compound_pairs(tree: Tree, size: float) -> list[tuple[str, str]]:
+def compound_pairs(tree: Tree, size: float) -> list[tuple[str, str]]:
     """A body and the one two joints further, where the two joints are close together."""
     poses = forward_kinematics(tree, {})
     pairs = []

@@ -11,7 +11,7 @@ from assetbuild.errors import StepError
 from assetbuild.mesh.companions import companions_of
 from assetbuild.mesh.hull import refuse_flat
 from assetbuild.mesh.material import SourceMesh
-from assetbuild.mesh.read import Format, read_mesh
+from assetbuild.mesh.read import Format, UpAxis, read_mesh
 from assetbuild.robot.pose import Array
 from assetbuild.robot.shapes import MeshFile
 
@@ -19,7 +19,7 @@ LARGEST = 16 << 20
 """A mesh of more bytes is left to the build, which reads it in a process of its own."""
 
 
-def mesh_of(root: Path, mesh: MeshFile) -> SourceMesh | None:
+def mesh_of(root: Path, mesh: MeshFile, up_axis: UpAxis = "ignore") -> SourceMesh | None:
     """What the file holds; None for one that the build would refuse, or that is too large.
 
     root: the folder that the mesh's path starts from.
@@ -32,7 +32,7 @@ def mesh_of(root: Path, mesh: MeshFile) -> SourceMesh | None:
             data = path.read_bytes()
             names = companions_of(data, "gltf") if format == "gltf" else ()
             beside = {n: f.read_bytes() for n in names if (f := path.parent / n).is_file()}
-            return read_mesh(data, format, companions=beside, subject=mesh.path)
+            return read_mesh(data, format, companions=beside, up_axis=up_axis, subject=mesh.path)
     except (StepError, OSError):
         pass
     return None

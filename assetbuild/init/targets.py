@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from assetbuild.edits.share_mass import meeting_point
 from assetbuild.errors import RecipeError
 from assetbuild.init.look import InspectedRobot
-from assetbuild.init.words import plain
+from assetbuild.init.words import plain, some
 from assetbuild.robot.chains import find_chains, is_massless, weighs
 
 
-def targets(robot: InspectedRobot) -> str:
-    """The line of the recipe."""
+def targets(robot: InspectedRobot, springs: Collection[str] = ()) -> str:
+    """The line of the recipe. springs: joints that an MJCF gives one."""
     free = next((joint.name for joint in robot.tree.joints if joint.kind == "floating"), None)
     if free is not None:
         reason = f"joint {plain(free)} is floating, which only a base can be in MJCF and USD"
         return f"targets: [urdf]   # {reason}"
     reason = not_in_usd(robot)
+    if springs and not reason:
+        reason = f"UsdPhysics has no springs, which {some(list(springs))} have; see `usd.spring`"
     if reason:
         return f"targets: [urdf, mjcf]   # no usd: {plain(reason, 160)}"
     return "targets: [urdf, mjcf, usd]"

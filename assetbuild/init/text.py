@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.init.anatomy import Anatomy, Leg
-from assetbuild.init.collision import collision, soles_of
+from assetbuild.init.collision import collision, compound_pairs, soles_of
 from assetbuild.init.drives import (
     DAMPING_RATIO,
     FASTEST_HZ,
@@ -28,12 +28,13 @@ from assetbuild.init.repairs import repairs, repairs_text
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.strength import MARGIN, ROTOR, is_locked, strengthened
 from assetbuild.init.targets import targets
-from assetbuild.init.trial import Trial, tables, try_to_stand
+from assetbuild.init.trial import Trial, tables, try_to_stand, try_whole
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
 from assetbuild.init.up_axis import turned
 from assetbuild.init.wheels import wheel_radii
 from assetbuild.init.words import flow, inline, plain, quoted, some, source_section, written
 from assetbuild.recipe.loader import shown_path
+from assetbuild.robot.contact import Exclude
 from assetbuild.robot.inertia import total_mass
 from assetbuild.robot.model import Tree
 
@@ -62,15 +63,20 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
     whole = mended(robot, source.root, edits)
     tree, guesses = strengthened(whole.tree, anatomy, wheel_radii(whole, source.root))
     soles = soles_of(whole, anatomy)
+    up_axis, turn = turned(source, robot)
 
     def attempt(tuning: Tuning) -> Trial:
         step = {"timestep": tuning.timestep}
         control = tables(tree, tuning.drives, tuning.pose, step)
-        return try_to_stand(whole, source.root, soles, control)
+        return try_to_stand(whole, source.root, soles, control, turned=turn)
 
     tuning, trial = tune(tree, anatomy, guesses, attempt)
+    chosen = tables(tree, tuning.drives, tuning.pose, {"timestep": tuning.timestep})
+    pairs = Exclude(adjacent=True, pairs=tuple(compound_pairs(robot.tree, anatomy.size_m)))
+    chosen = chosen.model_copy(update={"exclude": pairs})
+    trial = try_whole(whole, source.root, soles, chosen, trial, turn)
     tuning = replace(tuning, unmended=(*_locked(tree), *tuning.unmended))
-    more = (*_arguments(source), *_packages(source), *turned(source, robot))
+    more = (*_arguments(source), *_packages(source), *up_axis)
     text = written(
         head(whole, anatomy, path, tuning.unmended),
         source_section(source.root, path, source.key, source.file, *more),
@@ -78,7 +84,7 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         _fixed_joints(robot),
         repairs_text(robot, edits),
         ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],
-        collision(robot, anatomy, source.root),
+        collision(robot, anatomy, source.root, trial.overlaps),
         actuators(tree, tuning),
         home(robot, anatomy, tuning.pose),
         _simulation(whole, anatomy, tuning, trial),

@@ -1,31 +1,35 @@
 """The recipe's drives and pose, tried before they are written, by the code of the checks.
 
-In MuJoCo, on the hulls of the robot's soles alone: a robot that stands touches the floor with them.
-What else collides is left to the build.
+In MuJoCo, first on the hulls of the robot's soles alone, for that is quick: a robot that stands
+touches the floor with them. One that stands so is tried once more with the hulls of all its links,
+which may lie inside each other at home and throw the robot over.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from assetbuild.checks.gains import Gains
 from assetbuild.checks.trials import Trials
 from assetbuild.control.control import ControlStep
 from assetbuild.engine.scratch import Scratch, scratch
-from assetbuild.errors import AssetBuildError
+from assetbuild.errors import AssetBuildError, StepError
 from assetbuild.findings import Finding
 from assetbuild.init.drives import DriveRow
 from assetbuild.init.look import InspectedRobot
 from assetbuild.init.mesh_points import mesh_of, scaled_points
 from assetbuild.init.patterns import patterns_of
 from assetbuild.mesh.hull import convex_hull
+from assetbuild.mesh.material import SourceMesh
 from assetbuild.mesh.obj import obj_bytes
+from assetbuild.mesh.read import UpAxis
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import encode
+from assetbuild.robot.contact import Exclude
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.poses import Keyframe
@@ -39,7 +43,14 @@ from assetbuild.targets.mjcf import Mjcf
 SECONDS, FALL, UPRIGHT_RAD = 2.0, 0.5, 0.1
 """As the check `stand` judges by default: how long, what is a fall, and what tilt is too much."""
 CORNERS = 64
-"""Most vertices of a sole's hull."""
+"""Most vertices of a hull."""
+DEEP_M = 0.001
+"""As the check `stand` judges by default: bodies that are deeper inside each other overlap."""
+PUSHED_RAD = 0.05
+"""Tilt of the base, half of what is too much, that the bodies' overlaps must be asked about."""
+
+Pairs = Mapping[tuple[str, str], float]
+"""Two bodies -> how deep one is inside the other at home, m."""
 
 
 @dataclass(frozen=True)
@@ -48,12 +59,14 @@ class Trial:
 
     errors: what the checks say of drives and pose that a build would stop at.
     refused: the key of the recipe that no build takes, and why.
+    overlaps: bodies whose hulls must not collide, for else the robot falls or leans.
     """
 
     stands: bool | None
     sentence: str
     errors: tuple[Finding, ...] = ()
     refused: RowError | None = None
+    overlaps: Pairs = field(default_factory=dict)
 
     @property
     def is_fine(self) -> bool:
@@ -67,17 +80,17 @@ def try_to_stand(
     soles: Sequence[str],
     control: ControlStep,
     driven_by: Control | None = None,
+    turned: Collection[str] = (),
 ) -> Trial:
     """Two seconds at `home` on the soles. root: of the source's files; soles: source links.
 
     Without soles nothing is to stand, or nothing can. control: the tables of the recipe;
     driven_by: the drives of a source that has its own, which are not judged here.
+    turned: paths of the meshes that the recipe turns as their files say.
     """
     try:
         with scratch() as ports:
-            shapes = _soles(robot, root, soles, ports)
-            for name, value in (("links", robot.links), ("tree", robot.tree), ("shapes", shapes)):
-                ports.put(f"{name}.json", encode(value))
+            shapes = _laid_out(robot, root, soles, ports, turned)
             said = list(ports.run(control))
             made = RobotFiles(ports.folder).control
             if driven_by is not None:
@@ -94,16 +107,70 @@ def try_to_stand(
                 return Trial(False, "has no shape on its feet to stand on", errors)
             if not shapes.shapes:
                 return Trial(None, "no shape of its soles can be read", errors)
-            laws = {
-                a.joint: held.Gains(a.kp, a.kd, a.effort)
-                for a in made.actuators
-                if a.model in ("ideal_pd", "dc_motor", "motor")
-            }
-            return replace(_judged(stand(model, "home", SECONDS, laws)), errors=errors)
+            return replace(_judged(stand(model, "home", SECONDS, _laws(made))), errors=errors)
     except RowError as error:
         return Trial(None, error.message, refused=error)
     except AssetBuildError as error:
         return Trial(None, error.message)
+
+
+def try_whole(
+    robot: InspectedRobot,
+    root: Path,
+    soles: Sequence[str],
+    control: ControlStep,
+    trial: Trial,
+    turned: Collection[str] = (),
+) -> Trial:
+    """The trial of a robot that stands on its soles, tried with the hulls of all its links.
+
+    A mesh becomes smaller pieces than its hull, so overlaps count only where they push it over or
+    askew. It is then tried without the collisions of these pairs.
+    """
+    if not trial.stands:
+        return trial
+    links = sorted(robot.solid_links | set(soles))
+    try:
+        with scratch() as ports:
+            shapes = _laid_out(robot, root, links, ports, turned)
+            body = {s.name: robot.tree.placement(s.link)[0] for s in shapes.shapes}
+            stood = _stood(ports, control)
+            if outcome(stood, FALL) == "stands" and stood.tilt_rad <= PUSHED_RAD:
+                return trial
+            deep: dict[tuple[str, str], float] = {}
+            for (a, b), depth in stood.overlapping.items():
+                pair = min(body[a], body[b]), max(body[a], body[b])
+                if depth > DEEP_M:
+                    deep[pair] = max(depth, deep.get(pair, 0.0))
+            if deep:
+                without = Exclude(adjacent=True, pairs=(*control.exclude.pairs, *deep))
+                freed = _stood(ports, control.model_copy(update={"exclude": without}))
+                if outcome(freed, FALL) == "stands" and freed.tilt_rad <= PUSHED_RAD:
+                    return replace(trial, overlaps=deep)
+            if outcome(stood, FALL) == "stands":
+                return trial
+    except AssetBuildError:  # what only the build can read, it judges
+        return trial
+    falls = "becomes unstable" if outcome(stood, FALL) == "unstable" else "falls"
+    with_all = f"stands, but {falls} within {SECONDS:g} s with the hulls of all its links"
+    return replace(trial, stands=False, sentence=with_all)
+
+
+def _stood(ports: Scratch, control: ControlStep) -> Stand:
+    """What the robot that lies there does at `home`."""
+    list(ports.run(control))
+    ports.run(Mjcf(robot="robot"))
+    model = mujoco.load(ports.folder / "mjcf" / "scene.xml", visuals=False).model
+    return stand(model, "home", SECONDS, _laws(RobotFiles(ports.folder).control))
+
+
+def _laws(control: Control) -> dict[str, held.Gains]:
+    """The drives that a controller outside of the simulator computes."""
+    return {
+        a.joint: held.Gains(a.kp, a.kd, a.effort)
+        for a in control.actuators
+        if a.model in ("ideal_pd", "dc_motor", "motor")
+    }
 
 
 def _judged(stood: Stand) -> Trial:
@@ -138,15 +205,22 @@ def tables(
     )
 
 
-def _soles(robot: InspectedRobot, root: Path, soles: Sequence[str], ports: Scratch) -> Shapes:
-    """The soles as `collision` of the recipe makes them."""
+def _laid_out(
+    robot: InspectedRobot,
+    root: Path,
+    links: Sequence[str],
+    ports: Scratch,
+    turned: Collection[str],
+) -> Shapes:
+    """The robot as a build has it, with a hull or primitive for each shape of these links."""
     (ports.folder / "meshes").mkdir()
     shapes, assets = [], []
-    for index, shape in enumerate(_shapes_of(robot, soles)):
-        name, source = f"sole_{index}", shape.geometry
+    for index, shape in enumerate(_shapes_of(robot, links)):
+        name, source = f"shape_{index}", shape.geometry
         geometry: Geometry
         if isinstance(source, MeshFile):
-            asset = _hull(shape, source, root, name, ports)
+            up_axis: UpAxis = "honour" if source.path in turned else "ignore"
+            asset = _hull(shape, mesh_of(root, source, up_axis), name, ports)
             if asset is None:
                 continue
             assets.append(asset)
@@ -154,7 +228,10 @@ def _soles(robot: InspectedRobot, root: Path, soles: Sequence[str], ports: Scrat
         else:
             geometry = source
         shapes.append(Shape(name, shape.link, "collision", geometry, shape.X_link_shape))
-    return Shapes(tuple(shapes), (), tuple(assets))
+    made = Shapes(tuple(shapes), (), tuple(assets))
+    for name, value in (("links", robot.links), ("tree", robot.tree), ("shapes", made)):
+        ports.put(f"{name}.json", encode(value))
+    return made
 
 
 def _shapes_of(robot: InspectedRobot, links: Sequence[str]) -> Iterator[SourceShape]:
@@ -165,13 +242,15 @@ def _shapes_of(robot: InspectedRobot, links: Sequence[str]) -> Iterator[SourceSh
 
 
 def _hull(
-    shape: SourceShape, mesh: MeshFile, root: Path, name: str, ports: Scratch
+    shape: SourceShape, read: SourceMesh | None, name: str, ports: Scratch
 ) -> MeshAsset | None:
-    """Written to `meshes/`; None for a mesh that cannot be read."""
-    read = mesh_of(root, mesh)
-    if read is None:
+    """Written to `meshes/`; None for a mesh that cannot be read or is flat."""
+    if read is None or not isinstance(mesh := shape.geometry, MeshFile):
         return None
-    hull = convex_hull(scaled_points(read, mesh), max_vertices=CORNERS, subject=shape.name)
+    try:
+        hull = convex_hull(scaled_points(read, mesh), max_vertices=CORNERS, subject=shape.name)
+    except StepError:
+        return None
     asset = MeshAsset(name, f"{name}.obj", len(hull.vertices), len(hull.faces), convex=True)
     ports.put(f"meshes/{asset.file}", obj_bytes(hull))
     return asset

@@ -20,11 +20,14 @@ HEAD = 1 << 16
 """Bytes in which a COLLADA file tells its axis: its asset comes first."""
 
 
-def turned(source: UrdfSource, robot: InspectedRobot) -> list[str]:
-    """The line `honour_up_axis` with its reason; nothing where no mesh needs it."""
+def turned(source: UrdfSource, robot: InspectedRobot) -> tuple[list[str], frozenset[str]]:
+    """The line `honour_up_axis` with its reason, and the meshes that it turns, by their paths.
+
+    Nothing where no mesh needs it.
+    """
     doubted = [s for s in robot.shapes.shapes if _may_say_so(source, s)]
     if not doubted:
-        return []
+        return [], frozenset()
     links = {shape.link for shape in doubted}
     records = {}
     for shape in robot.shapes.shapes:
@@ -34,11 +37,12 @@ def turned(source: UrdfSource, robot: InspectedRobot) -> list[str]:
                 records[shape.name] = record
     turn = meshes_to_turn(robot.links, robot.shapes, records)
     if not turn:
-        return []
+        return [], frozenset()
     stated = {s.geometry.path for s in doubted if isinstance(s.geometry, MeshFile)}
     patterns = (".*",) if turn == stated else patterns_of(sorted(turn), sorted(stated))
     told = f"{len(turn)} of {len(stated)} meshes that state an axis fit their links better so"
-    return [f"  honour_up_axis: {inline(patterns)}   # turned as their files say: {told}"]
+    line = f"  honour_up_axis: {inline(patterns)}   # turned as their files say: {told}"
+    return [line], frozenset(turn)
 
 
 def _may_say_so(source: UrdfSource, shape: SourceShape) -> bool:

@@ -59,7 +59,10 @@ def cut_parts(mesh: TriangleMesh, filling: Array, cell_m3: float, count: int) ->
         for side in part.cut(mesh, cut):
             heapq.heappush(queue, (-side.hollow_m3(cell_m3)[1], made, side, None))
             made += 1
-    return [part.points(mesh) for _, _, part, _ in sorted(queue, key=lambda entry: entry[1])]
+    parts = [part for _, _, part, _ in sorted(queue, key=lambda entry: entry[1])]
+    # On a grid, as two triangles meet a plane in one place but for rounding: MuJoCo holds float32,
+    # in which the two would be one vertex, and triangles of the hull would vanish.
+    return [np.round(part.points(mesh) / same_m) * same_m for part in parts]
 
 
 def tips(points: Array) -> Array:

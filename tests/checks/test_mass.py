@@ -116,3 +116,16 @@ def test_a_bolted_root_may_be_a_hall(tmp_path: Path):
     hall = Shape("hall", made.tree.root, "visual", Box((90.0, 60.0, 12.0)))
     found = told(replace(made, shapes=Shapes((*made.shapes.shapes, hall))), tmp_path)
     assert "mass.size" not in rules(found)
+
+
+def test_a_robot_lighter_than_air_is_an_error(tmp_path: Path):
+    """Masses of 1e-5 kg are placeholders: every drive and every simulation would be one, too."""
+    made = robot(replace(SOUND, mass_kg=1e-5))
+    light = [
+        replace(b, inertial=replace(b.inertial, mass_kg=1e-5) if b.inertial else None)
+        for b in made.tree.bodies
+    ]
+    made = replace(made, tree=replace(made.tree, bodies=tuple(light)))
+    (found,) = told(made, tmp_path)
+    assert (found.rule, found.severity, found.subject) == ("mass.absurd", "error", "robot")
+    assert found.data["volume_m3"] == pytest.approx(8e-4)

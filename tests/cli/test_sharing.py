@@ -88,6 +88,7 @@ def test_samples_are_shared(tmp_path: Path, warm_legs: Legs, server):
     assert machine.run("sample", "legs.yaml", "--cache-write").returncode == 2
 
 
+@pytest.mark.slow
 def test_the_trial_build_of_a_urdf_is_shared(tmp_path: Path, server):
     urdf = "tests/robots/four_legs.urdf"
     words = ("validate", str(Path(__file__).parents[2] / urdf), "--remote", server.url)

@@ -145,6 +145,7 @@ def test_a_licence_that_appears_beside_the_urdf_is_in_the_bundle(warm_legs: Legs
     assert is_null()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("before", ["red.png", "nowhere.png", "../outside.png"])
 def test_the_link_of_a_texture_that_leads_elsewhere_now_is_followed(warm_legs: Legs, before: str):
     robot = warm_legs.folder / "robot"

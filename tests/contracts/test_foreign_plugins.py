@@ -77,6 +77,7 @@ def test_the_page_of_the_how_to_builds_a_robot(site: Path):
     assert 'size="0.102 0.152 0.202"' in (bundle / "mjcf/crate.xml").read_text()
 
 
+@pytest.mark.slow
 def test_its_steps_run_again_when_its_code_is_edited(site: Path):
     words = ("build", "crate.yaml", "-o", "out", "--fail-on", "never", "--log-json", "log")
     run(site, *words)
@@ -91,6 +92,7 @@ def test_its_steps_run_again_when_its_code_is_edited(site: Path):
     assert 'version="1.11"' in (site.parent / "out/sdf/crate.sdf").read_text()
 
 
+@pytest.mark.slow
 def test_its_reader_finds_an_edited_file_and_what_it_does_not_know(site: Path):
     run(site, "build", "crate.yaml", "-o", "out", "--fail-on", "never")
     path = site.parent / "out/sdf/crate.sdf"
@@ -102,6 +104,7 @@ def test_its_reader_finds_an_edited_file_and_what_it_does_not_know(site: Path):
     assert "equal.unread" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_target_without_a_reader_builds_and_is_not_ready(site: Path):
     (points,) = site.glob("*.dist-info/entry_points.txt")
     points.write_text(points.read_text().replace("[assetbuild.facts.readers]", "[nobody.reads]"))
@@ -149,6 +152,7 @@ def test_only_what_a_recipe_names_is_imported(site: Path):
     assert run(site, "check", "crate.yaml").returncode == 0
 
 
+@pytest.mark.slow
 def test_an_edit_of_its_code_is_no_null_build(site: Path):
     def builds() -> bool:
         log = site.parent / "out.run.json"

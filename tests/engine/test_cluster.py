@@ -104,6 +104,7 @@ def test_a_worker_killed_in_the_middle_costs_nothing_but_time(tmp_path, robot, w
     assert content == gold[1]
 
 
+@pytest.mark.slow
 def test_what_the_cache_evicts_costs_workers_nothing_but_time(tmp_path, robot, workers, server):
     """The workers have run for long, and know what the cache had then."""
     gold = build(tmp_path / "gold", robot)
@@ -118,6 +119,7 @@ def test_what_the_cache_evicts_costs_workers_nothing_but_time(tmp_path, robot, w
         assert content == gold[1]
 
 
+@pytest.mark.slow
 def test_a_cache_that_evicts_all_the_time_costs_workers_nothing_but_time(
     tmp_path, robot, workers, server
 ):

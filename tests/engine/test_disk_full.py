@@ -112,6 +112,7 @@ def attempt(full_at: int | None, run: Callable[[], bytes]) -> tuple[AssetBuildEr
     return None, counted.writes
 
 
+@pytest.mark.slow
 def test_a_full_disk_at_any_write_is_one_error_that_loses_nothing(tmp_path: Path):
     source = tmp_path / "source"
     source.write_text("one 1\ntwo 2\n")

@@ -145,6 +145,7 @@ while True:
 """
 
 
+@pytest.mark.slow
 def test_builds_are_right_while_everything_is_removed_all_the_time(tmp_path: Path):
     root, log = tmp_path / "store", tmp_path / "log"
     words = [sys.executable, "-c", GC_LOOP, str(root)]

@@ -114,6 +114,7 @@ def test_a_source_edited_during_the_build_leaves_no_record(built: Path):
     assert not (built / "record").exists()
 
 
+@pytest.mark.slow
 def test_a_record_cut_or_changed_anywhere_counts_for_nothing(built: Path):
     whole = (built / "record").read_bytes()
     for end in range(len(whole) - 1):

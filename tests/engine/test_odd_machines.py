@@ -37,6 +37,7 @@ def test_a_file_system_without_locks_builds_and_rebuilds_nothing(tmp_path, sourc
             assert {result.status for result in results.values()} == {status}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tick_s", [1, 2])
 def test_a_thousand_edits_within_one_coarse_tick_are_all_noticed(tmp_path, monkeypatch, tick_s):
     """F10: stamps as of HFS+ (1 s) and FAT (2 s); edits of one size in one tick look the same."""

@@ -7,6 +7,7 @@ import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from steps_for_tests import Mix
@@ -175,6 +176,7 @@ def test_one_or_two_at_a_time_give_the_same(specs):
         assert one == two
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(25), deadline=None, derandomize=True)
 @given(
     specs=graphs(),

@@ -78,3 +78,22 @@ def test_the_recipe_of_the_dog_asks_it_to_stand_and_says_why(robots: Path, tmp_p
 
 def test_an_arm_is_not_asked_to_stand(robots: Path, tmp_path: Path):
     assert "stand:" not in propose(robots / "odd_arm.urdf", tmp_path / "arm.yaml", {}).text
+
+
+BOARD = (
+    '<collision><origin xyz="-0.2 -0.16 -0.1"/><geometry><box size="0.5 0.5 0.08"/></geometry>'
+    "</collision></link>"
+)
+"""Under the trunk and through the other thighs, where a thigh in front on the left carries it."""
+
+
+def test_bodies_inside_each_other_that_throw_a_robot_over_are_excluded_and_told(
+    robots: Path, tmp_path: Path
+):
+    head, tail = (robots / DOG).read_text().split('<link name="LF_thigh">')
+    file = tmp_path / "crossed.urdf"
+    file.write_text(f'{head}<link name="LF_thigh">' + tail.replace("</link>", BOARD, 1))
+    text = propose(file, tmp_path / "crossed.yaml", {}).text
+    assert "[LF_thigh, RF_thigh]" in text
+    assert "#   LF_thigh in RF_thigh: " in text
+    assert "  stand: {keyframe: home" in text

@@ -33,7 +33,7 @@ def test_an_l_falls_apart_at_its_inner_corner():
     mesh = solid(((2, 1, 1), (1, 0.5, 0.5)), ((1, 2, 1), (0.5, 1, 0.5)))
     parts = parts_of(mesh, 2)
     assert len(parts) == 2
-    assert sum(map(signed_volume, parts)) == pytest.approx(3.0, rel=1e-9)
+    assert sum(map(signed_volume, parts)) == pytest.approx(3.0, rel=1e-5)
 
 
 def test_the_inner_corner_may_lie_anywhere():
@@ -58,7 +58,7 @@ def test_the_hulls_of_the_parts_cover_every_vertex_and_nearly_the_whole_volume(b
     parts = parts_of(mesh, 8)
     pieces = [ConvexPiece(part) for part in parts]
     away = np.min([piece.distance(mesh.vertices) for piece in pieces], axis=0)
-    assert away.max() <= 1e-9
+    assert away.max() <= 1e-5
     assert rough(Reference(mesh), pieces).missing < 0.02
 
 
@@ -88,3 +88,12 @@ def test_tips_stand_for_the_hull():
     assert some == pytest.approx(whole, rel=5e-3)
     assert tips(ball[:10]) is not None
     assert len(tips(ball[:10])) == 10
+
+
+def test_no_two_points_of_a_part_are_one_to_float32():
+    """A ball's edges meet the planes in places that differ by rounding alone."""
+    ball = tessellate(Sphere(0.1)).placed(Pose((0.3, 0.2, 0.1)))
+    two = merged([ball, ball.placed(Pose((0.15, 0.0, 0.0)))])
+    for points in cut_parts(two, *Reference(two).filling, 8):
+        held = np.unique(points.astype(np.float32), axis=0)
+        assert len(held) == len(np.unique(points, axis=0))

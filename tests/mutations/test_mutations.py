@@ -126,6 +126,7 @@ def shares(results: list[Result]) -> tuple[float, float, list[str]]:
     return sum(found) / len(tried), sum(told) / len(tried), missed
 
 
+@pytest.mark.slow
 def test_validate_and_diff_find_single_changes(legs: Path):
     validate, diff, missed = shares(list(try_all(legs, sample(legs, OWN, 0, EACH), 1)))
     assert validate >= FOUND, missed

@@ -31,8 +31,8 @@ CAPSULE_BALL = Rule(
 SCALE = Rule(
     "urdf.mesh.scale",
     "warning",
-    "a mesh's scale is one number, which counts for all three axes, as in yourdfpy and PyBullet",
-    "write it three times",
+    "a mesh's scale is one number, or more than three equal ones: it counts for all three axes",
+    "write three numbers",
 )
 COLOUR = Rule(
     "urdf.material.colour",
@@ -72,15 +72,22 @@ def _tidy_shape(link: Node, shape: Node) -> Iterator[Finding]:
         yield CAPSULE_BALL(link.subject, message, "write <sphere>", data={"line": size.line})
     elif flat == "one" and shape.tag == "visual":
         yield _left_out(link, shape, f"is a <{size.tag}> without thickness")
+    yield from _tidy_scale(link, size)
+
+
+def _tidy_scale(link: Node, size: Node) -> Iterator[Finding]:
+    """One number counts for all axes, and so do equal numbers that are too many."""
     scale = (size.get("scale") or "").split()
-    if size.tag == "mesh" and len(scale) == 1:
-        size.element.set("scale", " ".join(scale * 3))
-        yield SCALE(
-            link.subject,
-            f"mesh scale `{scale[0]}` on line {size.line} is one number: taken for all three axes",
-            "urdfdom and MuJoCo refuse it: write it three times",
-            data={"line": size.line},
-        )
+    if size.tag != "mesh" or len(scale) in (0, 2, 3) or len(set(scale)) != 1:
+        return
+    count = "is one number" if len(scale) == 1 else f"is {len(scale)} equal numbers"
+    size.element.set("scale", " ".join(scale[:1] * 3))
+    yield SCALE(
+        link.subject,
+        f"mesh scale `{' '.join(scale)}` on line {size.line} {count}: taken for all three axes",
+        "urdfdom and MuJoCo refuse it: write three numbers",
+        data={"line": size.line},
+    )
 
 
 def _zero_edges(size: Node) -> str:
