@@ -439,6 +439,15 @@ def test_an_attached_model_keeps_its_units_names_files_and_lines(tmp_path: Path)
     assert reading.lines["link l_palm"] == "arm/parts/hand.xml:2"
 
 
+def test_models_with_classes_of_one_name_are_attached_without_a_prefix(tmp_path: Path):
+    sized = '<default><default class="c"><geom size="{}"/></default></default>'
+    child = f'<mujoco>{sized.format(".3")}<worldbody><body name="palm" childclass="c"><geom/></body></worldbody></mujoco>'
+    head = sized.format(".1") + '<asset><model name="h" file="hand.xml"/></asset>'
+    body = '<body name="arm" childclass="c"><geom/><frame><attach model="h" body="palm" prefix=""/></frame></body>'
+    reading = read(robot(body, head=head), tmp_path, hand_xml=child)
+    assert [s.geometry.radius for s in reading.shapes.shapes] == [0.1, 0.3]  # type: ignore[union-attr] # spheres
+
+
 def test_copies_without_end_are_refused(tmp_path: Path):
     nested = '<replicate count="9999">' * 3 + '<body><geom size=".1"/></body>' + "</replicate>" * 3
     assert "more than 100000 elements" in refused(robot(nested), tmp_path / "1")

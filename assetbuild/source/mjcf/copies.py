@@ -60,6 +60,7 @@ def write_out(root: _Element, load: Callable[[_Element], _Element], depth: int =
         if not element.get("name"):
             element.set("name", str(child.get("model") or ""))
         element.set("file", f"{number}.xml")
+        _rename_classes(child, number)
         models[f"{number}.xml"] = child
     _refuse_many(
         root,
@@ -100,6 +101,14 @@ def _refused(error: ValueError, first: _Element) -> SourceError:
     words = " ".join(str(error).split())
     message = f"MuJoCo does not write <{first.tag}> out: {words}"
     return SourceError(message, where=where_of(first))
+
+
+def _rename_classes(model: _Element, number: int) -> None:
+    """Without a prefix MuJoCo would write the classes of two models under one name."""
+    for element in model.iter("*"):
+        for key in ("class", "childclass"):
+            if element.get(key, "main") != "main":
+                element.set(key, f"{element.get(key)}-of-{number}")
 
 
 def _refuse_many(root: _Element, sizes: Mapping[str, int]) -> None:
