@@ -198,6 +198,7 @@ def test_what_does_not_fit_is_told_with_its_line(folder, old, new, message):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_patterns_of_a_part_and_of_the_base_mean_what_they_say(folder):
     """A part's flags stay at the start of its pattern; a row of the base may name a part too."""
     arm = (folder / "arm.yaml").read_text().replace('".*"', '"(?i)JOINT1"')

@@ -95,6 +95,7 @@ def test_a_source_behind_a_link_that_leads_elsewhere_now_is_built(warm_legs: Leg
     assert mass_built(warm_legs) == "7"
 
 
+@pytest.mark.slow
 def test_an_archive_behind_a_link_that_leads_elsewhere_now_is_built(warm_legs: Legs):
     folder = warm_legs.folder
     for name in ("old.zip", "new.zip"):
@@ -125,6 +126,7 @@ def joints_built(legs: Legs) -> int:
     return (legs.bundle / "urdf/legs.urdf").read_text().count('type="continuous"')
 
 
+@pytest.mark.slow
 def test_a_part_that_appears_where_a_xacro_includes_a_folder_is_built(parts: Legs):
     is_null = settled(parts)
     assert joints_built(parts) == 1

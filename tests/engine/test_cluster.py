@@ -93,6 +93,7 @@ def test_two_workers_make_the_same_bytes(tmp_path, robot, workers, server):
     assert statuses(build(tmp_path / "own", robot)[0]) == {"cached"}
 
 
+@pytest.mark.slow
 def test_a_worker_killed_in_the_middle_costs_nothing_but_time(tmp_path, robot, workers, server):
     gold = build(tmp_path / "gold", robot, width=8)
     timer = threading.Timer(0.8, workers.workers[0].kill)

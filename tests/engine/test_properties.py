@@ -128,6 +128,7 @@ def build(
         return {k: session.read(r["out"]).decode() for k, r in results.items()}, ran
 
 
+@pytest.mark.slow
 @settings(
     max_examples=examples(40),
     deadline=None,
