@@ -53,13 +53,17 @@ targets: [mjcf]
 """
 POLE = """schema: assetbuild/v1
 robot: pole
-source: {path: ., mjcf: pole.xml, license: MIT}
+source:
+  path: .
+  mjcf: xml/pole.xml
+  license: MIT
+  patches: [{file: xml/pole.xml, find: kp="4", replace: kp="5", because: a misprint}]
 targets: [mjcf, usd]
 randomize: {links: {pole: {density: [0.9, 1.1], stretch: 0.1}}, friction: [0.5, 1.0]}
 """
-MJCF = """<mujoco><asset><mesh file="lump.stl"/></asset><worldbody><body name="pole" pos="0 0 1">
+MJCF = """<mujoco><asset><mesh file="../lump.stl"/></asset><worldbody><body name="pole" pos="0 0 1">
   <joint name="swing" range="-1 1"/><geom type="mesh" mesh="lump" mass="1"/>
-</body></worldbody><actuator><position joint="swing" kp="5"/></actuator></mujoco>
+</body></worldbody><actuator><position joint="swing" kp="4"/></actuator></mujoco>
 """
 
 
@@ -100,7 +104,8 @@ def write_robots(folder: Path) -> list[Path]:
         for name in ("arm.urdf", "lump.stl", "tile.obj", "tile.mtl", "skin.png"):
             archive.write(folder / name, name)
     texts = {"arm.yaml": ARM, "cart.yaml": CART, "pole.yaml": POLE}
-    texts |= {"post.xacro": XACRO, "pole.xml": MJCF}
+    texts |= {"post.xacro": XACRO, "xml/pole.xml": MJCF}
+    (folder / "xml").mkdir()
     for name, text in texts.items():
         (folder / name).write_text(text)
     return [folder / "arm.yaml", folder / "cart.yaml", folder / "pole.yaml"]
