@@ -60,10 +60,10 @@ class Recipe:
 def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, path: Path) -> Recipe:
     """The whole recipe, as it will lie at `path`; its drives and pose are tried before."""
     edits = repairs(robot, source.root)
-    whole = mended(robot, source.root, edits)
+    up_axis, turn = turned(source, robot)
+    whole = mended(robot, source.root, edits, turn)
     tree, guesses = strengthened(whole.tree, anatomy, wheel_radii(whole, source.root))
     soles = soles_of(whole, anatomy)
-    up_axis, turn = turned(source, robot)
 
     def attempt(tuning: Tuning) -> Trial:
         step = {"timestep": tuning.timestep}

@@ -135,7 +135,7 @@ def try_whole(
             body = {s.name: robot.tree.placement(s.link)[0] for s in shapes.shapes}
             stood = _stood(ports, control)
             if outcome(stood, JUDGE.fall) == "stands" and stood.tilt_rad <= PUSHED_RAD:
-                return trial
+                return _objected(trial, stood, robot.tree, shapes, soles)
             deep: dict[tuple[str, str], float] = {}
             for (a, b), depth in stood.overlapping.items():
                 pair = min(body[a], body[b]), max(body[a], body[b])
@@ -145,14 +145,27 @@ def try_whole(
                 without = Exclude(adjacent=True, pairs=(*control.exclude.pairs, *deep))
                 freed = _stood(ports, control.model_copy(update={"exclude": without}))
                 if outcome(freed, JUDGE.fall) == "stands" and freed.tilt_rad <= PUSHED_RAD:
-                    return replace(trial, overlaps=deep)
+                    freely = replace(trial, overlaps=deep)
+                    return _objected(freely, freed, robot.tree, shapes, soles)
             if outcome(stood, JUDGE.fall) == "stands":
-                return trial
+                return _objected(trial, stood, robot.tree, shapes, soles)
     except AssetBuildError:  # what only the build can read, it judges
         return trial
     falls = "becomes unstable" if outcome(stood, JUDGE.fall) == "unstable" else "falls"
     with_all = f"stands, but {falls} within {JUDGE.seconds:g} s with the hulls of all its links"
     return replace(trial, stands=False, sentence=with_all)
+
+
+def _objected(
+    trial: Trial, stood: Stand, tree: Tree, shapes: Shapes, soles: Sequence[str]
+) -> Trial:
+    """Return the trial of a robot that stands, as one that does not where the check objects."""
+    judge = JUDGE.model_copy(update={"feet": "|".join(map(re.escape, soles))})
+    said = judge.judged(stood, tree, shapes)
+    error = next((finding for finding in said if finding.severity == "error"), None)
+    if error is None:
+        return trial
+    return replace(trial, stands=False, sentence=f"stands, but {error.subject}: {error.message}")
 
 
 def _stood(ports: Scratch, control: ControlStep) -> Stand:
