@@ -12,6 +12,7 @@ from assetbuild.facts.sketch import SKETCH
 from assetbuild.facts.table import Key, Table, Value, Writer, pair_name
 from assetbuild.facts.usd_inventory import inventory
 from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.model import MOVING, Actuator, Joint, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Material, Mesh, Shape
@@ -41,7 +42,7 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
                 book.facts.pop(Key("body", body.name, quantity), None)
         book.put("body", body.name, {"usd:type": "Xform"} | rigid_body_words(options.rigid_body))
     starts = dict(initial_pose(tree, control).joints)
-    touching = _jointed_that_touch(reference)
+    touching, springs = _jointed_that_touch(reference), as_drives(control)
     for joint in tree.joints:
         book.put("joint", joint.name, {
             "usd:child pose": pose_value(joint.X_parent_joint),
@@ -49,6 +50,12 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
         })  # fmt: skip
         if joint.kind in MOVING:
             _driven(joint, control.by_joint.get(joint.name), starts[joint.name], options, book)
+            if joint.name in springs:
+                rest = springs[joint.name].rest
+                book.put("joint", joint.name, {
+                    "kp": springs[joint.name].stiffness, "drive target": rest,
+                    "usd:drive type": "force", "usd:targetVelocity": 0.0,
+                })  # fmt: skip
             _mimic(tree, joint, options, book)
     for shape in reference.shapes.shapes:
         _shape(shape, reference, options, book)

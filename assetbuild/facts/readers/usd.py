@@ -17,7 +17,7 @@ _OUTSIDE = (
 )
 _CONTACT = "PhysX has no such value; Newton reads it from the MJCF"
 _BITS = "USD has no masks: `collides` and filtered pairs say what they mean"
-_SPRING = "UsdPhysics has no spring beside the drive; a robot with one has the error `usd.spring`"
+_SPRING = "a spring is the drive of its joint (kp, drive target), or `usd.spring` is reported"
 
 
 class UsdReader(Reader):
