@@ -18,6 +18,7 @@ from assetbuild.robot.shapes import Material, Mesh, Shape
 from assetbuild.simulators.usd_names import (
     body_identifiers,
     joint_identifiers,
+    loop_identifiers,
     usd_identifier,
     usd_identifiers,
 )
@@ -50,6 +51,9 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
         if joint.kind in MOVING:
             _driven(joint, control.by_joint.get(joint.name), starts[joint.name], options, book)
             _mimic(tree, joint, options, book)
+    for loop in control.loops:
+        ends = frozenset((loop.a.body, loop.b.body))
+        book.put("loop", loop.name, {"usd:collisionEnabled": ends in touching})
     for shape in reference.shapes.shapes:
         _shape(shape, reference, options, book)
     _shape_pairs(reference, book)
@@ -227,7 +231,8 @@ def _filtered(reference: Reference) -> set[frozenset[str]]:
 def _jointed_that_touch(reference: Reference) -> set[frozenset[str]]:
     """A joint's flag lets its two bodies touch: where both have shapes and nothing filters them."""
     solid, filtered = _solid_bodies(reference), _filtered(reference)
-    ends = (frozenset((joint.parent, joint.child)) for joint in reference.tree.joints)
+    ends = [frozenset((joint.parent, joint.child)) for joint in reference.tree.joints]
+    ends += [frozenset((loop.a.body, loop.b.body)) for loop in reference.control.loops]
     return {pair for pair in ends if pair <= set(solid) and pair not in filtered}
 
 
@@ -297,6 +302,7 @@ def _identifiers(reference: Reference, book: Writer) -> None:
     for kind, names in (
         ("body", body_identifiers(tree)),
         ("joint", joint_identifiers(tree)),
+        ("loop", loop_identifiers(reference.control.loops)),
         ("frame", usd_identifiers((f.name for f in tree.frames), ("visuals", "collisions"))),
         ("shape", usd_identifiers(s.name for s in shapes.shapes)),
         ("material", usd_identifiers(m.name for m in shapes.materials)),

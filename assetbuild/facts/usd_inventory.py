@@ -16,10 +16,12 @@ from assetbuild.robot.shapes import Box, Mesh, Shape
 from assetbuild.simulators.usd_names import (
     JOINTS,
     LOOKS,
+    LOOPS,
     PHYSICS_MATERIALS,
     ROOT_JOINT,
     body_identifiers,
     joint_identifiers,
+    loop_identifiers,
     usd_identifier,
     usd_identifiers,
 )
@@ -60,6 +62,7 @@ def inventory(
     rows: list[Row] = [(top, "Xform", ())]
     rows += _bodies(reference, bodies)
     rows += _joints(reference, f"{top}/{JOINTS}", facts)
+    rows += _loops(reference, f"{top}/{LOOPS}")
     rows += _shapes(reference, bodies)
     materials = usd_identifiers(material.name for material in shapes.materials)
     rows += [(f"{top}/{LOOKS}", "Scope", ())] if materials else []
@@ -109,6 +112,16 @@ def _joints(reference: Reference, scope: str, facts: Mapping[Key, Value]) -> Ite
         if Key("joint", joint.name, "mimics") in facts:
             schemas += [LAW, "NewtonMimicAPI"]
         yield f"{scope}/{names[joint.name]}", kind, schemas
+
+
+def _loops(reference: Reference, scope: str) -> Iterator[Row]:
+    loops = reference.control.loops
+    if loops:
+        yield scope, "Scope", ()
+    names = loop_identifiers(loops)
+    for loop in loops:
+        kind = "PhysicsFixedJoint" if loop.kind == "weld" else "PhysicsSphericalJoint"
+        yield f"{scope}/{names[loop.name]}", kind, ()
 
 
 def _moving(joint: Joint, row: Actuator | None) -> Iterator[str]:

@@ -47,6 +47,8 @@ class JointPrim:
         self.X_parent_child = frames[0] @ frames[1].inverse()
         self.anchor, self.turn = frames[1].xyz, rotation_of(frames[1].quat)
         self.touching = bool(prim.flag("physics:collisionEnabled"))
+        self.closes_loop = bool(prim.flag("physics:excludeFromArticulation"))
+        self.frames = frames
         self.token = prim.text("physics:axis") or "X"
 
     def _frame(self, side: str, places: Places) -> Pose:
@@ -76,10 +78,13 @@ class JointPrim:
 
 
 def joint_facts(joints: Sequence[JointPrim], units: Units, book: Writer) -> None:
-    """Facts of all joints but those that hold the base."""
+    """Facts of all joints but those that hold the base; of those that close loops, as loops."""
     by_path = {joint.prim.path: joint for joint in joints}
     for joint in joints:
         if joint.holds_base:
+            continue
+        if joint.closes_loop:
+            _loop(joint, book)
             continue
         name = joint.prim.named("joint")
         names = joint.names
@@ -96,6 +101,19 @@ def joint_facts(joints: Sequence[JointPrim], units: Units, book: Writer) -> None
             _drive(joint, name, book)
             _passive(joint, name, book)
             _mimic(joint, name, by_path, book)
+
+
+def _loop(joint: JointPrim, book: Writer) -> None:
+    """A joint outside of the articulation."""
+    facts: dict[str, Value] = {
+        "type": {"ball": "connect", "fixed": "weld"}.get(joint.kind, joint.kind),
+        "usd:collisionEnabled": joint.touching,
+    }
+    ends = zip("ab", (joint.parent, joint.child), joint.frames, strict=True)
+    for side, body, frame in ends:
+        facts[f"body {side}"] = joint.names.get(body, body)
+        facts[f"end {side}"] = pose_value(Pose(frame.xyz) if joint.kind == "ball" else frame)
+    book.put("loop", joint.prim.named("loop"), facts)
 
 
 def _motion(joint: JointPrim, name: str, book: Writer) -> None:

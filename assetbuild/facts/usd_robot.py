@@ -183,7 +183,8 @@ def _bodies(
     places: Places,
     book: Writer,
 ) -> None:
-    parents = {j.child: j.parent for j in joints if j.parent and j.child}
+    tree = [joint for joint in joints if not joint.closes_loop]
+    parents = {j.child: j.parent for j in tree if j.parent and j.child}
     for path, prim in bodies.items():
         name, units = names[path], places.units
         above = parents.get(path, "")

@@ -6,9 +6,10 @@ import hashlib
 import re
 from collections.abc import Iterable
 
-from assetbuild.robot.model import Tree
+from assetbuild.robot.model import Loop, Tree
 
 JOINTS, LOOKS, PHYSICS_MATERIALS = "Joints", "Looks", "PhysicsMaterials"
+LOOPS = "Loops"
 """Groups beside the bodies, below the robot."""
 ROOT_JOINT = "root_joint"
 """Holds a fixed base to the world."""
@@ -53,7 +54,12 @@ def _with_digest(near: str, name: str) -> str:
 
 def body_identifiers(tree: Tree) -> dict[str, str]:
     """Prim name by body name."""
-    return usd_identifiers(tree.by_body, (JOINTS, LOOKS, PHYSICS_MATERIALS))
+    return usd_identifiers(tree.by_body, (JOINTS, LOOKS, PHYSICS_MATERIALS, LOOPS))
+
+
+def loop_identifiers(loops: Iterable[Loop]) -> dict[str, str]:
+    """Prim name by the name of a loop."""
+    return usd_identifiers(loop.name for loop in loops)
 
 
 def joint_identifiers(tree: Tree) -> dict[str, str]:

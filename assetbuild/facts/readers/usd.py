@@ -57,6 +57,7 @@ class UsdReader(Reader):
         "joint drive name": "a drive is part of its joint and has no name",
         "joint stiffness": _SPRING,
         "joint spring reference": _SPRING,
+        "loop torque scale": "the weight in MuJoCo's soft constraint; PhysX's joint is hard",
         "shape condim": _CONTACT,
         "shape priority": _CONTACT,
         "shape solref": _CONTACT,

@@ -20,7 +20,7 @@ from assetbuild.targets.usd.colliders import (
     touching_neighbours,
 )
 from assetbuild.targets.usd.geometry import write_instances, write_library, write_materials
-from assetbuild.targets.usd.joints import apply_articulation, define_joints
+from assetbuild.targets.usd.joints import apply_articulation, define_joints, define_loops
 from assetbuild.targets.usd.layers import PAYLOADS, new_layer, save, write_interface
 from assetbuild.targets.usd.names import PrimPaths
 from assetbuild.targets.usd.scene import SCENE, write_scene
@@ -49,6 +49,7 @@ def write_asset(
     yield from define_colliders(stage, names, shapes, control)
     touching = touching_neighbours(names, shapes, control)
     define_joints(stage, names, control, options, touching)
+    define_loops(stage, names, control, touching)
     apply_articulation(stage, names, options.articulation)
     apply_filtered_pairs(stage, names, shapes, control)
     apply_masks(stage, names, shapes, control)

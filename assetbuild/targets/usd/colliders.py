@@ -123,16 +123,18 @@ def apply_filtered_pairs(
 
 
 def touching_neighbours(names: PrimPaths, shapes: Shapes, control: Control) -> set[frozenset[str]]:
-    """Jointed pairs that may touch: most often, the parent is fixed to the world."""
+    """Jointed pairs that may touch: most often, the parent is fixed to the world; and of loops."""
     tree, own = names.tree, dict(control.contacts)
     solid: dict[str, list[Contact]] = {}
     for shape in shapes.of("collision"):
         body = tree.placement(shape.link)[0]
         solid.setdefault(body, []).append(own.get(shape.name, control.contact))
     apart = {frozenset(pair) for pair in (*control.excludes, *passing_pairs(tree, shapes, control))}
+    jointed = [(joint.parent, joint.child) for joint in tree.joints]
+    jointed += [(loop.a.body, loop.b.body) for loop in control.loops]
     return {
         frozenset(pair)
-        for pair in ((joint.parent, joint.child) for joint in tree.joints)
+        for pair in jointed
         if frozenset(pair) not in apart
         and any(
             _meet(one, two) for one, two in product(solid.get(pair[0], ()), solid.get(pair[1], ()))

@@ -15,7 +15,7 @@ from assetbuild.errors import StepError
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import MOVING, Actuator, Control, Joint
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply
-from assetbuild.simulators.usd_names import JOINTS
+from assetbuild.simulators.usd_names import JOINTS, LOOPS, loop_identifiers
 from assetbuild.simulators.usd_options import UsdArticulation, UsdOptions
 from assetbuild.targets.usd.layers import apply_foreign, label
 from assetbuild.targets.usd.names import PrimPaths
@@ -76,6 +76,27 @@ def define_joints(
             _apply_start(prim, joint, starts[joint.name])
             if options.mimics:
                 _apply_mimic(prim, names, joint)
+
+
+def define_loops(
+    stage: Usd.Stage,
+    names: PrimPaths,
+    control: Control,
+    touching: Collection[frozenset[str]],
+) -> None:
+    """Joints that close loops: outside of the articulation, which is a tree."""
+    if control.loops:
+        UsdGeom.Scope.Define(stage, f"/{names.root}/{LOOPS}")
+    identifiers = loop_identifiers(control.loops)
+    for loop in control.loops:
+        kind = UsdPhysics.FixedJoint if loop.kind == "weld" else UsdPhysics.SphericalJoint
+        made = kind.Define(stage, f"/{names.root}/{LOOPS}/{identifiers[loop.name]}")
+        made.CreateBody0Rel().SetTargets([names.body(loop.a.body)])
+        made.CreateBody1Rel().SetTargets([names.body(loop.b.body)])
+        made.CreateExcludeFromArticulationAttr(True)
+        made.CreateCollisionEnabledAttr(frozenset((loop.a.body, loop.b.body)) in touching)
+        _set_frames(made, loop.a.X_body_end, loop.b.X_body_end)
+        label(made.GetPrim(), loop.name)
 
 
 def _undriven(joint: Joint) -> Actuator:
