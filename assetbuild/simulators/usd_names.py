@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from assetbuild.robot.model import Tree
 
 JOINTS, LOOKS, PHYSICS_MATERIALS = "Joints", "Looks", "PhysicsMaterials"
+ACTUATORS = "Actuators"
 """Groups beside the bodies, below the robot."""
 ROOT_JOINT = "root_joint"
 """Holds a fixed base to the world."""
@@ -53,7 +54,7 @@ def _with_digest(near: str, name: str) -> str:
 
 def body_identifiers(tree: Tree) -> dict[str, str]:
     """Prim name by body name."""
-    return usd_identifiers(tree.by_body, (JOINTS, LOOKS, PHYSICS_MATERIALS))
+    return usd_identifiers(tree.by_body, (JOINTS, LOOKS, PHYSICS_MATERIALS, ACTUATORS))
 
 
 def joint_identifiers(tree: Tree) -> dict[str, str]:
