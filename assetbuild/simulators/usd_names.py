@@ -11,6 +11,8 @@ from assetbuild.robot.model import Tree
 JOINTS, LOOKS, PHYSICS_MATERIALS = "Joints", "Looks", "PhysicsMaterials"
 ACTUATORS = "Actuators"
 """Groups beside the bodies, below the robot."""
+SCENE = ("physics", "floor", "light", PHYSICS_MATERIALS)
+"""Prims beside the robot in `scene.usda`."""
 ROOT_JOINT = "root_joint"
 """Holds a fixed base to the world."""
 
@@ -50,6 +52,12 @@ def usd_identifiers(names: Iterable[str], taken: Iterable[str] = ()) -> dict[str
 
 def _with_digest(near: str, name: str) -> str:
     return f"{near}_{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+
+
+def scene_identifier(robot: str) -> str:
+    """Return the name of the robot's prim in `scene.usda`, which no other prim there has."""
+    root = usd_identifier(robot)
+    return usd_identifiers([root], SCENE)[root]
 
 
 def body_identifiers(tree: Tree) -> dict[str, str]:

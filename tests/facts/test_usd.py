@@ -29,6 +29,7 @@ from assetbuild.findings import Finding
 from assetbuild.robot.model import (
     Contact,
 )
+from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd import Usd as UsdTarget
 
@@ -69,6 +70,16 @@ def test_untouched_robots_are_equal(tmp_path: Path) -> None:
     mimic = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", -1.0, 0.1)
     for i, robot in enumerate((tiny_quadruped(), pendulum(), mimic, gripper())):
         assert check(robot, tmp_path / str(i)) == []
+
+
+def test_a_turn_that_usd_takes_through_an_arc_cosine_is_equal(tmp_path: Path) -> None:
+    """By 1.5e-7 rad, of which USD loses a hundredth."""
+    robot = tiny_quadruped()
+    quat = normalised_quat((1.0, 7.3205e-08, 6.3397e-08, -1.33974e-08))
+    turned = Pose((0.05, 0.01, 0.02), quat)
+    frames = [replace(f, X_body_frame=turned) if f.name == "imu" else f for f in robot.tree.frames]
+    robot = replace(robot, tree=replace(robot.tree, frames=tuple(frames)))
+    assert check(robot, tmp_path) == []
 
 
 def test_neighbours_whose_masks_never_meet_are_told_apart_by_their_joint(tmp_path: Path) -> None:
