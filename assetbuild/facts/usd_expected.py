@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import itertools
 
-from assetbuild.facts.reference import Reference, filtered_pairs, pose_value
+from assetbuild.facts.reference import SOLREF, Reference, filtered_pairs, pose_value
 from assetbuild.facts.sketch import SKETCH
 from assetbuild.facts.table import Key, Table, Value, Writer, pair_name
+from assetbuild.facts.usd_actuators import expected_actuators
 from assetbuild.facts.usd_inventory import inventory
 from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.limit_springs import limit_springs
 from assetbuild.robot.model import MOVING, Actuator, Joint, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Material, Mesh, Shape
@@ -43,6 +45,12 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
         book.put("body", body.name, {"usd:type": "Xform"} | rigid_body_words(options.rigid_body))
     starts = dict(initial_pose(tree, control).joints)
     touching = _jointed_that_touch(reference)
+    for name, (stiffness, damping) in limit_springs(tree, control).items():
+        book.put("joint", name, {
+            "usd:newton:limitStiffness": stiffness,
+            "usd:newton:limitDamping": damping,
+            "usd:solreflimit": SOLREF,
+        })  # fmt: skip
     for joint in tree.joints:
         book.put("joint", joint.name, {
             "usd:child pose": pose_value(joint.X_parent_joint),
@@ -54,6 +62,7 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
     for loop in control.loops:
         ends = frozenset((loop.a.body, loop.b.body))
         book.put("loop", loop.name, {"usd:collisionEnabled": ends in touching})
+    expected_actuators(control.actuators, book)
     for shape in reference.shapes.shapes:
         _shape(shape, reference, options, book)
     _shape_pairs(reference, book)

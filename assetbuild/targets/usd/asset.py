@@ -12,6 +12,7 @@ from assetbuild.findings import Finding
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.usd_options import UsdOptions
+from assetbuild.targets.usd.actuators import define_actuators
 from assetbuild.targets.usd.bodies import apply_rigid_bodies, write_base
 from assetbuild.targets.usd.colliders import (
     apply_filtered_pairs,
@@ -50,6 +51,7 @@ def write_asset(
     touching = touching_neighbours(names, shapes, control)
     define_joints(stage, names, control, options, touching)
     define_loops(stage, names, control, touching)
+    define_actuators(stage, names, control)
     apply_articulation(stage, names, options.articulation)
     apply_filtered_pairs(stage, names, shapes, control)
     apply_masks(stage, names, shapes, control)
