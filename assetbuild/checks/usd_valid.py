@@ -267,7 +267,7 @@ def _validation(stage: Usd.Stage) -> Iterator[Finding]:
 def _counts(found: Contents, tree: Tree, shapes: Shapes, control: Control) -> Iterator[Finding]:
     expected = {
         "bodies": len(tree.bodies),
-        "joints": len(tree.joints),
+        "joints": len(tree.joints) + len(control.loops),
         "drives": len([a for a in control.actuators if a.model != "passive"])
         + len(as_drives(control)),
         "colliders": len(shapes.of("collision")),

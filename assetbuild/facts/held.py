@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from assetbuild.facts.compare import Precision
-from assetbuild.facts.reference import Reference, pose_value, robot_table
+from assetbuild.facts.reference import SOLREF, Reference, pose_value, robot_table
 from assetbuild.facts.table import Key, Table, Value, Writer
+from assetbuild.facts.usd_actuators import explicit_law
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.model import Joint, Tree
@@ -57,6 +58,7 @@ PHYSX_LACKS: Mapping[str, str] = {
          "joint drive parameters", "joint delay"), _OUTSIDE),
     "joint drive name": "a drive is part of its joint",
     "shape": "PhysX tells how many a body has, and their friction",
+    "loop": "as above; the check `physx_loops` measures whether it holds",
     "pair": _SILENT,
     "sensor": "it has none",
     "camera": "it has none",
@@ -78,6 +80,7 @@ NEWTON_LACKS: Mapping[str, str] = {
     **{key: why for key, why in PHYSX_LACKS.items() if why == _OUTSIDE},
     "joint drive name": "a drive is part of its joint",
     "shape": _UNREAD,
+    "loop": _UNREAD,
     "pair": _UNREAD,
     "sensor": "it has its own",
     "camera": "it has its own",
@@ -305,15 +308,28 @@ def _held_joint(joint: physx.HeldJoint) -> dict[str, Value]:
 # --- Newton --------------------------------------------------------------------------------------
 
 
-def newton_expected(reference: Reference, *, coupled: Callable[[Joint], bool]) -> Table:
-    """Return what Newton must hold of the robot. coupled: does a file say that a joint mimics?"""
+def newton_expected(reference: Reference, *, coupled: Callable[[Joint], bool], usd: bool) -> Table:
+    """Return what Newton must hold of the robot.
+
+    coupled: does a file say that a joint mimics? usd: read from the USD, which alone says how soft
+    limits are and which law an explicit drive has.
+    """
     tree, table = reference.tree, as_newton(robot_table(reference))
     free = {
         joint.name for joint in tree.moving_joints if joint.mimic is not None and not coupled(joint)
     }
     expected = table.only(lambda key: key.name not in free or not key.quantity.startswith("mimic"))
     dof = float(len(tree.moving_joints) + (6 if tree.base == "floating" else 0))
-    return expected | Table({Key("robot", "", "newton:dof"): dof})
+    book = Writer()
+    book.put("robot", "", {"newton:dof": dof})
+    for joint in tree.moving_joints if usd else ():
+        ends = expected.of("joint", joint.name)
+        limited = ends.get("lower") is not None or ends.get("upper") is not None
+        book.put("joint", joint.name, {"newton:solreflimit": SOLREF if limited else None})
+        row = reference.control.by_joint.get(joint.name)
+        for name, value in explicit_law(row).items() if row else ():
+            book.put("joint", joint.name, {f"newton:actuator {name}": value})
+    return expected | book.table()
 
 
 def newton_table(

@@ -39,7 +39,7 @@ ACCELERATION = {"rad": 20.0, "m": 10.0}
 POSES = 6
 """Random poses in which the largest inertia is looked for."""
 LEAST_SHARE = 0.1
-"""Of the strongest drive of the same limb."""
+"""No drive is guessed weaker than this share of the strongest drive of its limb, without unit."""
 GRIP_N = 10.0
 """Force at a fingertip; hands of the field press with 5 to 30 N."""
 ADHESION = 0.8
@@ -60,6 +60,7 @@ FEW = 3
 ROTOR = {"rad": 6000.0, "m": 600.0}
 """rad/s2 and m/s2: effort over the inertia that the joint feels of its rotor. A G1 has 5,500 to
 8,700, a Go1 5,900, a UR10 3,300, a Panda 870: the guess is the least that such a motor has."""
+ROTOR_RULE = f"effort / {ROTOR['rad']:g} rad/s2 (slides: {ROTOR['m']:g} m/s2)"
 
 _FINGER = re.compile(r"(?i).*(finger|thumb|grip|palm|knuckle|digit|pinky|pinkie|phalan|hand).*")
 _LIGHT_KG, _SHORT_M = 0.4, 0.25
@@ -222,12 +223,15 @@ def rotor_inertia(joint: Joint) -> float:
 
 
 def unit_of(joint: Joint) -> str:
-    """Of its coordinate."""
+    """Return the unit of the joint's coordinate: m of a slide, rad of any other."""
     return "m" if joint.kind == "prismatic" else "rad"
 
 
 def largest_inertias(tree: Tree) -> dict[str, float]:
-    """By joint the largest of some poses of what it turns or pushes, all others held; kg m2, kg."""
+    """Return the largest inertia that each joint moves in any of POSES poses, by joint.
+
+    kg m2 where it turns, kg where it slides; the other joints are held.
+    """
     largest: dict[str, float] = {}
     for pose in sample_poses(tree.moving_joints, POSES):
         robot = dynamics(tree, pose, {})

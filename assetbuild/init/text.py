@@ -26,7 +26,7 @@ from assetbuild.init.mend import mended
 from assetbuild.init.patterns import pattern_of, patterns_of
 from assetbuild.init.repairs import repairs, repairs_text
 from assetbuild.init.source import UrdfSource
-from assetbuild.init.strength import MARGIN, ROTOR, is_locked, strengthened
+from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, strengthened
 from assetbuild.init.targets import targets
 from assetbuild.init.trial import Trial, tables, try_to_stand, try_whole
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
@@ -60,10 +60,10 @@ class Recipe:
 def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, path: Path) -> Recipe:
     """The whole recipe, as it will lie at `path`; its drives and pose are tried before."""
     edits = repairs(robot, source.root)
-    whole = mended(robot, source.root, edits)
+    up_axis, turn = turned(source, robot)
+    whole = mended(robot, source.root, edits, turn)
     tree, guesses = strengthened(whole.tree, anatomy, wheel_radii(whole, source.root))
     soles = soles_of(whole, anatomy)
-    up_axis, turn = turned(source, robot)
 
     def attempt(tuning: Tuning) -> Trial:
         step = {"timestep": tuning.timestep}
@@ -192,11 +192,10 @@ def actuators(tree: Tree, tuning: Tuning) -> Iterator[str]:
     yield "# too unlike for one kp get a frequency and a damping ratio. A first guess: put the"
     yield "# motor's data here when you know it."
     if any(row.guess for row in rows):
-        rotor = f"effort / {ROTOR['rad']:g} rad/s2"
         yield "# `guessed`: the source states no effort that can be meant. The guess holds"
         yield f"# {MARGIN:g} times what gravity asks in the worst pose, and more. `armature` is"
-        yield f"# {rotor}, where that is more than the joint moves. Every build warns until"
-        yield "# you replace them."
+        yield f"# {ROTOR_RULE}, where that is more than the joint moves."
+        yield "# Every build warns until you replace them."
     yield from (f"# Corrected: {plain(note, 400)}" for note in tuning.notes)
     yield "actuators:"
     everything = [joint.name for joint in tree.moving_joints]

@@ -180,7 +180,8 @@ def _actuators(control: Control) -> Iterator[Finding]:
                 "robot",
                 f"`{model}` computes efforts outside of the simulator: the drives of "
                 f"{len(joints)} joints have gains 0 and the effort limit",
-                hint="the generated Isaac Lab module holds the model; alone, the asset goes limp",
+                hint="PhysX needs the controller of the generated Isaac Lab module; Newton builds "
+                "one from the `NewtonActuator` prims below `Actuators`",
                 data={"model": model, "joints": tuple(joints)},
             )
     rubbed = [a.joint for a in control.actuators if a.friction > 0.0]
@@ -213,7 +214,7 @@ def _contact(control: Control) -> Iterator[Finding]:
         if values:
             yield CONTACT(
                 "robot",
-                f"{name} {', '.join(values[:4])} is not in the USD: {why}",
+                f"PhysX does not apply {name} {', '.join(values[:4])}: {why}",
                 hint="compare `static_friction` and the standing height in the alignment form",
                 data={"value": name, "surfaces": len(values)},
             )
