@@ -24,7 +24,7 @@ from assetbuild.init.tune import Tuning, tune
 from assetbuild.init.wheels import wheel_radii
 from assetbuild.init.words import quoted, some, source_section, written
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.joint_springs import joint_springs
+from assetbuild.robot.joint_springs import no_drives
 from assetbuild.robot.model import Control
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
@@ -125,7 +125,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
         _collision(robot),
         _drives(found, tuning),
         () if control.keyframes else home(robot, anatomy, _pose(found, anatomy, tuning)),
-        [targets(robot, joint_springs(control.mjcf_only)), *_validate(found, anatomy)],
+        [targets(robot, no_drives(control)), *_validate(found, anatomy)],
     )
     return Recipe(text, unmended)
 

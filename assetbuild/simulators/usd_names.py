@@ -6,9 +6,10 @@ import hashlib
 import re
 from collections.abc import Iterable
 
-from assetbuild.robot.model import Tree
+from assetbuild.robot.model import Loop, Tree
 
 JOINTS, LOOKS, PHYSICS_MATERIALS = "Joints", "Looks", "PhysicsMaterials"
+ACTUATORS, LOOPS = "Actuators", "Loops"
 """Groups beside the bodies, below the robot."""
 SCENE = ("physics", "floor", "light", PHYSICS_MATERIALS)
 """Prims beside the robot in `scene.usda`."""
@@ -61,7 +62,12 @@ def scene_identifier(robot: str) -> str:
 
 def body_identifiers(tree: Tree) -> dict[str, str]:
     """Prim name by body name."""
-    return usd_identifiers(tree.by_body, (JOINTS, LOOKS, PHYSICS_MATERIALS))
+    return usd_identifiers(tree.by_body, (JOINTS, LOOKS, PHYSICS_MATERIALS, LOOPS, ACTUATORS))
+
+
+def loop_identifiers(loops: Iterable[Loop]) -> dict[str, str]:
+    """Prim name by the name of a loop."""
+    return usd_identifiers(loop.name for loop in loops)
 
 
 def joint_identifiers(tree: Tree) -> dict[str, str]:
