@@ -190,9 +190,12 @@ def actuators(tree: Tree, tuning: Tuning) -> Iterator[str]:
         f"# frequency with what the joint moves at home between {SLOWEST_HZ:g} and "
         f"{FASTEST_HZ:g} Hz (legs: {FASTEST_LEG_HZ:g}) and the sag by its own"
     )
-    yield f"# weight below {SAG['rad']:g} rad; a weak drive gives all its effort at {LEAST_ERROR['rad']:g} rad or more."
-    yield f"# kd: damping ratio {DAMPING_RATIO:g} or more. Joints too unlike for one kp get a frequency"
-    yield "# and a damping ratio. A first guess: put the motor's data here when you know it."
+    yield (
+        f"# weight below {SAG['rad']:g} rad. A weak drive gives all its effort at "
+        f"{LEAST_ERROR['rad']:g} rad or more."
+    )
+    yield f"# kd: damping ratio {DAMPING_RATIO:g} or more. Joints too unlike for one kp get a"
+    yield "# frequency and a damping ratio. A first guess: put the motor's data here."
     if any(row.guess for row in rows):
         yield "# `guessed`: the source states no effort that can be meant. The guess holds"
         yield f"# {MARGIN:g} times what gravity asks in the worst pose, and more. `armature` is"
