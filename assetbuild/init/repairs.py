@@ -184,8 +184,8 @@ def _limits(robot: InspectedRobot) -> Iterator[Repair]:
                 "a guess, half a turn each way: without a range urdfdom locks it at 0, and MuJoCo, "
                 "PyBullet and Isaac Sim let it turn"
             )
-            keys = {"lower": -HALF_TURN, "upper": HALF_TURN}
-            yield Repair(_subject(finding), "set_limits", keys, why, "<limit> states no range")
+            turn = {"lower": -HALF_TURN, "upper": HALF_TURN}
+            yield Repair(_subject(finding), "set_limits", turn, why, "<limit> states no range")
     for finding in robot.link_findings:
         name = _subject(finding)
         if finding.rule == "joint.limits":
