@@ -152,10 +152,6 @@ def _mended(data: bytes) -> tuple[bytes, list[Fault]]:
             note("encoding", found.start())
         return _blank(text)
 
-    def ampersand(found: re.Match[bytes]) -> bytes:
-        note("ampersand", found.start())
-        return b"&amp;"
-
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data, []
     text = _COMMENT.sub(comment, data)
@@ -164,7 +160,7 @@ def _mended(data: bytes) -> tuple[bytes, list[Fault]]:
     for found in _NO_SPACE.finditer(text):
         note("space", found.start())
     for found in _AMPERSAND.finditer(text):
-        ampersand(found)
+        note("ampersand", found.start())
     text = _AMPERSAND.sub(b"&amp;", _NO_SPACE.sub(rb"\1 ", text))
     text, line = _up_to_the_end(text)
     if line:

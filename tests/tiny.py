@@ -12,6 +12,7 @@ import shutil
 import struct
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from hypothesis import settings
@@ -34,7 +35,10 @@ from assetbuild.robot.model import (
     JointKind,
     Keyframe,
     Limits,
+    Loop,
+    LoopEnd,
     Mimic,
+    MjcfOnly,
     Simulation,
     Tree,
 )
@@ -369,6 +373,15 @@ def pendulum() -> TinyRobot:
     return TinyRobot(tree, tree, shapes, control)
 
 
+def sprung(stiffness: str = "6", rest: float = 0.5) -> TinyRobot:
+    """The pendulum on a spring instead of a motor. stiffness: N m/rad; rest: rad."""
+    robot = pendulum()
+    drive = Actuator("swing_joint", "passive", damping=0.5, velocity=10.0)
+    words = f'<joint stiffness="{stiffness}" springref="{rest!r}"/>'
+    spring = MjcfOnly("joint", words, "swing_joint")
+    return replace(robot, control=replace(robot.control, actuators=(drive,), mjcf_only=(spring,)))
+
+
 # --- random trees -------------------------------------------------------------------------------
 
 SAME_FRAME = 1e-5
@@ -470,6 +483,44 @@ def _drives(draw: st.DrawFn, joint: Joint) -> Actuator:
         return drive
     effort = draw(st.one_of(st.none(), size))
     return replace(drive, kp=draw(size), kd=draw(size), effort=effort, velocity=draw(size))
+
+
+CRANK_M, COUPLER_M, ROCKER_M, GROUND_M = 0.1, 0.2, 0.15, 0.2
+
+
+def four_bar(kind: Literal["connect", "weld"] = "connect") -> TinyRobot:
+    """A crank, a coupler and a rocker on a base, about y; the loop closes coupler and rocker.
+
+    Of a `weld` the base is the ground itself, and its one way to close leaves no motion.
+    """
+    bars = {"crank": CRANK_M, "coupler": COUPLER_M, "rocker": ROCKER_M}
+    bodies = [Body("base", box_inertial(1.0, (0.4, 0.02, 0.02)))]
+    for name, length in bars.items():
+        size = (length, 0.02, 0.02)
+        bodies.append(Body(name, box_inertial(0.2, size, (length / 2, 0.0, 0.0))))
+    y, limits = (0.0, 1.0, 0.0), Limits(-3.0, 3.0, effort=5.0, velocity=10.0)
+    joints = (
+        Joint("crank_joint", "revolute", "base", "crank", IDENTITY, y, limits),
+        Joint("coupler_joint", "revolute", "crank", "coupler", Pose((CRANK_M, 0, 0)), y, limits),
+        Joint("rocker_joint", "revolute", "base", "rocker", Pose((GROUND_M, 0, 0)), y, limits),
+    )
+    ends = (
+        LoopEnd("coupler", Pose((COUPLER_M, 0.0, 0.0))),
+        LoopEnd("rocker", Pose((ROCKER_M, 0, 0))),
+    )
+    control = Control(
+        actuators=(
+            Actuator("crank_joint", "pd", kp=20.0, kd=0.5, effort=5.0),
+            Actuator("coupler_joint", "passive"),
+            Actuator("rocker_joint", "passive"),
+        ),
+        loops=(Loop("coupler_loop", kind, *ends),),
+    )
+    tree = Tree("four_bar", "fixed", tuple(bodies), joints)
+    shapes = Shapes(
+        tuple(Shape(f"{n}_bar", n, "visual", Box((x, 0.02, 0.02))) for n, x in bars.items())
+    )
+    return TinyRobot(tree, tree, shapes, control)
 
 
 def with_mimic(

@@ -190,8 +190,7 @@ def _absurd(
                 hint="was its mass worked out from a mesh in other units? `edits: set_mass`",
                 data={"mass_kg": mass, "limit_kg": HEAVIEST_KG},
             )
-        if tree.base == "fixed" and body.name == tree.root:
-            continue
+    for body in _loose_bodies(tree):
         parts = [part for (name, _), own in hulls.items() if name == body.name for part in own]
         size = max((float(np.ptp(part.vertices, axis=0).max()) for part in parts), default=0.0)
         if size > LONGEST_M:
@@ -206,14 +205,9 @@ def _absurd(
 def _weightless(
     tree: Tree, hulls: Mapping[tuple[str, Role], Sequence[TriangleMesh]]
 ) -> Iterator[Finding]:
-    """Placeholder masses: all bodies with a shape together are lighter than air, kg/m3.
-
-    The bolted root does not count: nothing moves it, so many files give it no mass.
-    """
+    """Report placeholder masses: all bodies with a shape together are lighter than air."""
     mass_kg, volume_m3 = 0.0, 0.0
-    for body in tree.bodies:
-        if tree.base == "fixed" and body.name == tree.root:
-            continue
+    for body in _loose_bodies(tree):
         mass_kg += body.inertial.mass_kg if body.inertial else 0.0
         volume_m3 += _hull_volume(body.name, hulls)
     if volume_m3 > 0.0 and 0.0 < mass_kg < LEAST_KG_M3 * volume_m3:
@@ -224,6 +218,11 @@ def _weightless(
             hint="are the masses placeholders? state them by `edits: set_mass`",
             data={"mass_kg": mass_kg, "volume_m3": volume_m3, "limit_kg_m3": LEAST_KG_M3},
         )
+
+
+def _loose_bodies(tree: Tree) -> list[Body]:
+    """Return all bodies but the bolted root, which many files give no mass or a whole hall."""
+    return [b for b in tree.bodies if tree.base == "floating" or b.name != tree.root]
 
 
 def _hull_volume(name: str, hulls: Mapping[tuple[str, Role], Sequence[TriangleMesh]]) -> float:

@@ -88,6 +88,7 @@ def judged(
     table = newton_expected(
         Reference(tree, tree, Shapes(), control, Assets(), {}),
         coupled=lambda joint: alike or (mimics and _is_of_one_kind(tree, joint)),
+        usd=not alike,
     )
     bodies = {} if alike else {file: name for name, file in body_identifiers(tree).items()}
     joints = {} if alike else {file: name for name, file in joint_identifiers(tree).items()}

@@ -14,7 +14,8 @@ from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Check, write_figures
 from assetbuild.quantities import Pattern, Positive
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Control
+from assetbuild.robot.model import Control, Tree
+from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators import mujoco
 from assetbuild.simulators.mujoco_stand import Gains, outcome, outcome_figures, stand
 from assetbuild.simulators.mujoco_stand import Stand as Stood
@@ -141,9 +142,13 @@ class Stand(Check):
                 data={"warnings": len(stood.warnings)},
             )
             return
+        yield from self.judged(stood, tree, shapes)
+
+    def judged(self, stood: Stood, tree: Tree, shapes: Shapes) -> Iterator[Finding]:
+        """Yield what speaks against the way in which a robot stood that stayed finite."""
         link_of = {shape.name: shape.link for shape in shapes.of("collision")}
         if tree.base == "floating":
-            yield from self._judge_start(stood, link_of)
+            yield from self._judge_start(stood, link_of, tree)
             yield from self._judge_base(stood)
             yield from self._judge_contacts(stood, link_of)
         elif outcome(stood, self.fall) == "falls":
@@ -166,13 +171,20 @@ class Stand(Check):
     def _is_foot(self, link: str) -> bool:
         return self.feet_pattern is None or re.fullmatch(self.feet_pattern, link) is not None
 
-    def _judge_start(self, stood: Stood, link_of: Mapping[str, str]) -> Iterator[Finding]:
-        """Every foot by the pattern; without one, the lowest point of the robot."""
-        lowest: dict[str, float] = {}
+    def _judge_start(
+        self, stood: Stood, link_of: Mapping[str, str], tree: Tree
+    ) -> Iterator[Finding]:
+        """Every foot by the pattern; without one, the lowest point of the robot.
+
+        Links that fixed joints hold together are one foot, which stands on the lowest of them.
+        """
+        soles: dict[str, tuple[float, str]] = {}
         for geom, gap in stood.gap_m.items():
             link = link_of.get(geom, geom)
             if self._is_foot(link):
-                lowest[link] = min(gap, lowest.get(link, gap))
+                foot = _held_by(tree, link)
+                soles[foot] = min((gap, link), soles.get(foot, (gap, link)))
+        lowest = {link: gap for gap, link in soles.values()}
         if self.feet_pattern is None:
             name = min(lowest, key=lambda link: lowest[link], default=None)
             lowest = {name: lowest[name]} if name is not None else {}
@@ -268,6 +280,14 @@ class Stand(Check):
                     hint="check the effort limit and the pose",
                     data={"load": load},
                 )
+
+
+def _held_by(tree: Tree, link: str) -> str:
+    """Return the uppermost body that fixed joints alone connect with the link."""
+    body = next((frame.body for frame in tree.frames if frame.name == link), link)
+    while (joint := tree.joint_above.get(body)) is not None and joint.kind == "fixed":
+        body = joint.parent
+    return body
 
 
 def _external(control: Control) -> dict[str, Gains]:

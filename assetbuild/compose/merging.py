@@ -18,6 +18,7 @@ from assetbuild.recipe.models import Recipe
 from assetbuild.recipe.validation import Key
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.contact import Contact, Surface
+from assetbuild.robot.loops import LoopRow
 from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.sensing import IMU_NAMES, Feet, Imu, Sensor
@@ -80,6 +81,7 @@ def composed(members: Sequence[Member]) -> Composed:
         ("contact", "links"): _by_pattern(_contact(members)),
         ("sensors",): _placed(members, "sensors", ("link", "joint", "relative_to"))
         | _other_imus(members, imu),
+        ("loops",): list(_loops(members)),
         ("cameras",): _placed(members, "cameras", ("link",)),
         **(ranges if randomize else {}),
     }
@@ -279,6 +281,17 @@ def _part_pose(base: Member, part: Member, name: str) -> Iterator[Row[float]]:
         joints = part.recipe.keyframes[key].joints if key else {}
         rows = list(rows_of(part, ("keyframes", key, "joints"), joints, "joints"))
     yield from (row.without(first) for row in rows)
+
+
+def _loops(members: Sequence[Member]) -> Iterator[Row[LoopRow]]:
+    for member in members:
+        for index, row in enumerate(member.recipe.loops):
+            ends = {
+                side: end.model_copy(update={"link": member.prefix + end.link})
+                for side, end in (("a", row.a), ("b", row.b))
+            }
+            moved = row.model_copy(update={"name": member.prefix + row.name, **ends})
+            yield Row(moved, member.loaded, ("loops", index))
 
 
 # --- senses and ranges ----------------------------------------------------------------------

@@ -5,15 +5,23 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 from pydantic import Field
 
 from assetbuild.control.actuator_findings import actuator_findings, row_findings
+from assetbuild.control.close_loops import (
+    check_locked,
+    check_start,
+    closed_pose,
+    placed_loops,
+    solved_findings,
+    source_findings,
+)
 from assetbuild.control.contact_findings import contact_findings
+from assetbuild.control.ground import Ground
 from assetbuild.control.senses import (
     check_sensors,
     contacts,
@@ -24,7 +32,6 @@ from assetbuild.control.source_control import StatedControl, join, joined_keyfra
 from assetbuild.engine.step import Files, Step
 from assetbuild.errors import Gather, did_you_mean
 from assetbuild.findings import Finding, Rule
-from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot import model
 from assetbuild.robot.actuator_table import ActuatorRow, Motor
 from assetbuild.robot.actuators import RowError, resolve
@@ -33,14 +40,15 @@ from assetbuild.robot.codec import encode
 from assetbuild.robot.contact import Contacts, Exclude
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.loops import LoopRow, resolve_loops
 from assetbuild.robot.mimic import with_mimics
-from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.pose import Pose
 from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.sensing import Camera, Feet, Imu, Sensor
-from assetbuild.robot.shapes import Box, Capsule, Cylinder, Geometry, Mesh, Shapes, Sphere
+from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.sides import Side, moving_by_source, side_of
 from assetbuild.robot.simulation import Simulation
-from assetbuild.robot.tree import forward_kinematics
+from assetbuild.robot.source import SourceControl
 
 LIMIT_TOLERANCE = 1e-9
 """rad or m; a value that was rounded from the limit itself is inside."""
@@ -90,6 +98,7 @@ class ControlStep(Step):
     imu: Imu | None = None
     sensors: dict[str, Sensor] = Field(default_factory=dict)
     cameras: dict[str, Camera] = Field(default_factory=dict)
+    loops: tuple[LoopRow, ...] = ()
     sides: tuple[Side, ...] = (Side(),)
     """The robot, or each of those it is composed of: who decides what, the source or the recipe."""
     poses: dict[str, dict[str, float]] = Field(default_factory=dict)
@@ -103,10 +112,15 @@ class ControlStep(Step):
         for name, keyframe in self.keyframes.items():
             with wrong:
                 poses.append(_pose(tree, name, keyframe))
+        loops: tuple[model.Loop, ...] = ()
+        with wrong:
+            loops = resolve_loops(tree, self.loops)
+            if not any(side.from_mjcf for side in self.sides):  # whose loops are not known yet
+                poses = self._closed(tree, poses, loops, self._driven(tree, None))
         with wrong:
             self._resolved(tree, poses)
         with wrong:
-            _excludes(tree, Shapes(), self.exclude, self.sides)
+            _excludes(tree, Shapes(), self.exclude, self.sides, loops)
         with wrong:
             check_sensors(tree, self.imu, self.sensors, self.cameras)
         wrong.stop()
@@ -119,6 +133,34 @@ class ControlStep(Step):
         driven = moving_by_source(self.sides, (joint.name for joint in tree.moving_joints))
         return resolve(tree, self.rows, self.motors, dict(start.joints), driven)
 
+    def _driven(self, tree: model.Tree, source: SourceControl | None) -> set[str]:
+        """Joints that a row of the table drives, or the source."""
+        rows = [row.joints for row in self.rows if row.model != "passive"]
+        by_row = {j.name for j in tree.moving_joints if any(re.fullmatch(p, j.name) for p in rows)}
+        said = source.control.actuators if source is not None else ()
+        own = {a.joint for a in said if a.model != "passive"}
+        return by_row | own & moving_by_source(self.sides, own)
+
+    def _closed(
+        self,
+        tree: model.Tree,
+        poses: list[model.Keyframe],
+        loops: tuple[model.Loop, ...],
+        driven: Collection[str],
+    ) -> list[model.Keyframe]:
+        """The recipe's keyframes with their loops closed. Raises RowError."""
+        if not loops:
+            return poses
+        own, closed = loops[: len(self.loops)], []
+        for pose in poses:
+            stated = _joint_values(tree, pose.name, self.keyframes[pose.name])
+            closed.append(closed_pose(tree, loops, pose, stated, own, driven))
+        if own and not any(side.from_mjcf for side in self.sides):
+            start = initial_pose(tree, model.Control(keyframes=tuple(closed)))
+            check_start(tree, loops, start)
+            check_locked(tree, loops, start, driven)
+        return closed
+
     def _of_parts(self, tree: model.Tree, pose: Mapping[str, float]) -> dict[str, float]:
         """The value of each joint of the parts; 0 where the pose says none."""
         whole = with_mimics(tree, pose)
@@ -130,16 +172,24 @@ class ControlStep(Step):
         tree, shapes = robot.tree, robot.shapes
         own = [_pose(tree, name, keyframe) for name, keyframe in self.keyframes.items()]
         source = robot.source_control
+        driven = self._driven(tree, source)
+        loops = resolve_loops(tree, self.loops)
+        if source is not None:
+            loops += placed_loops(tree, source.control.loops)
+        stated, own = own, self._closed(tree, own, loops, driven)
+        for before, after in zip(stated, own, strict=True):
+            yield from solved_findings(before, after)
         parts = {name: self._of_parts(tree, pose) for name, pose in self.poses.items()}
         said = source.control.keyframes if source is not None else ()
         actuators = self._resolved(tree, joined_keyframes(own, said, tree, parts))
         yield from row_findings(self.rows, tree, actuators)
 
-        ground = _Ground(tree, shapes, robot.mesh_dir)
+        ground = Ground(tree, shapes, robot.mesh_dir)
         keyframes = []
-        for pose in own:
+        for before, pose in zip(stated, own, strict=True):
             keyframe, q = self.keyframes[pose.name], dict(pose.joints)
-            yield from _limit_findings(tree, pose.name, keyframe, q)
+            solved = q.keys() - {name for name, v in before.joints if v == q[name]}
+            yield from _limit_findings(tree, pose.name, keyframe, q, solved)
             base, findings = _base(tree, pose.name, keyframe, q, ground)
             yield from findings
             keyframes.append(replace(pose, base=base))
@@ -148,18 +198,22 @@ class ControlStep(Step):
         control = model.Control(
             actuators=actuators,
             keyframes=tuple(keyframes),
-            excludes=_excludes(tree, shapes, self.exclude, self.sides),
+            excludes=_excludes(tree, shapes, self.exclude, self.sides, loops),
             contact=self.contact.common,
             contacts=contacts(shapes, self.contact, self.common_surfaces),
             sensors=placed_sensors(tree, shapes, self.imu, self.feet, self.sensors),
             cameras=placed_cameras(tree, self.cameras),
             simulation=self.simulation,
+            loops=loops,
         )
         if source is not None:
-            stated = StatedControl(self.sides, self.rows, self.contact.links, parts)
-            joined = join(control, source, tree, shapes, stated)
+            recipe = StatedControl(self.sides, self.rows, self.contact.links, parts)
+            joined = join(control, source, tree, shapes, recipe)
             control = joined.control
             yield from joined.findings
+            if loops:
+                kept = control.keyframes[len(own) :]
+                yield from source_findings(tree, loops, kept, driven)
         control = _with_sampled(control, files.inputs / "sampled_pairs.json")
         only_mjcf = sum(item.place == "actuator" for item in control.mjcf_only)
         yield from actuator_findings(
@@ -205,7 +259,11 @@ def _joint_values(tree: model.Tree, name: str, keyframe: Keyframe) -> dict[str, 
 
 
 def _limit_findings(
-    tree: model.Tree, name: str, keyframe: Keyframe, q: Mapping[str, float]
+    tree: model.Tree,
+    name: str,
+    keyframe: Keyframe,
+    q: Mapping[str, float],
+    solved: Collection[str],
 ) -> Iterator[Finding]:
     for joint in tree.moving_joints:
         lower, upper = joint.limits.lower, joint.limits.upper
@@ -219,6 +277,8 @@ def _limit_findings(
         unit = "m" if joint.kind == "prismatic" else "rad"
         if joint.mimic is not None:
             hint = f"it follows `{joint.mimic.joint}`"
+        elif joint.name in solved:
+            hint = "the loops ask for it: state other values of the driven joints"
         elif any(re.fullmatch(pattern, joint.name) for pattern in keyframe.joints):
             hint = "choose a value inside the limits"
             if joint.kind != "prismatic" and abs(value) > 2.0 * math.pi:
@@ -244,7 +304,7 @@ def _turns_finding(joint: str, name: str, value: float) -> Finding:
 
 
 def _base(
-    tree: model.Tree, name: str, keyframe: Keyframe, q: Mapping[str, float], ground: _Ground
+    tree: model.Tree, name: str, keyframe: Keyframe, q: Mapping[str, float], ground: Ground
 ) -> tuple[Pose | None, list[Finding]]:
     """X_world_root, upright; None for a fixed base."""
     if tree.base == "fixed":
@@ -273,58 +333,15 @@ def _base(
     ]
 
 
-class _Ground:
-    """The lowest collision point of the robot; mesh files are read once, when first needed."""
-
-    def __init__(self, tree: model.Tree, shapes: Shapes, mesh_dir: Path) -> None:
-        self._tree, self._shapes, self._mesh_dir = tree, shapes.of("collision"), mesh_dir
-        self._files = {asset.name: asset.file for asset in shapes.meshes}
-        self._vertices: dict[str, Array] = {}
-
-    def lowest(self, q: Mapping[str, float]) -> float | None:
-        """z of the lowest point in the root's frame, m; None without collision geometry."""
-        X_root_body = forward_kinematics(self._tree, q)
-        found = []
-        for shape in self._shapes:
-            body, X_body_link = self._tree.placement(shape.link)
-            X_root_shape = X_root_body[body] @ X_body_link @ shape.X_link_shape
-            found.append(self._bottom(shape.geometry, X_root_shape))
-        return min(found, default=None)
-
-    def _bottom(self, geometry: Geometry, X_root_shape: Pose) -> float:
-        if isinstance(geometry, Mesh):
-            points = self._mesh(geometry.mesh)
-            return float(X_root_shape.apply(points)[:, 2].min())
-        return X_root_shape.xyz[2] - half_height(geometry, X_root_shape.rotation[2])
-
-    def _mesh(self, name: str) -> Array:
-        if name not in self._vertices:
-            path = self._mesh_dir / self._files[name]
-            mesh = read_triangles(path.read_bytes(), f"mesh {name}")
-            self._vertices[name] = mesh.vertices[np.unique(mesh.faces)]
-        return self._vertices[name]
-
-
-def half_height(geometry: Box | Sphere | Cylinder | Capsule, up: Array) -> float:
-    """How far a primitive reaches from its centre towards `up`, m: its support function.
-
-    up: (3,) unit vector in the frame of the primitive.
-    """
-    if isinstance(geometry, Sphere):
-        return geometry.radius
-    if isinstance(geometry, Box):
-        return float(np.abs(up) @ np.asarray(geometry.size)) / 2
-    along = abs(float(up[2])) * geometry.length / 2
-    if isinstance(geometry, Capsule):
-        return along + geometry.radius
-    return along + geometry.radius * float(np.hypot(up[0], up[1]))
-
-
 # --- excludes -------------------------------------------------------------------------------
 
 
 def _excludes(
-    tree: model.Tree, shapes: Shapes, exclude: Exclude, sides: tuple[Side, ...]
+    tree: model.Tree,
+    shapes: Shapes,
+    exclude: Exclude,
+    sides: tuple[Side, ...],
+    loops: tuple[model.Loop, ...],
 ) -> tuple[tuple[str, str], ...]:
     """Sorted pairs of bodies. Raises RowError for an unknown link."""
     pairs = {_bodies(tree, index, pair) for index, pair in enumerate(exclude.pairs)}
@@ -332,6 +349,7 @@ def _excludes(
     # A ball joint of three hinges is one joint to the two bodies that it connects.
     chains = find_chains(tree, {shape.link for shape in shapes.shapes})
     joined += [(chain.parent, chain.body) for chain in chains]
+    joined += [(loop.a.body, loop.b.body) for loop in loops]
     for a, b in joined:
         of_a, of_b = side_of(sides, a), side_of(sides, b)
         if of_b.adjacent or of_a != of_b:  # what a mount holds together

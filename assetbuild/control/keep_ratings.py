@@ -1,4 +1,4 @@
-"""What of the control data a URDF can say: the ratings of the joints."""
+"""What of the control data the URDF's writer reads: the ratings of the joints, and the loops."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from assetbuild.robot.model import Actuator, Control
 
 
 class KeepRatings(Step):
-    """`control.json` -> `ratings.json`: a Control with nothing but the joints' ratings.
+    """`control.json` -> `ratings.json`: the ratings of the joints and the loops alone.
 
     Its bytes stay the same when a gain changes, so that no URDF is written and read back anew.
     """
@@ -22,7 +22,7 @@ class KeepRatings(Step):
     def run(self, files: Files) -> Iterable[Finding]:
         """Effort, velocity, damping and friction are kept."""
         control = RobotFiles(files.inputs).control
-        kept = Control(actuators=tuple(map(_rating, control.actuators)))
+        kept = Control(actuators=tuple(map(_rating, control.actuators)), loops=control.loops)
         (files.outputs / "ratings.json").write_bytes(encode(kept))
         return ()
 

@@ -54,6 +54,7 @@ def control_step(
         imu=recipe.imu,
         sensors=dict(recipe.sensors),
         cameras=dict(recipe.cameras),
+        loops=recipe.loops,
         sides=sides or (own_side(recipe),),
         poses={name: dict(pose) for name, pose in (poses or {}).items()},
         common_surfaces=common_surfaces,

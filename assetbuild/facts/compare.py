@@ -99,10 +99,14 @@ EQUAL = Rule(
 
 @dataclass(frozen=True)
 class Precision:
-    """How exactly a format holds its facts: tolerance by comparison, and by (kind, quantity)."""
+    """How exactly a format holds its facts: tolerance by comparison, and by (kind, quantity).
+
+    turn: least tolerance of a pose's rotation, rad.
+    """
 
     by_comparison: Mapping[Comparison, float] = field(default_factory=lambda: EXACT)
     by_quantity: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    turn: float = 1e-15
 
     def of(self, key: Key, comparison: Comparison) -> float:
         """Relative tolerance of one fact."""
@@ -116,7 +120,7 @@ class Precision:
         both = {kind: max(one.get(kind, 0.0), two.get(kind, 0.0)) for kind in kinds}
         own = {*self.by_quantity, *other.by_quantity}
         of = {k: max(self.by_quantity.get(k, 0.0), other.by_quantity.get(k, 0.0)) for k in own}
-        return Precision(both, of)
+        return Precision(both, of, max(self.turn, other.turn))
 
 
 @dataclass(frozen=True)
@@ -212,7 +216,7 @@ def _same(
         return False
     tolerance = precision.of(key, comparison)
     if comparison == "pose":
-        return _same_pose(a, b, tolerance)
+        return _same_pose(a, b, tolerance, max(tolerance, precision.turn))
     size = math.hypot(*a)
     if comparison == "length" and quantity is not None:
         size = max(size, _size(table, key, {"m": 1, "m2": 2, "m3": 3}[quantity.unit]))
@@ -239,8 +243,8 @@ def _numbers(value: Value) -> tuple[float, ...] | None:
         return None
 
 
-def _same_pose(a: tuple[float, ...], b: tuple[float, ...], tolerance: float) -> bool:
-    """a, b: not the same numbers."""
+def _same_pose(a: tuple[float, ...], b: tuple[float, ...], tolerance: float, turn: float) -> bool:
+    """a, b: not the same numbers; turn: tolerance of the rotation, rad."""
     if len(a) != 7 or not all(map(math.isfinite, (*a, *b))):
         return False
     reach = max(1.0, *map(abs, a[:3]))
@@ -249,7 +253,7 @@ def _same_pose(a: tuple[float, ...], b: tuple[float, ...], tolerance: float) -> 
     if not (any(a[3:]) and any(b[3:])):
         return a[3:] == b[3:]
     turns = [rotation_of(normalised_quat(q[3:])) for q in (a, b)]  # type: ignore[arg-type] # four numbers
-    return bool(float(np.abs(turns[0] - turns[1]).max()) <= max(tolerance, 1e-15))
+    return bool(float(np.abs(turns[0] - turns[1]).max()) <= turn)
 
 
 def _size(table: Table, key: Key, power: int) -> float:

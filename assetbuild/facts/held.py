@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 
 from assetbuild.facts.compare import Precision
-from assetbuild.facts.reference import Reference, pose_value, robot_table
+from assetbuild.facts.reference import SOLREF, Reference, pose_value, robot_table
 from assetbuild.facts.table import Key, Table, Value, Writer
+from assetbuild.facts.usd_actuators import explicit_law
 from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.simulators import physx
@@ -37,7 +39,7 @@ NEWTON = Precision({"number": 2e-6, "vector": 2e-6, "tensor": 1e-5})
 
 _SILENT = "PhysX's interface does not tell it; it is compared in the USD"
 _OUTSIDE = "its law acts outside of the simulator"
-_NO_SPRING = "the engine's joints have no spring beside the drive"
+_NO_SPRING = "a spring is the drive of a joint that has no other, else the engine has none"
 _MUJOCO = "MuJoCo's own"
 _STAGE = "the stage decides it"
 PHYSX_LACKS: Mapping[str, str] = {
@@ -56,6 +58,7 @@ PHYSX_LACKS: Mapping[str, str] = {
          "joint drive parameters", "joint delay"), _OUTSIDE),
     "joint drive name": "a drive is part of its joint",
     "shape": "PhysX tells how many a body has, and their friction",
+    "loop": "as above; the check `physx_loops` measures whether it holds",
     "pair": _SILENT,
     "sensor": "it has none",
     "camera": "it has none",
@@ -77,6 +80,7 @@ NEWTON_LACKS: Mapping[str, str] = {
     **{key: why for key, why in PHYSX_LACKS.items() if why == _OUTSIDE},
     "joint drive name": "a drive is part of its joint",
     "shape": _UNREAD,
+    "loop": _UNREAD,
     "pair": _UNREAD,
     "sensor": "it has its own",
     "camera": "it has its own",
@@ -134,13 +138,14 @@ def _moves(table: Table, joint: str) -> bool:
 
 def _physx_joint(said: Mapping[str, Value], drive_type: str) -> dict[str, Value]:
     model = said.get("model", "passive")
-    driven = model != "passive"
+    driven, spring = model != "passive", said.get("stiffness") or 0.0
+    kind = drive_type if driven else "force" if spring else "none"
     return {
         "type": said["type"],
         "axis": said["axis"],
         "lower": said.get("lower"),
         "upper": said.get("upper"),
-        "kp": said.get("kp", 0.0) if model == "pd" else 0.0,
+        "kp": said.get("kp", 0.0) if model == "pd" else 0.0 if driven else spring,
         "kd": said.get("kd", 0.0) if model in ("pd", "velocity") else 0.0,
         # Where there is no drive there is no effort to limit.
         "effort": said.get("effort") if driven else None,
@@ -149,7 +154,7 @@ def _physx_joint(said: Mapping[str, Value], drive_type: str) -> dict[str, Value]
         "friction": said.get("friction", 0.0),
         "damping": said.get("damping", 0.0),
         "physx:dynamic friction": said.get("friction", 0.0),
-        "physx:drive": (drive_type if driven else "none"),
+        "physx:drive": kind,
     }
 
 
@@ -204,12 +209,13 @@ def physx_expected(reference: Reference, *, drive_type: str, mimics: bool) -> Ta
     book.facts |= table.facts
     starts = dict(initial_pose(reference.tree, control).joints)
     coupled = measurable(reference.tree) if mimics else {}
+    springs = as_drives(control)
     for joint in reference.tree.moving_joints:
         row = control.by_joint.get(joint.name)
-        book.put("joint", joint.name, {
-            "start": starts[joint.name],
-            "drive target": starts[joint.name] if row and row.model == "pd" and row.kp else None,
-        })  # fmt: skip
+        target = starts[joint.name] if row and row.model == "pd" and row.kp else None
+        if joint.name in springs:
+            target = springs[joint.name].rest
+        book.put("joint", joint.name, {"start": starts[joint.name], "drive target": target})
         if joint.name in coupled and joint.mimic is not None:
             book.put("joint", joint.name, {
                 "mimics": joint.mimic.joint,
@@ -302,15 +308,28 @@ def _held_joint(joint: physx.HeldJoint) -> dict[str, Value]:
 # --- Newton --------------------------------------------------------------------------------------
 
 
-def newton_expected(reference: Reference, *, coupled: Callable[[Joint], bool]) -> Table:
-    """Return what Newton must hold of the robot. coupled: does a file say that a joint mimics?"""
+def newton_expected(reference: Reference, *, coupled: Callable[[Joint], bool], usd: bool) -> Table:
+    """Return what Newton must hold of the robot.
+
+    coupled: does a file say that a joint mimics? usd: read from the USD, which alone says how soft
+    limits are and which law an explicit drive has.
+    """
     tree, table = reference.tree, as_newton(robot_table(reference))
     free = {
         joint.name for joint in tree.moving_joints if joint.mimic is not None and not coupled(joint)
     }
     expected = table.only(lambda key: key.name not in free or not key.quantity.startswith("mimic"))
     dof = float(len(tree.moving_joints) + (6 if tree.base == "floating" else 0))
-    return expected | Table({Key("robot", "", "newton:dof"): dof})
+    book = Writer()
+    book.put("robot", "", {"newton:dof": dof})
+    for joint in tree.moving_joints if usd else ():
+        ends = expected.of("joint", joint.name)
+        limited = ends.get("lower") is not None or ends.get("upper") is not None
+        book.put("joint", joint.name, {"newton:solreflimit": SOLREF if limited else None})
+        row = reference.control.by_joint.get(joint.name)
+        for name, value in explicit_law(row).items() if row else ():
+            book.put("joint", joint.name, {f"newton:actuator {name}": value})
+    return expected | book.table()
 
 
 def newton_table(

@@ -16,7 +16,7 @@ from assetbuild.facts.mjcf_model import read_model
 from assetbuild.facts.mjcf_opaque import Opaque, free_joint, opaque_of, opaque_option, sensor_words
 from assetbuild.facts.mjcf_words import NEVER_ALONE, Spec, is_covered, words
 from assetbuild.facts.reader import Reader
-from assetbuild.facts.reference import Assets, Reference
+from assetbuild.facts.reference import SOLIMP, SOLREF, Assets, Reference
 from assetbuild.facts.sketch import SKETCH
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.robot.shapes import Mesh
@@ -150,6 +150,13 @@ class MjcfReader(Reader):
             facts[Key("mesh", asset.name, "mjcf:inertia")] = "mjMESH_INERTIA_SHELL"
         for index in range(len(shown_pictures(reference))):
             facts[Key("texture", f"texture{index}", "mjcf:type")] = "mjTEXTURE_2D"
+        for loop in reference.control.loops:
+            for word, value, usual in (
+                ("solref", loop.solref, SOLREF),
+                ("solimp", loop.solimp, SOLIMP),
+            ):
+                if tuple(value) != usual:
+                    facts[Key("equality", loop.name, f"mjcf:{word}")] = tuple(value)
         for sensor in reference.control.sensors:
             if sensor.kind == "contact":
                 facts[Key("sensor", sensor.name, "mjcf:intprm")] = STRONGEST

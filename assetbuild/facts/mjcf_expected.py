@@ -41,6 +41,10 @@ def mjcf_table(reference: Reference) -> Table:
     _limits(tree, facts)
     _shapes(reference, facts)
     _senses(reference, facts)
+    for loop in reference.control.loops:  # by sites, which are frames to every reader
+        for side, end in zip("ab", loop.ends, strict=True):
+            facts[Key("frame", f"{loop.name}_{side}", "body")] = end.body
+            facts[Key("frame", f"{loop.name}_{side}", "pose")] = pose_value(end.X_body_end)
     return Table(_renamed(facts, mjcf_names(tree)))
 
 
@@ -313,7 +317,7 @@ def _renamed(facts: Mapping[Key, Value], names: Mapping[str, str]) -> dict[Key, 
     for key, value in facts.items():
         if key.kind == "body" or (key.kind == "frame" and key.name in changed):
             key = key._replace(name=changed.get(key.name, key.name))
-        if key.quantity in ("body", "parent") and isinstance(value, str):
+        if key.quantity in ("body", "parent", "body a", "body b") and isinstance(value, str):
             value = changed.get(value, value)
         if key.kind == "sensor" and isinstance(value, str) and " " in value:
             kind, name = value.split(" ", 1)

@@ -16,6 +16,7 @@ from assetbuild.facts.table import Table, Value, Writer, pair_name
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.joint_springs import joint_springs
 from assetbuild.robot.model import (
     MOVING,
     Actuator,
@@ -24,6 +25,7 @@ from assetbuild.robot.model import (
     Inertial,
     Joint,
     Keyframe,
+    Loop,
     Sensor,
     Tree,
 )
@@ -136,6 +138,9 @@ class Reference:
         for row in self.control.actuators:
             if row.joint not in self.tree.by_joint:
                 raise ValueError(f"an actuator drives `{row.joint}`, which is no joint")
+        for loop in self.control.loops:
+            if not {loop.a.body, loop.b.body} <= self.tree.by_body.keys():
+                raise ValueError(f"loop `{loop.name}` has an end without a body")
 
 
 def robot_table(reference: Reference, *, merged: bool = True) -> Table:
@@ -155,6 +160,12 @@ def robot_table(reference: Reference, *, merged: bool = True) -> Table:
         book.put("joint", joint.name, joint_facts(joint))
         if joint.kind in MOVING:
             book.put("joint", joint.name, drive_facts(joint, reference.control))
+    for name, spring in joint_springs(reference.control.mjcf_only).items():
+        if spring.is_linear:
+            told = {"stiffness": spring.stiffness, "spring reference": spring.rest}
+            book.put("joint", name, dict[str, Value](told))
+    for loop in reference.control.loops:
+        book.put("loop", loop.name, loop_facts(loop))
     _shapes(tree, reference, book)
     for first, second in filtered_pairs(tree, reference.shapes, reference.control):
         book.put("pair", pair_name(first, second), {"filtered": True})
@@ -213,6 +224,16 @@ def joint_facts(joint: Joint) -> dict[str, Value]:
             "mimic offset": joint.mimic.offset,
         }
     return facts
+
+
+def loop_facts(loop: Loop) -> dict[str, Value]:
+    """What a loop holds together; the axes at the ends of a `connect` mean nothing."""
+    facts: dict[str, Value] = {"type": loop.kind}
+    for side, end in zip("ab", loop.ends, strict=True):
+        X = end.X_body_end
+        facts[f"body {side}"] = end.body
+        facts[f"end {side}"] = pose_value(X if loop.kind == "weld" else Pose(X.xyz))
+    return facts | ({"torque scale": loop.torque_scale} if loop.kind == "weld" else {})
 
 
 def drive_facts(joint: Joint, control: Control) -> dict[str, Value]:

@@ -7,17 +7,21 @@ from __future__ import annotations
 
 import itertools
 
-from assetbuild.facts.reference import Reference, filtered_pairs, pose_value
+from assetbuild.facts.reference import SOLREF, Reference, filtered_pairs, pose_value
 from assetbuild.facts.sketch import SKETCH
 from assetbuild.facts.table import Key, Table, Value, Writer, pair_name
+from assetbuild.facts.usd_actuators import expected_actuators
 from assetbuild.facts.usd_inventory import inventory
 from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.joint_springs import as_drives
+from assetbuild.robot.limit_springs import limit_springs
 from assetbuild.robot.model import MOVING, Actuator, Joint, Tree
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.robot.shapes import Material, Mesh, Shape
 from assetbuild.simulators.usd_names import (
     body_identifiers,
     joint_identifiers,
+    loop_identifiers,
     usd_identifier,
     usd_identifiers,
 )
@@ -41,7 +45,13 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
                 book.facts.pop(Key("body", body.name, quantity), None)
         book.put("body", body.name, {"usd:type": "Xform"} | rigid_body_words(options.rigid_body))
     starts = dict(initial_pose(tree, control).joints)
-    touching = _jointed_that_touch(reference)
+    touching, sprung = _jointed_that_touch(reference), as_drives(control)
+    for name, (stiffness, damping) in limit_springs(tree, control).items():
+        book.put("joint", name, {
+            "usd:newton:limitStiffness": stiffness,
+            "usd:newton:limitDamping": damping,
+            "usd:solreflimit": SOLREF,
+        })  # fmt: skip
     for joint in tree.joints:
         book.put("joint", joint.name, {
             "usd:child pose": pose_value(joint.X_parent_joint),
@@ -49,7 +59,17 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
         })  # fmt: skip
         if joint.kind in MOVING:
             _driven(joint, control.by_joint.get(joint.name), starts[joint.name], options, book)
+            if joint.name in sprung:
+                rest = sprung[joint.name].rest
+                book.put("joint", joint.name, {
+                    "kp": sprung[joint.name].stiffness, "drive target": rest,
+                    "usd:drive type": "force", "usd:targetVelocity": 0.0,
+                })  # fmt: skip
             _mimic(tree, joint, options, book)
+    for loop in control.loops:
+        ends = frozenset((loop.a.body, loop.b.body))
+        book.put("loop", loop.name, {"usd:collisionEnabled": ends in touching})
+    expected_actuators(control.actuators, book)
     for shape in reference.shapes.shapes:
         _shape(shape, reference, options, book)
     _shape_pairs(reference, book)
@@ -227,7 +247,8 @@ def _filtered(reference: Reference) -> set[frozenset[str]]:
 def _jointed_that_touch(reference: Reference) -> set[frozenset[str]]:
     """A joint's flag lets its two bodies touch: where both have shapes and nothing filters them."""
     solid, filtered = _solid_bodies(reference), _filtered(reference)
-    ends = (frozenset((joint.parent, joint.child)) for joint in reference.tree.joints)
+    ends = [frozenset((joint.parent, joint.child)) for joint in reference.tree.joints]
+    ends += [frozenset((loop.a.body, loop.b.body)) for loop in reference.control.loops]
     return {pair for pair in ends if pair <= set(solid) and pair not in filtered}
 
 
@@ -297,6 +318,7 @@ def _identifiers(reference: Reference, book: Writer) -> None:
     for kind, names in (
         ("body", body_identifiers(tree)),
         ("joint", joint_identifiers(tree)),
+        ("loop", loop_identifiers(reference.control.loops)),
         ("frame", usd_identifiers((f.name for f in tree.frames), ("visuals", "collisions"))),
         ("shape", usd_identifiers(s.name for s in shapes.shapes)),
         ("material", usd_identifiers(m.name for m in shapes.materials)),

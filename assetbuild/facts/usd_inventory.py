@@ -10,16 +10,22 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Key, Value
+from assetbuild.facts.usd_actuators import EXPLICIT, clamp_of
+from assetbuild.facts.usd_actuators import LAW as LAW_OF_DRIVE
+from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.model import MOVING, Actuator, Body, Joint
 from assetbuild.robot.pose import Vec3
 from assetbuild.robot.shapes import Box, Mesh, Shape
 from assetbuild.simulators.usd_names import (
+    ACTUATORS,
     JOINTS,
     LOOKS,
+    LOOPS,
     PHYSICS_MATERIALS,
     ROOT_JOINT,
     body_identifiers,
     joint_identifiers,
+    loop_identifiers,
     usd_identifier,
     usd_identifiers,
 )
@@ -60,6 +66,8 @@ def inventory(
     rows: list[Row] = [(top, "Xform", ())]
     rows += _bodies(reference, bodies)
     rows += _joints(reference, f"{top}/{JOINTS}", facts)
+    rows += _loops(reference, f"{top}/{LOOPS}")
+    rows += _actuators(reference, f"{top}/{ACTUATORS}")
     rows += _shapes(reference, bodies)
     materials = usd_identifiers(material.name for material in shapes.materials)
     rows += [(f"{top}/{LOOKS}", "Scope", ())] if materials else []
@@ -102,22 +110,43 @@ def _joints(reference: Reference, scope: str, facts: Mapping[Key, Value]) -> Ite
         yield scope, "Scope", ()
     if tree.base == "fixed":
         yield f"{scope}/{ROOT_JOINT}", "PhysicsFixedJoint", ARTICULATION
-    names = joint_identifiers(tree)
+    names, springs = joint_identifiers(tree), as_drives(control)
     for joint in tree.joints:
         kind = JOINT_TYPES.get(joint.kind, "PhysicsRevoluteJoint")
-        schemas = [*_moving(joint, control.by_joint.get(joint.name))]
+        schemas = [*_moving(joint, control.by_joint.get(joint.name), joint.name in springs)]
+        if Key("joint", joint.name, "usd:solreflimit") in facts:
+            schemas.append("MjcJointAPI")
         if Key("joint", joint.name, "mimics") in facts:
             schemas += [LAW, "NewtonMimicAPI"]
         yield f"{scope}/{names[joint.name]}", kind, schemas
 
 
-def _moving(joint: Joint, row: Actuator | None) -> Iterator[str]:
+def _loops(reference: Reference, scope: str) -> Iterator[Row]:
+    loops = reference.control.loops
+    if loops:
+        yield scope, "Scope", ()
+    names = loop_identifiers(loops)
+    for loop in loops:
+        kind = "PhysicsFixedJoint" if loop.kind == "weld" else "PhysicsSphericalJoint"
+        yield f"{scope}/{names[loop.name]}", kind, ()
+
+
+def _actuators(reference: Reference, scope: str) -> Iterator[Row]:
+    names = joint_identifiers(reference.tree)
+    explicit = [row for row in reference.control.actuators if row.model in EXPLICIT]
+    if explicit:
+        yield scope, "Scope", ()
+    for row in explicit:
+        yield f"{scope}/{names[row.joint]}", "NewtonActuator", (LAW_OF_DRIVE, clamp_of(row))
+
+
+def _moving(joint: Joint, row: Actuator | None, sprung: bool) -> Iterator[str]:
     if joint.kind not in MOVING:
         return
     axis = _axis(joint)
     yield from ("PhysxJointAPI", f"PhysxJointAxisAPI:{axis}", "NewtonJointAPI")
     yield f"PhysicsJointStateAPI:{axis}"
-    if row is not None and row.model != "passive":
+    if sprung or (row is not None and row.model != "passive"):
         yield f"PhysicsDriveAPI:{axis}"
 
 
@@ -144,7 +173,7 @@ def _shapes(reference: Reference, bodies: Mapping[str, str]) -> Iterator[Row]:
         path, is_mesh = f"{group}/{names[shape.name]}", isinstance(shape.geometry, Mesh)
         bound = ("MaterialBindingAPI",) if collides or shape.material is not None else ()
         if not is_mesh or collides:
-            solid = ("PhysicsCollisionAPI",) if collides else ()
+            solid = ("PhysicsCollisionAPI", "MjcCollisionAPI") if collides else ()
             yield path, _type(shape), (*bound, *solid, *(MESH if is_mesh else ()))
         else:
             yield path, "Xform", bound

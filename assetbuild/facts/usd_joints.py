@@ -8,12 +8,13 @@ in SI units.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Value, Writer
+from assetbuild.facts.usd_actuators import CLAMPS, LAW, spelled
 from assetbuild.facts.usd_prims import Places, Prim, Units, pose_of
 from assetbuild.robot.pose import Array, Pose, rotation_of
 
@@ -25,6 +26,8 @@ TYPES = {
     "PhysicsJoint": "free",
 }
 MOVING = ("rotary", "linear")
+LIMIT_SPRING = ("limitStiffness", "limitDamping")
+"""What Newton holds a joint limit with."""
 AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 
 
@@ -47,6 +50,8 @@ class JointPrim:
         self.X_parent_child = frames[0] @ frames[1].inverse()
         self.anchor, self.turn = frames[1].xyz, rotation_of(frames[1].quat)
         self.touching = bool(prim.flag("physics:collisionEnabled"))
+        self.closes_loop = bool(prim.flag("physics:excludeFromArticulation"))
+        self.frames = frames
         self.token = prim.text("physics:axis") or "X"
 
     def _frame(self, side: str, places: Places) -> Pose:
@@ -76,10 +81,13 @@ class JointPrim:
 
 
 def joint_facts(joints: Sequence[JointPrim], units: Units, book: Writer) -> None:
-    """Facts of all joints but those that hold the base."""
+    """Facts of all joints but those that hold the base; of those that close loops, as loops."""
     by_path = {joint.prim.path: joint for joint in joints}
     for joint in joints:
         if joint.holds_base:
+            continue
+        if joint.closes_loop:
+            _loop(joint, book)
             continue
         name = joint.prim.named("joint")
         names = joint.names
@@ -96,6 +104,19 @@ def joint_facts(joints: Sequence[JointPrim], units: Units, book: Writer) -> None
             _drive(joint, name, book)
             _passive(joint, name, book)
             _mimic(joint, name, by_path, book)
+
+
+def _loop(joint: JointPrim, book: Writer) -> None:
+    """A joint outside of the articulation."""
+    facts: dict[str, Value] = {
+        "type": {"ball": "connect", "fixed": "weld"}.get(joint.kind, joint.kind),
+        "usd:collisionEnabled": joint.touching,
+    }
+    ends = zip("ab", (joint.parent, joint.child), joint.frames, strict=True)
+    for side, body, frame in ends:
+        facts[f"body {side}"] = joint.names.get(body, body)
+        facts[f"end {side}"] = pose_value(Pose(frame.xyz) if joint.kind == "ball" else frame)
+    book.put("loop", joint.prim.named("loop"), facts)
 
 
 def _motion(joint: JointPrim, name: str, book: Writer) -> None:
@@ -149,19 +170,26 @@ def _passive(joint: JointPrim, name: str, book: Writer) -> None:
                              "physxJoint": "maxJointVelocity", "newton": "velocityLimit"}),
     }  # fmt: skip
     applied = [key for key, (schema, _) in schemas.items() if prim.has(schema)]
-    for quantity, (unit, spelled) in rows.items():
+    for quantity, (unit, words_of) in rows.items():
         found = {
-            key: prim.number(f"{schemas[key][1]}:{spelled[key]}", schemas[key][0], unit)
+            key: prim.number(f"{schemas[key][1]}:{words_of[key]}", schemas[key][0], unit)
             for key in applied
-            if key in spelled
+            if key in words_of
         }
         if found:
             first = next(iter(found))
             value = found.pop(first)
             if value is not None or quantity == "velocity":
                 book.put("joint", name, {quantity: value})
-            words = {f"usd:{key}:{spelled[key]}": value for key, value in found.items()}
+            words = {f"usd:{key}:{words_of[key]}": value for key, value in found.items()}
             book.put("joint", name, words)
+    if "newton" in applied:
+        springs = {f"newton:{end}": (f"newton:{end}", gain) for end in LIMIT_SPRING}
+        prim.words("joint", name, springs, "NewtonJointAPI")
+    if prim.has("MjcJointAPI"):
+        soft = prim.take("mjc:solreflimit", "MjcJointAPI")
+        stated = () if soft is None else tuple(map(float, np.ravel(np.asarray(soft))))
+        book.put("joint", name, {"usd:solreflimit": stated})
     dynamic = f"physxJointAxis:{axis}:dynamicFrictionEffort"
     value = prim.number(dynamic, schemas["physxJointAxis"][0], effort)
     book.put("joint", name, {"usd:dynamicFrictionEffort": value})
@@ -203,3 +231,19 @@ def _agrees(found: str, token: str) -> str:
 
 def _leader(paths: tuple[str, ...], by_path: dict[str, JointPrim]) -> str:
     return ", ".join(by_path[p].prim.name if p in by_path else p for p in paths)
+
+
+def read_actuators(prims: Sequence[Prim], names: Mapping[str, str], book: Writer) -> None:
+    """What Newton's actuator prims say of the joints that they drive. names: of joints by path."""
+    for prim in prims:
+        prim.metadata.pop("displayName", None)
+        targets = prim.targets("newton:targets")
+        words: dict[str, Value] = {
+            "kp": prim.number("newton:kp", LAW),
+            "kd": prim.number("newton:kd", LAW),
+        }
+        for schema, attributes in CLAMPS.items():
+            if prim.has(schema):
+                words |= {name: prim.number(f"newton:{name}", schema) for name in attributes}
+        for path in targets or (prim.path,):
+            book.put("joint", names.get(path, path), spelled(words))

@@ -253,19 +253,22 @@ class Prim:
 
 def is_uniform(prop: Usd.Property) -> bool:
     """Whether a property that no schema of USD has may not vary over time."""
-    return isinstance(prop, Usd.Relationship) or prop.GetName() == "xformOpOrder"
+    name = prop.GetName()
+    return isinstance(prop, Usd.Relationship) or name == "xformOpOrder" or name.startswith("mjc:")
 
 
 def type_meant(name: str, kind: str) -> str:
     """The type of an attribute that no schema of USD has, declared as `kind`.
 
-    Numbers of simulators are single precision, places double. A type without a name in USD has no
-    value.
+    Numbers of simulators are single precision, MuJoCo's and places double. A type without a name
+    in USD has no value.
     """
     if name.startswith(("inputs:", "outputs:")):
         return kind  # of a shader, whose kind says what it must be
     if not Sdf.ValueTypeNames.Find(kind):
         return "a type of USD"
+    if name.startswith("mjc:"):
+        return re.sub("^(float|half)", "double", kind)
     if name.startswith("xformOp:"):
         if kind in ("quatf", "quath"):
             return "quatd"

@@ -15,7 +15,7 @@ from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 from assetbuild.facts.known_files import KnownFiles
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.table import Table, Value, Writer
-from assetbuild.facts.usd_joints import JointPrim, joint_facts
+from assetbuild.facts.usd_joints import JointPrim, joint_facts, read_actuators
 from assetbuild.facts.usd_looks import Looks, take_bindings
 from assetbuild.facts.usd_prims import Places, Prim, acts, listed, quat_of_gf
 from assetbuild.facts.usd_shapes import ShapePrim, pair_facts, read_shapes
@@ -66,6 +66,7 @@ class Sorted:
     frames: list[tuple[Prim, str]] = field(default_factory=list)
     materials: list[Prim] = field(default_factory=list)
     shaders: list[Prim] = field(default_factory=list)
+    actuators: list[Prim] = field(default_factory=list)
     others: list[Prim] = field(default_factory=list)
 
 
@@ -89,6 +90,7 @@ def _read(stage: Usd.Stage, known: KnownFiles) -> Table:
     colliders = read_shapes(found.shapes, names, places, looks, book)
     joints = [JointPrim(prim, names, places) for prim in found.joints]
     joint_facts(joints, units, book)
+    read_actuators(found.actuators, {j.prim.path: j.prim.name for j in joints}, book)
     _bodies(found.bodies, joints, names, places, book)
     for prim, body in found.frames:
         name = prim.named("frame")
@@ -114,7 +116,7 @@ def _read(stage: Usd.Stage, known: KnownFiles) -> Table:
 def _all(found: Sorted) -> list[Prim]:
     shapes = [prim for shape in found.shapes for prim in shape.prims]
     frames = [prim for prim, _ in found.frames]
-    rest = [*found.joints, *found.materials, *found.shaders, *found.others]
+    rest = [*found.joints, *found.materials, *found.shaders, *found.actuators, *found.others]
     kept = {prim.path: prim for prim in (*found.bodies.values(), *shapes, *frames, *rest)}
     return list(kept.values())
 
@@ -145,6 +147,8 @@ def _sort(prim: Usd.Prim, above: Above, found: Sorted, book: Writer) -> None:
     elif prim.IsA(UsdGeom.Gprim):
         collider = one if one.has("PhysicsCollisionAPI") else above.collider
         found.shapes.append(ShapePrim(one, above.body, above.group, above.holder, collider))
+    elif one.type == "NewtonActuator":
+        found.actuators.append(one)
     elif one.type in CONTAINERS:
         above = _below(one, above, str(parent.GetPath()), found)
     else:
@@ -183,7 +187,8 @@ def _bodies(
     places: Places,
     book: Writer,
 ) -> None:
-    parents = {j.child: j.parent for j in joints if j.parent and j.child}
+    tree = [joint for joint in joints if not joint.closes_loop]
+    parents = {j.child: j.parent for j in tree if j.parent and j.child}
     for path, prim in bodies.items():
         name, units = names[path], places.units
         above = parents.get(path, "")

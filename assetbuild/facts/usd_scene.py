@@ -20,7 +20,7 @@ from assetbuild.robot.floor import floor_of
 from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
-from assetbuild.simulators.usd_names import usd_identifier
+from assetbuild.simulators.usd_names import scene_identifier
 
 FLOOR_M = 20.0
 """Edge of the floor as it is drawn; it collides without end."""
@@ -198,7 +198,7 @@ def scene_table(robot: str, reference: Reference) -> Table:
         "usd:defaultPrim": "World",
         "usd:type": "Xform",
         "usd:robot": f"./{robot}.usda",
-        "usd:robot prim": f"Xform {usd_identifier(robot)}",
+        "usd:robot prim": f"Xform {scene_identifier(robot)}",
         "usd:upAxis of layers": ("Z",),
         "usd:metersPerUnit of layers": ("1.0",),
         "usd:kilogramsPerUnit of layers": ("1.0",),

@@ -17,6 +17,15 @@ from assetbuild.facts.usd_prims import Places, Prim, rigid
 from assetbuild.robot.pose import Array, Pose, quat_between
 
 AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
+CONTACT: Mapping[str, tuple[float, ...]] = {
+    "condim": (3.0,),
+    "priority": (0.0,),
+    "solref": (0.02, 1.0),
+    "solimp": (0.9, 0.95, 0.001, 0.5, 2.0),
+    "margin": (0.0,),
+    "gap": (0.0,),
+}
+"""Attributes of MuJoCo's `MjcCollisionAPI` with what they are where they are not stated."""
 MESH_COLLISION, HULL = "PhysicsMeshCollisionAPI", "PhysxConvexHullCollisionAPI"
 
 
@@ -71,6 +80,7 @@ def read_shapes(
         if shape.collider:
             solid = shape.collider.flag("physics:collisionEnabled") is not False
             facts |= {"collides": solid} | looks.surface(prim.prim) | _hull(prim)
+            facts |= _mujoco_contact(shape.collider)
             colliders.append(Collider(name, prim.path, shape.body, solid))
         else:
             facts |= looks.of(prim.prim)
@@ -90,6 +100,16 @@ def _shown(shape: ShapePrim) -> dict[str, Value]:
         prim.placed()
         if prim.metadata.pop("instanceable", False):
             facts["usd:instanceable"] = True
+    return facts
+
+
+def _mujoco_contact(prim: Prim) -> dict[str, Value]:
+    """What MuJoCo's contacts have beyond friction; nothing where its schema is not applied."""
+    schema, facts = "MjcCollisionAPI", dict[str, Value]()
+    for name, usual in CONTACT.items() if prim.has(schema) else ():
+        stated = prim.take(f"mjc:{name}", schema)
+        values = usual if stated is None else tuple(map(float, np.ravel(np.asarray(stated))))
+        facts[name] = values if len(usual) > 1 else values[0]
     return facts
 
 

@@ -122,6 +122,18 @@ _ROWS: tuple[Quantity, ...] = (
          "position at which the drive aims at the start", None),
     ),
     *_of(
+        "loop",
+        ("type", "text", "", "CRITICAL",
+         "connect: two points stay together; weld: two frames do"),
+        ("body a", "text", "", "CRITICAL", "the body at one end"),
+        ("body b", "text", "", "CRITICAL", "the body at the other end"),
+        ("end a", "pose", "m", "CRITICAL",
+         "what is held, in the frame of body a; of a point without a turn"),
+        ("end b", "pose", "m", "CRITICAL", "as above, in body b"),
+        ("torque scale", "number", "m", "MEDIUM",
+         "weight of a weld's turn in MuJoCo's solver", None),
+    ),
+    *_of(
         "shape",
         ("role", "text", "", "HIGH", "visual or collision"),
         ("body", "text", "", "CRITICAL", "the body that carries it"),

@@ -23,6 +23,9 @@ from assetbuild.robot.tree import forward_kinematics
 COMPOUND = 0.15
 """Joints closer than this share of the robot's size make one compound joint (a hip, a wrist)."""
 
+BALL = 3.0
+"""Longest extent over the shortest of a foot that a sphere stands for; more is a disc or a rod."""
+
 Rules = dict[str, tuple[dict[str, str], str]]
 """Link -> its rule and the reason."""
 
@@ -77,7 +80,7 @@ def soles_of(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
 def _rules(robot: InspectedRobot, anatomy: Anatomy, root: Path) -> Rules:
     """The last word on a link wins."""
     rules = _flat(robot, root)
-    for link in _ball_feet(robot, anatomy):
+    for link in _ball_feet(robot, anatomy, root):
         if link not in rules:
             why = "A foot that meets the ground in a point rolls best as a sphere."
             rules[link] = ({"method": "primitive", "shape": "sphere"}, why)
@@ -131,8 +134,8 @@ def _span(root: Path, shapes: list[SourceShape]) -> bool:
     return True
 
 
-def _ball_feet(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
-    """Feet of walkers on four legs or more that are meshes and nothing else."""
+def _ball_feet(robot: InspectedRobot, anatomy: Anatomy, root: Path) -> list[str]:
+    """Feet of walkers on four legs or more that are meshes, about as wide as they are high."""
     if len(anatomy.legs) < 4:
         return []
     solid = robot.shapes.of("collision") or robot.shapes.of("visual")
@@ -140,9 +143,20 @@ def _ball_feet(robot: InspectedRobot, anatomy: Anatomy) -> list[str]:
     for leg in anatomy.legs:
         own = [s for s in solid if s.link == leg.foot]
         separate = leg.foot != leg.tip or len(leg.joints) >= 4
-        if own and separate and all(isinstance(s.geometry, MeshFile) for s in own):
+        if own and separate and all(_is_ball(root, shape) for shape in own):
             balls.append(leg.foot)
     return balls
+
+
+def _is_ball(root: Path, shape: SourceShape) -> bool:
+    """Whether the mesh's extents, m, differ by less than BALL; a mesh that init leaves unread."""
+    if not isinstance(shape.geometry, MeshFile):
+        return False
+    read = mesh_of(root, shape.geometry)
+    if read is None:
+        return True
+    extents = np.ptp(scaled_points(read, shape.geometry), axis=0)
+    return float(extents.max()) < BALL * float(extents.min())
 
 
 def compound_pairs(tree: Tree, size: float) -> list[tuple[str, str]]:

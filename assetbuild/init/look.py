@@ -22,7 +22,7 @@ from assetbuild.source.urdf.tidy import WORLD_JOINT
 class InspectedRobot:
     """links: before merging fixed joints; tree: after; link_findings, body_findings: the lints'.
 
-    floats: the source itself holds its base by a floating joint.
+    source_findings: what the reader of the source said.
     """
 
     links: Tree
@@ -30,7 +30,12 @@ class InspectedRobot:
     shapes: SourceShapes
     link_findings: tuple[Finding, ...] = ()
     body_findings: tuple[Finding, ...] = ()
-    floats: bool = False
+    source_findings: tuple[Finding, ...] = ()
+
+    @property
+    def floats(self) -> bool:
+        """Whether the source itself holds its base by a floating joint."""
+        return any(finding.rule == WORLD_JOINT.id for finding in self.source_findings)
 
     @property
     def solid_links(self) -> frozenset[str]:
@@ -50,12 +55,15 @@ def look(source: UrdfSource) -> InspectedRobot:
         told = ports.run(source.reader())
         read = RobotFiles(ports.folder)
         tree, _ = merge_fixed_joints(read.links, True, ())
-        floats = any(finding.rule == WORLD_JOINT.id for finding in told)
-        return InspectedRobot(read.links, tree, read.source_shapes, floats=floats)
+        return InspectedRobot(read.links, tree, read.source_shapes, source_findings=told)
 
 
 def judge(
-    links: Tree, shapes: SourceShapes, base: Base, kept: Collection[str] = ()
+    links: Tree,
+    shapes: SourceShapes,
+    base: Base,
+    source_findings: tuple[Finding, ...] = (),
+    kept: Collection[str] = (),
 ) -> InspectedRobot:
     """The robot on this base, with what the lints say of it there.
 
@@ -67,4 +75,4 @@ def judge(
         for name, value in (("links", links), ("tree", tree), ("shapes", shapes)):
             ports.put(f"{name}.json", encode(value))
         of_links, of_bodies = ports.run(LintLinks()), ports.run(LintBodies())
-    return InspectedRobot(links, tree, shapes, of_links, of_bodies)
+    return InspectedRobot(links, tree, shapes, of_links, of_bodies, source_findings)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -23,24 +23,29 @@ from assetbuild.robot.shapes import MeshFile, SourceShapes
 from assetbuild.robot.tree import merge_fixed_joints
 
 
-def mended(robot: InspectedRobot, root: Path, repairs: Iterable[Repair]) -> InspectedRobot:
+def mended(
+    robot: InspectedRobot, root: Path, repairs: Iterable[Repair], turned: Collection[str] = ()
+) -> InspectedRobot:
     """Apply the edits in order; one whose mesh only the build can read is left out.
 
-    root: of the source's files. The findings stay those of the source.
+    root: of the source's files; turned: paths of the meshes that the recipe turns as their files
+    say. The findings stay those of the source.
     """
     for repair in repairs:
-        robot = _applied(robot, root, repair)
+        robot = _applied(robot, root, repair, turned)
     return robot
 
 
-def _applied(robot: InspectedRobot, root: Path, repair: Repair) -> InspectedRobot:
+def _applied(
+    robot: InspectedRobot, root: Path, repair: Repair, turned: Collection[str]
+) -> InspectedRobot:
     try:
         plugin = load_plugin(Edit, repair.edit)
         edit = plugin.model_validate({repair.kind: re.escape(repair.on), **repair.keys})
         with scratch() as ports:
             ports.put("links.json", encode(robot.links))
             ports.put("shapes.json", encode(robot.shapes))
-            _convert(edit, robot.shapes, root, ports)
+            _convert(edit, robot.shapes, root, ports, turned)
             ports.run(edit)
             done = RobotFiles(ports.folder)
             links, shapes = done.links, done.source_shapes
@@ -50,7 +55,9 @@ def _applied(robot: InspectedRobot, root: Path, repair: Repair) -> InspectedRobo
     return replace(robot, links=links, tree=tree, shapes=shapes)
 
 
-def _convert(edit: Edit, shapes: SourceShapes, root: Path, ports: Scratch) -> None:
+def _convert(
+    edit: Edit, shapes: SourceShapes, root: Path, ports: Scratch, turned: Collection[str]
+) -> None:
     """The meshes that the edit reads, where it looks for them. Raises OSError for a huge one."""
     formats: dict[str, Format] = {f".{format}": format for format in get_args(Format)}
     for index, shape in enumerate(edit.meshes(shapes)):
@@ -61,7 +68,10 @@ def _convert(edit: Edit, shapes: SourceShapes, root: Path, ports: Scratch) -> No
         with scratch() as own:
             own.put("mesh", path.read_bytes())
             convert = ConvertMesh(
-                format=formats[path.suffix.lower()], scale=shape.geometry.scale, subject=shape.name
+                format=formats[path.suffix.lower()],
+                scale=shape.geometry.scale,
+                up_axis="honour" if shape.geometry.path in turned else "ignore",
+                subject=shape.name,
             )
             own.run(convert)
             folder = ports.folder / "mesh" / str(index)

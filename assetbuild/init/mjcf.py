@@ -25,7 +25,7 @@ from assetbuild.init.tune import Tuning, tune
 from assetbuild.init.wheels import wheel_radii
 from assetbuild.init.words import plain, quoted, some, source_section, written
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.joint_springs import joint_springs
+from assetbuild.robot.joint_springs import no_drives
 from assetbuild.robot.model import Control
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
@@ -102,7 +102,7 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
         read = RobotFiles(ports.folder)
         said = read.source_control or SourceControl()
         links, shapes = read.links, read.source_shapes
-        robot, kept = (judge(links, shapes, links.base, names) for names in ((), said.bodies))
+        robot, kept = (judge(links, shapes, links.base, kept=k) for k in ((), said.bodies))
     return MjcfSource(root, name, robot, kept, said.control, bodies)
 
 
@@ -133,7 +133,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
         _collision(robot),
         _drives(found, tuning),
         () if control.keyframes else home(robot, anatomy, _pose(found, anatomy, tuning)),
-        [targets(built, joint_springs(control.mjcf_only)), *_validate(found, anatomy)],
+        [targets(built, no_drives(control)), *_validate(found, anatomy)],
     )
     return Recipe(text, unmended)
 

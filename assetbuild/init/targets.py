@@ -12,14 +12,14 @@ from assetbuild.robot.chains import find_chains, is_massless, weighs
 
 
 def targets(robot: InspectedRobot, springs: Collection[str] = ()) -> str:
-    """The line of the recipe. springs: joints that an MJCF gives one."""
+    """The line of the recipe. springs: joints with one that the USD cannot hold."""
     free = next((joint.name for joint in robot.tree.joints if joint.kind == "floating"), None)
     if free is not None:
         reason = f"joint {plain(free)} is floating, which only a base can be in MJCF and USD"
         return f"targets: [urdf]   # {reason}"
     reason = not_in_usd(robot)
     if springs and not reason:
-        reason = f"UsdPhysics has no springs, which {some(list(springs))} have; see `usd.spring`"
+        reason = f"it cannot hold the springs of {some(list(springs))}; see `usd.spring`"
     if reason:
         return f"targets: [urdf, mjcf]   # no usd: {plain(reason, 160)}"
     return "targets: [urdf, mjcf, usd]"

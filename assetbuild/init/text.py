@@ -15,6 +15,7 @@ from assetbuild.init.drives import (
     FASTEST_HZ,
     FASTEST_LEG_HZ,
     FULL_ERROR,
+    LEAST_ERROR,
     SAG,
     SLOWEST_HZ,
     STEP_S,
@@ -26,7 +27,7 @@ from assetbuild.init.mend import mended
 from assetbuild.init.patterns import pattern_of, patterns_of
 from assetbuild.init.repairs import repairs, repairs_text
 from assetbuild.init.source import UrdfSource
-from assetbuild.init.strength import MARGIN, ROTOR, is_locked, strengthened
+from assetbuild.init.strength import MARGIN, ROTOR_RULE, is_locked, strengthened
 from assetbuild.init.targets import targets
 from assetbuild.init.trial import Trial, tables, try_to_stand, try_whole
 from assetbuild.init.tune import LIGHT_KG, Tuning, tune
@@ -60,10 +61,10 @@ class Recipe:
 def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, path: Path) -> Recipe:
     """The whole recipe, as it will lie at `path`; its drives and pose are tried before."""
     edits = repairs(robot, source.root)
-    whole = mended(robot, source.root, edits)
+    up_axis, turn = turned(source, robot)
+    whole = mended(robot, source.root, edits, turn)
     tree, guesses = strengthened(whole.tree, anatomy, wheel_radii(whole, source.root))
     soles = soles_of(whole, anatomy)
-    up_axis, turn = turned(source, robot)
 
     def attempt(tuning: Tuning) -> Trial:
         step = {"timestep": tuning.timestep}
@@ -97,9 +98,10 @@ def _locked(tree: Tree) -> Iterator[str]:
     """Limits of 0 and 0 are what an exporter writes that knows none."""
     moving = [joint for joint in tree.moving_joints if joint.mimic is None]
     if moving and all(map(is_locked, moving)):
+        which = f"all {len(moving)} moving joints" if len(moving) > 1 else "the only moving joint"
         yield (
-            f"equal limits lock all {len(moving)} moving joints, so nothing can be driven "
-            "(give them their ranges by `set_limits` under `edits`, as in the comment below)"
+            f"equal limits lock {which}, so nothing can be driven "
+            "(give the ranges by `set_limits` under `edits`, as in the comment below)"
         )
 
 
@@ -188,15 +190,17 @@ def actuators(tree: Tree, tuning: Tuning) -> Iterator[str]:
         f"# frequency with what the joint moves at home between {SLOWEST_HZ:g} and "
         f"{FASTEST_HZ:g} Hz (legs: {FASTEST_LEG_HZ:g}) and the sag by its own"
     )
-    yield f"# weight below {SAG['rad']:g} rad; kd: damping ratio {DAMPING_RATIO:g} or more. Joints"
-    yield "# too unlike for one kp get a frequency and a damping ratio. A first guess: put the"
-    yield "# motor's data here when you know it."
+    yield (
+        f"# weight below {SAG['rad']:g} rad. A weak drive gives all its effort at "
+        f"{LEAST_ERROR['rad']:g} rad or more."
+    )
+    yield f"# kd: damping ratio {DAMPING_RATIO:g} or more. Joints too unlike for one kp get a"
+    yield "# frequency and a damping ratio. A first guess: put the motor's data here."
     if any(row.guess for row in rows):
-        rotor = f"effort / {ROTOR['rad']:g} rad/s2"
         yield "# `guessed`: the source states no effort that can be meant. The guess holds"
         yield f"# {MARGIN:g} times what gravity asks in the worst pose, and more. `armature` is"
-        yield f"# {rotor}, where that is more than the joint moves. Every build warns until"
-        yield "# you replace them."
+        yield f"# {ROTOR_RULE}, where that is more than the joint moves."
+        yield "# Every build warns until you replace them."
     yield from (f"# Corrected: {plain(note, 400)}" for note in tuning.notes)
     yield "actuators:"
     everything = [joint.name for joint in tree.moving_joints]

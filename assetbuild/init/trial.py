@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from assetbuild.checks.gains import Gains
+from assetbuild.checks.stand import Stand as StandCheck
 from assetbuild.checks.trials import Trials
 from assetbuild.control.control import ControlStep
 from assetbuild.engine.scratch import Scratch, scratch
@@ -40,14 +41,12 @@ from assetbuild.simulators import mujoco_stand as held
 from assetbuild.simulators.mujoco_stand import Stand, outcome, outcome_figures, stand
 from assetbuild.targets.mjcf import Mjcf
 
-SECONDS, FALL, UPRIGHT_RAD = 2.0, 0.5, 0.1
-"""As the check `stand` judges by default: how long, what is a fall, and what tilt is too much."""
+JUDGE = StandCheck()
+"""The check `stand` with its defaults, by which a build judges what `init` tries here."""
 CORNERS = 64
 """Most vertices of a hull."""
-DEEP_M = 0.001
-"""As the check `stand` judges by default: bodies that are deeper inside each other overlap."""
-PUSHED_RAD = 0.05
-"""Tilt of the base, half of what is too much, that the bodies' overlaps must be asked about."""
+PUSHED_RAD = JUDGE.max_tilt / 2.0
+"""Tilt of the base at which `init` asks whether overlapping bodies push the robot askew."""
 
 Pairs = Mapping[tuple[str, str], float]
 """Two bodies -> how deep one is inside the other at home, m."""
@@ -107,7 +106,7 @@ def try_to_stand(
                 return Trial(False, "has no shape on its feet to stand on", errors)
             if not shapes.shapes:
                 return Trial(None, "no shape of its soles can be read", errors)
-            return replace(_judged(stand(model, "home", SECONDS, _laws(made))), errors=errors)
+            return replace(_judged(stand(model, "home", JUDGE.seconds, _laws(made))), errors=errors)
     except RowError as error:
         return Trial(None, error.message, refused=error)
     except AssetBuildError as error:
@@ -135,25 +134,38 @@ def try_whole(
             shapes = _laid_out(robot, root, links, ports, turned)
             body = {s.name: robot.tree.placement(s.link)[0] for s in shapes.shapes}
             stood = _stood(ports, control)
-            if outcome(stood, FALL) == "stands" and stood.tilt_rad <= PUSHED_RAD:
-                return trial
+            if outcome(stood, JUDGE.fall) == "stands" and stood.tilt_rad <= PUSHED_RAD:
+                return _objected(trial, stood, robot.tree, shapes, soles)
             deep: dict[tuple[str, str], float] = {}
             for (a, b), depth in stood.overlapping.items():
                 pair = min(body[a], body[b]), max(body[a], body[b])
-                if depth > DEEP_M:
+                if depth > JUDGE.sole:
                     deep[pair] = max(depth, deep.get(pair, 0.0))
             if deep:
                 without = Exclude(adjacent=True, pairs=(*control.exclude.pairs, *deep))
                 freed = _stood(ports, control.model_copy(update={"exclude": without}))
-                if outcome(freed, FALL) == "stands" and freed.tilt_rad <= PUSHED_RAD:
-                    return replace(trial, overlaps=deep)
-            if outcome(stood, FALL) == "stands":
-                return trial
+                if outcome(freed, JUDGE.fall) == "stands" and freed.tilt_rad <= PUSHED_RAD:
+                    freely = replace(trial, overlaps=deep)
+                    return _objected(freely, freed, robot.tree, shapes, soles)
+            if outcome(stood, JUDGE.fall) == "stands":
+                return _objected(trial, stood, robot.tree, shapes, soles)
     except AssetBuildError:  # what only the build can read, it judges
         return trial
-    falls = "becomes unstable" if outcome(stood, FALL) == "unstable" else "falls"
-    with_all = f"stands, but {falls} within {SECONDS:g} s with the hulls of all its links"
+    falls = "becomes unstable" if outcome(stood, JUDGE.fall) == "unstable" else "falls"
+    with_all = f"stands, but {falls} within {JUDGE.seconds:g} s with the hulls of all its links"
     return replace(trial, stands=False, sentence=with_all)
+
+
+def _objected(
+    trial: Trial, stood: Stand, tree: Tree, shapes: Shapes, soles: Sequence[str]
+) -> Trial:
+    """Return the trial of a robot that stands, as one that does not where the check objects."""
+    judge = JUDGE.model_copy(update={"feet": "|".join(map(re.escape, soles))})
+    said = judge.judged(stood, tree, shapes)
+    error = next((finding for finding in said if finding.severity == "error"), None)
+    if error is None:
+        return trial
+    return replace(trial, stands=False, sentence=f"stands, but {error.subject}: {error.message}")
 
 
 def _stood(ports: Scratch, control: ControlStep) -> Stand:
@@ -161,7 +173,7 @@ def _stood(ports: Scratch, control: ControlStep) -> Stand:
     list(ports.run(control))
     ports.run(Mjcf(robot="robot"))
     model = mujoco.load(ports.folder / "mjcf" / "scene.xml", visuals=False).model
-    return stand(model, "home", SECONDS, _laws(RobotFiles(ports.folder).control))
+    return stand(model, "home", JUDGE.seconds, _laws(RobotFiles(ports.folder).control))
 
 
 def _laws(control: Control) -> dict[str, held.Gains]:
@@ -175,11 +187,13 @@ def _laws(control: Control) -> dict[str, held.Gains]:
 
 def _judged(stood: Stand) -> Trial:
     """A robot that leans may fall on the shapes of the build; below the floor is no height."""
-    did = outcome(stood, FALL)
-    if did == "stands" and stood.tilt_rad <= UPRIGHT_RAD:
-        return Trial(True, str(outcome_figures(stood, FALL)["sentence"]))
-    leans = f"leans by {stood.tilt_rad:.2g} rad after {SECONDS:g} s, more than {UPRIGHT_RAD:g}"
-    falls = f"{'becomes unstable' if did == 'unstable' else 'falls'} within {SECONDS:g} s"
+    did = outcome(stood, JUDGE.fall)
+    if did == "stands" and stood.tilt_rad <= JUDGE.max_tilt:
+        return Trial(True, str(outcome_figures(stood, JUDGE.fall)["sentence"]))
+    leans = (
+        f"leans by {stood.tilt_rad:.2g} rad after {JUDGE.seconds:g} s, more than {JUDGE.max_tilt:g}"
+    )
+    falls = f"{'becomes unstable' if did == 'unstable' else 'falls'} within {JUDGE.seconds:g} s"
     return Trial(False, leans if did == "stands" else falls)
 
 

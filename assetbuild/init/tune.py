@@ -18,6 +18,7 @@ from assetbuild.init.home import home_pose
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.strength import (
     FEW,
+    ROTOR_RULE,
     Guess,
     largest_inertias,
     rotor_inertia,
@@ -185,12 +186,12 @@ def _calmer(tuning: Tuning, error: Finding, legs: tuple[Leg, ...]) -> Tuning | N
     said = f"{error.subject} {error.message}"
     if tuning.timestep > SHORT_STEP_S:
         return _shorter(tuning, SHORT_STEP_S, said, legs)
-    if not any(note.startswith("armature") for note in tuning.notes):
-        driven = [name for row in tuning.drives if row.gains for name in row.joints]
-        guessed = {name: rotor_inertia(tuning.tree.by_joint[name]) for name in driven}
+    driven = {name for row in tuning.drives if row.gains for name in row.joints}
+    if without_rotor := driven - tuning.armature.keys():
+        guessed = {name: rotor_inertia(tuning.tree.by_joint[name]) for name in without_rotor}
         armature = guessed | dict(tuning.armature)
         note = (
-            "armature: a guess, effort / 6000 rad/s2 as motors of that size have, for the source "
+            f"armature: a guess, {ROTOR_RULE} as motors of that size have, for the source "
             f"states no rotors and without them {said}"
         )
         again = replace(tuning, armature=armature, notes=(*tuning.notes, note))

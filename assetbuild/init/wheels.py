@@ -13,7 +13,7 @@ from assetbuild.robot.shapes import Box, MeshFile, SourceShape
 
 
 def wheel_radii(robot: InspectedRobot, root: Path) -> dict[str, float]:
-    """By joint the radius of its wheel, m; those without a shape are left out.
+    """Return the radius of each wheel by its joint, m; wheels without a shape are left out.
 
     root: of the source's files.
     """

@@ -28,6 +28,7 @@ from assetbuild.robot.actuator_table import Motor as Motor
 from assetbuild.robot.contact import Contacts as Contacts
 from assetbuild.robot.contact import Exclude as Exclude
 from assetbuild.robot.inertia import InertiaBounds
+from assetbuild.robot.loops import LoopRow
 from assetbuild.robot.poses import Keyframe as Keyframe
 from assetbuild.robot.ranges import Randomize
 from assetbuild.robot.sensing import Cameras, Feet, Imu, Sensors
@@ -140,6 +141,12 @@ class Recipe(Model):
     )
     compose: tuple[Part, ...] = Field(
         (), max_length=32, description="other robots that are mounted on this one"
+    )
+    loops: tuple[LoopRow, ...] = Field(
+        (),
+        max_length=256,
+        description="closed kinematics: pairs of frames that stay together; the links and joints "
+        "of the source stay a tree",
     )
     visual: Visual = Visual()
     collision: Collision = Collision()

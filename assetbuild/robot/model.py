@@ -284,6 +284,37 @@ class MjcfOnly:
 
 
 @dataclass(frozen=True)
+class LoopEnd:
+    """The frame by which a loop holds a body; in a `SourceControl`, a link."""
+
+    body: str
+    X_body_end: Pose = IDENTITY
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A closed kinematic loop: a constraint between two bodies of the tree.
+
+    kind: `connect` keeps the origins of both frames together, `weld` the whole frames.
+    solref, solimp: MuJoCo's softness of the constraint. torque_scale: MuJoCo's weight of a weld's
+    rotation against its translation, m.
+    """
+
+    name: str
+    kind: Literal["connect", "weld"]
+    a: LoopEnd
+    b: LoopEnd
+    solref: tuple[float, ...] = (0.005, 1.0)
+    solimp: tuple[float, ...] = (0.999, 0.9999, 0.001, 0.5, 2.0)
+    torque_scale: float = 1.0
+
+    @property
+    def ends(self) -> tuple[LoopEnd, LoopEnd]:
+        """Both ends."""
+        return self.a, self.b
+
+
+@dataclass(frozen=True)
 class Control:
     """Everything a recipe adds to the geometry. excludes: pairs of body names, each sorted.
 
@@ -299,6 +330,7 @@ class Control:
     sensors: tuple[Sensor, ...] = ()
     cameras: tuple[Camera, ...] = ()
     mjcf_only: tuple[MjcfOnly, ...] = ()
+    loops: tuple[Loop, ...] = ()
 
     @cached_property
     def by_joint(self) -> dict[str, Actuator]:

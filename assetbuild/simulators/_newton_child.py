@@ -16,6 +16,17 @@ UNLIMITED = 1e6
 """Newton's word for an effort or a range without limit, at least."""
 
 
+LAW = {
+    "kp": "kp",
+    "kd": "kd",
+    "max_effort": "maxEffort",
+    "max_motor_effort": "maxMotorEffort",
+    "saturation_effort": "saturationEffort",
+    "velocity_limit": "velocityLimit",
+}
+"""Arrays of Newton's drives and clamps, and what the USD calls them."""
+
+
 def main(path: Path) -> None:
     """One answer for each file of the job, by kind."""
     job = json.loads(path.read_text(encoding="utf-8"))
@@ -34,7 +45,7 @@ def tried(kind: str, file: str, job: dict[str, Any]) -> dict[str, Any]:
         from newton.solvers import SolverMuJoCo
 
         solver = SolverMuJoCo(model, use_mujoco_cpu=True)
-        held = readings(model, solver.mj_model)
+        held = readings(model, solver.mj_model, usd=kind == "usd")
         return held | {"finite": stepped(model, solver, job["steps"], job["dt"])}
     except Exception as error:  # whatever Newton says is the answer
         return {"failure": f"{type(error).__name__}: {error}"[:400]}
@@ -55,8 +66,10 @@ def loaded(kind: str, file: str) -> Any:
     return builder.finalize()
 
 
-def readings(model: Any, held: Any) -> dict[str, Any]:
+def readings(model: Any, held: Any, *, usd: bool) -> dict[str, Any]:
     """Facts of bodies and joints by their own names, SI; None = unlimited, or none.
+
+    usd: also what the USD alone says: how soft limits are, and the laws of explicit drives.
 
     Joints are those of the solver's model: MJCF drives live in attributes of Newton that only it
     sees.
@@ -78,7 +91,38 @@ def readings(model: Any, held: Any) -> dict[str, Any]:
                 "mimic offset": float(held.eq_data[index, 0]),
                 "mimic multiplier": float(held.eq_data[index, 1]),
             }
+    for index in turning if usd else ():
+        row = joints[named(index)]
+        limited = row["lower"] is not None or row["upper"] is not None
+        row["newton:solreflimit"] = held.jnt_solref[index].tolist() if limited else None
+    for name, law in actuators(model).items() if usd else ():
+        joints[name] |= law
     return {"bodies": bodies(model), "dof": int(held.nv), "joints": joints}
+
+
+def actuators(model: Any) -> dict[str, dict[str, float | None]]:
+    """By joint, the law of its `NewtonActuator`: gains and what limits the effort, SI, rad."""
+    starts = [int(start) for start in model.joint_qd_start.numpy()]
+    names = {
+        start: label.rsplit("/", 1)[-1]
+        for start, label in zip(starts, model.joint_label, strict=False)
+    }
+    found: dict[str, dict[str, float | None]] = {}
+    for group in model.actuators:
+        parts = [group.drive, *group.clamping]
+        columns = {
+            word: getattr(part, name).numpy()
+            for part in parts
+            for name, word in LAW.items()
+            if getattr(part, name, None) is not None
+        }
+        for row, dof in enumerate(group.indices.numpy()):
+            values = {word: float(column[row]) for word, column in columns.items()}
+            found[names[int(dof)]] = {
+                f"newton:actuator {word}": value if math.isfinite(value) else None
+                for word, value in values.items()
+            }
+    return found
 
 
 def bodies(model: Any) -> dict[str, dict[str, Any]]:

@@ -89,11 +89,17 @@ def _names(stage: Usd.Stage) -> StageNames:
         name = str(prim.GetMetadata("displayName") or prim.GetName())
         if prim.HasAPI(UsdPhysics.RigidBodyAPI):
             bodies[str(prim.GetPath())] = name
-        elif prim.IsA(UsdPhysics.Joint):
+        elif prim.IsA(UsdPhysics.Joint) and not _closes_loop(prim):
             joints[str(prim.GetPath())] = name
             if prim.IsA(UsdPhysics.RevoluteJoint):
                 angular.add(name)
     return StageNames(bodies, joints, frozenset(angular))
+
+
+def _closes_loop(prim: Usd.Prim) -> bool:
+    from pxr import UsdPhysics
+
+    return bool(UsdPhysics.Joint(prim).GetExcludeFromArticulationAttr().Get())
 
 
 def _place(prim: Usd.Prim, pose: Pose) -> None:

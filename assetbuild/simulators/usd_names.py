@@ -6,10 +6,13 @@ import hashlib
 import re
 from collections.abc import Iterable
 
-from assetbuild.robot.model import Tree
+from assetbuild.robot.model import Loop, Tree
 
 JOINTS, LOOKS, PHYSICS_MATERIALS = "Joints", "Looks", "PhysicsMaterials"
+ACTUATORS, LOOPS = "Actuators", "Loops"
 """Groups beside the bodies, below the robot."""
+SCENE = ("physics", "floor", "light", PHYSICS_MATERIALS)
+"""Prims beside the robot in `scene.usda`."""
 ROOT_JOINT = "root_joint"
 """Holds a fixed base to the world."""
 
@@ -51,9 +54,20 @@ def _with_digest(near: str, name: str) -> str:
     return f"{near}_{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
+def scene_identifier(robot: str) -> str:
+    """Return the name of the robot's prim in `scene.usda`, which no other prim there has."""
+    root = usd_identifier(robot)
+    return usd_identifiers([root], SCENE)[root]
+
+
 def body_identifiers(tree: Tree) -> dict[str, str]:
     """Prim name by body name."""
-    return usd_identifiers(tree.by_body, (JOINTS, LOOKS, PHYSICS_MATERIALS))
+    return usd_identifiers(tree.by_body, (JOINTS, LOOKS, PHYSICS_MATERIALS, LOOPS, ACTUATORS))
+
+
+def loop_identifiers(loops: Iterable[Loop]) -> dict[str, str]:
+    """Prim name by the name of a loop."""
+    return usd_identifiers(loop.name for loop in loops)
 
 
 def joint_identifiers(tree: Tree) -> dict[str, str]:

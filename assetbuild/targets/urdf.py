@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import shutil
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.model import Actuator, Body, Inertial, Joint, Tree
+from assetbuild.robot.model import Actuator, Body, Inertial, Joint, Loop, Tree
 from assetbuild.robot.pose import Pose, rpy_of
 from assetbuild.robot.shapes import (
     Box,
@@ -32,6 +32,14 @@ FIXED_AWAY = Rule(
     "a fixed root is away from the origin: in the written URDF a fixed joint attaches it to a "
     "link `world`",
     "nothing; move the origin of that joint to place the robot",
+)
+LOOP = Rule(
+    "urdf.loop",
+    "warning",
+    "URDF has no closed loops: in the written one the tree is open, and what only a loop moves "
+    "hangs free",
+    "use the MJCF or the USD where the robot moves, or close the loops in the program that reads "
+    "the URDF",
 )
 LIMIT_UNSTATED = Rule(
     "urdf.limit.unstated",
@@ -64,6 +72,7 @@ class Urdf(Target):
         robot = RobotFiles(files.inputs)
         tree = held_by_world(robot.links)
         yield from _held(robot.links, tree)
+        yield from _open_loops(robot.ratings.loops)
         root = ET.Element("robot", name=tree.name)
         for material in robot.shapes.materials:
             _add_material(root, material)
@@ -81,6 +90,19 @@ class Urdf(Target):
         text = f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n'
         (folder / f"{self.robot}.urdf").write_text(text, encoding="utf-8")
         meshes.write(robot.mesh_dir, folder / "meshes")
+
+
+def _open_loops(loops: Sequence[Loop]) -> Iterator[Finding]:
+    if loops:
+        listed = ", ".join(f"`{loop.name}` ({loop.a.body} to {loop.b.body})" for loop in loops[:6])
+        yield LOOP(
+            "robot",
+            f"the written URDF holds {len(loops)} loops open: {listed}"
+            f"{', ...' if len(loops) > 6 else ''}",
+            "use the MJCF or the USD where the robot moves, or close the loops in the program that "
+            "reads the URDF",
+            data={"loops": tuple(loop.name for loop in loops)},
+        )
 
 
 def _held(said: Tree, written: Tree) -> Iterator[Finding]:

@@ -172,6 +172,13 @@ def test_a_limit_that_states_no_effort_keeps_nothing_from_being_compared(tmp_pat
     assert figures(folder)["nv"] == 1
 
 
+def test_a_frame_that_is_hardly_turned_is_compared_as_it_is_stated(tmp_path: Path):
+    nearly = """<link name="eye"/><joint name="eye_mount" type="fixed"><parent link="plate"/>
+      <child link="eye"/><origin xyz="0 0.4 0" rpy="1e-7 0 0"/></joint></robot>"""
+    folder = robot_folder(ON_THE_WALL.replace("</robot>", nearly), tmp_path, "fixed")
+    assert by_target(folder) == []
+
+
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
 def test_a_speck_behind_a_large_rotor_is_compared_to_its_last_digit(kind: str, tmp_path: Path):
     """Armature of 0.2 kg m² is 1e12 times what the link itself has."""

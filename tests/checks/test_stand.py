@@ -107,6 +107,16 @@ def test_a_millimetre_is_good_enough(tmp_path: Path) -> None:
     assert check(with_base(tiny_quadruped(), 0.0009), tmp_path) == []
 
 
+def test_a_foot_of_several_links_stands_on_the_lowest_of_them(tmp_path: Path) -> None:
+    robot = tiny_quadruped()
+    shoes = [
+        Shape(f"{leg}_shoe", f"{leg}_calf", "collision", Box((0.02, 0.02, 0.02)))
+        for leg in ("FR", "FL", "RR", "RL")
+    ]
+    robot = replace(robot, shapes=replace(robot.shapes, shapes=(*robot.shapes.shapes, *shoes)))
+    assert check(robot, tmp_path, feet=".*_(foot|calf)") == []
+
+
 def test_what_is_no_foot_may_not_touch_the_floor(tmp_path: Path) -> None:
     robot = tiny_quadruped()
     tail = Shape("tail", "trunk", "collision", Box((0.02, 0.02, 0.6)), Pose((-0.3, 0.0, 0.0)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from tiny import TinyRobot, pendulum, tiny_quadruped, with_mimic, write_robot_ports
+from tiny import TinyRobot, four_bar, pendulum, tiny_quadruped, with_mimic, write_robot_ports
 
 from assetbuild.facts.reader import Reader
 from assetbuild.facts.reference import Reference, robot_table
@@ -38,7 +38,7 @@ def rich() -> list[TinyRobot]:
     whole = replace(robot, control=full, shapes=replace(shapes, shapes=worn))
     follower, leader = (joint.name for joint in robot.tree.moving_joints[1:3])
     led = with_mimic(robot, follower, leader, -2.0, 0.1)
-    return [whole, pendulum(), replace(led, links=led.tree)]
+    return [whole, pendulum(), replace(led, links=led.tree), four_bar("weld")]
 
 
 @pytest.fixture(scope="module")

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tiny import pendulum, run_step, tiny_quadruped, write_robot_ports
+from tiny import four_bar, pendulum, run_step, tiny_quadruped, write_robot_ports
 
 from assetbuild.kinds import Target
 from assetbuild.plugins import load_plugin, plugin_names
 
-TINY = {"quadruped": tiny_quadruped, "pendulum": pendulum}
+TINY = {"quadruped": tiny_quadruped, "pendulum": pendulum, "four_bar": four_bar}
 TARGETS = plugin_names(Target)
 
 

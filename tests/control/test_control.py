@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from assetbuild.control.control import half_height
+from assetbuild.control.ground import half_height
 from assetbuild.control.plan import control_step
 from assetbuild.engine.step import Files
 from assetbuild.pipeline.recipes import whole_model

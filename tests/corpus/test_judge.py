@@ -53,6 +53,22 @@ def test_what_differs_is_said(source: str, old: str, new: str, says: str, tmp_pa
     assert said.startswith(says)
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('effort="10"', 'effort="-1"'),
+        ('<origin xyz="0 0 0.1"/><axis', '<origin xyz="0 0 0.1," rpy="0,0, 0"/><axis'),
+        ('<limit lower="-1" upper="1" effort="10" velocity="3"/>', ""),
+    ],
+)
+def test_what_pinocchio_alone_refuses_is_judged(old: str, new: str, tmp_path: Path):
+    (tmp_path / "mjcf").mkdir()
+    assert old in URDF
+    (tmp_path / "source.urdf").write_text(URDF.replace(old, new))
+    (tmp_path / "mjcf/r.xml").write_text(MJCF)
+    assert judged(tmp_path / "source.urdf", tmp_path, Path, edited=False) == "equal"
+
+
 def test_an_edited_robot_may_weigh_something_else(tmp_path: Path):
     (tmp_path / "mjcf").mkdir()
     (tmp_path / "source.urdf").write_text(URDF)

@@ -43,7 +43,7 @@ def expected(robot: TinyRobot, drive_type: str = "force", mimics: bool = True) -
 
 
 def newton(robot: TinyRobot) -> Table:
-    return newton_expected(reference(robot), coupled=lambda joint: True)
+    return newton_expected(reference(robot), coupled=lambda joint: True, usd=True)
 
 
 @pytest.mark.parametrize("lacks", [PHYSX_LACKS, NEWTON_LACKS], ids=["physx", "newton"])

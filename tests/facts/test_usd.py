@@ -19,6 +19,7 @@ from tiny import (
     pendulum,
     robots,
     run_step,
+    sprung,
     tiny_quadruped,
     with_mimic,
 )
@@ -29,8 +30,10 @@ from assetbuild.findings import Finding
 from assetbuild.robot.model import (
     Contact,
 )
+from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd import Usd as UsdTarget
+from assetbuild.targets.usd.unsupported import unsupported
 
 JOINTS = "/robot/Joints"
 Spoil = Callable[[Usd.Stage], object]
@@ -62,6 +65,47 @@ def rules(findings: list[Finding]) -> set[tuple[str, str]]:
 # --- tiny robots ---------------------------------------------------------------------------------
 
 
+# --- springs -------------------------------------------------------------------------------------
+
+
+def test_a_spring_is_the_drive_of_a_joint_that_has_no_other(tmp_path: Path) -> None:
+    assert check(sprung(), tmp_path) == []
+    main = next(tmp_path.rglob("robot.usda"))
+    stage = Usd.Stage.Open(str(main))
+    drive = UsdPhysics.DriveAPI(stage.GetPrimAtPath(f"{JOINTS}/swing_joint"), "angular")
+    assert math.degrees(drive.GetStiffnessAttr().Get()) == pytest.approx(6.0)
+    assert math.radians(drive.GetTargetPositionAttr().Get()) == pytest.approx(0.5)
+    assert (drive.GetDampingAttr().Get(), drive.GetMaxForceAttr().Get()) == (0.0, math.inf)
+
+
+@pytest.mark.parametrize(
+    ("attribute", "quantity"), [("stiffness", "kp"), ("targetPosition", "drive_target")]
+)
+def test_a_changed_spring_is_found(attribute: str, quantity: str, tmp_path: Path) -> None:
+    def spoil(stage: Usd.Stage) -> None:
+        prim = stage.GetPrimAtPath(f"{JOINTS}/swing_joint")
+        value = prim.GetAttribute(f"drive:angular:physics:{attribute}")
+        value.Set(value.Get() * 1.02)
+
+    assert rules(check(sprung(), tmp_path, spoil)) == {
+        (f"equal.usd.{quantity}", "joint swing_joint")
+    }
+
+
+@pytest.mark.parametrize("joint", ["polynomial", "driven"])
+def test_a_spring_that_no_drive_can_be_is_not_written(joint: str, tmp_path: Path) -> None:
+    robot = sprung("6 1 0" if joint == "polynomial" else "6")
+    if joint == "driven":
+        drives = pendulum().control.actuators
+        robot = replace(robot, control=replace(robot.control, actuators=drives))
+    assert check(robot, tmp_path) == []
+    (found,) = [
+        f for f in unsupported(robot.tree, robot.control, UsdOptions()) if f.rule == "usd.spring"
+    ]
+    assert found.severity == "error"
+    assert ("polynomial" if joint == "polynomial" else "drive of its own") in found.message
+
+
 # --- nothing changed -----------------------------------------------------------------------------
 
 
@@ -69,6 +113,16 @@ def test_untouched_robots_are_equal(tmp_path: Path) -> None:
     mimic = with_mimic(tiny_quadruped(), "FL_hip_joint", "FR_hip_joint", -1.0, 0.1)
     for i, robot in enumerate((tiny_quadruped(), pendulum(), mimic, gripper())):
         assert check(robot, tmp_path / str(i)) == []
+
+
+def test_a_turn_that_usd_takes_through_an_arc_cosine_is_equal(tmp_path: Path) -> None:
+    """By 1.5e-7 rad, of which USD loses a hundredth."""
+    robot = tiny_quadruped()
+    quat = normalised_quat((1.0, 7.3205e-08, 6.3397e-08, -1.33974e-08))
+    turned = Pose((0.05, 0.01, 0.02), quat)
+    frames = [replace(f, X_body_frame=turned) if f.name == "imu" else f for f in robot.tree.frames]
+    robot = replace(robot, tree=replace(robot.tree, frames=tuple(frames)))
+    assert check(robot, tmp_path) == []
 
 
 def test_neighbours_whose_masks_never_meet_are_told_apart_by_their_joint(tmp_path: Path) -> None:
@@ -147,6 +201,16 @@ def times(factor: float) -> Callable[[object], object]:
         ("jointfriction", "joint FR_hip_joint", f"{HIP}.physxJoint:jointFriction", times(2.0)),
         ("damping", "joint FR_hip_joint", f"{HIP}.newton:damping", times(57.3)),
         ("velocitylimit", "joint FR_hip_joint", f"{HIP}.newton:velocityLimit", times(0.5)),
+        ("limitstiffness", "joint FR_hip_joint", f"{HIP}.newton:limitStiffness", times(57.3)),
+        ("limitdamping", "joint FR_hip_joint", f"{HIP}.newton:limitDamping", times(57.3)),
+        ("solreflimit", "joint FR_hip_joint", f"{HIP}.mjc:solreflimit", lambda _: [0.2, 1.0]),
+        ("condim", "shape FR_foot_collision", f"{FOOT}.mjc:condim", lambda _: 6),
+        ("priority", "shape FR_foot_collision", f"{FOOT}.mjc:priority", lambda _: 2),
+        ("solref", "shape FR_foot_collision", f"{FOOT}.mjc:solref", lambda _: [0.01, 1.0]),
+        ("solimp", "shape FR_foot_collision", f"{FOOT}.mjc:solimp",
+         lambda _: [0.9, 0.95, 0.002, 0.5, 2.0]),
+        ("margin", "shape FR_foot_collision", f"{FOOT}.mjc:margin", lambda _: 0.001),
+        ("gap", "shape FR_foot_collision", f"{FOOT}.mjc:gap", lambda _: 0.001),
         ("maxjointvelocity", "joint FR_hip_joint", f"{HIP}.physxJoint:maxJointVelocity",
          times(2.0)),
         ("collisionenabled", "joint FR_hip_joint", f"{HIP}.physics:collisionEnabled",
@@ -199,6 +263,45 @@ def test_a_changed_attribute_is_named_with_both_values(
     assert any(subject in {f.subject, *f.data.get("subjects", ())} for f in ours)
     assert all({"expected", "found"} <= set(f.data) for f in ours)
     assert not [f for f in findings if f.rule == "equal.unread"]
+
+
+# --- laws of explicit drives ----------------------------------------------------------------------
+
+
+def with_model(robot: TinyRobot, joint: str, **changed: object) -> TinyRobot:
+    """The robot with another row for one joint."""
+    rows = tuple(
+        replace(row, **changed) if row.joint == joint else row  # type: ignore[arg-type] # fields
+        for row in robot.control.actuators
+    )
+    return replace(robot, control=replace(robot.control, actuators=rows))
+
+
+@pytest.mark.parametrize(
+    ("model", "rule", "attribute"),
+    [
+        ("ideal_pd", "actuator_kp", "kp"),
+        ("ideal_pd", "actuator_maxeffort", "maxEffort"),
+        ("motor", "actuator_maxeffort", "maxEffort"),
+        ("dc_motor", "actuator_kd", "kd"),
+        ("dc_motor", "actuator_maxmotoreffort", "maxMotorEffort"),
+        ("dc_motor", "actuator_saturationeffort", "saturationEffort"),
+        ("dc_motor", "actuator_velocitylimit", "velocityLimit"),
+    ],
+)
+def test_the_law_of_an_explicit_drive_is_written_and_compared(
+    model: str, rule: str, attribute: str, tmp_path: Path
+) -> None:
+    gains = {"kp": 0.0, "kd": 0.0} if model == "motor" else {}
+    robot = with_model(tiny_quadruped(), "FR_hip_joint", model=model, velocity=20.0, **gains)
+    assert not check(robot, tmp_path / "untouched")
+
+    def spoil(stage: Usd.Stage) -> None:
+        law = stage.GetAttributeAtPath(f"/robot/Actuators/FR_hip_joint.newton:{attribute}")
+        law.Set(2.0 * law.Get())
+
+    found = check(robot, tmp_path / "spoilt", spoil)
+    assert rules(found) == {(f"equal.usd.{rule}", "joint FR_hip_joint")}
 
 
 # --- one thing, many attributes ------------------------------------------------------------------

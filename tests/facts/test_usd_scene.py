@@ -41,6 +41,12 @@ def test_untouched_scenes_are_equal(tmp_path: Path) -> None:
         assert check(robot, tmp_path / str(i)) == []
 
 
+@pytest.mark.parametrize("name", ["physics", "floor", "PhysicsMaterials"])
+def test_a_robot_may_be_called_like_a_part_of_the_scene(name: str, tmp_path: Path) -> None:
+    inputs = check_inputs(tmp_path, tiny_quadruped(), UsdTarget(robot=name), "usd")
+    assert run_step(UsdSceneReader(robot=name), inputs, tmp_path / "out") == []
+
+
 def set_to(path: str, value: object) -> Spoil:
     def spoil(stage: Usd.Stage) -> None:
         assert stage.GetAttributeAtPath(path).Set(value)

@@ -61,6 +61,18 @@ def test_a_box_needs_no_rule_of_its_own(tmp_path: Path):
     assert rules_of(tmp_path, shape("visual", PLATE), shape("collision", BOX)) == {}
 
 
+@pytest.mark.parametrize(("width", "ball"), [(0.04, True), (0.005, False)])
+def test_a_foot_that_is_a_thin_disc_is_no_sphere(
+    width: float, ball: bool, robots: Path, tmp_path: Path
+):
+    trimesh.creation.box((0.04, width, 0.04)).export(tmp_path / "foot.stl")
+    text = (robots / "four_legs.urdf").read_text()
+    text = text.replace('<sphere radius="0.02"/>', '<mesh filename="foot.stl"/>')
+    (tmp_path / "dog.urdf").write_text(text)
+    recipe = yaml.safe_load(propose(tmp_path / "dog.urdf", tmp_path / "dog.yaml", {}).text)
+    assert ("links" in recipe["collision"]) is ball
+
+
 def dog_on_air(robots: Path, folder: Path, *, drawn: bool) -> dict[str, Any]:  # Any: YAML
     """The recipe of a dog whose calves and feet hit nothing; drawn: whether feet are seen."""
     lines = []

@@ -110,18 +110,24 @@ def test_a_shank_without_a_foot_of_its_own_ends_at_its_ball(tmp_path: Path):
     assert hip == pytest.approx(-knee / 2.0, abs=0.02)
 
 
-def test_a_robot_with_springs_is_not_proposed_as_usd(tmp_path: Path):
-    """UsdPhysics has no spring beside the drive, so a USD would move otherwise."""
+@pytest.mark.parametrize("driven", [True, False])
+def test_springs_are_proposed_as_usd_where_nothing_else_drives_the_joint(
+    driven: bool, tmp_path: Path
+):
+    """A spring beside a drive has no place in a USD, which would move otherwise."""
     joint = '<joint name="j" axis="0 1 0" range="-1 1" stiffness="3"/>'
-    body = f'<body name="b" pos="0 0 1">{joint}<geom size=".1"/></body>'
+    below = '<body name="c" pos="0 0 1"><joint name="k" range="-1 1"/><geom size=".1"/></body>'
+    body = f'<body name="b" pos="0 0 1">{joint}<geom size=".1"/>{below}</body>'
     (tmp_path / "s.xml").write_text(
         f'<mujoco model="s"><compiler angle="radian"/><worldbody>{body}</worldbody>'
-        '<actuator><position joint="j" kp="50" kv="2" forcerange="-9 9"/></actuator></mujoco>'
+        f'<actuator><position joint="{"j" if driven else "k"}" kp="50" kv="2" '
+        'forcerange="-9 9"/></actuator></mujoco>'
     )
     out = tmp_path / "s.yaml"
     write(propose(tmp_path / "s.xml", out, {}), force=True)
-    assert load_recipe(out).recipe.targets == ("urdf", "mjcf")
-    assert "UsdPhysics has no springs, which j have" in out.read_text()
+    targets = load_recipe(out).recipe.targets
+    assert targets == (("urdf", "mjcf") if driven else ("urdf", "mjcf", "usd"))
+    assert ("it cannot hold the springs of j" in out.read_text()) == driven
 
 
 def proposed(tmp_path: Path, bodies: str, more: str = "") -> tuple[tuple[str, ...], str]:

@@ -6,10 +6,16 @@ import json
 from pathlib import Path
 
 import pytest
-from urdfs import LIMIT, box, inertial, joint, link, robot, shape, tensor
+import trimesh
+from urdfs import LIMIT, box, inertial, joint, link, mesh, robot, shape, tensor
 
 from assetbuild.cli import main
 from assetbuild.init import propose, write
+from assetbuild.init.look import judge, look
+from assetbuild.init.mend import mended
+from assetbuild.init.repairs import repairs
+from assetbuild.init.source import find_source
+from assetbuild.init.up_axis import turned
 from assetbuild.pipeline.recipes import load_recipe
 
 
@@ -52,6 +58,33 @@ def test_a_broken_tensor_is_computed_from_the_shapes(tmp_path: Path):
             }
         },
     ]  # fmt: skip
+
+
+def test_a_hinge_without_a_range_turns_half_way_each_way(tmp_path: Path):
+    """urdfdom locks it at 0; one whose range is 0 by its own words stays locked."""
+    free, held = '<limit effort="9" velocity="3"/>', '<limit lower="0" upper="0" effort="9"/>'
+    assert edits_for(chain(inertial(1.0), limits=free), tmp_path) == [
+        {"set_limits": {"joint": "joint0", "lower": -3.14, "upper": 3.14}}
+    ]
+    assert "Equal limits" not in (tmp_path / "bot.yaml").read_text()
+    assert edits_for(chain(inertial(1.0), limits=held), tmp_path) == []
+
+
+def test_the_inertia_of_a_turned_mesh_is_tried_as_it_is_turned(tmp_path: Path):
+    rod = trimesh.creation.box((0.1, 1.0, 0.1))
+    rod.apply_translation((0.0, 0.5, 0.0))
+    rod.export(tmp_path / "rod.glb")  # whose Y is up
+    zeros = inertial(1.0, tensor(0.0, 0.0, 0.0), xyz="0 0 0.5")
+    (tmp_path / "bot.urdf").write_text(chain(zeros + shape("visual", mesh("rod.glb"))))
+    source = find_source(tmp_path / "bot.urdf", {})
+    read = look(source)
+    robot = judge(read.links, read.shapes, "fixed")
+    _, turn = turned(source, robot)
+    whole = mended(robot, source.root, repairs(robot, source.root), turn)
+    rod_inertia = whole.links.by_body["link0"].inertial
+    assert turn == {"rod.glb"}
+    assert rod_inertia is not None
+    assert rod_inertia.com_m == pytest.approx((0.0, 0.0, 0.5))
 
 
 def test_a_point_mass_is_computed_from_the_shapes(tmp_path: Path):

@@ -76,6 +76,26 @@ def test_the_recipe_of_the_dog_asks_it_to_stand_and_says_why(robots: Path, tmp_p
     assert load_recipe(tmp_path / "dog.yaml").recipe.stated("validate") == {"stand"}
 
 
+STICK = (
+    '<collision><origin xyz="0 0 -0.12"/><geometry><box size="0.02 0.02 0.24"/></geometry>'
+    "</collision></link>"
+)
+"""A shin that ends 20 mm below its foot."""
+
+
+def test_a_robot_that_stands_on_its_shins_is_not_asked_to_stand_on_its_feet(
+    robots: Path, tmp_path: Path
+):
+    text = (robots / DOG).read_text()
+    for leg in ("LF", "RF", "LH", "RH"):
+        head, tail = text.split(f'<link name="{leg}_calf">')
+        text = f'{head}<link name="{leg}_calf">' + tail.replace("</link>", STICK, 1)
+    (tmp_path / "shins.urdf").write_text(text)
+    text = propose(tmp_path / "shins.urdf", tmp_path / "shins.yaml", {}).text
+    assert "stands, but link LF_foot: at `home` its sole is" in text
+    assert "  # stand: {keyframe: home" in text
+
+
 def test_an_arm_is_not_asked_to_stand(robots: Path, tmp_path: Path):
     assert "stand:" not in propose(robots / "odd_arm.urdf", tmp_path / "arm.yaml", {}).text
 

@@ -125,6 +125,9 @@ class MujocoSide:
         self._model.dof_armature[:] = 0.0
         self._data = mujoco.MjData(self._model)
         mujoco.mj_setConst(self._model, self._data)  # MuJoCo keeps the masses of plain slides
+        # MuJoCo takes a frame that is turned by less than 2e-6 rad for its body's frame.
+        for same_frame in ("body_sameframe", "site_sameframe"):
+            getattr(self._model, same_frame)[:] = int(mujoco.mjtSameFrame.mjSAMEFRAME_NONE)
         self.nv = int(self._model.nv)
         self.mass = float(self._model.body_mass.sum())
         self.tree = tree

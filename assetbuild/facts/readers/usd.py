@@ -15,9 +15,8 @@ from assetbuild.facts.table import Table
 _OUTSIDE = (
     "the controller that computes it runs outside of the simulator: see the trainers' modules"
 )
-_CONTACT = "PhysX has no such value; Newton reads it from the MJCF"
 _BITS = "USD has no masks: `collides` and filtered pairs say what they mean"
-_SPRING = "UsdPhysics has no spring beside the drive; a robot with one has the error `usd.spring`"
+_SPRING = "a spring is the drive of its joint (kp, drive target), or `usd.spring` is reported"
 
 
 class UsdReader(Reader):
@@ -46,6 +45,8 @@ class UsdReader(Reader):
             ("shape", "size"): 1e-9,
             ("robot", "base pose"): 1e-9,
         },
+        # USD turns by the arc cosine of w, which loses up to 3e-8 rad of a small turn.
+        turn=1e-7,
     )
     lacks: ClassVar[Mapping[str, str]] = {
         "joint model": _OUTSIDE,
@@ -57,12 +58,7 @@ class UsdReader(Reader):
         "joint drive name": "a drive is part of its joint and has no name",
         "joint stiffness": _SPRING,
         "joint spring reference": _SPRING,
-        "shape condim": _CONTACT,
-        "shape priority": _CONTACT,
-        "shape solref": _CONTACT,
-        "shape solimp": _CONTACT,
-        "shape margin": _CONTACT,
-        "shape gap": _CONTACT,
+        "loop torque scale": "the weight in MuJoCo's soft constraint; PhysX's joint is hard",
         "shape mask": _BITS,
         "shape partners": _BITS,
         "sensor": "UsdPhysics has none; simulators add their own",

@@ -36,6 +36,7 @@ class UsdSceneReader(Reader):
         "robot articulation root": _ROBOT,
         "robot self-collision": _ROBOT,
         "joint": _ROBOT,
+        "loop": _ROBOT,
         "frame": _ROBOT,
         "shape": _ROBOT,
         "pair": _ROBOT,

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping
 from xml.etree.ElementTree import Element
 
 from assetbuild.robot.contact_filter import ContactFilter
-from assetbuild.robot.model import Control, Joint, Tree
+from assetbuild.robot.model import Control, Joint, Loop, Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.targets.mjcf.chains import Seats
 from assetbuild.targets.mjcf.drives import locked_at
-from assetbuild.targets.mjcf.xml import element, numbers
+from assetbuild.targets.mjcf.xml import element, number, numbers
 
 
 def contact_section(
@@ -27,8 +27,11 @@ def contact_section(
     return element("contact", None, pairs)
 
 
-def equality_section(joints: Iterable[Joint]) -> Element:
-    """Mimic joints: q = offset + multiplier * q(leader). Locked ones: q = a constant."""
+def equality_section(joints: Iterable[Joint], loops: Iterable[Loop]) -> Element:
+    """Mimic joints: q = offset + multiplier * q(leader). Locked ones: q = a constant.
+
+    Loops hold two sites together: of two bodies and one anchor MuJoCo holds what meets at qpos0.
+    """
     held: list[Element] = []
     for joint in joints:
         leader, offset, multiplier = None, locked_at(joint), 0.0
@@ -43,4 +46,15 @@ def equality_section(joints: Iterable[Joint]) -> Element:
                 "polycoef": numbers((offset, multiplier, 0.0, 0.0, 0.0)),
             }
             held.append(element("joint", attributes))
+    for loop in loops:
+        is_weld = loop.kind == "weld"
+        attributes = {
+            "name": loop.name,
+            "site1": f"{loop.name}_a",
+            "site2": f"{loop.name}_b",
+            "torquescale": number(loop.torque_scale) if is_weld else None,
+            "solref": numbers(loop.solref),
+            "solimp": numbers(loop.solimp),
+        }
+        held.append(element(loop.kind, attributes))
     return element("equality", None, held)

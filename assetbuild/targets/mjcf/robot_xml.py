@@ -109,7 +109,7 @@ class RobotXml:
             self.asset(),
             self.worldbody(),
             contact_section(self.tree, self.shapes, self.control, self.seats, self.body_names),
-            equality_section(self.joints),
+            equality_section(self.joints, self.control.loops),
             self.actuator(),
             sensor_section(self.control, self.body_names, self.drive_names),
             *([] if bare else [self.keyframe()]),
@@ -173,7 +173,7 @@ class RobotXml:
         if self.shapes.meshes:
             # Mass never comes from a mesh; `shell` lets flat and open ones compile.
             first.append(element("mesh", {"inertia": "shell"}))
-        if self.tree.frames or self.body_sites:
+        if self.tree.frames or self.body_sites or self.control.loops:
             first.append(element("site", {"group": SITE_GROUP}))
         first += [role.element() for role in self.geoms.classes]
         return element("default", None, [self.classes.element(first)])
@@ -240,6 +240,10 @@ class RobotXml:
             for shape in self.shapes.of(role):
                 yield self.tree.placement(shape.link)[0], self.geoms.geom(shape)
         yield from site_elements(self.tree, self.body_sites, self.body_names)
+        for loop in self.control.loops:
+            for side, end in zip("ab", loop.ends, strict=True):
+                place = pose_attributes(end.X_body_end)
+                yield end.body, element("site", {"name": f"{loop.name}_{side}", **place})
 
     def _body_attributes(self, name: str) -> dict[str, str | None]:
         is_root = name == self.tree.root

@@ -26,8 +26,9 @@ def extra_sites(tree: Tree, control: Control) -> tuple[str, ...]:
 
 
 def refuse_hidden(control: Control, hidden: Collection[str]) -> None:
-    """StepError for a sensor or camera on a link that is no body in the MJCF (see `chains`)."""
-    seats = [(f"camera {c.name}", c.link) for c in control.cameras if c.link]
+    """StepError for what sits on a link that is no body in the MJCF (see `chains`)."""
+    seats = [(f"loop {loop.name}", end.body) for loop in control.loops for end in loop.ends]
+    seats += [(f"camera {c.name}", c.link) for c in control.cameras if c.link]
     for sensor in control.sensors:
         places = (sensor.at, sensor.relative_to or sensor.at)
         seats += [(f"sensor {sensor.name}", p.name) for p in places if p.kind in ("frame", "body")]

@@ -12,6 +12,7 @@ from assetbuild.findings import Finding
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 from assetbuild.simulators.usd_options import UsdOptions
+from assetbuild.targets.usd.actuators import define_actuators
 from assetbuild.targets.usd.bodies import apply_rigid_bodies, write_base
 from assetbuild.targets.usd.colliders import (
     apply_filtered_pairs,
@@ -20,7 +21,7 @@ from assetbuild.targets.usd.colliders import (
     touching_neighbours,
 )
 from assetbuild.targets.usd.geometry import write_instances, write_library, write_materials
-from assetbuild.targets.usd.joints import apply_articulation, define_joints
+from assetbuild.targets.usd.joints import apply_articulation, define_joints, define_loops
 from assetbuild.targets.usd.layers import PAYLOADS, new_layer, save, write_interface
 from assetbuild.targets.usd.names import PrimPaths
 from assetbuild.targets.usd.scene import SCENE, write_scene
@@ -49,6 +50,8 @@ def write_asset(
     yield from define_colliders(stage, names, shapes, control)
     touching = touching_neighbours(names, shapes, control)
     define_joints(stage, names, control, options, touching)
+    define_loops(stage, names, control, touching)
+    define_actuators(stage, names, control)
     apply_articulation(stage, names, options.articulation)
     apply_filtered_pairs(stage, names, shapes, control)
     apply_masks(stage, names, shapes, control)

@@ -14,11 +14,13 @@ from assetbuild.robot.pose import Vec3
 from assetbuild.robot.shapes import Mesh, Shape, Shapes
 from assetbuild.simulators.usd_names import PHYSICS_MATERIALS
 from assetbuild.targets.usd.geometry import define_shape
-from assetbuild.targets.usd.layers import apply_foreign
+from assetbuild.targets.usd.layers import apply_foreign, apply_mujoco
 from assetbuild.targets.usd.names import PrimPaths
 
 HULL_VERTICES = 64
 """Most vertices of a convex hull that PhysX collides on a GPU."""
+SOLREF, SOLIMP = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
+"""MuJoCo's defaults for the softness of a contact."""
 
 LARGE_HULL = Rule(
     "usd.hull_vertices",
@@ -44,7 +46,8 @@ def define_colliders(
     own = dict(control.contacts)
     surfaces: dict[Vec3, object] = {}
     for shape in shapes.of("collision"):
-        friction = own.get(shape.name, control.contact).friction
+        contact = own.get(shape.name, control.contact)
+        friction = contact.friction
         if friction not in surfaces:
             surfaces[friction] = define_surface(
                 stage, names.surface(friction, control.contact.friction), friction
@@ -54,10 +57,24 @@ def define_colliders(
             _apply_hull(prim)
             yield from _hull_findings(shape, shape.geometry, shapes)
         UsdPhysics.CollisionAPI.Apply(prim)
+        _apply_contact(prim, contact)
         UsdGeom.Imageable(prim).CreatePurposeAttr(UsdGeom.Tokens.guide)
         UsdShade.MaterialBindingAPI.Apply(prim).Bind(
             surfaces[friction], UsdShade.Tokens.weakerThanDescendants, "physics"
         )
+
+
+def _apply_contact(prim: Usd.Prim, contact: Contact) -> None:
+    """What only MuJoCo's contacts have; Newton reads it, PhysX does not."""
+    values: dict[str, int | float | tuple[float, ...]] = {
+        "condim": contact.condim,
+        "priority": contact.priority,
+        "solref": tuple(contact.solref or SOLREF),
+        "solimp": tuple(contact.solimp or SOLIMP),
+        "margin": contact.margin,
+        "gap": contact.gap,
+    }
+    apply_mujoco(prim, "MjcCollisionAPI", values)
 
 
 def _apply_hull(prim: Usd.Prim) -> None:
@@ -123,16 +140,18 @@ def apply_filtered_pairs(
 
 
 def touching_neighbours(names: PrimPaths, shapes: Shapes, control: Control) -> set[frozenset[str]]:
-    """Jointed pairs that may touch: most often, the parent is fixed to the world."""
+    """Jointed pairs that may touch: most often, the parent is fixed to the world; and of loops."""
     tree, own = names.tree, dict(control.contacts)
     solid: dict[str, list[Contact]] = {}
     for shape in shapes.of("collision"):
         body = tree.placement(shape.link)[0]
         solid.setdefault(body, []).append(own.get(shape.name, control.contact))
     apart = {frozenset(pair) for pair in (*control.excludes, *passing_pairs(tree, shapes, control))}
+    jointed = [(joint.parent, joint.child) for joint in tree.joints]
+    jointed += [(loop.a.body, loop.b.body) for loop in control.loops]
     return {
         frozenset(pair)
-        for pair in ((joint.parent, joint.child) for joint in tree.joints)
+        for pair in jointed
         if frozenset(pair) not in apart
         and any(
             _meet(one, two) for one, two in product(solid.get(pair[0], ()), solid.get(pair[1], ()))

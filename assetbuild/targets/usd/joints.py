@@ -13,15 +13,19 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.errors import StepError
 from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.joint_springs import Spring, as_drives
+from assetbuild.robot.limit_springs import limit_springs
 from assetbuild.robot.model import MOVING, Actuator, Control, Joint
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply
-from assetbuild.simulators.usd_names import JOINTS
+from assetbuild.simulators.usd_names import JOINTS, LOOPS, loop_identifiers
 from assetbuild.simulators.usd_options import UsdArticulation, UsdOptions
-from assetbuild.targets.usd.layers import apply_foreign, label
+from assetbuild.targets.usd.layers import apply_foreign, apply_mujoco, label
 from assetbuild.targets.usd.names import PrimPaths
 from assetbuild.targets.usd.units import coordinate, gain, instance, is_angular, limits
 
 NEAR = 1e-9
+SOLREF_LIMIT = (0.02, 1.0)
+"""MuJoCo's default time constant (s) and damping ratio of a joint limit."""
 _AXES: dict[Vec3, tuple[str, Quat]] = {
     (1.0, 0.0, 0.0): ("X", (1.0, 0.0, 0.0, 0.0)),
     (0.0, 1.0, 0.0): ("Y", (1.0, 0.0, 0.0, 0.0)),
@@ -63,6 +67,7 @@ def define_joints(
     if tree.joints or tree.base == "fixed":
         UsdGeom.Scope.Define(stage, f"/{names.root}/{JOINTS}")
     starts = dict(initial_pose(tree, control).joints)
+    springs, limited = as_drives(control), limit_springs(tree, control)
     for joint in tree.joints:
         prim = _define_joint(stage, names, joint)
         # As in MuJoCo, bodies that a joint connects do not collide, but for those on the world.
@@ -72,10 +77,36 @@ def define_joints(
         if joint.kind in MOVING:
             actuator = control.by_joint.get(joint.name) or _undriven(joint)
             _apply_passive(prim, joint, actuator)
-            _apply_drive(prim, joint, actuator, starts[joint.name], options.drive_type)
+            if joint.name in springs:
+                _apply_spring(prim, joint, springs[joint.name])
+            else:
+                _apply_drive(prim, joint, actuator, starts[joint.name], options.drive_type)
+            if joint.name in limited:
+                _apply_limit_spring(prim, joint, limited[joint.name])
             _apply_start(prim, joint, starts[joint.name])
             if options.mimics:
                 _apply_mimic(prim, names, joint)
+
+
+def define_loops(
+    stage: Usd.Stage,
+    names: PrimPaths,
+    control: Control,
+    touching: Collection[frozenset[str]],
+) -> None:
+    """Joints that close loops: outside of the articulation, which is a tree."""
+    if control.loops:
+        UsdGeom.Scope.Define(stage, f"/{names.root}/{LOOPS}")
+    identifiers = loop_identifiers(control.loops)
+    for loop in control.loops:
+        kind = UsdPhysics.FixedJoint if loop.kind == "weld" else UsdPhysics.SphericalJoint
+        made = kind.Define(stage, f"/{names.root}/{LOOPS}/{identifiers[loop.name]}")
+        made.CreateBody0Rel().SetTargets([names.body(loop.a.body)])
+        made.CreateBody1Rel().SetTargets([names.body(loop.b.body)])
+        made.CreateExcludeFromArticulationAttr(True)
+        made.CreateCollisionEnabledAttr(frozenset((loop.a.body, loop.b.body)) in touching)
+        _set_frames(made, loop.a.X_body_end, loop.b.X_body_end)
+        label(made.GetPrim(), loop.name)
 
 
 def _undriven(joint: Joint) -> Actuator:
@@ -149,6 +180,17 @@ def _apply_passive(prim: Usd.Prim, joint: Joint, actuator: Actuator) -> None:
     apply_foreign(prim, "NewtonJointAPI", "newton", newton | {"velocityLimit": velocity})
 
 
+def _apply_limit_spring(prim: Usd.Prim, joint: Joint, spring: tuple[float, float]) -> None:
+    """How soft a limit is: MuJoCo's own words, and the spring that they make for other solvers.
+
+    With Newton's own defaults a Panda ran 0.4 rad past its limits.
+    """
+    stiffness, damping = (gain(joint, value) for value in spring)
+    newton = {"limitStiffness": stiffness, "limitDamping": damping}
+    apply_foreign(prim, "NewtonJointAPI", "newton", newton)
+    apply_mujoco(prim, "MjcJointAPI", {"solreflimit": SOLREF_LIMIT})
+
+
 def drive_gains(actuator: Actuator) -> tuple[float, float]:
     """(stiffness, damping) of the simulator's own drive, per rad or per m.
 
@@ -177,6 +219,16 @@ def _apply_drive(
         drive.CreateTargetPositionAttr(coordinate(joint, target))
     if actuator.effort is not None:
         drive.CreateMaxForceAttr(actuator.effort)
+
+
+def _apply_spring(prim: Usd.Prim, joint: Joint, spring: Spring) -> None:
+    """A spring pulls to its rest with a force, whatever kind the drives of the recipe are."""
+    drive = UsdPhysics.DriveAPI.Apply(prim, instance(joint))
+    drive.CreateTypeAttr("force")
+    drive.CreateStiffnessAttr(gain(joint, spring.stiffness))
+    drive.CreateDampingAttr(0.0)
+    drive.CreateTargetVelocityAttr(0.0)
+    drive.CreateTargetPositionAttr(coordinate(joint, spring.rest))
 
 
 def _apply_mimic(prim: Usd.Prim, names: PrimPaths, joint: Joint) -> None:

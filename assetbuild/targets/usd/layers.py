@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
 from assetbuild.errors import StepError
 from assetbuild.robot.pose import Pose, Vec3
@@ -135,3 +135,17 @@ def apply_foreign(
         if value is not None:
             kind = kinds.UInt if name in _UNSIGNED else types[type(value)]
             prim.CreateAttribute(f"{prefix}:{name}", kind, custom=False).Set(value)
+
+
+def apply_mujoco(
+    prim: Usd.Prim, schema: str, values: Mapping[str, int | float | tuple[float, ...]]
+) -> None:
+    """Apply one of MuJoCo's own schemas, `mjc:<name>`: uniform, double precision, SI, radians."""
+    kinds = Sdf.ValueTypeNames
+    types = {int: kinds.Int, float: kinds.Double, tuple: kinds.DoubleArray}
+    prim.AddAppliedSchema(schema)
+    for name, value in values.items():
+        made = prim.CreateAttribute(
+            f"mjc:{name}", types[type(value)], custom=False, variability=Sdf.VariabilityUniform
+        )
+        made.Set(Vt.DoubleArray(value) if isinstance(value, tuple) else value)

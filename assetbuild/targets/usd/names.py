@@ -8,6 +8,7 @@ The composed stage, with `go1` as the robot's name:
     /go1/<body>/visuals/<shape>
     /go1/<body>/collisions/<shape>
     /go1/Joints/<joint>
+    /go1/Loops/<loop>            joints outside of the articulation, which close loops
     /go1/Looks/<material>
     /go1/PhysicsMaterials/contact
 """

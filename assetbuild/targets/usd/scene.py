@@ -15,7 +15,7 @@ from assetbuild.robot.initial import initial_pose
 from assetbuild.robot.model import Control
 from assetbuild.robot.pose import IDENTITY, Pose
 from assetbuild.robot.tree import forward_kinematics
-from assetbuild.simulators.usd_names import PHYSICS_MATERIALS
+from assetbuild.simulators.usd_names import PHYSICS_MATERIALS, scene_identifier
 from assetbuild.targets.usd.colliders import define_surface
 from assetbuild.targets.usd.layers import apply_foreign, new_stage, save, set_place
 from assetbuild.targets.usd.names import PrimPaths
@@ -38,14 +38,15 @@ def write_scene(folder: Path, main: str, names: PrimPaths, control: Control) -> 
     _define_physics(stage, control)
     _define_floor(stage, floor_of(names.tree, control))
     UsdLux.DomeLight.Define(stage, "/World/light").CreateIntensityAttr(1000.0)
-    robot = UsdGeom.Xform.Define(stage, f"/World/{names.root}").GetPrim()
+    robot = UsdGeom.Xform.Define(stage, f"/World/{scene_identifier(names.root)}").GetPrim()
     robot.GetReferences().AddReference(f"./{main}")
     start = initial_pose(names.tree, control)
     X_world_base = IDENTITY
     if start.base is not None:
         X_world_base = Pose((0.0, 0.0, CLEARANCE_M)) @ start.base
     for body, X_root_body in forward_kinematics(names.tree, dict(start.joints)).items():
-        prim = stage.OverridePrim(f"/World{names.body(body)}")
+        below = names.body(body).removeprefix(f"/{names.root}")
+        prim = stage.OverridePrim(f"{robot.GetPath()}{below}")
         set_place(prim, X_world_base @ X_root_body)
     save(stage)
 

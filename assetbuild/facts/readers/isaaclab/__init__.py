@@ -36,7 +36,7 @@ class IsaacLabReader(Reader):
     behind: ClassVar[tuple[str, ...]] = ("python/*_isaaclab_?.py", "python/*_isaaclab_measure.py")
     asks: ClassVar[tuple[str, ...]] = ("isaaclab", "usd", "randomize")
     lacks: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(("body", "frame", "shape", "pair", "sensor", "camera"), IN_USD),
+        **dict.fromkeys(("body", "frame", "loop", "shape", "pair", "sensor", "camera"), IN_USD),
         "keyframe": "Isaac Lab starts in one pose: quantity `start`",
         "floor": "the environment brings its own",
         "robot base": IN_USD,

@@ -48,7 +48,7 @@ class MjlabReader(Reader):
     behind: ClassVar[tuple[str, ...]] = ("python/*_mjlab.py",)
     asks: ClassVar[tuple[str, ...]] = ("randomize", "feet", "imu", "mjlab")
     lacks: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(("body", "frame", "shape", "pair", "sensor", "camera"), IN_BARE),
+        **dict.fromkeys(("body", "frame", "loop", "shape", "pair", "sensor", "camera"), IN_BARE),
         "keyframe": "mjlab starts in one pose: quantity `start`",
         "floor": "mjlab's task brings its own",
         "robot base": IN_BARE,

@@ -53,6 +53,7 @@ LACKS: Mapping[str, str] = {
             "partners", "collides", "restitution",
         )
     },
+    "loop": "URDF has trees alone; the finding `urdf.loop` says so",
     "pair": "URDF has no list of pairs; SRDF has",
     "sensor": "URDF has no sensors",
     "camera": "URDF has no cameras",

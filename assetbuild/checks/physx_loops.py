@@ -1,0 +1,70 @@
+"""Do the loops stay closed in PhysX while the driven joints swing?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import ClassVar, Self
+
+from assetbuild.engine.step import Files, Limits
+from assetbuild.findings import Finding
+from assetbuild.kinds import Check, RecipeView, write_figures
+from assetbuild.robot.files import RobotFiles
+from assetbuild.simulators import loop_swing, physx
+from assetbuild.simulators.loop_swing import LoopSwing
+
+
+class PhysxLoops(Check):
+    """As the check `loops`, of `usd/<robot>.usda`."""
+
+    needs: ClassVar[tuple[str, ...]] = ("usd",)
+    reads: ClassVar[tuple[str, ...]] = ("tree.json", "control.json")
+    requires: ClassVar[Mapping[str, str]] = physx.REQUIRES
+    isolated: ClassVar[bool] = True
+    preload: ClassVar[tuple[str, ...]] = physx.PRELOAD
+    limits: ClassVar[Limits] = Limits(wall_s=600.0, memory_mb=16384)
+
+    engines: ClassVar[tuple[str, ...]] = ("physx",)
+    sections: ClassVar[Mapping[str, str]] = {"validate.loops": "wish"}
+
+    robot: str
+    """Name of the robot: the stem of the main file."""
+    wish: LoopSwing = LoopSwing()
+
+    @classmethod
+    def configure(cls, recipe: RecipeView) -> Self | None:
+        """Only for a robot that may have loops: by its recipe, its parts or its MJCF."""
+        may = [recipe.value(key) for key in ("loops", "compose", "source.mjcf")]
+        return super().configure(recipe) if any(may) else None
+
+    def run(self, files: Files) -> Iterator[Finding]:
+        """Reads the robot and its USD."""
+        robot = RobotFiles(files.inputs)
+        tree, control = robot.tree, robot.control
+        if not control.loops:
+            write_figures(files, {"skipped": "the robot has no loops"})
+            return
+        asked, step = loop_swing.trial(tree, control, self.wish), control.simulation.timestep
+        setting = physx.Setting(
+            step,
+            control.simulation.gravity,
+            "held" if tree.base == "floating" else "asset",
+            contacts=False,
+            limited=False,
+            drives=asked.servos,
+        )
+        experiment = physx.Experiment(
+            "loops",
+            setting,
+            round(asked.sine.seconds / step),
+            max(1, round(loop_swing.SAMPLE_S / step)),
+            asked.sine.middle,
+            asked.sine,
+        )
+        done = physx.perform(files.inputs / f"usd/{self.robot}.usda", (experiment,))["loops"]
+        worst = {loop.name: math.inf for loop in control.loops}
+        if done.motion is not None and done.finite:
+            worst = loop_swing.opened(tree, control, done.motion)
+        limits = dict.fromkeys(("open", "largest_gap"), self.wish.gap)
+        write_figures(files, loop_swing.figures(asked, worst), limits)
+        yield from loop_swing.judge("PhysX", self.wish, asked, worst)

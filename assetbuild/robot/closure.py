@@ -1,0 +1,243 @@
+"""Do the loops of a robot close, how, and what can still move?
+
+A loop's gap is what its constraint must bring to zero: the way from the one point to the other,
+m, and of a weld also the turn between the frames, rad. Gaps and their Jacobians are in the axes of
+frame a, where the base's own motion does not show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from assetbuild.robot.dynamics import Dynamics, dynamics
+from assetbuild.robot.loops import path_of
+from assetbuild.robot.mimic import with_mimics
+from assetbuild.robot.model import Joint, Loop, Tree
+from assetbuild.robot.pose import Array, Pose
+from assetbuild.robot.tree import forward_kinematics
+
+CLOSED = 1e-9
+"""m and rad: a loop with a larger gap is open."""
+LARGEST_STEP = 0.3
+"""rad or m: of one joint, in one step of the solver."""
+STEPS = 100
+DAMPING = 0.1
+"""Of a step, for each metre of gap: a chain stretched out towards a far point comes to rest."""
+STARTS = 24
+SEED = 7
+RANK = 1e-8
+"""A direction whose singular value is below this share of the largest one is not constrained."""
+STILL = 1e-6
+"""A joint that moves by less than this share of a free motion does not take part in it."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Positions of all moving joints, rad or m, and the largest gap that is left, m or rad."""
+
+    positions: Mapping[str, float]
+    residual: float
+
+    @property
+    def closed(self) -> bool:
+        """Every loop is closed."""
+        return self.residual < CLOSED
+
+
+def gap(loop: Loop, poses: Mapping[str, Pose]) -> Array:
+    """(3,) m of a `connect`, (6,) m and rad of a `weld`. poses: X_root_body by body."""
+    X_root_a, X_root_b = (poses[end.body] @ end.X_body_end for end in loop.ends)
+    X_a_b = X_root_a.inverse() @ X_root_b
+    if loop.kind == "connect":
+        return np.asarray(X_a_b.xyz)
+    w, *v = X_a_b.quat
+    sine = float(np.linalg.norm(v))
+    turn = np.asarray(v) * (2.0 * np.arctan2(sine, w) / sine if sine > 0.0 else 2.0)
+    return np.concatenate([X_a_b.xyz, turn])
+
+
+def gaps(tree: Tree, loops: Sequence[Loop], q: Mapping[str, float]) -> dict[str, float]:
+    """The size of each loop's gap by its name: the larger of m and rad. q: of all moving joints."""
+    poses = forward_kinematics(tree, q)
+    found = {}
+    for loop in loops:
+        parts = gap(loop, poses).reshape(-1, 3)
+        found[loop.name] = float(np.linalg.norm(parts, axis=1).max())
+    return found
+
+
+def constraint_jacobian(loops: Sequence[Loop], robot: Dynamics) -> Array:
+    """(rows, nv) of all loops: d gap / d v, for closed loops, in the axes of each frame a."""
+    rows = [np.zeros((0, len(robot.gravity)))]
+    for loop in loops:
+        motions = [robot.motions[end.body] for end in loop.ends]
+        places = [m.pose @ end.X_body_end for m, end in zip(motions, loop.ends, strict=True)]
+        into_a = places[0].rotation.T
+        # Of body a as well where b is: seen from there, b alone moves.
+        at_b = np.asarray(places[1].xyz)
+        rows.append(into_a @ (motions[1].at(at_b) - motions[0].at(at_b)))
+        if loop.kind == "weld":
+            rows.append(into_a @ (motions[1].angular - motions[0].angular))
+    return np.vstack(rows)
+
+
+def close(
+    tree: Tree, loops: Sequence[Loop], start: Mapping[str, float], free: Collection[str]
+) -> Solution:
+    """Move the `free` joints from `start` until all loops close, by as little as it takes.
+
+    Other starts within the limits are tried where this one leads nowhere, or beyond a limit; the
+    same input gives the same result. Without success the smallest gap that was found.
+    """
+    known = with_mimics(tree, start)
+    chosen = [j for j in tree.moving_joints if j.name in free and j.mimic is None]
+    best = Solution(known, _residual(tree, loops, known))
+    if best.closed:
+        return best
+    inside = False
+    for guess in _starts(chosen, known):
+        found = _descend(tree, loops, guess, [joint.name for joint in chosen])
+        fits = found.closed and all(_within(joint, found.positions[joint.name]) for joint in chosen)
+        if (not best.closed and found.residual < best.residual) or (fits and not inside):
+            best, inside = found, fits
+        if inside or not chosen:
+            break
+    return best
+
+
+def _residual(tree: Tree, loops: Sequence[Loop], q: Mapping[str, float]) -> float:
+    return max(gaps(tree, loops, q).values(), default=0.0)
+
+
+def _starts(free: Sequence[Joint], known: Mapping[str, float]) -> Iterator[dict[str, float]]:
+    """The given one, then random ones within the limits, ever farther away from it."""
+    yield dict(known)
+    random = np.random.default_rng(SEED)
+    for number in range(1, STARTS):
+        width = np.pi * number / STARTS
+        moved = dict(known)
+        for joint in free:
+            q = known[joint.name] + float(random.uniform(-width, width))
+            low, high = joint.limits.lower, joint.limits.upper
+            if joint.kind != "continuous" and low is not None and high is not None and low < high:
+                q = min(max(q, low), high)
+            moved[joint.name] = q
+        yield moved
+
+
+def _within(joint: Joint, value: float) -> bool:
+    low, high = joint.limits.lower, joint.limits.upper
+    if joint.kind == "continuous":
+        return True
+    return (low is None or value >= low - CLOSED) and (high is None or value <= high + CLOSED)
+
+
+def _descend(
+    tree: Tree, loops: Sequence[Loop], start: Mapping[str, float], free: Sequence[str]
+) -> Solution:
+    """Levenberg and Marquardt: damped by the gap, so that it ends as fast as Newton."""
+    q = with_mimics(tree, start)
+    best = Solution(q, _residual(tree, loops, q))
+    for _ in range(STEPS):
+        robot = dynamics(tree, q, {})
+        poses = {name: motion.pose for name, motion in robot.motions.items()}
+        open_by = np.concatenate([gap(loop, poses) for loop in loops])
+        columns = [robot.column(name) for name in free]
+        jacobian = constraint_jacobian(loops, robot)[:, columns]
+        damping = DAMPING * float(np.linalg.norm(open_by)) * np.eye(len(free))
+        rows = np.vstack([jacobian, damping])
+        step = -np.linalg.lstsq(rows, np.pad(open_by, (0, len(free))), rcond=RANK**2)[0]
+        largest = float(np.abs(step).max(initial=0.0))
+        step *= min(1.0, LARGEST_STEP / largest) if largest else 1.0
+        moved = {name: q[name] + float(d) for name, d in zip(free, step, strict=True)}
+        q = with_mimics(tree, {**q, **moved})
+        found = Solution(q, _residual(tree, loops, q))
+        if found.residual < best.residual:
+            best = found
+        elif best.closed or largest < CLOSED * RANK:
+            break
+    return best
+
+
+# --- what can move ------------------------------------------------------------------------------
+
+
+def free_motions(loops: Sequence[Loop], robot: Dynamics) -> Array:
+    """(nv, k): an orthonormal basis of the velocities that keep all loops closed."""
+    jacobian = constraint_jacobian(loops, robot)
+    _, sizes, rows = np.linalg.svd(jacobian, full_matrices=True)
+    rank = int((sizes > RANK * max(float(sizes.max(initial=0.0)), 1.0)).sum())
+    basis: Array = rows[rank:].T
+    return basis
+
+
+def locked_joints(
+    tree: Tree, loops: Sequence[Loop], q: Mapping[str, float], joints: Collection[str]
+) -> tuple[str, ...]:
+    """Of `joints`, those that the loops keep from moving, q and wherever they lead from there.
+
+    A crank at its dead centre stands still for a moment, so each free motion is followed a little.
+    """
+    locked = _still(tree, loops, q, joints)
+    if not locked:
+        return ()
+    names = [joint.name for joint in tree.moving_joints if joint.mimic is None]
+    robot = dynamics(tree, q, {})
+    for motion in free_motions(loops, robot)[robot.free :].T:
+        size = float(np.abs(motion).max(initial=0.0))
+        if size < STILL:
+            continue
+        moved = {
+            name: q[name] + 0.05 * float(d) / size for name, d in zip(names, motion, strict=True)
+        }
+        found = close(tree, loops, {**q, **moved}, names)
+        if found.closed:
+            locked = tuple(j for j in locked if j in _still(tree, loops, found.positions, locked))
+    return locked
+
+
+def _still(
+    tree: Tree, loops: Sequence[Loop], q: Mapping[str, float], joints: Collection[str]
+) -> tuple[str, ...]:
+    robot = dynamics(tree, q, {})
+    motions = free_motions(loops, robot)
+    held = {joint.name for loop in loops for joint in path_of(tree, loop)}
+    return tuple(
+        name
+        for name in joints
+        if name in held
+        and name in robot.joints
+        and float(np.linalg.norm(motions[robot.column(name)])) < STILL
+    )
+
+
+def constrained_mass(loops: Sequence[Loop], robot: Dynamics, chosen: Sequence[int]) -> Array:
+    """(k, k) mass matrix in the coordinates `chosen`, all others following through the loops.
+
+    M = N^T M N with the free motions N scaled so that its rows of the chosen coordinates are the
+    identity; the coordinates must be as many as the robot can move in.
+    """
+    basis = free_motions(loops, robot)
+    motions = basis @ np.linalg.inv(basis[list(chosen)])
+    mass: Array = motions.T @ robot.mass @ motions
+    return mass
+
+
+def coordinates(loops: Sequence[Loop], robot: Dynamics, first: Collection[str]) -> tuple[int, ...]:
+    """Columns that describe the motion of the closed robot: the base's, then of joints.
+
+    Joints of `first`, the driven ones, are taken before all others as long as they are independent.
+    """
+    basis = free_motions(loops, robot)
+    order = [*range(robot.free)]
+    order += [robot.column(name) for name in robot.joints if name in first]
+    order += [column for column in range(len(basis)) if column not in set(order)]
+    chosen: list[int] = []
+    for column in order:
+        rows = basis[[*chosen, column]]
+        if len(chosen) < basis.shape[1] and np.linalg.svd(rows, compute_uv=False)[-1] > 1e-6:
+            chosen.append(column)
+    return tuple(chosen)

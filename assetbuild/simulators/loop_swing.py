@@ -1,0 +1,169 @@
+"""A swing of the driven joints of a robot with loops, and how far these open on the way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from pydantic import Field
+
+from assetbuild.findings import Finding, Rule
+from assetbuild.quantities import Model, Positive
+from assetbuild.robot.closure import close, coordinates, free_motions, gaps
+from assetbuild.robot.dynamics import Dynamics, dynamics
+from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.loops import path_of
+from assetbuild.robot.mimic import with_mimics
+from assetbuild.robot.model import Actuator, Control, Tree
+from assetbuild.simulators.experiments import Motion, Sine, sine_of
+
+SERVO_HZ = 4.0
+"""Natural frequency of the critically damped servos that stand in for drives without a gain."""
+HALVINGS = 6
+SAMPLE_S = 0.01
+
+OPENS = Rule(
+    "loop.opens",
+    ("warning", "error"),
+    "a loop opens by more than `validate.loops.gap` while the driven joints swing (an error above "
+    "`validate.loops.broken`, or where the simulation goes to infinity)",
+    "a smaller timestep; a smaller `solref` of the loop for MuJoCo, more "
+    "`usd.articulation.solver_position_iterations` for PhysX",
+)
+HANGS = Rule(
+    "loop.undriven",
+    "info",
+    "no drive can swing the loops, so they were tried under gravity alone",
+    "nothing, where the robot has no drives",
+)
+
+
+class LoopSwing(Model):
+    """The driven joints of a robot with loops swing, base held; null = do not run it."""
+
+    frequency: Positive = Field(0.5, description="Hz")
+    seconds: Positive = Field(3.0, description="s; the first third is left out")
+    gap: Positive = Field(1e-4, description="m or rad: how far a loop may open, warning")
+    broken: Positive = Field(5e-3, description="the same, error")
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What every engine is asked: targets, and the servos that follow them, by joint."""
+
+    sine: Sine
+    servos: Mapping[str, Actuator]
+
+
+def trial(tree: Tree, control: Control, wish: LoopSwing) -> Trial:
+    """Independent driven joints swing about the initial pose, as wide as all loops stay closed.
+
+    A drive without a gain gets a servo; one that the others' motion decides lets go.
+    """
+    home = with_mimics(tree, dict(initial_pose(tree, control).joints))
+    armature = {row.joint: row.armature for row in control.actuators}
+    robot = dynamics(tree, home, armature)
+    driven = [a for a in control.actuators if a.model != "passive" and a.joint in robot.joints]
+    leading = _leading(control, robot, [row.joint for row in driven])
+    felt = _felt_inertia(control, robot)
+    servos, table = {}, {row.joint: row for row in control.actuators}
+    for row in driven:
+        servo = replace(_servo(row, felt[row.joint]), effort=None, velocity=None)
+        if row.joint not in leading:
+            servo = Actuator(row.joint, "pd")
+        servos[row.joint] = servo
+        table[row.joint] = replace(servo, velocity=row.velocity)
+    made = sine_of(
+        tree, replace(control, actuators=tuple(table.values())), home, wish.frequency, wish.seconds
+    )
+    swing = {name: width if name in leading else 0.0 for name, width in made.swing.items()}
+    return Trial(replace(made, middle=home, swing=_closable(tree, control, home, swing)), servos)
+
+
+def _leading(control: Control, robot: Dynamics, driven: list[str]) -> set[str]:
+    chosen = set(coordinates(control.loops, robot, driven))
+    return {name for name in driven if robot.column(name) in chosen}
+
+
+def _felt_inertia(control: Control, robot: Dynamics) -> dict[str, float]:
+    """What a torque at each joint accelerates while the loops stay closed, kg m2 or kg."""
+    basis = free_motions(control.loops, robot)
+    compliance = basis @ np.linalg.pinv(basis.T @ robot.mass @ basis, hermitian=True) @ basis.T
+    found = {}
+    for name in robot.joints:
+        column = robot.column(name)
+        soft = float(compliance[column, column])
+        found[name] = 1.0 / soft if soft > 0.0 else 1.0
+    return found
+
+
+def _servo(row: Actuator, inertia: float) -> Actuator:
+    """The drive itself where it holds a position, else a critically damped servo."""
+    if row.kp > 0.0 and row.model in ("pd", "ideal_pd", "dc_motor"):
+        return Actuator(row.joint, "pd", kp=row.kp, kd=row.kd, damping=row.damping)
+    rate = 2.0 * math.pi * SERVO_HZ
+    return Actuator(row.joint, "pd", kp=inertia * rate**2, kd=2.0 * inertia * rate)
+
+
+def _closable(
+    tree: Tree, control: Control, home: Mapping[str, float], swing: Mapping[str, float]
+) -> dict[str, float]:
+    """Half as wide until the loops close at both ends of the swing."""
+    chain = {joint.name for loop in control.loops for joint in path_of(tree, loop)}
+    free = [name for name in chain if not swing.get(name)]
+    share = 1.0
+    for _ in range(HALVINGS):
+        ends = [
+            {name: q + sign * share * swing.get(name, 0.0) for name, q in home.items()}
+            for sign in (-1.0, 1.0)
+        ]
+        if all(close(tree, control.loops, end, free).closed for end in ends):
+            break
+        share /= 2.0
+    return {name: share * width for name, width in swing.items()}
+
+
+def opened(tree: Tree, control: Control, motion: Motion) -> dict[str, float]:
+    """The largest gap of each loop over a motion, m or rad; infinite where it is not finite.
+
+    The first third is left out: there the drives catch up with targets that start with a jerk.
+    """
+    worst = {loop.name: 0.0 for loop in control.loops}
+    if not motion.finite:
+        return dict.fromkeys(worst, math.inf)
+    for index in range(len(motion.time) // 3, len(motion.time)):
+        q = {joint.name: 0.0 for joint in tree.moving_joints}
+        q |= {name: float(track[index]) for name, track in motion.joints.items() if name in q}
+        for name, size in gaps(tree, control.loops, q).items():
+            worst[name] = max(worst[name], size)
+    return worst
+
+
+def figures(asked: Trial, worst: Mapping[str, float]) -> dict[str, object]:
+    """For the report."""
+    return {
+        "swing": {name: width for name, width in asked.sine.swing.items() if width},
+        "seconds": asked.sine.seconds,
+        "open": {name: gap if math.isfinite(gap) else None for name, gap in worst.items()},
+        "largest_gap": max((gap for gap in worst.values() if math.isfinite(gap)), default=0.0),
+    }
+
+
+def judge(
+    engine: str, wish: LoopSwing, asked: Trial, worst: Mapping[str, float]
+) -> Iterator[Finding]:
+    """engine: its name in sentences."""
+    if not any(asked.sine.swing.values()):
+        yield HANGS("robot", f"no drive swings the loops: in {engine} gravity alone moved them")
+    for name, size in worst.items():
+        if not size <= wish.gap:
+            told = f"opened by {size:.3g} m or rad" if math.isfinite(size) else "went to infinity"
+            yield OPENS(
+                f"loop {name}",
+                f"in {engine} it {told} over {asked.sine.seconds:g} s of swinging, above the limit "
+                f"of {wish.gap:g}",
+                severity="error" if not size <= wish.broken else "warning",
+                data={"open": size if math.isfinite(size) else None, "limit": wish.gap},
+            )

@@ -1,0 +1,101 @@
+"""Keyframes of a robot with loops are moved until these close; loops that cannot are refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tiny import four_bar, run_step, write_robot_ports
+
+from assetbuild.control.control import ControlStep
+from assetbuild.robot.actuator_table import ActuatorRow
+from assetbuild.robot.closure import gaps
+from assetbuild.robot.codec import decode_file
+from assetbuild.robot.loops import LoopRow
+from assetbuild.robot.model import Control
+from assetbuild.robot.motors import RowError
+from assetbuild.robot.poses import Keyframe
+
+COUPLER = {"link": "coupler", "xyz": (0.2, 0.0, 0.0)}
+ROCKER = {"link": "rocker", "xyz": (0.15, 0.0, 0.0)}
+ROWS = ({"joints": "crank_joint", "model": "pd", "kp": 20.0, "effort": 5.0},
+        {"joints": "coupler_joint|rocker_joint", "model": "passive"})  # fmt: skip
+
+
+def step(*loops: dict[str, Any], rows=ROWS, home: dict[str, float] | None = None) -> ControlStep:
+    said = {"crank_joint": 0.3} if home is None else home
+    return ControlStep(
+        rows=tuple(ActuatorRow.model_validate(row) for row in rows),
+        loops=tuple(LoopRow.model_validate(loop) for loop in loops),
+        keyframes={"home": Keyframe.model_validate({"joints": said})},
+    )
+
+
+def loop(name: str = "pin", a: dict[str, Any] = COUPLER, b: dict[str, Any] = ROCKER, **more: Any):
+    return {"name": name, "a": a, "b": b, **more}
+
+
+def refused(made: ControlStep) -> RowError:
+    with pytest.raises(RowError) as found:
+        made.check(four_bar().tree)
+    return found.value
+
+
+def test_joints_without_a_value_are_moved_until_the_loop_closes(tmp_path: Path):
+    inputs = write_robot_ports(tmp_path / "in", four_bar())
+    (inputs / "control.json").unlink()
+    findings = run_step(step(loop()), inputs, tmp_path)
+    control = decode_file(Control, tmp_path / "control.json")
+    (home,) = control.keyframes
+    assert dict(home.joints)["crank_joint"] == 0.3
+    assert max(gaps(four_bar().tree, control.loops, dict(home.joints)).values()) < 1e-9
+    assert "loop.home" in {finding.rule for finding in findings}
+
+
+def test_bodies_that_a_loop_joins_do_not_collide(tmp_path: Path):
+    inputs = write_robot_ports(tmp_path / "in", four_bar())
+    run_step(step(loop()), inputs, tmp_path)
+    assert ("coupler", "rocker") in decode_file(Control, tmp_path / "control.json").excludes
+
+
+def test_a_loop_over_a_link_that_does_not_exist_is_refused():
+    error = refused(step(loop(b={"link": "rockr"})))
+    assert error.key == ("loops", 0, "b", "link")
+    assert "no link `rockr`" in error.message and "`rocker`" in error.hint
+
+
+def test_a_loop_that_cannot_close_is_refused_with_the_gap():
+    error = refused(step(loop(b={"link": "base", "xyz": (1.0, 0.0, 0.0)})))
+    assert error.key == ("loops", 0)
+    assert "cannot close" in error.message and "0.70" in error.message
+
+
+def test_two_loops_that_contradict_each_other_are_refused():
+    other = loop("bolt", b={"link": "rocker", "xyz": (0.14, 0.0, 0.0)})
+    error = refused(step(loop(), other))
+    assert "`pin` and `bolt` contradict each other" in error.message
+
+
+def test_a_keyframe_that_holds_the_loop_open_is_refused():
+    error = refused(step(loop(), home={".*": 0.0}))
+    assert error.key == ("keyframes", "home")
+    assert "stays open by" in error.message
+
+
+def test_a_driven_joint_that_a_loop_locks_is_refused():
+    rows = (*ROWS[:1], {"joints": "coupler_joint|rocker_joint", "model": "passive"})
+    held = loop(b={"link": "base", "xyz": (0.25, 0.0, 0.0)})
+    # Crank and coupler alone, pinned to the base: nothing is left to move.
+    error = refused(step(held, rows=rows, home={}))
+    assert "locks joint `crank_joint`" in error.message
+    assert error.key == ("loops", 0)
+
+
+def test_two_links_that_nothing_moves_apart_close_no_loop():
+    error = refused(step(loop(a={"link": "base"}, b={"link": "base", "xyz": (0.1, 0.0, 0.0)})))
+    assert "holds nothing" in error.message
+
+
+def test_a_second_loop_of_the_same_name_is_refused():
+    assert "a second loop" in refused(step(loop(), loop())).message

@@ -1,0 +1,118 @@
+"""Loops close by the law of cosines, move as their Jacobian says, and leave driven joints free."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tiny import COUPLER_M, CRANK_M, GROUND_M, ROCKER_M, four_bar
+
+from assetbuild.robot.closure import (
+    close,
+    constrained_mass,
+    constraint_jacobian,
+    coordinates,
+    gaps,
+    locked_joints,
+)
+from assetbuild.robot.dynamics import dynamics
+from assetbuild.robot.model import Loop, LoopEnd
+from assetbuild.robot.pose import Pose, quat_of_rpy
+
+FREE = ("coupler_joint", "rocker_joint")
+
+
+def closed(crank: float) -> dict[str, float]:
+    robot = four_bar()
+    found = close(robot.tree, robot.control.loops, {"crank_joint": crank}, FREE)
+    assert found.closed
+    return dict(found.positions)
+
+
+@pytest.mark.parametrize("crank", [0.3, 1.0, -1.4, 2.5])
+def test_the_rocker_stands_where_the_law_of_cosines_puts_it(crank: float):
+    q = closed(crank)
+    # About +y a positive angle turns x towards -z.
+    pin = np.array([CRANK_M * math.cos(crank), -CRANK_M * math.sin(crank)])
+    to_pin = pin - np.array([GROUND_M, 0.0])
+    away = float(np.linalg.norm(to_pin))
+    cosine = (ROCKER_M**2 + away**2 - COUPLER_M**2) / (2.0 * ROCKER_M * away)
+    between = math.acos(cosine)
+    toward = math.atan2(-to_pin[1], to_pin[0])
+    both = [(toward + side * between - q["rocker_joint"]) % (2 * math.pi) for side in (-1, 1)]
+    assert min(min(angle, 2 * math.pi - angle) for angle in both) < 1e-8
+
+
+def test_the_joints_that_are_not_free_stay_where_they_are():
+    assert closed(0.7)["crank_joint"] == 0.7
+
+
+def test_a_loop_out_of_reach_is_not_closed_and_says_by_how_much():
+    robot = four_bar()
+    far = replace(robot.control.loops[0], b=LoopEnd("base", Pose((1.0, 0.0, 0.0))))
+    found = close(robot.tree, (far,), {}, ("crank_joint", "coupler_joint"))
+    assert not found.closed
+    assert found.residual == pytest.approx(1.0 - CRANK_M - COUPLER_M, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["connect", "weld"])
+def test_the_jacobian_is_the_slope_of_the_gap(kind: str):
+    robot, step = four_bar(), 1e-6
+    q = closed(0.4)
+    loop = robot.control.loops[0]
+    turn = quat_of_rpy(0.0, q["rocker_joint"] - q["crank_joint"] - q["coupler_joint"], 0.0)
+    # The coupler's end is turned so that a weld is closed here as well.
+    loop = replace(loop, kind=kind, a=replace(loop.a, X_body_end=Pose(loop.a.X_body_end.xyz, turn)))
+    from assetbuild.robot.closure import gap
+    from assetbuild.robot.tree import forward_kinematics
+
+    assert gaps(robot.tree, (loop,), q)[loop.name] < 1e-8
+    jacobian = constraint_jacobian((loop,), dynamics(robot.tree, q, {}))
+    for column, joint in enumerate(robot.tree.moving_joints):
+        ends = [
+            gap(loop, forward_kinematics(robot.tree, {**q, joint.name: q[joint.name] + side}))
+            for side in (step, -step)
+        ]
+        np.testing.assert_allclose(jacobian[:, column], (ends[0] - ends[1]) / (2 * step), atol=1e-8)
+
+
+def test_a_connect_of_a_planar_four_bar_leaves_the_crank_its_motion():
+    robot = four_bar()
+    assert locked_joints(robot.tree, robot.control.loops, closed(0.4), ("crank_joint",)) == ()
+
+
+def test_a_weld_of_coupler_and_rocker_locks_the_crank():
+    robot, q = four_bar(), closed(0.4)
+    loop = robot.control.loops[0]
+    turn = quat_of_rpy(0.0, q["rocker_joint"] - q["crank_joint"] - q["coupler_joint"], 0.0)
+    weld = Loop(
+        "weld", "weld", replace(loop.a, X_body_end=Pose(loop.a.X_body_end.xyz, turn)), loop.b
+    )
+    assert locked_joints(robot.tree, (weld,), q, ("crank_joint",)) == ("crank_joint",)
+
+
+def test_a_crank_at_its_dead_centre_is_not_locked():
+    robot = four_bar()
+    # Crank and coupler in one line: the rocker stands still for this moment.
+    away = CRANK_M + COUPLER_M
+    cosine = (away**2 + GROUND_M**2 - ROCKER_M**2) / (2.0 * away * GROUND_M)
+    crank = math.acos(cosine)
+    start = {"crank_joint": crank, "coupler_joint": 0.0, "rocker_joint": crank + 1.0}
+    found = close(robot.tree, robot.control.loops, start, ("rocker_joint",))
+    assert found.closed
+    joints = ("crank_joint", "rocker_joint")
+    assert locked_joints(robot.tree, robot.control.loops, found.positions, joints) == ()
+
+
+def test_the_constrained_mass_is_the_kinetic_energy_of_the_moving_loop():
+    robot, step = four_bar(), 1e-6
+    q = closed(0.4)
+    at = dynamics(robot.tree, q, {})
+    chosen = coordinates(robot.control.loops, at, ("crank_joint",))
+    assert chosen == (at.column("crank_joint"),)
+    mass = constrained_mass(robot.control.loops, at, chosen)
+    ahead, behind = closed(0.4 + step), closed(0.4 - step)
+    rates = np.array([(ahead[n] - behind[n]) / (2 * step) for n in at.joints])
+    assert mass[0, 0] == pytest.approx(float(rates @ at.mass @ rates), rel=1e-5)
