@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from assetbuild.body.lint_bodies import LintBodies
@@ -58,11 +59,18 @@ def look(source: UrdfSource) -> InspectedRobot:
 
 
 def judge(
-    links: Tree, shapes: SourceShapes, base: Base, source_findings: tuple[Finding, ...] = ()
+    links: Tree,
+    shapes: SourceShapes,
+    base: Base,
+    source_findings: tuple[Finding, ...] = (),
+    kept: Collection[str] = (),
 ) -> InspectedRobot:
-    """The robot on this base, with what the lints say of it there."""
+    """The robot on this base, with what the lints say of it there.
+
+    kept: links that stay bodies on their fixed joint.
+    """
     links = replace(links, base=base)
-    tree, _ = merge_fixed_joints(links, True, ())
+    tree, _ = merge_fixed_joints(links, True, kept)
     with scratch() as ports:
         for name, value in (("links", links), ("tree", tree), ("shapes", shapes)):
             ports.put(f"{name}.json", encode(value))

@@ -155,7 +155,12 @@ def poses(model: Any, state: Any) -> Poses:  # Any: mujoco has no types
 
 
 def unlike(there: Poses, here: Poses) -> str:
-    """The link whose pose differs most, each relative to the first link that both have."""
+    """The link whose pose differs most, each relative to the first link that both have.
+
+    Where a joint of an MJCF stands beside the origin of its body, our link has the joint's frame
+    and the old one is called `<body>_origin`.
+    """
+    here = {name: here.get(f"{name}_origin", X) for name, X in here.items()}
     names = [name for name in there if name in here and name not in ("", "world", "universe")]
     if not names:
         return "no link of the source is in ours"
@@ -201,8 +206,9 @@ def in_mujoco(source: Path, built: Path, *, edited: bool) -> str:
             upright(model, state)
             for name, angle in angles.items():
                 index = named_joint(model, name)
-                if model.jnt_type[index] in (2, 3):
-                    state.qpos[model.jnt_qposadr[index]] = angle
+                if model.jnt_type[index] in (2, 3):  # which count from `ref`
+                    at = model.jnt_qposadr[index]
+                    state.qpos[at] = model.qpos0[at] + angle
             mujoco.mj_forward(model, state)
         there, here = (poses(m, s) for m, s in zip(models, states, strict=True))
         if differs := unlike(there, here):
