@@ -13,6 +13,7 @@ from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Base, Tree
 from assetbuild.robot.shapes import SourceShapes
+from assetbuild.robot.split_joints import split
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.urdf.tidy import WORLD_JOINT
 
@@ -21,7 +22,8 @@ from assetbuild.source.urdf.tidy import WORLD_JOINT
 class InspectedRobot:
     """links: before merging fixed joints; tree: after; link_findings, body_findings: the lints'.
 
-    floats: the source itself holds its base by a floating joint.
+    floats: the source itself holds its base by a floating joint. planar: joints of the source that
+    are split into joints of one coordinate, which all formats hold.
     """
 
     links: Tree
@@ -30,6 +32,7 @@ class InspectedRobot:
     link_findings: tuple[Finding, ...] = ()
     body_findings: tuple[Finding, ...] = ()
     floats: bool = False
+    planar: tuple[str, ...] = ()
 
     @property
     def solid_links(self) -> frozenset[str]:
@@ -48,9 +51,11 @@ def look(source: UrdfSource) -> InspectedRobot:
         ports.put("robot.urdf", source.data)
         told = ports.run(source.reader())
         read = RobotFiles(ports.folder)
-        tree, _ = merge_fixed_joints(read.links, True, ())
+        planar = tuple(joint.name for joint in read.links.joints if joint.kind == "planar")
+        links = split(read.links, frozenset(planar))
+        tree, _ = merge_fixed_joints(links, True, ())
         floats = any(finding.rule == WORLD_JOINT.id for finding in told)
-        return InspectedRobot(read.links, tree, read.source_shapes, floats=floats)
+        return InspectedRobot(links, tree, read.source_shapes, floats=floats, planar=planar)
 
 
 def judge(links: Tree, shapes: SourceShapes, base: Base) -> InspectedRobot:
