@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from assetbuild.body.lint_bodies import LintBodies
@@ -22,8 +23,8 @@ from assetbuild.source.urdf.tidy import WORLD_JOINT
 class InspectedRobot:
     """links: before merging fixed joints; tree: after; link_findings, body_findings: the lints'.
 
-    floats: the source itself holds its base by a floating joint. planar: joints of the source that
-    are split into joints of one coordinate, which all formats hold.
+    source_findings: what the reader of the source said. planar: joints of the source that are split
+    into joints of one coordinate, which all formats hold.
     """
 
     links: Tree
@@ -31,8 +32,13 @@ class InspectedRobot:
     shapes: SourceShapes
     link_findings: tuple[Finding, ...] = ()
     body_findings: tuple[Finding, ...] = ()
-    floats: bool = False
+    source_findings: tuple[Finding, ...] = ()
     planar: tuple[str, ...] = ()
+
+    @property
+    def floats(self) -> bool:
+        """Whether the source itself holds its base by a floating joint."""
+        return any(finding.rule == WORLD_JOINT.id for finding in self.source_findings)
 
     @property
     def solid_links(self) -> frozenset[str]:
@@ -54,16 +60,24 @@ def look(source: UrdfSource) -> InspectedRobot:
         planar = tuple(joint.name for joint in read.links.joints if joint.kind == "planar")
         links = split(read.links, frozenset(planar))
         tree, _ = merge_fixed_joints(links, True, ())
-        floats = any(finding.rule == WORLD_JOINT.id for finding in told)
-        return InspectedRobot(links, tree, read.source_shapes, floats=floats, planar=planar)
+        return InspectedRobot(links, tree, read.source_shapes, source_findings=told, planar=planar)
 
 
-def judge(links: Tree, shapes: SourceShapes, base: Base) -> InspectedRobot:
-    """The robot on this base, with what the lints say of it there."""
+def judge(
+    links: Tree,
+    shapes: SourceShapes,
+    base: Base,
+    source_findings: tuple[Finding, ...] = (),
+    kept: Collection[str] = (),
+) -> InspectedRobot:
+    """The robot on this base, with what the lints say of it there.
+
+    kept: links that stay bodies on their fixed joint.
+    """
     links = replace(links, base=base)
-    tree, _ = merge_fixed_joints(links, True, ())
+    tree, _ = merge_fixed_joints(links, True, kept)
     with scratch() as ports:
         for name, value in (("links", links), ("tree", tree), ("shapes", shapes)):
             ports.put(f"{name}.json", encode(value))
         of_links, of_bodies = ports.run(LintLinks()), ports.run(LintBodies())
-    return InspectedRobot(links, tree, shapes, of_links, of_bodies)
+    return InspectedRobot(links, tree, shapes, of_links, of_bodies, source_findings)

@@ -33,6 +33,11 @@ def not_in_usd(robot: InspectedRobot) -> str:
             return f"bodies without mass between the joints of {chain.body}"
     for body in robot.tree.bodies:
         moves = robot.tree.base == "floating" or body.name != robot.tree.root
-        if moves and is_massless(body) and weighs(robot.tree, body.name):
+        if not moves or not is_massless(body):
+            continue
+        if weighs(robot.tree, body.name):
             return f"{body.name} has no mass but for the bodies that fixed joints hold to it"
+        above = robot.tree.joint_above.get(body.name)
+        if above is not None and above.kind == "fixed" and body.name in shown:
+            return f"{body.name} has no mass, and is excluded from other pairs than {above.parent}"
     return ""
