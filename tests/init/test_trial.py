@@ -109,7 +109,7 @@ def test_a_dog_that_is_folded_at_zero_stands_up_at_home(robots: Path, tmp_path: 
         lines.append(line)
     (tmp_path / "folded.urdf").write_text("\n".join(lines))
     text = propose(tmp_path / "folded.urdf", tmp_path / "folded.yaml", {}).text
-    assert "it stands for 2 s: base height 0.2" in text
+    assert "it stands for 2 s: base height 0.3" in text
 
 
 def test_an_arm_is_not_asked_to_stand(robots: Path, tmp_path: Path):
