@@ -68,14 +68,14 @@ def judge(
     shapes: SourceShapes,
     base: Base,
     source_findings: tuple[Finding, ...] = (),
-    kept: Collection[str] = (),
+    kept: Collection[str] | None = None,
 ) -> InspectedRobot:
     """The robot on this base, with what the lints say of it there.
 
-    kept: links that stay bodies on their fixed joint.
+    kept: of an MJCF, links that stay bodies on their fixed joint, and the root stays the root.
     """
     links = replace(links, base=base)
-    tree, _ = merge_fixed_joints(links, True, kept)
+    tree, _ = merge_fixed_joints(links, True, kept or (), keep_root=kept is not None)
     with scratch() as ports:
         for name, value in (("links", links), ("tree", tree), ("shapes", shapes)):
             ports.put(f"{name}.json", encode(value))

@@ -36,13 +36,24 @@ def not_in_usd(robot: InspectedRobot) -> str:
         # Edits come before merging: an end that fixed joints will give a mass has none to share.
         if is_massless(robot.links.by_body[chain.body]):
             return f"bodies without mass between the joints of {chain.body}"
+    for name in carried(robot):
+        return f"{name} has no mass but for the bodies that fixed joints hold to it"
     for body in robot.tree.bodies:
-        moves = robot.tree.base == "floating" or body.name != robot.tree.root
-        if not moves or not is_massless(body):
-            continue
-        if weighs(robot.tree, body.name):
-            return f"{body.name} has no mass but for the bodies that fixed joints hold to it"
         above = robot.tree.joint_above.get(body.name)
-        if above is not None and above.kind == "fixed" and body.name in shown:
+        if above is None or above.kind != "fixed":
+            continue
+        if is_massless(body) and body.name in shown:
             return f"{body.name} has no mass, and is excluded from other pairs than {above.parent}"
     return ""
+
+
+def carried(robot: InspectedRobot) -> list[str]:
+    """Moving bodies without mass, to which fixed joints hold bodies that have some."""
+    tree = robot.tree
+    return [
+        body.name
+        for body in tree.bodies
+        if (tree.base == "floating" or body.name != tree.root)
+        and is_massless(body)
+        and weighs(tree, body.name)
+    ]

@@ -447,6 +447,24 @@ def test_models_with_classes_of_one_name_are_attached_without_a_prefix(tmp_path:
     assert [s.geometry.radius for s in reading.shapes.shapes] == [0.1, 0.3]  # type: ignore[union-attr] # spheres
 
 
+PLUGIN = '<extension><plugin plugin="mujoco.sensor.touch_grid"/></extension>'
+
+
+def test_a_sensor_of_a_plugin_is_left_out_and_told(tmp_path: Path):
+    grid = '<plugin name="grid" plugin="mujoco.sensor.touch_grid" objtype="site" objname="s"><config key="size" value="7 7"/></plugin>'
+    body = '<body name="a"><geom size=".1"/><site name="s"/></body>'
+    found = read(robot(body, f"<sensor>{grid}<gyro name='w' site='s'/></sensor>", PLUGIN), tmp_path)
+    (told,) = [f for f in found.findings if f.subject == "sensor grid"]
+    assert (told.rule, told.severity) == ("mjcf.dropped", "warning")
+    assert [sensor.name for sensor in found.control.sensors] == ["w"]
+
+
+def test_a_plugin_that_moves_something_is_refused(tmp_path: Path):
+    drive = '<actuator>\n<plugin name="p" plugin="mujoco.pid" joint="j"/></actuator>'
+    message = refused(robot(ARM, drive, PLUGIN.replace("sensor.touch_grid", "pid")), tmp_path)
+    assert "<plugin> is not read" in message
+
+
 def test_copies_without_end_are_refused(tmp_path: Path):
     nested = '<replicate count="9999">' * 3 + '<body><geom size=".1"/></body>' + "</replicate>" * 3
     assert "more than 100000 elements" in refused(robot(nested), tmp_path / "1")
