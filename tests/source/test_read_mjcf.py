@@ -321,7 +321,6 @@ def test_a_comment_changes_only_the_lines(tmp_path: Path):
         ("<mujoco><worldbody>", "robot.xml:1: not readable as XML"),
         ('<!DOCTYPE m [<!ENTITY a "b">]><mujoco/>', "a DOCTYPE is not allowed"),
         (robot(""), "a robot without bodies"),
-        (robot('<body name="a"><geom size=".1"/>\n<body name="b"><joint type="ball"/><geom size=".1"/></body></body>'), "robot.xml:2: body `b`: ball joints are not read\nhint: write it as three hinges"),
         (robot('<body name="a"><freejoint/><geom size=".1"/></body>\n<body name="c"><freejoint/><geom size=".1"/></body>'), "robot.xml:2: 2 bodies, none of them driven, in the world, and a recipe builds one"),
         (robot('<body name="a">\n<geom size=".1" sise="3"/></body>'), "robot.xml:2: MuJoCo does not compile it: Schema violation: unrecognized attribute: 'sise'"),
         (robot('<body name="a">\n<joint/></body>'), "MuJoCo does not compile it: mass and inertia of moving bodies"),
