@@ -128,3 +128,43 @@ def test_springs_are_proposed_as_usd_where_nothing_else_drives_the_joint(
     targets = load_recipe(out).recipe.targets
     assert targets == (("urdf", "mjcf") if driven else ("urdf", "mjcf", "usd"))
     assert ("it cannot hold the springs of j" in out.read_text()) == driven
+
+
+def proposed(tmp_path: Path, bodies: str, more: str = "") -> tuple[tuple[str, ...], str]:
+    """(targets, text) of the recipe."""
+    (tmp_path / "r.xml").write_text(
+        f'<mujoco model="r"><worldbody>{bodies}</worldbody>{more}</mujoco>'
+    )
+    out = tmp_path / "r.yaml"
+    write(propose(tmp_path / "r.xml", out, {}), force=True)
+    return load_recipe(out).recipe.targets, out.read_text()
+
+
+def test_a_root_that_weighs_by_a_fixed_body_alone_becomes_one_with_it(tmp_path: Path):
+    """The build keeps the bodies of an MJCF, and PhysX would make up a mass for the root."""
+    head = '<body name="head" pos="0 0 1"><geom size=".1"/></body>'
+    foot = '<body name="foot"><geom size=".1"/></body>'
+    leg = f'<body name="leg"><joint name="j"/><geom size=".1"/>{foot}</body>'
+    pelvis = f'<body name="pelvis"><geom size=".1"/>{head}{leg}</body>'
+    targets, text = proposed(tmp_path, f'<body name="root"><freejoint/>{pelvis}</body>')
+    assert targets == ("urdf", "mjcf", "usd")
+    assert "fixed_joints: {merge: true, keep_bodies: [foot]}" in text
+    assert "# root cannot be simulated alone" in text
+
+
+def test_a_foot_that_touches_on_its_own_is_not_proposed_as_usd(tmp_path: Path):
+    foot = '<body name="foot"><geom size=".03" mass="0"/></body>'
+    shank = f'<body name="shank"><joint name="knee"/><geom size=".1"/>{foot}</body>'
+    thigh = f'<body name="thigh"><joint name="hip"/><geom size=".1"/>{shank}</body>'
+    exclude = '<contact><exclude body1="trunk" body2="shank"/></contact>'
+    trunk = f'<body name="trunk"><freejoint/><geom size=".1"/>{thigh}</body>'
+    targets, text = proposed(tmp_path, trunk, exclude)
+    assert targets == ("urdf", "mjcf")
+    assert "foot has no mass, and is excluded from other pairs than shank" in text
+
+
+def test_a_base_without_inertia_is_merged_with_what_it_carries(tmp_path: Path):
+    base = '<body name="base"><inertial pos="0 0 0" mass="10" diaginertia="0 0 0"/>'
+    arm = '<body name="arm"><joint name="j"/><geom size=".1"/></body>'
+    _, text = proposed(tmp_path, f'{base}<body name="mount"><geom size=".1"/>{arm}</body></body>')
+    assert "fixed_joints: {merge: true}" in text

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from assetbuild.findings import Data, Finding
-from assetbuild.robot.model import Actuator, General, Joint, Limits, MjcfOnly
+from assetbuild.robot.model import MOVING, Actuator, General, Joint, Limits, MjcfOnly
 from assetbuild.source.mjcf.compiled import Model
 from assetbuild.source.mjcf.links import Links
 from assetbuild.source.mjcf.opaque import element_text, words
@@ -47,7 +47,7 @@ def read_drives(links: Links) -> Drives:
     """Every actuator of the source; joints without one are passive."""
     found, model = Drives(), links.source.model
     driven: dict[str, Actuator] = {}
-    moving = {joint.name: joint for joint in links.joints if joint.kind != "fixed"}
+    moving = {joint.name: joint for joint in links.joints if joint.kind in MOVING}
     joints = [_joint_of(model, index) for index in range(len(model.actuator_trntype))]
     for element in links.source.root.iterfind("actuator/*"):
         name = str(element.get("name"))
@@ -228,8 +228,10 @@ def _whole(element: _Element, links: Links, index: int) -> MjcfOnly:
         if element.get(ref):
             name = str(element.get(ref))
             said[ref] = links.sites.get(name, name) if "site" in ref else name
-    joint = said.get("joint") or said.get("jointinparent")
-    if joint in links.rest and _depends_on_position(model, index, kinds):
+    over = {said.get("joint") or said.get("jointinparent")}
+    tendons = links.source.root.iterfind("tendon/fixed")
+    over |= {j.get("joint") for t in tendons if t.get("name") == said.get("tendon") for j in t}
+    if over & links.rest.keys() and _depends_on_position(model, index, kinds):
         hint = "give the joint no `ref`, and move its range and body instead"
         raise error_at(element, f"actuator `{said['name']}` on a joint with `ref`", hint)
     said |= {f"{part}type": kind for part, kind in kinds.items()}
