@@ -38,6 +38,7 @@ from assetbuild.robot.model import (
     Loop,
     LoopEnd,
     Mimic,
+    MjcfOnly,
     Simulation,
     Tree,
 )
@@ -370,6 +371,15 @@ def pendulum() -> TinyRobot:
         (Keyframe("home", (("swing_joint", 0.0),)),),
     )
     return TinyRobot(tree, tree, shapes, control)
+
+
+def sprung(stiffness: str = "6", rest: float = 0.5) -> TinyRobot:
+    """The pendulum on a spring instead of a motor. stiffness: N m/rad; rest: rad."""
+    robot = pendulum()
+    drive = Actuator("swing_joint", "passive", damping=0.5, velocity=10.0)
+    words = f'<joint stiffness="{stiffness}" springref="{rest!r}"/>'
+    spring = MjcfOnly("joint", words, "swing_joint")
+    return replace(robot, control=replace(robot.control, actuators=(drive,), mjcf_only=(spring,)))
 
 
 # --- random trees -------------------------------------------------------------------------------

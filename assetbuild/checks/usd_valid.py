@@ -17,6 +17,7 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule, Severity
 from assetbuild.kinds import Check, write_figures
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.shapes import Shapes
 
@@ -267,7 +268,8 @@ def _counts(found: Contents, tree: Tree, shapes: Shapes, control: Control) -> It
     expected = {
         "bodies": len(tree.bodies),
         "joints": len(tree.joints) + len(control.loops),
-        "drives": len([a for a in control.actuators if a.model != "passive"]),
+        "drives": len([a for a in control.actuators if a.model != "passive"])
+        + len(as_drives(control)),
         "colliders": len(shapes.of("collision")),
         "visuals": len(shapes.of("visual")),
         "materials": len(shapes.materials),

@@ -133,9 +133,11 @@ def actuator_findings(
     only_mjcf: drives of the source that stand in the MJCF alone.
     """
     if actuators and all(_is_locked(tree.by_joint[a.joint]) for a in actuators):
+        count = len(actuators)
+        which = f"all {count} moving joints" if count > 1 else "the only moving joint"
         yield NO_ACTUATOR(
-            "robot",
-            f"equal limits lock all {len(actuators)} moving joints: nothing can be driven",
+            f"joint {actuators[0].joint}",
+            f"equal limits lock {which}: nothing can be driven",
             hint="give them their ranges: `edits: [{set_limits: {joint, lower, upper}}]`",
             data={"joints": len(actuators)},
         )

@@ -32,8 +32,10 @@ SPRING = Rule(
     "mjcf.spring",
     "warning",
     "joints of the MJCF have springs (`stiffness`, `springref`), which the MJCF, the mjx model and "
-    "mjlab's model keep; the URDF and the USD are written without them",
-    "use the MJCF where the spring matters; `usd.spring` says what becomes of the USD",
+    "mjlab's model keep; the USD holds them as drives where the joints have no other; the URDF is "
+    "written without them",
+    "command no targets to these joints in PhysX and Newton; do not use the URDF where the spring "
+    "matters",
 )
 GEAR = Rule(
     "mjcf.gear",
@@ -67,10 +69,11 @@ def explain_opaque(items: tuple[MjcfOnly, ...]) -> Iterator[Finding]:
         yield SPRING(
             "robot",
             f"{len(springs)} joints have springs of the stiffness in N m/rad or N/m: "
-            f"{shown(springs)}; the URDF and the USD are written without them, so these joints "
-            "move otherwise there",
-            "use the MJCF, the mjx model or mjlab's model where the springs matter",
-            data=dict(springs),
+            f"{shown(springs)}; the URDF is written without them, so these joints move otherwise "
+            "there; in the USD a spring is the drive of its joint where it has no other",
+            "command no targets to these joints in PhysX and Newton, whose drives rest where the "
+            "springs do",
+            data={joint: spring.text for joint, spring in springs.items()},
         )
     groups: dict[tuple[str, str], list[str]] = {}
     for item in items:

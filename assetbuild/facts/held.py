@@ -17,6 +17,7 @@ from assetbuild.facts.reference import SOLREF, Reference, pose_value, robot_tabl
 from assetbuild.facts.table import Key, Table, Value, Writer
 from assetbuild.facts.usd_actuators import explicit_law
 from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.model import Joint, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.simulators import physx
@@ -38,7 +39,7 @@ NEWTON = Precision({"number": 2e-6, "vector": 2e-6, "tensor": 1e-5})
 
 _SILENT = "PhysX's interface does not tell it; it is compared in the USD"
 _OUTSIDE = "its law acts outside of the simulator"
-_NO_SPRING = "the engine's joints have no spring beside the drive"
+_NO_SPRING = "a spring is the drive of a joint that has no other, else the engine has none"
 _MUJOCO = "MuJoCo's own"
 _STAGE = "the stage decides it"
 PHYSX_LACKS: Mapping[str, str] = {
@@ -137,13 +138,14 @@ def _moves(table: Table, joint: str) -> bool:
 
 def _physx_joint(said: Mapping[str, Value], drive_type: str) -> dict[str, Value]:
     model = said.get("model", "passive")
-    driven = model != "passive"
+    driven, spring = model != "passive", said.get("stiffness") or 0.0
+    kind = drive_type if driven else "force" if spring else "none"
     return {
         "type": said["type"],
         "axis": said["axis"],
         "lower": said.get("lower"),
         "upper": said.get("upper"),
-        "kp": said.get("kp", 0.0) if model == "pd" else 0.0,
+        "kp": said.get("kp", 0.0) if model == "pd" else 0.0 if driven else spring,
         "kd": said.get("kd", 0.0) if model in ("pd", "velocity") else 0.0,
         # Where there is no drive there is no effort to limit.
         "effort": said.get("effort") if driven else None,
@@ -152,7 +154,7 @@ def _physx_joint(said: Mapping[str, Value], drive_type: str) -> dict[str, Value]
         "friction": said.get("friction", 0.0),
         "damping": said.get("damping", 0.0),
         "physx:dynamic friction": said.get("friction", 0.0),
-        "physx:drive": (drive_type if driven else "none"),
+        "physx:drive": kind,
     }
 
 
@@ -207,12 +209,13 @@ def physx_expected(reference: Reference, *, drive_type: str, mimics: bool) -> Ta
     book.facts |= table.facts
     starts = dict(initial_pose(reference.tree, control).joints)
     coupled = measurable(reference.tree) if mimics else {}
+    springs = as_drives(control)
     for joint in reference.tree.moving_joints:
         row = control.by_joint.get(joint.name)
-        book.put("joint", joint.name, {
-            "start": starts[joint.name],
-            "drive target": starts[joint.name] if row and row.model == "pd" and row.kp else None,
-        })  # fmt: skip
+        target = starts[joint.name] if row and row.model == "pd" and row.kp else None
+        if joint.name in springs:
+            target = springs[joint.name].rest
+        book.put("joint", joint.name, {"start": starts[joint.name], "drive target": target})
         if joint.name in coupled and joint.mimic is not None:
             book.put("joint", joint.name, {
                 "mimics": joint.mimic.joint,

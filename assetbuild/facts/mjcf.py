@@ -58,16 +58,19 @@ def read_spec(
     opaque: Opaque = NOTHING,
     stated: Collection[str] = (),
     known: KnownFiles | None = None,
+    *,
+    welded: bool = False,
 ) -> tuple[Model, Table]:
     """A specification compiled, and as facts; MuJoCo's ValueError where it refuses it.
 
-    stated: meshes whose files state normals; known: see `leave_out_copies`.
+    stated, welded: see `Meshes`; known: see `leave_out_copies`.
     """
     book = Writer()
     said = words(spec)
     copies = leave_out_copies(spec, known) if known else None
     model = spec.compile()
-    told = read_model(model, book, opaque.subjects, Meshes(model, copies, stated))
+    meshes = Meshes(model, copies, stated, welded=welded)
+    told = read_model(model, book, opaque.subjects, meshes)
     return model, _known(Table({**book.facts, **said}), opaque, told)
 
 
@@ -76,7 +79,9 @@ def _known(table: Table, opaque: Opaque, told: frozenset[tuple[str, str]]) -> Ta
 
     told: subjects that the vocabulary tells whole.
     """
-    roles = {k.name: v for k, v in table.facts.items() if (k.kind, k.quantity) == ("shape", "role")}
+    shapes = [(key, value) for key, value in table.facts.items() if key.kind == "shape"]
+    shown = {key.name for key, value in shapes if (key.quantity, value) == ("role", "visual")}
+    shown -= {key.name for key, value in shapes if key.quantity in ("mask", "partners") and value}
     owned = {(key.kind, key.name, key.quantity) for key in opaque.words}
 
     def holds(key: Key) -> bool:
@@ -87,7 +92,7 @@ def _known(table: Table, opaque: Opaque, told: frozenset[tuple[str, str]]) -> Ta
             return True
         if key.kind not in NEVER_ALONE and subject not in told:
             return True
-        return not is_covered(key, str(roles.get(key.name, "")))
+        return not is_covered(key, shown=key.name in shown)
 
     return table.only(holds)
 

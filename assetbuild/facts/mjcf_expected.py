@@ -142,6 +142,8 @@ def _drive(actuator: Actuator, joint: Joint, facts: dict[Key, Value]) -> None:
             put("model", kind)
             if kind == "general" or (kind == "motor" and kp != 1.0):
                 put("drive parameters", _general(actuator))
+            else:
+                facts.pop(Key("joint", joint.name, "drive parameters"), None)
             put("command range", ctrl)
             put("kp", kp * gear * gear if kind == "pd" else 0.0)
             put("kd", kd * gear * gear if kind in ("pd", "velocity") else 0.0)

@@ -25,13 +25,19 @@ class Meshes:
     """The meshes of a model in their own frames.
 
     copies: what its files hold that were left out. stated: meshes whose files state normals; of
-    the others MuJoCo makes its own.
+    the others MuJoCo makes its own. welded: leave out triangles with two corners in one point.
     """
 
     def __init__(
-        self, model: Model, copies: Copies | None = None, stated: Collection[str] = ()
+        self,
+        model: Model,
+        copies: Copies | None = None,
+        stated: Collection[str] = (),
+        *,
+        welded: bool = False,
     ) -> None:
         self._model, self._copies, self._stated = model, copies or Copies(), stated
+        self._welded = welded
 
     @functools.cache  # noqa: B019 # lives as long as one reading
     def of(self, mesh: int) -> Surface:
@@ -52,8 +58,8 @@ class Meshes:
             normals = own[model.mesh_facenormal[faces]]
         corners = np.asarray(vertices, dtype=np.float64)[model.mesh_face[faces]]
         # The build drops triangles that use one vertex twice: they have no area.
-        a, b, c = model.mesh_face[faces].T
-        whole = (a != b) & (b != c) & (c != a)
+        a, b, c = corners.transpose(1, 2, 0) if self._welded else model.mesh_face[faces].T[:, None]
+        whole = (a != b).any(axis=0) & (b != c).any(axis=0) & (c != a).any(axis=0)
         uv = None if uv is None else uv[whole]
         return measure(corners[whole], uv, None if normals is None else normals[whole])
 

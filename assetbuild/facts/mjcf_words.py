@@ -119,12 +119,15 @@ def _path(path: Any) -> tuple[str, ...]:  # Any: MuJoCo's MjsTendonPath
     return tuple(found)
 
 
-def is_covered(key: Key, role: str = "") -> bool:
-    """Whether the vocabulary says the same of a robot's own subject. role: of a shape."""
+def is_covered(key: Key, *, shown: bool = False) -> bool:
+    """Whether the vocabulary says the same of a robot's own subject.
+
+    shown: the key is of a shape that is drawn and touches nothing.
+    """
     attribute = key.quantity.removeprefix("mjcf:").split(".")[0]
     if attribute in ("there", "body") or attribute in COVERED.get(key.kind, ()):
         return True
-    return key.kind == "shape" and role != "visual" and attribute in SURFACE
+    return key.kind == "shape" and not shown and attribute in SURFACE
 
 
 @dataclass(frozen=True)

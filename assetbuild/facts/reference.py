@@ -16,6 +16,7 @@ from assetbuild.facts.table import Table, Value, Writer, pair_name
 from assetbuild.robot.codec import decode, encode
 from assetbuild.robot.contact_filter import ContactFilter
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.joint_springs import joint_springs
 from assetbuild.robot.model import (
     MOVING,
     Actuator,
@@ -159,6 +160,10 @@ def robot_table(reference: Reference, *, merged: bool = True) -> Table:
         book.put("joint", joint.name, joint_facts(joint))
         if joint.kind in MOVING:
             book.put("joint", joint.name, drive_facts(joint, reference.control))
+    for name, spring in joint_springs(reference.control.mjcf_only).items():
+        if spring.is_linear:
+            told = {"stiffness": spring.stiffness, "spring reference": spring.rest}
+            book.put("joint", name, dict[str, Value](told))
     for loop in reference.control.loops:
         book.put("loop", loop.name, loop_facts(loop))
     _shapes(tree, reference, book)

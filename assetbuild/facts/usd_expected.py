@@ -13,6 +13,7 @@ from assetbuild.facts.table import Key, Table, Value, Writer, pair_name
 from assetbuild.facts.usd_actuators import expected_actuators
 from assetbuild.facts.usd_inventory import inventory
 from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.limit_springs import limit_springs
 from assetbuild.robot.model import MOVING, Actuator, Joint, Tree
 from assetbuild.robot.pose import IDENTITY
@@ -44,7 +45,7 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
                 book.facts.pop(Key("body", body.name, quantity), None)
         book.put("body", body.name, {"usd:type": "Xform"} | rigid_body_words(options.rigid_body))
     starts = dict(initial_pose(tree, control).joints)
-    touching = _jointed_that_touch(reference)
+    touching, sprung = _jointed_that_touch(reference), as_drives(control)
     for name, (stiffness, damping) in limit_springs(tree, control).items():
         book.put("joint", name, {
             "usd:newton:limitStiffness": stiffness,
@@ -58,6 +59,12 @@ def usd_table(robot: str, own: Table, reference: Reference) -> Table:
         })  # fmt: skip
         if joint.kind in MOVING:
             _driven(joint, control.by_joint.get(joint.name), starts[joint.name], options, book)
+            if joint.name in sprung:
+                rest = sprung[joint.name].rest
+                book.put("joint", joint.name, {
+                    "kp": sprung[joint.name].stiffness, "drive target": rest,
+                    "usd:drive type": "force", "usd:targetVelocity": 0.0,
+                })  # fmt: skip
             _mimic(tree, joint, options, book)
     for loop in control.loops:
         ends = frozenset((loop.a.body, loop.b.body))

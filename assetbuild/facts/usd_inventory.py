@@ -12,6 +12,7 @@ from assetbuild.facts.reference import Reference
 from assetbuild.facts.table import Key, Value
 from assetbuild.facts.usd_actuators import EXPLICIT, clamp_of
 from assetbuild.facts.usd_actuators import LAW as LAW_OF_DRIVE
+from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.model import MOVING, Actuator, Body, Joint
 from assetbuild.robot.pose import Vec3
 from assetbuild.robot.shapes import Box, Mesh, Shape
@@ -109,10 +110,10 @@ def _joints(reference: Reference, scope: str, facts: Mapping[Key, Value]) -> Ite
         yield scope, "Scope", ()
     if tree.base == "fixed":
         yield f"{scope}/{ROOT_JOINT}", "PhysicsFixedJoint", ARTICULATION
-    names = joint_identifiers(tree)
+    names, springs = joint_identifiers(tree), as_drives(control)
     for joint in tree.joints:
         kind = JOINT_TYPES.get(joint.kind, "PhysicsRevoluteJoint")
-        schemas = [*_moving(joint, control.by_joint.get(joint.name))]
+        schemas = [*_moving(joint, control.by_joint.get(joint.name), joint.name in springs)]
         if Key("joint", joint.name, "usd:solreflimit") in facts:
             schemas.append("MjcJointAPI")
         if Key("joint", joint.name, "mimics") in facts:
@@ -139,13 +140,13 @@ def _actuators(reference: Reference, scope: str) -> Iterator[Row]:
         yield f"{scope}/{names[row.joint]}", "NewtonActuator", (LAW_OF_DRIVE, clamp_of(row))
 
 
-def _moving(joint: Joint, row: Actuator | None) -> Iterator[str]:
+def _moving(joint: Joint, row: Actuator | None, sprung: bool) -> Iterator[str]:
     if joint.kind not in MOVING:
         return
     axis = _axis(joint)
     yield from ("PhysxJointAPI", f"PhysxJointAxisAPI:{axis}", "NewtonJointAPI")
     yield f"PhysicsJointStateAPI:{axis}"
-    if row is not None and row.model != "passive":
+    if sprung or (row is not None and row.model != "passive"):
         yield f"PhysicsDriveAPI:{axis}"
 
 

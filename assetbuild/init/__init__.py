@@ -53,7 +53,7 @@ def propose(
     source = mended(find_source(file, packages, args or {}))
     robot = look(source)
     anatomy = study(robot)
-    robot = judge(robot.links, robot.shapes, anatomy.base)
+    robot = judge(robot.links, robot.shapes, anatomy.base, robot.source_findings)
     path = out or Path(f"{recipe_name(robot.links.name)}.yaml")
     recipe = recipe_text(robot, anatomy, source, path)
     return Proposal(path, recipe.text, recipe.unmended)

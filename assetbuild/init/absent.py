@@ -1,4 +1,4 @@
-"""Mesh files that are not where the URDF says: what a recipe can do about each."""
+"""What a recipe can do about mesh files that are not where the URDF says, and refused words."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pathlib import Path, PurePosixPath
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError, Where, did_you_mean
 from assetbuild.init.packages import files_named, is_file
+from assetbuild.init.patches import patched, retyped
 from assetbuild.init.source import UrdfSource
 from assetbuild.init.words import some
 from assetbuild.recipe.source import Patch
@@ -23,17 +24,17 @@ CASE = "Linux tells upper from lower case, and this is how the file is called"
 
 
 def mended(source: UrdfSource) -> UrdfSource:
-    """The source with patches for names of files, and what it lacks stated as missing.
+    """The source with patches for names and types, and what it lacks stated as missing.
 
     A visual mesh may be missing, a collision mesh may not. SourceError with file and line for what
     no recipe can mend.
     """
-    source = _patched(source, _slashes(source))
+    source = patched(source, (*_slashes(source), *retyped(source)))
     meshes, solid = _meshes(source)
     absent = [mesh for mesh in meshes if not is_file(source.root / mesh["path"])]
     if not absent:
         return source
-    source = _patched(source, _cases(source, absent))
+    source = patched(source, _cases(source, absent))
     meshes, solid = _meshes(source)
     absent = [mesh for mesh in meshes if not is_file(source.root / mesh["path"])]
     needed = [mesh for mesh in absent if mesh["path"] in solid]
@@ -73,15 +74,6 @@ def _listing(folder: Path) -> Iterable[Path]:
 
 
 # --- patches --------------------------------------------------------------------------------
-
-
-def _patched(source: UrdfSource, patches: Iterable[Patch | None]) -> UrdfSource:
-    """The source behind the patches; only a URDF says its names in its own text."""
-    made = tuple(patch for patch in patches if patch is not None)
-    data = source.data
-    for patch in made:
-        data = data.replace(str(patch.find).encode(), str(patch.replace).encode())
-    return replace(source, data=data, patches=source.patches + made)
 
 
 def _slashes(source: UrdfSource) -> Iterator[Patch | None]:

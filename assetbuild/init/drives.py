@@ -25,6 +25,8 @@ from assetbuild.robot.pose import Array
 
 FULL_ERROR = {"rad": 0.3, "m": 0.02}
 """Tracking error at which a drive gives all its effort."""
+LEAST_ERROR = {"rad": 0.03, "m": 0.002}
+"""The same of a drive that is weak for what it moves: a stiffer one is a switch."""
 FULL_SLIP = 1.0
 """rad/s: error of its speed at which the drive of a wheel gives all its effort."""
 SAG = {"rad": 0.05, "m": 0.005}
@@ -172,7 +174,11 @@ def _with_gains(row: DriveRow, effort: float, felt: Sequence[_Felt]) -> DriveRow
     if len(moved) < len(felt):  # edits give the links their masses; the build knows them
         unheld = [replace(one, holding=0.0) for one in felt if one.inertia > 0.0]
         return _by_frequency(row, unheld)
-    floors = [max(one.inertia * _square(SLOWEST_HZ), one.holding / SAG[unit]) for one in felt]
+    stiffest = effort / LEAST_ERROR[unit]
+    floors = [
+        max(min(one.inertia * _square(SLOWEST_HZ), stiffest), one.holding / SAG[unit])
+        for one in felt
+    ]
     roofs = [
         max(one.inertia * _square(FASTEST_HZ), one.load * _square(FASTEST_LEG_HZ)) for one in felt
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from assetbuild.body.lint_bodies import LintBodies
@@ -21,7 +22,7 @@ from assetbuild.source.urdf.tidy import WORLD_JOINT
 class InspectedRobot:
     """links: before merging fixed joints; tree: after; link_findings, body_findings: the lints'.
 
-    floats: the source itself holds its base by a floating joint.
+    source_findings: what the reader of the source said.
     """
 
     links: Tree
@@ -29,7 +30,12 @@ class InspectedRobot:
     shapes: SourceShapes
     link_findings: tuple[Finding, ...] = ()
     body_findings: tuple[Finding, ...] = ()
-    floats: bool = False
+    source_findings: tuple[Finding, ...] = ()
+
+    @property
+    def floats(self) -> bool:
+        """Whether the source itself holds its base by a floating joint."""
+        return any(finding.rule == WORLD_JOINT.id for finding in self.source_findings)
 
     @property
     def solid_links(self) -> frozenset[str]:
@@ -49,16 +55,24 @@ def look(source: UrdfSource) -> InspectedRobot:
         told = ports.run(source.reader())
         read = RobotFiles(ports.folder)
         tree, _ = merge_fixed_joints(read.links, True, ())
-        floats = any(finding.rule == WORLD_JOINT.id for finding in told)
-        return InspectedRobot(read.links, tree, read.source_shapes, floats=floats)
+        return InspectedRobot(read.links, tree, read.source_shapes, source_findings=told)
 
 
-def judge(links: Tree, shapes: SourceShapes, base: Base) -> InspectedRobot:
-    """The robot on this base, with what the lints say of it there."""
+def judge(
+    links: Tree,
+    shapes: SourceShapes,
+    base: Base,
+    source_findings: tuple[Finding, ...] = (),
+    kept: Collection[str] = (),
+) -> InspectedRobot:
+    """The robot on this base, with what the lints say of it there.
+
+    kept: links that stay bodies on their fixed joint.
+    """
     links = replace(links, base=base)
-    tree, _ = merge_fixed_joints(links, True, ())
+    tree, _ = merge_fixed_joints(links, True, kept)
     with scratch() as ports:
         for name, value in (("links", links), ("tree", tree), ("shapes", shapes)):
             ports.put(f"{name}.json", encode(value))
         of_links, of_bodies = ports.run(LintLinks()), ports.run(LintBodies())
-    return InspectedRobot(links, tree, shapes, of_links, of_bodies)
+    return InspectedRobot(links, tree, shapes, of_links, of_bodies, source_findings)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import SourceError, Where
+from assetbuild.findings import Finding
 from assetbuild.init.anatomy import Anatomy, study
 from assetbuild.init.collision import soles_of
 from assetbuild.init.home import home_pose
@@ -22,9 +23,9 @@ from assetbuild.init.text import Recipe, actuators, head, home, validation
 from assetbuild.init.trial import Trial, tables, try_to_stand
 from assetbuild.init.tune import Tuning, tune
 from assetbuild.init.wheels import wheel_radii
-from assetbuild.init.words import quoted, some, source_section, written
+from assetbuild.init.words import plain, quoted, some, source_section, written
 from assetbuild.robot.files import RobotFiles
-from assetbuild.robot.joint_springs import joint_springs
+from assetbuild.robot.joint_springs import no_drives
 from assetbuild.robot.model import Control
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
@@ -41,12 +42,15 @@ DRIVES = "# The source drives no joint; mjlab's robots, for one, are driven from
 class MjcfSource:
     """An MJCF that can be read. root: the lowest folder that holds it and its meshes.
 
+    robot, kept: with merged fixed joints, and with all that the source calls a body, which is what
+    the build keeps unless the recipe says `merge`.
     bodies: of the robots in its world, where there are several; the first is read.
     """
 
     root: Path
     file: str
     robot: InspectedRobot
+    kept: InspectedRobot
     control: Control
     bodies: tuple[str, ...] = ()
 
@@ -97,8 +101,9 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
         ports.run(ReadMjcf())
         read = RobotFiles(ports.folder)
         said = read.source_control or SourceControl()
-        robot = judge(read.links, read.source_shapes, read.links.base)
-    return MjcfSource(root, name, robot, said.control, bodies)
+        links, shapes = read.links, read.source_shapes
+        robot, kept = (judge(links, shapes, links.base, kept=k) for k in ((), said.bodies))
+    return MjcfSource(root, name, robot, kept, said.control, bodies)
 
 
 def _included(ports: Scratch, root: Path, name: str) -> bool:
@@ -113,6 +118,8 @@ def _included(ports: Scratch, root: Path, name: str) -> bool:
 def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
     """The whole recipe, as it will lie at `path`."""
     robot, control = found.robot, found.control
+    broken = _mended_by_merging(found)
+    built = robot if broken else found.kept
     anatomy = study(robot)
     idle = not _driven(control) and robot.tree.moving_joints
     tuning = _tuned(found, anatomy) if idle else None
@@ -122,10 +129,11 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
         source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
         _taken(found),
         repairs_text(robot, repairs(robot, found.root)),
+        _merging(broken),
         _collision(robot),
         _drives(found, tuning),
         () if control.keyframes else home(robot, anatomy, _pose(found, anatomy, tuning)),
-        [targets(robot, joint_springs(control.mjcf_only)), *_validate(found, anatomy)],
+        [targets(built, no_drives(control)), *_validate(found, anatomy)],
     )
     return Recipe(text, unmended)
 
@@ -166,6 +174,19 @@ def _taken(found: MjcfSource) -> Iterator[str]:
         yield f"# its keyframes: {some([key.name for key in control.keyframes])}"
     if control.sensors:
         yield f"# its sensors: {some([sensor.name for sensor in control.sensors])}"
+
+
+def _mended_by_merging(found: MjcfSource) -> list[Finding]:
+    """Errors of bodies that vanish where fixed joints hold them to others."""
+    errors = [f for f in found.kept.body_findings if f.severity == "error"]
+    left = any(f.severity == "error" for f in found.robot.body_findings)
+    return [] if left else errors
+
+
+def _merging(broken: Sequence[Finding]) -> Iterator[str]:
+    if broken:
+        yield f"# {some([f.subject for f in broken])}: {plain(broken[0].message, 160)}"
+        yield "fixed_joints: {merge: true}   # one body with what fixed joints hold to it"
 
 
 def _collision(robot: InspectedRobot) -> Iterator[str]:

@@ -7,7 +7,7 @@ measure (the mass of a link that states none) is a guess that says so.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,11 +18,14 @@ from assetbuild.init.patterns import patterns_of
 from assetbuild.init.targets import not_in_usd
 from assetbuild.init.words import inline, plain, some
 from assetbuild.robot.shapes import MeshFile
+from assetbuild.source.urdf.joints import LIMIT_OMITTED
 
 GUESSED_DENSITY = 1000
 """kg/m3, of links without a mass: water's, and that of many a printed or hollow part."""
 GUESSED_MASS = 0.01
 """kg, of a moving link that has neither a mass nor a shape."""
+HALF_TURN = 3.14
+"""rad, of a joint that states no range."""
 DUMMY_DENSITY = 1e6
 """kg/m3: fifty times the densest matter. Below, a small inertia is odd but can be simulated."""
 
@@ -69,7 +72,7 @@ def repairs_text(robot: InspectedRobot, found: Sequence[Repair]) -> Iterator[str
         known = robot.links.by_joint if first.kind == "joint" else robot.links.by_body
         for pattern in patterns_of(names, list(known)):
             yield f"  - {first.edit}: {inline({first.kind: pattern, **first.keys})}"
-    yield from _hints(robot)
+    yield from _hints(robot, {repair.on for repair in found if repair.kind == "joint"})
 
 
 def _subject(finding: Finding) -> str:
@@ -175,6 +178,14 @@ def _shares(robot: InspectedRobot) -> Iterator[Repair]:
 
 
 def _limits(robot: InspectedRobot) -> Iterator[Repair]:
+    for finding in robot.source_findings:
+        if finding.rule == LIMIT_OMITTED.id and _has_no_range(robot, finding):
+            why = (
+                "a guess, half a turn each way: without a range urdfdom locks it at 0, and MuJoCo, "
+                "PyBullet and Isaac Sim let it turn"
+            )
+            turn = {"lower": -HALF_TURN, "upper": HALF_TURN}
+            yield Repair(_subject(finding), "set_limits", turn, why, "<limit> states no range")
     for finding in robot.link_findings:
         name = _subject(finding)
         if finding.rule == "joint.limits":
@@ -187,9 +198,17 @@ def _limits(robot: InspectedRobot) -> Iterator[Repair]:
             yield Repair(name, "set_limits", keys, why, finding.message)
 
 
-def _hints(robot: InspectedRobot) -> Iterator[str]:
-    """What builds but may be a mistake, as a comment."""
+def _has_no_range(robot: InspectedRobot, finding: Finding) -> bool:
+    """Whether the finding is of a joint that turns by itself and states neither end of a range."""
+    joint, missing = robot.links.by_joint[_subject(finding)], finding.data.get("missing", ())
+    both = isinstance(missing, tuple) and {"lower", "upper"} <= set(missing)
+    return both and joint.kind == "revolute" and joint.mimic is None
+
+
+def _hints(robot: InspectedRobot, mended: Collection[str]) -> Iterator[str]:
+    """What builds but may be a mistake, as a comment; mended: joints that an edit repairs."""
     locked = [f for f in robot.link_findings if f.rule == "joint.locked"]
+    locked = [finding for finding in locked if _subject(finding) not in mended]
     if locked:
         yield "# Equal limits lock a joint. If it is meant to move, give it a range under `edits`:"
     for finding in locked:

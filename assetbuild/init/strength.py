@@ -5,12 +5,12 @@ physics: a drive holds what hangs on it in the worst pose, with a margin, and ac
 
     effort = MARGIN * (gravity in the worst pose) + inertia * ACCELERATION
 
-ACCELERATION is what makers state of their arms (Franka Robotics' limits of the Panda are 7.5 to
-20 rad/s2). A leg holds its share of the robot on half of the legs with its knee bent
-square; a finger presses with GRIP_N at its tip; a wheel pushes until its tyre slips. Within a limb
-motors differ less than loads do (a wrist's motor also carries a payload that no URDF states), so no
-drive is weaker than LEAST_SHARE of the strongest of its limb: 40 of 320 N m in an iiwa, 12 of 87 in
-a Panda, 28 of 150 in a UR5e.
+ACCELERATION is what makers state of their arms (Franka Robotics' limits of the Panda are 7.5 to 20
+rad/s2 at its joints and 13 m/s2 at its hand, so a longer arm turns slower). A leg holds its share
+of the robot on half of the legs with its knee bent square; a finger presses with GRIP_N at its tip;
+a wheel pushes until its tyre slips. Within a limb motors differ less than loads do (a wrist's motor
+also carries a payload that no URDF states), so no drive is weaker than LEAST_SHARE of the strongest
+of its limb: 40 of 320 N m in an iiwa, 12 of 87 in a Panda, 28 of 150 in a UR5e.
 """
 
 from __future__ import annotations
@@ -36,6 +36,8 @@ MARGIN = 2.0
 """Times the gravity of the worst pose."""
 ACCELERATION = {"rad": 20.0, "m": 10.0}
 """rad/s2 and m/s2."""
+TIP_ACCELERATION = 13.0
+"""m/s2, of the end of what hangs on a joint, stretched out."""
 POSES = 6
 """Random poses in which the largest inertia is looked for."""
 LEAST_SHARE = 0.1
@@ -192,7 +194,11 @@ def physical_efforts(
         if joint.mimic is not None:
             continue
         name, unit = joint.name, unit_of(joint)
-        need = MARGIN * gravity[name] + ACCELERATION[unit] * inertia.get(name, 0.0)
+        accelerated = ACCELERATION[unit]
+        if unit == "rad":
+            reach = _length(tree, joint.child)
+            accelerated = min(accelerated, TIP_ACCELERATION / max(reach, 1e-3))
+        need = MARGIN * gravity[name] + accelerated * inertia.get(name, 0.0)
         if parts[name] == "wheel":
             need = max(need, ADHESION * weight * radii.get(name, WHEEL_M) / len(wheels))
         elif parts[name] == "finger":

@@ -12,14 +12,14 @@ from assetbuild.robot.chains import find_chains, is_massless, weighs
 
 
 def targets(robot: InspectedRobot, springs: Collection[str] = ()) -> str:
-    """The line of the recipe. springs: joints that an MJCF gives one."""
+    """The line of the recipe. springs: joints with one that the USD cannot hold."""
     free = next((joint.name for joint in robot.tree.joints if joint.kind == "floating"), None)
     if free is not None:
         reason = f"joint {plain(free)} is floating, which only a base can be in MJCF and USD"
         return f"targets: [urdf]   # {reason}"
     reason = not_in_usd(robot)
     if springs and not reason:
-        reason = f"UsdPhysics has no springs, which {some(list(springs))} have; see `usd.spring`"
+        reason = f"it cannot hold the springs of {some(list(springs))}; see `usd.spring`"
     if reason:
         return f"targets: [urdf, mjcf]   # no usd: {plain(reason, 160)}"
     return "targets: [urdf, mjcf, usd]"
@@ -42,6 +42,11 @@ def not_in_usd(robot: InspectedRobot) -> str:
                 return f"a body without mass: {error.message.partition(': ')[2]}"
     for body in robot.tree.bodies:
         moves = robot.tree.base == "floating" or body.name != robot.tree.root
-        if moves and is_massless(body) and weighs(robot.tree, body.name):
+        if not moves or not is_massless(body):
+            continue
+        if weighs(robot.tree, body.name):
             return f"{body.name} has no mass but for the bodies that fixed joints hold to it"
+        above = robot.tree.joint_above.get(body.name)
+        if above is not None and above.kind == "fixed" and body.name in shown:
+            return f"{body.name} has no mass, and is excluded from other pairs than {above.parent}"
     return ""

@@ -15,6 +15,7 @@ from assetbuild.init.drives import (
     FASTEST_HZ,
     FASTEST_LEG_HZ,
     FULL_ERROR,
+    LEAST_ERROR,
     SAG,
     SLOWEST_HZ,
     STEP_S,
@@ -97,9 +98,10 @@ def _locked(tree: Tree) -> Iterator[str]:
     """Limits of 0 and 0 are what an exporter writes that knows none."""
     moving = [joint for joint in tree.moving_joints if joint.mimic is None]
     if moving and all(map(is_locked, moving)):
+        which = f"all {len(moving)} moving joints" if len(moving) > 1 else "the only moving joint"
         yield (
-            f"equal limits lock all {len(moving)} moving joints, so nothing can be driven "
-            "(give them their ranges by `set_limits` under `edits`, as in the comment below)"
+            f"equal limits lock {which}, so nothing can be driven "
+            "(give the ranges by `set_limits` under `edits`, as in the comment below)"
         )
 
 
@@ -188,9 +190,12 @@ def actuators(tree: Tree, tuning: Tuning) -> Iterator[str]:
         f"# frequency with what the joint moves at home between {SLOWEST_HZ:g} and "
         f"{FASTEST_HZ:g} Hz (legs: {FASTEST_LEG_HZ:g}) and the sag by its own"
     )
-    yield f"# weight below {SAG['rad']:g} rad; kd: damping ratio {DAMPING_RATIO:g} or more. Joints"
-    yield "# too unlike for one kp get a frequency and a damping ratio. A first guess: put the"
-    yield "# motor's data here when you know it."
+    yield (
+        f"# weight below {SAG['rad']:g} rad. A weak drive gives all its effort at "
+        f"{LEAST_ERROR['rad']:g} rad or more."
+    )
+    yield f"# kd: damping ratio {DAMPING_RATIO:g} or more. Joints too unlike for one kp get a"
+    yield "# frequency and a damping ratio. A first guess: put the motor's data here."
     if any(row.guess for row in rows):
         yield "# `guessed`: the source states no effort that can be meant. The guess holds"
         yield f"# {MARGIN:g} times what gravity asks in the worst pose, and more. `armature` is"

@@ -62,11 +62,17 @@ class SourceMesh:
 def group_by_material(
     placed: Iterable[tuple[SurfaceMaterial, TriangleMesh]],
 ) -> tuple[MaterialPart, ...]:
-    """One part per material, in order of first appearance; triangles keep their order."""
+    """One part per material, in order of first appearance; triangles keep their order.
+
+    Materials without colour and texture are one part: nobody can tell them apart.
+    """
     groups: dict[SurfaceMaterial, list[TriangleMesh]] = {}
+    names: dict[SurfaceMaterial, SurfaceMaterial] = {}
     for material, mesh in placed:
-        groups.setdefault(material, []).append(mesh)
-    return tuple(MaterialPart(m, _joined(meshes)) for m, meshes in groups.items())
+        look = material if material.rgba or material.texture else SurfaceMaterial()
+        groups.setdefault(look, []).append(mesh)
+        names.setdefault(look, material)
+    return tuple(MaterialPart(names[look], _joined(meshes)) for look, meshes in groups.items())
 
 
 def _joined(meshes: list[TriangleMesh]) -> TriangleMesh:

@@ -60,6 +60,66 @@ def test_triangles_without_area_are_no_difference(tmp_path: Path):
     assert compared(write(reading, tmp_path / "out")) == []
 
 
+def test_triangles_with_two_corners_in_one_point_are_no_difference(tmp_path: Path):
+    flat = TET + "v 0 0 0\nf 1 5 2\n"
+    reading = read(FLOATING, tmp_path / "read", tet_obj=flat)
+    assert compared(write(reading, tmp_path / "out")) == []
+
+
+def test_a_mesh_whose_file_names_materials_stays_one_mesh(tmp_path: Path):
+    """MuJoCo reads no material of an OBJ: cut into pieces, each would have a hull of its own."""
+    head, *faces = TET.split("f ")
+    file = head + "usemtl red\n" + "usemtl blue\n".join(f"f {face}" for face in faces)
+    reading = read(FLOATING, tmp_path / "read", tet_obj=file)
+    assert compared(write(reading, tmp_path / "out")) == []
+
+
+def test_a_geom_that_states_the_grey_of_mujoco_is_no_difference(tmp_path: Path):
+    text = """<mujoco><worldbody><body name="a"><geom size=".1"/><geom name="g" size=".2"
+    rgba=".5 .5 .5 1" contype="0" conaffinity="0" group="2"/></body></worldbody></mujoco>"""
+    written = write(read(text, tmp_path / "read"), tmp_path / "out")
+    assert compared(written) == []
+    painted = with_change(written, 'rgba="0.5 0.5 0.5 1"', 'rgba="0.5 0.5 0.6 1"')
+    assert [finding.rule for finding in compared(painted)] == ["equal.source.rgba"]
+
+
+def test_a_site_that_is_called_as_its_body_without_mass_is_no_difference(tmp_path: Path):
+    text = """<mujoco><worldbody><body name="a"><geom size=".1"/><body name="tip" pos="0 0 1">
+    <site name="tip" pos="0 .1 0" size=".02"/></body></body></worldbody>
+    <sensor><framepos name="p" objtype="site" objname="tip"/></sensor></mujoco>"""
+    written = write(read(text, tmp_path / "read"), tmp_path / "out")
+    assert 'name="tip_site"' in written.xml.read_text()
+    assert compared(written) == []
+
+
+@pytest.mark.parametrize(
+    ("exclude", "stays"),
+    [
+        ("", False),
+        ('<exclude body1="trunk" body2="shank"/><exclude body1="trunk" body2="foot"/>', False),
+        ('<exclude body1="trunk" body2="shank"/>', True),
+        ('<exclude body1="trunk" body2="foot"/>', True),
+    ],
+)
+def test_a_foot_without_mass_touches_what_it_touches_in_the_source(
+    exclude: str, stays: bool, tmp_path: Path
+):
+    text = f"""<mujoco><worldbody><body name="trunk"><freejoint/><geom size=".1"/>
+    <body name="thigh"><joint name="hip"/><geom size=".1"/>
+    <body name="shank"><joint name="knee"/><geom size=".1"/>
+    <body name="foot" pos="0 0 -.3"><geom size=".03" mass="0"/></body></body></body></body>
+    </worldbody><contact>{exclude}</contact></mujoco>"""
+    written = write(read(text, tmp_path / "read"), tmp_path / "out")
+    assert ('<body name="foot"' in written.xml.read_text()) is stays
+    assert compared(written) == []
+
+
+def test_a_root_in_the_origin_of_the_world_starts_there_beside_a_keyframe(tmp_path: Path):
+    text = """<mujoco><worldbody><body name="a"><freejoint/><geom size=".1"/></body></worldbody>
+    <keyframe><key name="home" qpos="0 0 .4 1 0 0 0"/></keyframe></mujoco>"""
+    assert compared(write(read(text, tmp_path / "read"), tmp_path / "out")) == []
+
+
 def test_a_floating_robot_comes_out_as_it_went_in(tmp_path: Path):
     reading = read(FLOATING, tmp_path / "read", tet_obj=TET)
     assert compared(write(reading, tmp_path / "out")) == []

@@ -10,7 +10,15 @@ from pathlib import Path
 
 import pytest
 from pxr import Gf, Usd, UsdPhysics
-from tiny import TinyRobot, box_inertial, check_inputs, pendulum, run_step, tiny_quadruped
+from tiny import (
+    TinyRobot,
+    box_inertial,
+    check_inputs,
+    pendulum,
+    run_step,
+    sprung,
+    tiny_quadruped,
+)
 
 from assetbuild.checks.physx_readback import PhysxReadback
 from assetbuild.findings import Finding
@@ -18,6 +26,7 @@ from assetbuild.pipeline.recipes import whole_model
 from assetbuild.robot.model import Actuator, Body, Control, Joint, Limits, Mimic, Tree
 from assetbuild.robot.pose import Pose
 from assetbuild.robot.shapes import Shapes
+from assetbuild.simulators import physx
 from assetbuild.targets.usd import Usd as UsdTarget
 
 pytest.importorskip("ovphysx", reason="needs the extra `physx`")
@@ -62,6 +71,25 @@ def test_quadruped_is_what_it_was(tmp_path: Path) -> None:
 
 def test_fixed_base_does_not_move(tmp_path: Path) -> None:
     assert check(pendulum(), tmp_path) == []
+
+
+def test_a_spring_is_held_where_nothing_else_drives_the_joint(tmp_path: Path) -> None:
+    assert check(sprung(), tmp_path / "sprung") == []
+    robot = sprung()
+    driven = replace(robot.control, actuators=pendulum().control.actuators)
+    assert check(replace(robot, control=driven), tmp_path / "driven") == []
+
+
+def test_a_sprung_arm_settles_where_spring_and_weight_are_equal(tmp_path: Path) -> None:
+    """m g r sin q = k (rest - q), by Newton's method; 1 kg, 0.25 m, 6 N m/rad, 0.5 rad."""
+    main = check_inputs(tmp_path, sprung(), UsdTarget(robot="robot"), "usd") / "usd/robot.usda"
+    run = physx.Experiment("swing", physx.Setting(0.002, (0.0, 0.0, -9.81)), steps=3000, every=100)
+    motion = physx.perform(main, [run])["swing"].motion
+    assert motion is not None
+    q = 0.0
+    for _ in range(50):
+        q -= (9.81 / 4 * math.sin(q) - 6 * (0.5 - q)) / (9.81 / 4 * math.cos(q) + 6)
+    assert motion.joints["swing_joint"][-1] == pytest.approx(q, abs=1e-5)
 
 
 def test_kept_feet_are_bodies_on_fixed_joints(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, fromstring
+from xml.etree.ElementTree import Element, ParseError, fromstring, tostring
 
 import numpy as np
 
@@ -56,7 +56,7 @@ def in_pinocchio(source: Path, built: Path, *, edited: bool) -> str:
     import pinocchio as pin
 
     try:
-        theirs = pin.buildModelFromXML(re.sub(r"<\?xml.*?\?>", "", source.read_text()))
+        theirs = pin.buildModelFromXML(readable(source))
     except (ValueError, RuntimeError, UnicodeDecodeError) as error:
         return f"not judged: pinocchio: {str(error).splitlines()[0][:120]}"
     ours = mujoco.MjModel.from_xml_path(str(built))
@@ -97,6 +97,42 @@ def in_pinocchio(source: Path, built: Path, *, edited: bool) -> str:
     return ""
 
 
+_LISTS = ("xyz", "rpy", "size", "scale", "rgba")
+
+
+def readable(source: Path) -> str:
+    """The URDF without what pinocchio alone refuses and no pose or mass depends on.
+
+    Commas beside numbers are blanks, a negative effort or velocity is none, and a revolute joint
+    without a limit turns without end. A text that is no XML stays as it is.
+    """
+    text = re.sub(r"<\?xml.*?\?>", "", source.read_text())
+    try:
+        robot = fromstring(text)  # noqa: S314 - expat refuses external entities
+    except ParseError:
+        return text
+    for element in robot.iter():
+        for key in _LISTS:
+            if key in element.attrib:
+                element.set(key, " ".join(re.split(r"[\s,;]+", element.attrib[key].strip(" ,;"))))
+    for joint in robot.findall("joint"):
+        limit = joint.find("limit")
+        if limit is None and joint.get("type") == "revolute":
+            joint.set("type", "continuous")
+        for key in ("effort", "velocity"):
+            if limit is not None and (value(limit.get(key)) or 0.0) < 0.0:
+                limit.set(key, "0")
+    return tostring(robot, encoding="unicode")
+
+
+def value(text: str | None) -> float | None:
+    """None where there is none."""
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        return None
+
+
 def upright(model: Any, state: Any) -> None:  # Any: mujoco has no types
     """Unit quaternions of free and ball joints."""
     for kind, at in zip(model.jnt_type, model.jnt_qposadr, strict=True):
@@ -119,7 +155,12 @@ def poses(model: Any, state: Any) -> Poses:  # Any: mujoco has no types
 
 
 def unlike(there: Poses, here: Poses) -> str:
-    """The link whose pose differs most, each relative to the first link that both have."""
+    """The link whose pose differs most, each relative to the first link that both have.
+
+    Where a joint of an MJCF stands beside the origin of its body, our link has the joint's frame
+    and the old one is called `<body>_origin`.
+    """
+    here = {name: here.get(f"{name}_origin", X) for name, X in here.items()}
     names = [name for name in there if name in here and name not in ("", "world", "universe")]
     if not names:
         return "no link of the source is in ours"
@@ -165,8 +206,9 @@ def in_mujoco(source: Path, built: Path, *, edited: bool) -> str:
             upright(model, state)
             for name, angle in angles.items():
                 index = named_joint(model, name)
-                if model.jnt_type[index] in (2, 3):
-                    state.qpos[model.jnt_qposadr[index]] = angle
+                if model.jnt_type[index] in (2, 3):  # which count from `ref`
+                    at = model.jnt_qposadr[index]
+                    state.qpos[at] = model.qpos0[at] + angle
             mujoco.mj_forward(model, state)
         there, here = (poses(m, s) for m, s in zip(models, states, strict=True))
         if differs := unlike(there, here):
@@ -216,7 +258,7 @@ def meshes(source: Path, urdf: Path, find: Callable[[str], Path | None]) -> list
 def links(urdf: Path, find: Callable[[str], Path | None]) -> Mapping[str, tuple[float, np.ndarray]]:
     """Area in m2 and sorted size in m of what is seen of each link that has meshes."""
     found: dict[str, tuple[float, np.ndarray]] = {}
-    for link in fromstring(urdf.read_bytes()).iter("link"):  # noqa: S314 - the runner's own copy
+    for link in fromstring(readable(urdf)).iter("link"):  # noqa: S314 - the runner's own copy
         seen: list[Measured] = []
         for visual in link.findall("visual"):
             mesh = visual.find("geometry/mesh")

@@ -53,8 +53,38 @@ def test_what_differs_is_said(source: str, old: str, new: str, says: str, tmp_pa
     assert said.startswith(says)
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('effort="10"', 'effort="-1"'),
+        ('<origin xyz="0 0 0.1"/><axis', '<origin xyz="0 0 0.1," rpy="0,0, 0"/><axis'),
+        ('<limit lower="-1" upper="1" effort="10" velocity="3"/>', ""),
+    ],
+)
+def test_what_pinocchio_alone_refuses_is_judged(old: str, new: str, tmp_path: Path):
+    (tmp_path / "mjcf").mkdir()
+    assert old in URDF
+    (tmp_path / "source.urdf").write_text(URDF.replace(old, new))
+    (tmp_path / "mjcf/r.xml").write_text(MJCF)
+    assert judged(tmp_path / "source.urdf", tmp_path, Path, edited=False) == "equal"
+
+
 def test_an_edited_robot_may_weigh_something_else(tmp_path: Path):
     (tmp_path / "mjcf").mkdir()
     (tmp_path / "source.urdf").write_text(URDF)
     (tmp_path / "mjcf/r.xml").write_text(MJCF.replace('mass="1"', 'mass="5"'))
     assert judged(tmp_path / "source.urdf", tmp_path, Path, edited=True) == "equal"
+
+
+def test_a_joint_beside_its_body_and_a_ref_are_no_difference(tmp_path: Path):
+    """Our frame of a link stands in its joint, and positions count from 0."""
+    (tmp_path / "mjcf").mkdir()
+    own = MJCF.replace('<joint name="elbow"', '<joint name="elbow" pos="0 0 .05" ref="20"')
+    (tmp_path / "source.xml").write_text(own)
+    moved = MJCF.replace('pos="0 0 0.1"><joint', 'pos="0 0 0.15"><joint')
+    moved = moved.replace(
+        '<inertial pos="0 0 0.1"',
+        '<site name="arm_origin" pos="0 0 -.05"/><inertial pos="0 0 0.05"',
+    )
+    (tmp_path / "mjcf/r.xml").write_text(moved)
+    assert judged(tmp_path / "source.xml", tmp_path, Path, edited=False) == "equal"

@@ -17,6 +17,7 @@ from tiny import (
     odd_drives,
     pendulum,
     run_step,
+    sprung,
     tiny_quadruped,
     turned,
     write_robot_ports,
@@ -98,13 +99,22 @@ def quadruped() -> TinyRobot:
 
 
 @pytest.mark.parametrize("drawn", [None, RANDOMIZE])
-@pytest.mark.parametrize("robot", [quadruped(), tiny_quadruped(), pendulum()])
+@pytest.mark.parametrize("robot", [quadruped(), tiny_quadruped(), pendulum(), sprung()])
 def test_a_module_that_nobody_edited_is_the_robot(
     robot: TinyRobot, drawn: Randomize | None, tmp_path: Path
 ):
     proof = built(robot, tmp_path, randomize=drawn).prove()
     assert proof.findings == ()
     assert proof.compared > 100
+
+
+@pytest.mark.parametrize(("rest", "severity"), [(0.5, "error"), (0.0, "info")])
+def test_a_spring_is_a_stiffness_and_its_rest_is_lost(rest: float, severity: str, tmp_path: Path):
+    robot = sprung(rest=rest)
+    inputs = write_robot_ports(tmp_path / "in", robot)
+    found = run_step(IsaacLab(robot="robot"), inputs, tmp_path / "out")
+    (spring,) = [f for f in found if f.rule == "isaaclab.spring"]
+    assert (spring.severity, spring.data) == (severity, {"stiffness": 6.0, "rest": rest})
 
 
 def test_what_the_recipe_says_of_isaac_lab_is_expected(tmp_path: Path):

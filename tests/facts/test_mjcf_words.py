@@ -104,6 +104,9 @@ TEXTS = {
     "keyframe without commands": ('<actuator><position joint="j" kp="3"/></actuator><keyframe><key name="k" qpos=".3 .1"/></keyframe>', "", ""),
     "keyframes without names": (ROPE.replace('joint="j"', 'tendon="t"') + '<size nkey="2"/><keyframe><key name="k" qpos=".3 .1"/></keyframe>', "", ""),
     "ranges that limit nothing": (ROPE.replace('joint="j"', 'tendon="t" forcerange="-2 2" forcelimited="false" ctrlrange="-1 1" ctrllimited="false"'), "", ""),
+    "general motor with a range of forces": ('<actuator><general joint="j" forcerange="-8 8" forcelimited="true"/></actuator>', "", ""),
+    "fixed tendon over a joint with ref": ('<tendon><fixed name="t" range="-1 2" limited="true" stiffness="3" springlength=".3"><joint joint="j" coef="2"/><joint joint="k" coef="-1"/></fixed></tendon><equality><tendon tendon1="t"/></equality><actuator><motor tendon="t"/></actuator><sensor><tendonpos tendon="t"/></sensor>', 'ref=".2"', 'ref="-.3"'),
+    "fixed tendon with a spring at rest": ('<tendon><fixed name="t" stiffness="3"><joint joint="j" coef="2"/></fixed></tendon>', 'ref=".2"', ""),
     "quadrotor": ('<actuator><motor site="s" gear="0 0 1 0 0 .1"/></actuator>', "", ""),
     "adhesion": ('<actuator><adhesion body="lower" ctrlrange="0 1" gain="2"/></actuator>', "", ""),
 }  # fmt: skip
@@ -132,6 +135,16 @@ def test_a_camera_whose_target_is_no_body_looks_ahead(tmp_path: Path):
     assert "mjcf.dropped" in {finding.rule for finding in made.findings}
     assert proved(made) == []
     assert run_step(MjcfSource(robot="robot"), made.inputs, tmp_path / "compared") == []
+
+
+def test_geoms_that_collide_in_the_group_of_visual_ones_are_no_difference(tmp_path: Path):
+    text = """<mujoco><worldbody><body name="a"><geom name="g" group="2" size=".1" priority="1"
+    friction=".7 .005 .001" condim="1" solref=".015 1" solimp=".9 .9 .003 .5 2"/></body></worldbody>
+    </mujoco>"""
+    made = written(tmp_path, text)
+    assert proved(made) == []
+    made.xml.write_text(made.xml.read_text().replace('condim="1"', 'condim="3"'))
+    assert [finding.rule for finding in proved(made)] == ["equal.mjcf.condim"]
 
 
 def test_a_material_whose_geoms_all_have_colours_of_their_own_is_not_expected(tmp_path: Path):

@@ -19,6 +19,7 @@ from tiny import (
     pendulum,
     robots,
     run_step,
+    sprung,
     tiny_quadruped,
     with_mimic,
 )
@@ -32,6 +33,7 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import Pose, normalised_quat
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd import Usd as UsdTarget
+from assetbuild.targets.usd.unsupported import unsupported
 
 JOINTS = "/robot/Joints"
 Spoil = Callable[[Usd.Stage], object]
@@ -61,6 +63,47 @@ def rules(findings: list[Finding]) -> set[tuple[str, str]]:
 
 
 # --- tiny robots ---------------------------------------------------------------------------------
+
+
+# --- springs -------------------------------------------------------------------------------------
+
+
+def test_a_spring_is_the_drive_of_a_joint_that_has_no_other(tmp_path: Path) -> None:
+    assert check(sprung(), tmp_path) == []
+    main = next(tmp_path.rglob("robot.usda"))
+    stage = Usd.Stage.Open(str(main))
+    drive = UsdPhysics.DriveAPI(stage.GetPrimAtPath(f"{JOINTS}/swing_joint"), "angular")
+    assert math.degrees(drive.GetStiffnessAttr().Get()) == pytest.approx(6.0)
+    assert math.radians(drive.GetTargetPositionAttr().Get()) == pytest.approx(0.5)
+    assert (drive.GetDampingAttr().Get(), drive.GetMaxForceAttr().Get()) == (0.0, math.inf)
+
+
+@pytest.mark.parametrize(
+    ("attribute", "quantity"), [("stiffness", "kp"), ("targetPosition", "drive_target")]
+)
+def test_a_changed_spring_is_found(attribute: str, quantity: str, tmp_path: Path) -> None:
+    def spoil(stage: Usd.Stage) -> None:
+        prim = stage.GetPrimAtPath(f"{JOINTS}/swing_joint")
+        value = prim.GetAttribute(f"drive:angular:physics:{attribute}")
+        value.Set(value.Get() * 1.02)
+
+    assert rules(check(sprung(), tmp_path, spoil)) == {
+        (f"equal.usd.{quantity}", "joint swing_joint")
+    }
+
+
+@pytest.mark.parametrize("joint", ["polynomial", "driven"])
+def test_a_spring_that_no_drive_can_be_is_not_written(joint: str, tmp_path: Path) -> None:
+    robot = sprung("6 1 0" if joint == "polynomial" else "6")
+    if joint == "driven":
+        drives = pendulum().control.actuators
+        robot = replace(robot, control=replace(robot.control, actuators=drives))
+    assert check(robot, tmp_path) == []
+    (found,) = [
+        f for f in unsupported(robot.tree, robot.control, UsdOptions()) if f.rule == "usd.spring"
+    ]
+    assert found.severity == "error"
+    assert ("polynomial" if joint == "polynomial" else "drive of its own") in found.message
 
 
 # --- nothing changed -----------------------------------------------------------------------------

@@ -72,16 +72,28 @@ def test_a_file_saved_again_gives_the_same_bytes(tmp_path):
     assert first == again
 
 
+PALETTE = {"p.mtl": b"".join(b"newmtl %c\nKd %d 0 0\n" % (c, i) for i, c in enumerate(b"abc"))}
+
+
 def test_parts_follow_the_first_use_of_their_material(tmp_path):
-    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n" + b"".join(
+    data = b"mtllib p.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n" + b"".join(
         b"usemtl %s\nf %s\n" % pair
         for pair in [(b"b", b"1 3 2"), (b"a", b"1 2 4"), (b"b", b"1 4 3"), (b"c", b"2 3 4")]
     )
-    record, _, _, files = convert(tmp_path, data, format="obj")
+    record, _, _, files = convert_with(tmp_path, data, PALETTE, format="obj")
     assert [(p.material, p.faces) for p in record.parts] == [("b", 2), ("a", 3), ("c", 3)]
     assert record.watertight  # the parts close one another
     assert record.volume_m3 == pytest.approx(1 / 6)
     assert set(files) == {"0.obj", "1.obj", "2.obj", "mesh.json"}
+
+
+def test_materials_of_no_known_look_make_no_parts(tmp_path):
+    data = b"mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n" + b"".join(
+        b"usemtl %s\nf %s\n" % pair
+        for pair in [(b"b", b"1 3 2"), (b"a", b"1 2 4"), (b"b", b"1 4 3"), (b"c", b"2 3 4")]
+    )
+    record, _, _, _ = convert(tmp_path, data, format="obj")
+    assert [(part.faces, part.rgba) for part in record.parts] == [(4, None)]
 
 
 TRIANGLE = (
@@ -265,8 +277,9 @@ def test_a_single_triangle_gets_a_fourth_corner_on_its_surface(tmp_path):
 
 def test_a_part_that_is_a_line_is_left_out_and_told(tmp_path):
     line = b"v 3 0 0\nv 4 0 0\nv 5 0 0\n"
-    data = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n" + line + b"usemtl a\nf 1 2 3\nusemtl b\nf 4 5 6\n"
-    record, _, findings, _ = convert(tmp_path, data, format="obj")
+    data = b"mtllib p.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n" + line
+    data += b"usemtl a\nf 1 2 3\nusemtl b\nf 4 5 6\n"
+    record, _, findings, _ = convert_with(tmp_path, data, PALETTE, format="obj")
     assert [part.material for part in record.parts] == ["a"]
     assert "mesh.no_area" in [finding.rule for finding in findings]
 

@@ -110,15 +110,58 @@ def test_a_shank_without_a_foot_of_its_own_ends_at_its_ball(tmp_path: Path):
     assert hip == pytest.approx(-knee / 2.0, abs=0.02)
 
 
-def test_a_robot_with_springs_is_not_proposed_as_usd(tmp_path: Path):
-    """UsdPhysics has no spring beside the drive, so a USD would move otherwise."""
+@pytest.mark.parametrize("driven", [True, False])
+def test_springs_are_proposed_as_usd_where_nothing_else_drives_the_joint(
+    driven: bool, tmp_path: Path
+):
+    """A spring beside a drive has no place in a USD, which would move otherwise."""
     joint = '<joint name="j" axis="0 1 0" range="-1 1" stiffness="3"/>'
-    body = f'<body name="b" pos="0 0 1">{joint}<geom size=".1"/></body>'
+    below = '<body name="c" pos="0 0 1"><joint name="k" range="-1 1"/><geom size=".1"/></body>'
+    body = f'<body name="b" pos="0 0 1">{joint}<geom size=".1"/>{below}</body>'
     (tmp_path / "s.xml").write_text(
         f'<mujoco model="s"><compiler angle="radian"/><worldbody>{body}</worldbody>'
-        '<actuator><position joint="j" kp="50" kv="2" forcerange="-9 9"/></actuator></mujoco>'
+        f'<actuator><position joint="{"j" if driven else "k"}" kp="50" kv="2" '
+        'forcerange="-9 9"/></actuator></mujoco>'
     )
     out = tmp_path / "s.yaml"
     write(propose(tmp_path / "s.xml", out, {}), force=True)
-    assert load_recipe(out).recipe.targets == ("urdf", "mjcf")
-    assert "UsdPhysics has no springs, which j have" in out.read_text()
+    targets = load_recipe(out).recipe.targets
+    assert targets == (("urdf", "mjcf") if driven else ("urdf", "mjcf", "usd"))
+    assert ("it cannot hold the springs of j" in out.read_text()) == driven
+
+
+def proposed(tmp_path: Path, bodies: str, more: str = "") -> tuple[tuple[str, ...], str]:
+    """(targets, text) of the recipe."""
+    (tmp_path / "r.xml").write_text(
+        f'<mujoco model="r"><worldbody>{bodies}</worldbody>{more}</mujoco>'
+    )
+    out = tmp_path / "r.yaml"
+    write(propose(tmp_path / "r.xml", out, {}), force=True)
+    return load_recipe(out).recipe.targets, out.read_text()
+
+
+def test_a_root_that_weighs_by_a_fixed_body_alone_is_not_proposed_as_usd(tmp_path: Path):
+    """The build keeps the bodies of an MJCF, and PhysX would make up a mass for the root."""
+    leg = '<body name="leg"><joint name="j"/><geom size=".1"/></body>'
+    pelvis = f'<body name="pelvis"><geom size=".1"/>{leg}</body>'
+    targets, text = proposed(tmp_path, f'<body name="root"><freejoint/>{pelvis}</body>')
+    assert targets == ("urdf", "mjcf")
+    assert "root has no mass but for the bodies" in text
+
+
+def test_a_foot_that_touches_on_its_own_is_not_proposed_as_usd(tmp_path: Path):
+    foot = '<body name="foot"><geom size=".03" mass="0"/></body>'
+    shank = f'<body name="shank"><joint name="knee"/><geom size=".1"/>{foot}</body>'
+    thigh = f'<body name="thigh"><joint name="hip"/><geom size=".1"/>{shank}</body>'
+    exclude = '<contact><exclude body1="trunk" body2="shank"/></contact>'
+    trunk = f'<body name="trunk"><freejoint/><geom size=".1"/>{thigh}</body>'
+    targets, text = proposed(tmp_path, trunk, exclude)
+    assert targets == ("urdf", "mjcf")
+    assert "foot has no mass, and is excluded from other pairs than shank" in text
+
+
+def test_a_base_without_inertia_is_merged_with_what_it_carries(tmp_path: Path):
+    base = '<body name="base"><inertial pos="0 0 0" mass="10" diaginertia="0 0 0"/>'
+    arm = '<body name="arm"><joint name="j"/><geom size=".1"/></body>'
+    _, text = proposed(tmp_path, f'{base}<body name="mount"><geom size=".1"/>{arm}</body></body>')
+    assert "fixed_joints: {merge: true}" in text

@@ -60,6 +60,16 @@ def test_a_broken_tensor_is_computed_from_the_shapes(tmp_path: Path):
     ]  # fmt: skip
 
 
+def test_a_hinge_without_a_range_turns_half_way_each_way(tmp_path: Path):
+    """urdfdom locks it at 0; one whose range is 0 by its own words stays locked."""
+    free, held = '<limit effort="9" velocity="3"/>', '<limit lower="0" upper="0" effort="9"/>'
+    assert edits_for(chain(inertial(1.0), limits=free), tmp_path) == [
+        {"set_limits": {"joint": "joint0", "lower": -3.14, "upper": 3.14}}
+    ]
+    assert "Equal limits" not in (tmp_path / "bot.yaml").read_text()
+    assert edits_for(chain(inertial(1.0), limits=held), tmp_path) == []
+
+
 def test_the_inertia_of_a_turned_mesh_is_tried_as_it_is_turned(tmp_path: Path):
     rod = trimesh.creation.box((0.1, 1.0, 0.1))
     rod.apply_translation((0.0, 0.5, 0.0))

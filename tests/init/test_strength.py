@@ -99,6 +99,22 @@ def test_a_joint_takes_the_effort_that_the_source_states_of_its_like(tmp_path: P
     assert "an effort of 0 here and 77 for its like" in proposal.text
 
 
+def test_a_large_arm_is_accelerated_at_its_end_like_a_small_one(tmp_path: Path):
+    """A rod of 200 kg and 3 m about a vertical axis has 2400 kg m2; 13 m/s2 are 4.3 rad/s2."""
+    rod = Segment(200.0, 3.0, "", "0 1 0")
+    effort = float(str(row_of(chain(tmp_path, [rod, ARM[2]]), "segment_0_joint")["effort"]))
+    held = 2 * GRAVITY * 200.0 * 1.5
+    moved = 200.0 * 3.0**2 / 3 * 13.0 / 3.0
+    assert held + moved < effort < 2.6 * (held + moved)
+
+
+def test_a_weak_drive_of_a_heavy_body_is_no_switch(tmp_path: Path):
+    """About the vertical, where no weight is held: all of its 20 N m at 0.03 rad or more."""
+    rods = [Segment(500.0, 1.0, 'effort="20"', "0 0 1"), Segment(50.0, 1.0, 'effort="2000"')]
+    row = row_of(chain(tmp_path, rods), "segment_0_joint")
+    assert 20.0 / float(str(row["kp"])) == pytest.approx(0.03, rel=0.05)
+
+
 def test_a_caster_stays_passive(tmp_path: Path):
     parts = [*ARM, Segment(0.1, 0.05, 'effort="0"', name="caster")]
     assert row_of(chain(tmp_path, parts), "caster_joint") == {

@@ -63,6 +63,17 @@ def joint(
     return urdfs.joint(name, parent, child, kind, more, xyz=f"{x} 0 0.2", axis=axis)
 
 
+@pytest.mark.parametrize(
+    ("kind", "limit", "becomes"),
+    [("revolute", "", "continuous"), ("Revolute", LIMIT, "revolute")],
+)
+def test_a_type_that_no_build_takes_is_patched(kind: str, limit: str, becomes: str, tmp_path: Path):
+    urdf = robot(link("base"), link("arm"), joint("j", "base", "arm", kind, limit))
+    (patch,) = initialised(urdf, tmp_path).source.patches
+    assert f'type="{kind}"' in str(patch.find)
+    assert patch.replace == str(patch.find).replace(kind, becomes)
+
+
 TWO = robot(link("base"), link("arm"), joint("j", "base", "arm"))
 BARE = TWO.partition("\n")[2]
 STRANGE: dict[str, str | bytes] = {

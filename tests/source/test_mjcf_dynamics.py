@@ -264,7 +264,7 @@ def test_a_spring_stays_in_the_mjcf_and_both_losses_are_reported(tmp_path: Path)
     (warning,) = [f for f in done.findings if f.rule == "mjcf.spring"]
     assert (warning.severity, warning.data) == ("warning", {"j": "12"})
     (error,) = [f for f in usd_findings(done) if f.rule == "usd.spring"]
-    assert (error.severity, error.data) == ("error", {"j": "12"})
+    assert (error.severity, error.subject) == ("error", "joint j")
     told = [f.message for f in done.findings if f.rule == "mjcf.only" and "of joint" in f.message]
     assert told == [
         "`solreflimit` of joint `j`: in the MJCF only, the other formats are written without it"

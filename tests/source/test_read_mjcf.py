@@ -332,7 +332,7 @@ def test_a_comment_changes_only_the_lines(tmp_path: Path):
         (robot(ARM, head='<include file="no.xml"/>'), "no file `arm/no.xml` to include"),
         (robot(ARM, head='<include file="../../../etc/passwd"/>'), "leads out of the source"),
         (robot(ARM, head='<include file="robot.xml"/>'), "is included twice"),
-        (robot('<body name="a"><geom size=".1"/><body name="b"><joint name="j" ref="1"/><geom size=".1"/></body></body>', '<tendon><fixed>\n<joint joint="j" coef="1"/></fixed></tendon>'), "robot.xml:2: tendon over joint `j` with `ref`"),
+        (robot('<body name="a"><geom size=".1"/><body name="b"><joint name="j" ref="1"/><geom size=".1"/></body></body>', '<tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon><actuator>\n<position tendon="t"/></actuator>'), "robot.xml:2: actuator `t` on a joint with `ref`"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_read_is_one_error_with_its_line(text: str, message: str, tmp_path: Path):

@@ -15,6 +15,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations, product
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from assetbuild.facts.compare import EXACT, Difference, Precision, differences
 from assetbuild.facts.mjcf import MESHES
 from assetbuild.facts.reference import pose_value
 from assetbuild.facts.surface import Surface
-from assetbuild.facts.table import Key, Table, Value, pair_of
+from assetbuild.facts.table import Key, Table, Value, pair_name, pair_of
 from assetbuild.robot.inertia import combine, move_inertial
 from assetbuild.robot.model import Inertial, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, vec3
@@ -56,8 +57,16 @@ def expected(side: Side, tree: Tree, stated: frozenset[str]) -> Subjects:
     facts = _robot(side, body_names(tree).get("world", ""))
     for joint, rest in rest_of(side.model).items():
         _count_from(rest, joint, facts)
+    for tendon, rest in tendon_rest(side.model).items():
+        own = facts["tendon", tendon]
+        for quantity in ("mjcf:range", "mjcf:springlength"):
+            if isinstance(value := own.get(quantity), tuple):
+                own[quantity] = tuple(float(v) - rest for v in value)
+    sites = _sites(facts, {body.name for body in tree.bodies})
+    facts = {(kind, sites.get(name, name) if kind == "frame" else name): own
+             for (kind, name), own in facts.items()}  # fmt: skip
     _move(facts, side.model, tree, merges="merge" in stated)
-    return _renamed(facts, body_names(tree), {body.name for body in tree.bodies})
+    return _renamed(facts, body_names(tree), sites)
 
 
 def rest_of(model: Model) -> dict[str, float]:
@@ -68,6 +77,21 @@ def rest_of(model: Model) -> dict[str, float]:
         if int(model.jnt_type[joint]) in (2, 3)
     }
     return {name: value for name, value in values.items() if value}
+
+
+def tendon_rest(model: Model) -> dict[str, float]:
+    """Length of each fixed tendon whose joints stand at their `ref`, without tendons of 0."""
+    import mujoco
+
+    found: dict[str, float] = {}
+    for tendon in range(model.ntendon):
+        first = int(model.tendon_adr[tendon])
+        for wrap in range(first, first + int(model.tendon_num[tendon])):
+            if int(model.wrap_type[wrap]) == mujoco.mjtWrap.mjWRAP_JOINT:
+                rest = float(model.qpos0[int(model.jnt_qposadr[int(model.wrap_objid[wrap])])])
+                name = name_of(model, "tendon", tendon)
+                found[name] = found.get(name, 0.0) + rest * float(model.wrap_prm[wrap])
+    return {name: length for name, length in found.items() if length}
 
 
 def _robot(side: Side, world: str) -> Subjects:
@@ -118,6 +142,8 @@ def _move(facts: Subjects, model: Model, tree: Tree, *, merges: bool) -> None:
     frames = {frame.name for frame in tree.frames}
     into, X_new_old = {"": ""}, {"": IDENTITY}
     made: Subjects = {}
+    solid = {str(own["body"]) for (kind, _), own in facts.items()
+             if kind == "shape" and own.get("body") and touches(own)}  # fmt: skip
     for name in [name for kind, name in facts if kind == "body"]:  # a parent before its children
         own, index = facts["body", name], model.body(name).id
         parent, joints = str(own["parent"]), int(model.body_jntnum[index])
@@ -154,6 +180,23 @@ def _move(facts: Subjects, model: Model, tree: Tree, *, merges: bool) -> None:
         if kind == "joint" and "parent" in own:
             own["parent"] = into[str(own["parent"])]
     facts |= {subject: {**own, **MADE} for subject, own in made.items()}
+    _join_pairs(facts, into, solid)
+
+
+def _join_pairs(facts: Subjects, into: Mapping[str, str], solid: set[str]) -> None:
+    """Two bodies pass where all pass that became one with them. solid: bodies that can touch."""
+    if all(into[body] == body for body in solid):
+        return
+    apart = {name for kind, name in facts if kind == "pair"}
+    for name in apart:
+        del facts["pair", name]
+    parts: dict[str, list[str]] = {}
+    for body in solid:
+        parts.setdefault(into[body], []).append(body)
+    for first, second in combinations(sorted(parts), 2):
+        pairs = product(parts[first], parts[second])
+        if all(pair_name(*pair) in apart for pair in pairs):
+            facts["pair", pair_name(first, second)] = {"filtered": True}
 
 
 def _move_loop(
@@ -211,9 +254,21 @@ def _together(*bodies: Mapping[str, Value]) -> dict[str, Value]:
             "inertia": whole.inertia_com_kg_m2}  # fmt: skip
 
 
-def _renamed(facts: Subjects, names: Mapping[str, str], bodies: set[str]) -> Subjects:
-    """Names of ours. bodies: those of the robot; a site of such a name has another."""
-    sites = {name: f"{name}_site" for kind, name in facts if kind == "frame" and name in bodies}
+def _sites(facts: Subjects, bodies: set[str]) -> dict[str, str]:
+    """New names of sites that are called as a body of the source or of the robot."""
+    taken = bodies | {name for kind, name in facts if kind == "body"}
+    sites = {}
+    for old in [name for kind, name in facts if kind == "frame"]:
+        name = old
+        while name in taken:
+            name += "_site"
+        taken.add(name)
+        sites[old] = name
+    return sites
+
+
+def _renamed(facts: Subjects, names: Mapping[str, str], sites: Mapping[str, str]) -> Subjects:
+    """With the names of ours wherever a fact names something."""
     kinds = {"site": sites, "body": names, "frame": names}
 
     def said(value: Value) -> Value:
@@ -224,11 +279,10 @@ def _renamed(facts: Subjects, names: Mapping[str, str], bodies: set[str]) -> Sub
         known = kinds.get(kind, {})
         return f"{kind} {known[name]}" if name in known else value
 
-    found: Subjects = {}
-    for (kind, name), own in facts.items():
-        new = sites.get(name, name) if kind == "frame" else name
-        found[kind, new] = {quantity: said(value) for quantity, value in own.items()}
-    return found
+    return {
+        subject: {quantity: said(value) for quantity, value in own.items()}
+        for subject, own in facts.items()
+    }
 
 
 # --- what differs ---------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from assetbuild.checks.mjcf_source.expected import ROUGH, rest_of
+from assetbuild.checks.mjcf_source.expected import ROUGH, rest_of, tendon_rest
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.pose import Array
 from assetbuild.simulators import mujoco
@@ -60,7 +60,7 @@ class Motion:
                 name: pair for name, pair in self.joints.items() if pair[0] != free[0]
             }
         self.drives = self._both("actuator", source.nu, ours.nu)
-        self.rest = rest_of(source)
+        self.rest, self.tendons = rest_of(source), tendon_rest(source)
         self.commands = {  # of drives that hold positions, at `ref`
             mujoco.name_of(source, "actuator", one.index): one.command(self.rest[one.joint_name])
             for one in read_drives(source)
@@ -117,7 +117,7 @@ class Motion:
             anchors = a.xanchor[i], b.xanchor[j]
             yield from self._same("anchor", f"joint {name}", "anchor (m)", *anchors)
         for name, (i, j) in self._both("tendon", self.a.ntendon, self.b.ntendon).items():
-            lengths = a.ten_length[i], b.ten_length[j]
+            lengths = a.ten_length[i] - self.tendons.get(name, 0.0), b.ten_length[j]
             yield from self._same("tendon", f"tendon {name}", "length", *lengths)
 
     def _forces(self) -> Iterator[Finding]:
@@ -164,6 +164,8 @@ class Motion:
             return drive.gear * self.rest.get(drive.joint_name, 0.0) if drive else 0.0
         if kind == mj.mjtSensor.mjSENS_JOINTPOS:
             return self.rest.get(mujoco.name_of(self.a, "joint", watched), 0.0)
+        if kind == mj.mjtSensor.mjSENS_TENDONPOS:
+            return self.tendons.get(mujoco.name_of(self.a, "tendon", watched), 0.0)
         return 0.0
 
     def _same(

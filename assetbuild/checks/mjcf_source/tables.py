@@ -47,6 +47,9 @@ ACTING = ("trntype", "gear", "dyntype", "dynprm", "gaintype", "gainprm", "biasty
 SHARED = ("mesh", "box", "sphere", "capsule", "cylinder")
 """Shapes that every format has; what only MJCF has keeps the colour of its material alone."""
 
+GREY = (0.5, 0.5, 0.5, 1.0)
+"""What MuJoCo draws a shape in that states no colour."""
+
 
 @dataclass(frozen=True)
 class Side:
@@ -59,7 +62,7 @@ class Side:
 def read_side(spec: Spec) -> Side:
     """Compile and read; MuJoCo's ValueError where it refuses."""
     _fold_gravity(spec.option)
-    model, table = read_spec(spec)
+    model, table = read_spec(spec, welded=True)
     every: Subjects = {}
     for key, value in table.facts.items():
         every.setdefault((key.kind, key.name), {})[key.quantity] = value
@@ -122,6 +125,8 @@ def _looks(model: Model, facts: Subjects, every: Subjects) -> None:
         if own is not None and not touches(own) and material >= 0 and own["geometry"] in SHARED:
             look = every.get(("material", str(model.mat(int(material)).name)), {})
             own |= {f"mjcf:material {name.removeprefix('mjcf:')}": v for name, v in look.items()}
+        if own is not None:
+            own.setdefault("rgba", GREY)
     for site in range(model.nsite):
         own = facts["frame", name_of(model, "site", site)]
         own |= {f"mjcf:{word}": _numbers(getattr(model, f"site_{word}")[site])
@@ -155,6 +160,11 @@ def _acting(model: Model, facts: Subjects) -> None:
         for key in named if alone else ():
             command = {"mjcf:command": float(model.key_ctrl[key][drive])}
             facts["keyframe", f"{name_of(model, 'key', key)}/{name}"] = {**command}
+    for tendon in range(model.ntendon):  # MuJoCo measures the length where the file states none
+        own = facts["tendon", name_of(model, "tendon", tendon)]
+        own.pop("mjcf:springlength", None)
+        if model.tendon_stiffness[tendon]:
+            own["mjcf:springlength"] = _numbers(model.tendon_lengthspring[tendon])
     for joint in range(model.njnt):
         own, dof = facts["joint", name_of(model, "joint", joint)], int(model.jnt_dofadr[joint])
         for field, index in (("dof_dampingpoly", dof), ("jnt_stiffnesspoly", joint)):

@@ -16,7 +16,7 @@ _OUTSIDE = (
     "the controller that computes it runs outside of the simulator: see the trainers' modules"
 )
 _BITS = "USD has no masks: `collides` and filtered pairs say what they mean"
-_SPRING = "UsdPhysics has no spring beside the drive; a robot with one has the error `usd.spring`"
+_SPRING = "a spring is the drive of its joint (kp, drive target), or `usd.spring` is reported"
 
 
 class UsdReader(Reader):

@@ -57,7 +57,8 @@ def read_details(links: Links) -> Details:
 
 def _root(links: Links) -> Iterator[MjcfOnly]:
     """Where a floating root starts without keyframes; its free joint's name, and its brakes."""
-    if links.base == "floating" and links.mount != IDENTITY:
+    posed = links.source.root.find("keyframe/key") is not None  # else a pose may say its height
+    if links.base == "floating" and (posed or links.mount != IDENTITY):
         place = {"pos": words(links.mount.xyz)}
         if links.mount.quat != IDENTITY.quat:
             place["quat"] = words(links.mount.quat)

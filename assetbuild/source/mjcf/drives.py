@@ -228,8 +228,10 @@ def _whole(element: _Element, links: Links, index: int) -> MjcfOnly:
         if element.get(ref):
             name = str(element.get(ref))
             said[ref] = links.sites.get(name, name) if "site" in ref else name
-    joint = said.get("joint") or said.get("jointinparent")
-    if joint in links.rest and _depends_on_position(model, index, kinds):
+    over = {said.get("joint") or said.get("jointinparent")}
+    tendons = links.source.root.iterfind("tendon/fixed")
+    over |= {j.get("joint") for t in tendons if t.get("name") == said.get("tendon") for j in t}
+    if over & links.rest.keys() and _depends_on_position(model, index, kinds):
         hint = "give the joint no `ref`, and move its range and body instead"
         raise error_at(element, f"actuator `{said['name']}` on a joint with `ref`", hint)
     said |= {f"{part}type": kind for part, kind in kinds.items()}

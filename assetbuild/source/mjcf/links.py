@@ -13,7 +13,7 @@ A site is a link without mass on a fixed joint, which merging makes a frame.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -65,7 +65,8 @@ RENAMED = Rule(
 class Links:
     """What the bodies of an MJCF amount to.
 
-    kept: links that are bodies of the source with mass; the others only name places.
+    kept: links that are bodies of the source with mass, or that touch on their own; the others
+    only name places.
     shift: where the frame of a link stands in the frame of the body of that name, m.
     rest: `ref` of each joint, rad or m. sites: link by site.
     mount: pose of the root body in the world, in the source. free_joint: its name, or "".
@@ -101,6 +102,7 @@ def read_links(source: Compiled, base: Base | None) -> Links:
     links = _root(tops, source, base)
     for body, parent in bodies(world):
         _add_body(links, body, parent)
+    links.kept += _touching_apart(links)
     _add_sites(links)
     return links
 
@@ -258,6 +260,36 @@ def _add_sites(links: Links) -> None:
         pose = links.in_link(body, links.source.pose_of("site", site))
         links.bodies.append(Body(name))
         links.joints.append(Joint(f"{name}_fixed", "fixed", body, name, pose))
+
+
+def _touching_apart(links: Links) -> list[str]:
+    """Bodies without mass that touch others than the body that they are fixed to.
+
+    An `<exclude>` names one of both: as one body they would be excluded together.
+    """
+    model = links.source.model
+    solid = model.geom_bodyid[(model.geom_contype | model.geom_conaffinity) != 0]
+    names = {str(model.body(int(body)).name) for body in solid}
+    above = {joint.child: joint.parent for joint in links.joints if joint.kind == "fixed"}
+    passes: dict[str, set[str]] = {}
+    for pair in links.source.root.iterfind("contact/exclude"):
+        one, other = str(pair.get("body1")), str(pair.get("body2"))
+        passes.setdefault(one, set()).add(other)
+        passes.setdefault(other, set()).add(one)
+    found = []
+    for name in [body.name for body in links.bodies if body.name in names]:
+        top = name
+        while top not in links.kept and top in above:
+            top = above[top]
+        if passes.get(name, set()) - {top} != passes.get(top, set()) - {name}:
+            found.append(name)
+    return [name for name in found if name not in links.kept]
+
+
+def tendon_rest(tendon: _Element, rest: Mapping[str, float]) -> float:
+    """Length of a fixed tendon whose joints stand at their `ref`. rest: `ref` by joint."""
+    moved = [child for child in tendon.iterchildren("joint") if child.get("joint") in rest]
+    return sum(float(str(c.get("coef"))) * rest[str(c.get("joint"))] for c in moved)
 
 
 # --- refusals -------------------------------------------------------------------------------

@@ -21,13 +21,12 @@ from assetbuild.robot.model import (
 from assetbuild.robot.pose import Pose, Vec3, vec3
 from assetbuild.source.mjcf.compiled import Model, pose_at
 from assetbuild.source.mjcf.drives import Drives
-from assetbuild.source.mjcf.links import FREE, Links
+from assetbuild.source.mjcf.links import FREE, JOINT_REF, Links, tendon_rest
 from assetbuild.source.mjcf.opaque import element_text, keys, leftover, words
 from assetbuild.source.mjcf.scenery import NAMES
 from assetbuild.source.mjcf.text import (
     DROPPED,
     WORLD,
-    error_at,
     own_attributes,
     where_of,
 )
@@ -230,11 +229,21 @@ class _Reader:
         said["anchor"] = words(two.inverse().apply(data[:3]))
 
     def tendon(self, element: _Element, said: dict[str, str]) -> None:
-        """As it is, without its material."""
-        for child in element:
-            if child.get("joint") in self.links.rest:
-                hint = "give the joint no `ref`, and move its range and body instead"
-                raise error_at(child, f"tendon over joint `{child.get('joint')}` with `ref`", hint)
+        """As it is, without its material; its length counts from the `ref` of its joints."""
+        index = self.links.source.id_of("tendon", str(element.get("name")))
+        if rest := tendon_rest(element, self.links.rest):
+            message = f"its length counts from the `ref` of its joints: 0 here is {rest:g}"
+            hint = "subtract it from lengths of the source's controllers"
+            data: Data = {"ref": rest}
+            finding = JOINT_REF(f"tendon {element.get('name')}", message, hint, data=data)
+            self.found.findings.append(finding)
+            ends = {
+                "range": self.model.tendon_range,
+                "springlength": self.model.tendon_lengthspring,
+            }
+            for key, values in ends.items():
+                if key in said or (key == "springlength" and "stiffness" in said):
+                    said[key] = words(float(v) - rest for v in values[index])
         if said.pop("material", None):
             self.found.findings.append(_plain_tendon(element))
         if element.tag == "fixed":  # a class of tendons may say how the spatial ones are drawn

@@ -14,6 +14,7 @@ from assetbuild.engine.step import Files
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import RecipeView, Target
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.model import Control
 from assetbuild.robot.ranges import Randomize
 from assetbuild.simulators.usd_options import UsdOptions
@@ -39,6 +40,15 @@ SATURATION = Rule(
     "info",
     "a `dc_motor` has no stall torque; its effort limit is used instead",
     "`stall` in the row or the motor",
+)
+
+SPRING = Rule(
+    "isaaclab.spring",
+    ("error", "info"),
+    "a joint has a spring that rests elsewhere than at 0: the module has its stiffness, but Isaac "
+    "Lab aims the drives of all joints at 0 until a target is set (info: a spring that rests at 0)",
+    "set the joint's position target to the spring's rest at every reset and accept it by `rules: "
+    "{isaaclab.spring: {severity: info, because: ...}}`",
 )
 
 
@@ -104,6 +114,17 @@ class IsaacLab(Target):
                 f"Isaac Lab has no form of the model `general`: {len(lost)} joints get no torque",
                 hint="give these joints another model, or an actuator class of your own",
                 data={"joints": tuple(lost)},
+            )
+        for joint, spring in as_drives(control).items():
+            lost_rest = spring.rest != 0.0
+            yield SPRING(
+                f"joint {joint}",
+                f"its spring ({spring.stiffness:g}) is the stiffness of an implicit actuator"
+                + (f", but Isaac Lab aims it at 0, not at {spring.rest:g}" * lost_rest),
+                hint="leave the joint out of actions, and set its position target to the spring's "
+                "rest at every reset",
+                severity="error" if lost_rest else "info",
+                data={"stiffness": spring.stiffness, "rest": spring.rest},
             )
         unstated = [a.joint for a in control.actuators if a.model == "dc_motor" and a.stall is None]
         if unstated:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.model import Actuator, Control, Keyframe, Tree
 from assetbuild.robot.ranges import Randomize, first_match
 from assetbuild.simulators.usd_names import joint_identifiers
@@ -174,7 +175,10 @@ SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, grav
         """Joints with equal numbers share a group; every joint stands in exactly one."""
         names = joint_identifiers(self.tree)
         groups: dict[tuple[object, ...], list[Actuator]] = {}
+        springs = as_drives(self.control)
         for actuator in self.control.actuators:
+            if actuator.joint in springs:
+                actuator = replace(actuator, kp=springs[actuator.joint].stiffness)
             numbers = replace(actuator, joint="", source="", name="", ctrl=None, general=None)
             groups.setdefault((numbers, self._delay(actuator)), []).append(actuator)
         for index, members in enumerate(groups.values()):
@@ -186,8 +190,8 @@ SIMULATION_CFG = sim_utils.SimulationCfg(dt=DT, render_interval=DECIMATION, grav
     def _values(self, actuator: Actuator) -> dict[str, object]:
         inside = CLASSES[actuator.model] == "ImplicitActuatorCfg"
         efforts, velocities = LIMITS[self.generation, inside]
-        has_kp = actuator.model in ("pd", "ideal_pd", "dc_motor")
-        has_kd = has_kp or actuator.model == "velocity"
+        has_kp = actuator.model in ("pd", "ideal_pd", "dc_motor", "passive")  # passive: a spring
+        has_kd = actuator.model in ("pd", "ideal_pd", "dc_motor", "velocity")
         values: dict[str, object] = {
             "stiffness": actuator.kp if has_kp else 0.0,
             "damping": actuator.kd if has_kd else 0.0,

@@ -13,6 +13,7 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from assetbuild.errors import StepError
 from assetbuild.robot.initial import initial_pose
+from assetbuild.robot.joint_springs import Spring, as_drives
 from assetbuild.robot.limit_springs import limit_springs
 from assetbuild.robot.model import MOVING, Actuator, Control, Joint
 from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, quat_multiply
@@ -66,7 +67,7 @@ def define_joints(
     if tree.joints or tree.base == "fixed":
         UsdGeom.Scope.Define(stage, f"/{names.root}/{JOINTS}")
     starts = dict(initial_pose(tree, control).joints)
-    springs = limit_springs(tree, control)
+    springs, limited = as_drives(control), limit_springs(tree, control)
     for joint in tree.joints:
         prim = _define_joint(stage, names, joint)
         # As in MuJoCo, bodies that a joint connects do not collide, but for those on the world.
@@ -77,8 +78,11 @@ def define_joints(
             actuator = control.by_joint.get(joint.name) or _undriven(joint)
             _apply_passive(prim, joint, actuator)
             if joint.name in springs:
-                _apply_limit_spring(prim, joint, springs[joint.name])
-            _apply_drive(prim, joint, actuator, starts[joint.name], options.drive_type)
+                _apply_spring(prim, joint, springs[joint.name])
+            else:
+                _apply_drive(prim, joint, actuator, starts[joint.name], options.drive_type)
+            if joint.name in limited:
+                _apply_limit_spring(prim, joint, limited[joint.name])
             _apply_start(prim, joint, starts[joint.name])
             if options.mimics:
                 _apply_mimic(prim, names, joint)
@@ -215,6 +219,16 @@ def _apply_drive(
         drive.CreateTargetPositionAttr(coordinate(joint, target))
     if actuator.effort is not None:
         drive.CreateMaxForceAttr(actuator.effort)
+
+
+def _apply_spring(prim: Usd.Prim, joint: Joint, spring: Spring) -> None:
+    """A spring pulls to its rest with a force, whatever kind the drives of the recipe are."""
+    drive = UsdPhysics.DriveAPI.Apply(prim, instance(joint))
+    drive.CreateTypeAttr("force")
+    drive.CreateStiffnessAttr(gain(joint, spring.stiffness))
+    drive.CreateDampingAttr(0.0)
+    drive.CreateTargetVelocityAttr(0.0)
+    drive.CreateTargetPositionAttr(coordinate(joint, spring.rest))
 
 
 def _apply_mimic(prim: Usd.Prim, names: PrimPaths, joint: Joint) -> None:

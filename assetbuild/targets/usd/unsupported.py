@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.initial import initial_pose
-from assetbuild.robot.joint_springs import joint_springs, shown
+from assetbuild.robot.joint_springs import no_drives
 from assetbuild.robot.model import Contact, Control, Joint, Tree
 from assetbuild.simulators.usd_options import UsdOptions
 from assetbuild.targets.usd.units import is_angular, limits
@@ -71,8 +71,8 @@ ONE_SIDED_LIMIT = Rule(
 SPRING = Rule(
     "usd.spring",
     "error",
-    "a joint has a spring, which the USD is written without: in PhysX, Newton and Isaac Lab it "
-    "moves otherwise than in MuJoCo",
+    "a joint has a spring that the USD is written without, because the joint has a drive of its "
+    "own or the stiffness is a polynomial: it moves otherwise in PhysX and Newton than in MuJoCo",
     "leave `usd` and `isaaclab` out of `targets`, add the spring in the simulator, or accept the "
     "loss by `rules: {usd.spring: {severity: warning, because: ...}}`",
 )
@@ -196,15 +196,12 @@ def _actuators(control: Control) -> Iterator[Finding]:
 
 
 def _springs(control: Control) -> Iterator[Finding]:
-    springs = joint_springs(control.mjcf_only)
-    if springs:
+    for joint, why in no_drives(control).items():
         yield SPRING(
-            "robot",
-            f"springs of {len(springs)} joints are not in the USD, where UsdPhysics has only the "
-            f"drive; stiffness in N m/rad or N/m: {shown(springs)}",
+            f"joint {joint}",
+            f"its spring is not in the USD: a spring can be the drive of its joint, but {why}",
             hint="leave out the targets `usd` and `isaaclab`, or accept it by `rules: {usd.spring: "
-            "{severity: warning, because: ...}}` and add the springs in the simulator",
-            data=dict(springs),
+            "{severity: warning, because: ...}}` and add the spring in the simulator",
         )
 
 

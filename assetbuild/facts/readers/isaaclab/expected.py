@@ -6,7 +6,7 @@ import json
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 from assetbuild.facts.readers.isaaclab.measure import SCRIPT
@@ -34,6 +34,7 @@ from assetbuild.facts.trainers import (
     stall_of,
     start_of,
 )
+from assetbuild.robot.joint_springs import as_drives
 from assetbuild.robot.model import Actuator
 from assetbuild.robot.ranges import Randomize, claimed, per_axis
 from assetbuild.simulators.usd_names import body_identifiers, joint_identifiers
@@ -154,15 +155,17 @@ def _drives(reference: Reference, generation: Generation, book: Writer) -> set[s
     """Numbers of every moving joint; returns the classes that they need."""
     randomize, timestep = randomize_of(reference), reference.control.simulation.timestep
     groups: dict[tuple[object, ...], list[str]] = {}
-    classes = set()
+    classes, springs = set(), as_drives(reference.control)
     for drive in reference.control.actuators:
+        if drive.joint in springs:  # an implicit drive that aims at the spring's rest
+            drive = replace(drive, kp=springs[drive.joint].stiffness)
         steps = ranges_of(randomize, drive.joint).delay if drive.model == "ideal_pd" else (0, 0)
         numbers = _numbers(drive)
         kind = _class_of(drive, delayed=steps != (0, 0))
         members = groups.setdefault((*numbers, steps), [])
         place = list(groups).index((*numbers, steps))
         members.append(drive.joint)
-        kp = drive.kp if drive.model in LOOPS else 0.0
+        kp = drive.kp if drive.model in (*LOOPS, "passive") else 0.0
         kd = drive.kd if drive.model in (*LOOPS, "velocity") else 0.0
         facts: dict[str, Value] = {
             "model": model_of(kind, kp, kd), "kp": kp, "kd": kd, "effort": drive.effort,
