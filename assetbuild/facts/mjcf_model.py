@@ -236,10 +236,11 @@ def _loop(model: Model, index: int, kind: str) -> dict[str, Value]:
     turns = (data[6:10] if kind == "weld" else (1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     for side, which, anchor, turn in zip("ab", (1, 2), anchors, turns, strict=True):
         body = int(getattr(model, f"eq_obj{which}id")[index])
-        pose = pose_of(anchor, turn)
         if by_site:
             pose = pose_of(model.site_pos[body], model.site_quat[body])
             body = int(model.site_bodyid[body])
+        else:
+            pose = pose_of(anchor, turn)
         turned = pose.quat if kind == "weld" else (1.0, 0.0, 0.0, 0.0)
         facts |= {f"body {side}": _body_name(model, body), f"end {side}": (*pose.xyz, *turned)}
     return facts | ({"torque scale": data[10]} if kind == "weld" else {})

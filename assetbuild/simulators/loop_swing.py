@@ -85,7 +85,7 @@ def trial(tree: Tree, control: Control, wish: LoopSwing) -> Trial:
 
 def _felt_inertia(control: Control, robot: Dynamics) -> dict[str, float]:
     """What a torque at each joint accelerates while the loops stay closed, kg m2 or kg."""
-    basis = free_motions(control.loops, robot)
+    basis = free_motions(control.loops, robot.motions)
     compliance = basis @ np.linalg.pinv(basis.T @ robot.mass @ basis, hermitian=True) @ basis.T
     found = {}
     for name in robot.joints:
@@ -115,7 +115,7 @@ def _closable(
             {name: q + sign * share * swing.get(name, 0.0) for name, q in home.items()}
             for sign in (-1.0, 1.0)
         ]
-        if all(close(tree, control.loops, end, free).closed for end in ends):
+        if all(close(tree, control.loops, end, free, 1).closed for end in ends):
             break
         share /= 2.0
     return {name: share * width for name, width in swing.items()}
