@@ -60,7 +60,7 @@ class Trial:
 def trial(tree: Tree, control: Control, wish: LoopSwing) -> Trial:
     """Independent joints swing about the initial pose, as wide as all loops stay closed.
 
-    Driven joints come first, then those of loops that no drive of a joint moves. A joint without a
+    Driven joints do; where none of them is part of a loop, joints of loops too. A joint without a
     gain gets a servo; a drive whose motion the others decide lets go.
     """
     home = with_mimics(tree, dict(initial_pose(tree, control).joints))
@@ -69,7 +69,8 @@ def trial(tree: Tree, control: Control, wish: LoopSwing) -> Trial:
     driven = {a.joint for a in control.actuators if a.model != "passive"} & set(robot.joints)
     chain = {joint.name for loop in control.loops for joint in path_of(tree, loop)}
     chosen = coordinates(control.loops, robot, driven)
-    leading = (chain | driven) & {name for name in robot.joints if robot.column(name) in chosen}
+    free = {name for name in robot.joints if robot.column(name) in chosen}
+    leading = free & (driven if driven & chain & free else driven | chain)
     felt = _felt_inertia(control, robot)
     servos, table = {}, {row.joint: row for row in control.actuators}
     for name in (joint.name for joint in tree.moving_joints if joint.name in driven | leading):
