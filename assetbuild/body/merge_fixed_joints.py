@@ -40,13 +40,15 @@ class MergeFixedJoints(Step):
     """Patterns that match whole link names; those links stay bodies on their fixed joint."""
     keep_source: bool = False
     """Keep all that the source calls a body; only what names places is merged."""
+    keep_root: bool = False
+    """A root without mass keeps its name and its frame too."""
 
     def run(self, files: Files) -> Iterator[Finding]:
         """Raises RecipeError for a pattern that matches no link."""
         robot = RobotFiles(files.inputs)
         links, said = robot.links, robot.source_control if self.keep_source else None
         kept = self._kept(links) | frozenset(said.bodies if said else ())
-        tree, facts = merge_fixed_joints(links, self.merge, kept)
+        tree, facts = merge_fixed_joints(links, self.merge, kept, keep_root=self.keep_root)
         (files.outputs / "tree.json").write_bytes(encode(tree))
         for fact in facts:
             if fact.placeholder:

@@ -272,7 +272,7 @@ def _counts(found: Contents, tree: Tree, shapes: Shapes, control: Control) -> It
         + len(as_drives(control)),
         "colliders": len(shapes.of("collision")),
         "visuals": len(shapes.of("visual")),
-        "materials": len(shapes.materials),
+        "materials": len(shapes.all_coloured.materials),
     }
     for kind, count in found.counts().items():
         if count != expected[kind]:

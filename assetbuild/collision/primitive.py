@@ -67,7 +67,7 @@ class FitPrimitive(CollisionMethod):
         """One primitive by itself; several by parts, as many as are worth it."""
         findings: tuple[Finding, ...] = ()
         if self.max_hulls == 1:
-            fits = [best_primitive(reference.mesh, self._kinds)]
+            fits = [best_primitive(reference, self._kinds)]
         else:
             fits, findings = self._several(reference)
         pieces = tuple(ConvexPiece(primitive, pose) for primitive, pose in fits)

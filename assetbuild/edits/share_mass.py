@@ -22,7 +22,8 @@ from assetbuild.robot.shapes import SourceShapes
 SHARE = 0.1
 """Share of the mass that can be taken out of the body before its tensor becomes impossible."""
 BALL = 1e-9
-"""Moment of each new mass, as a share of the body's least: no engine takes a point of 0."""
+"""Moment of each new mass, as a share of the body's least: no engine takes a point of 0. Where no
+point is still, the share of its mass too: PhysX moves the links as MuJoCo does down to 1e-12."""
 MEETS_M = 1e-9
 """Axes that pass a point at this distance pass through it."""
 
@@ -40,7 +41,9 @@ class ShareMass(Edit):
     A point where the axes of all hinges below a link meet does not move when they turn, so a mass
     there moves alike on the link and on the body at the end. The edit moves such a mass to the
     link; kinetic and potential energy stay as they are, but for a share of 1e-9 of the moments,
-    which keeps the new mass from being a point. Refused where the axes do not meet.
+    which keeps the new mass from being a point. Where there is no such point (the axes do not
+    meet, or a joint slides), the link gets 1e-9 of the body's mass instead, which changes the
+    energies by no more.
     """
 
     link: Pattern = Field(description="massless links between two joints, by whole name")
@@ -77,7 +80,11 @@ def _shared(tree: Tree, chain: Chain, links: list[str]) -> dict[str, Inertial]:
     made: dict[str, Inertial] = {}
     for link in links:
         below = chain.joints[chain.between.index(link) + 1 :]
-        point = meeting_point(link, below)
+        point = meeting_point(below)
+        if point is None:
+            made[link] = Inertial(BALL * rest.mass_kg, (0.0, 0.0, 0.0), ball)
+            rest = replace(rest, mass_kg=rest.mass_kg - made[link].mass_kg)
+            continue
         X_link_body = Chain(below, ()).pose_in_parent
         in_body = vec3(X_link_body.inverse().apply(point))
         homogeneous = np.array([*in_body, 1.0])
@@ -100,40 +107,26 @@ def _inertial(body: Body) -> Inertial:
     return inertial
 
 
-def meeting_point(link: str, joints: tuple[Joint, ...]) -> Vec3:
-    """The point where the axes of all joints below meet, in the frame of `link`, m.
+def meeting_point(joints: tuple[Joint, ...]) -> Vec3 | None:
+    """The point where the axes of these joints meet, in the frame above the first, m.
 
     Least squares on the distances to the lines; of a shared line, the point nearest to the first
-    joint's origin. Raises RecipeError when they do not meet, or one is no hinge.
+    joint's origin. None where they do not meet, or one slides: every point of the link moves.
     """
-    lines = [_line(link, Chain(joints[: i + 1], ())) for i in range(len(joints))]
+    if not all(joint.kind in ("revolute", "continuous") for joint in joints):
+        return None
+    poses = [Chain(joints[: i + 1], ()).pose_in_parent for i in range(len(joints))]
+    lines = [
+        (np.asarray(pose.xyz), pose.rotation @ np.asarray(joint.axis))
+        for pose, joint in zip(poses, joints, strict=True)
+    ]
     A = np.vstack([np.eye(3) - np.outer(axis, axis) for _, axis in lines])
     b = np.concatenate(
         [(np.eye(3) - np.outer(axis, axis)) @ (o - lines[0][0]) for o, axis in lines]
     )
     point: Array = lines[0][0] + np.linalg.lstsq(A, b, rcond=1e-9)[0]
-    for (origin, axis), joint in zip(lines, joints, strict=True):
-        distance = float(np.linalg.norm(np.cross(axis, point - origin)))
-        if distance > MEETS_M:
-            raise RecipeError(
-                f"share_mass: the axes below link `{link}` do not meet in a point: "
-                f"`{joint.name}` passes it at {distance:.3g} m",
-                hint="give the link a real mass by `set_inertia`, or build without USD",
-            )
-    return vec3(point)
-
-
-def _line(link: str, chain: Chain) -> tuple[Array, Array]:
-    """(origin, axis) of the last joint of the chain, in the frame of `link`."""
-    joint = chain.joints[-1]
-    if joint.kind not in ("revolute", "continuous"):
-        raise RecipeError(
-            f"share_mass: joint `{joint.name}` below link `{link}` is {joint.kind}: it moves "
-            "every point",
-            hint="give the link a real mass by `set_inertia`, or build without USD",
-        )
-    pose = chain.pose_in_parent
-    return np.asarray(pose.xyz), pose.rotation @ np.asarray(joint.axis)
+    distances = [np.linalg.norm(np.cross(axis, point - origin)) for origin, axis in lines]
+    return vec3(point) if max(distances) <= MEETS_M else None
 
 
 def _finding(tree: Tree, chain: Chain, links: list[str], shared: dict[str, Inertial]) -> Finding:
@@ -142,7 +135,7 @@ def _finding(tree: Tree, chain: Chain, links: list[str], shared: dict[str, Inert
     return SHARE_MASS(
         f"link {chain.body}",
         f"mass {before.mass_kg:.6g} -> {after.mass_kg:.6g} kg: {moved}, where the axes of "
-        "the joints between meet; the motion is the same",
+        "the joints between meet, or 1e-9 of the whole; the motion is the same",
         data={
             "before_kg": before.mass_kg,
             "after_kg": after.mass_kg,

@@ -29,7 +29,8 @@ HELD = "links", "tree", "shapes", "control", "assets"
 def incoherent(reference: Reference) -> Iterator[Finding]:
     """A finding `equal.robot.<quantity>` for each fact that the robot tells in two ways."""
     kept = [joint.child for joint in reference.tree.joints if joint.kind == "fixed"]
-    merged, _ = merge_fixed_joints(reference.links, True, kept)
+    same_root = reference.tree.root == reference.links.root
+    merged, _ = merge_fixed_joints(reference.links, True, kept, keep_root=same_root)
     again = _with_ratings(robot_table(replace(reference, tree=merged)), merged)
     stated = _with_ratings(robot_table(reference), reference.tree)
     expected, found = _meshes(reference)

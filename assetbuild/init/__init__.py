@@ -7,7 +7,7 @@ beside it, and a build never guesses.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from assetbuild.errors import MachineError, SourceError, UsageError, Where
@@ -53,7 +53,8 @@ def propose(
     source = mended(find_source(file, packages, args or {}))
     robot = look(source)
     anatomy = study(robot)
-    robot = judge(robot.links, robot.shapes, anatomy.base, robot.source_findings)
+    judged = judge(robot.links, robot.shapes, anatomy.base, robot.source_findings)
+    robot = replace(judged, planar=robot.planar)
     path = out or Path(f"{recipe_name(robot.links.name)}.yaml")
     recipe = recipe_text(robot, anatomy, source, path)
     return Proposal(path, recipe.text, recipe.unmended)

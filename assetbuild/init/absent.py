@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from assetbuild.engine.scratch import scratch
 from assetbuild.errors import SourceError, Where, did_you_mean
+from assetbuild.init.file_names import elsewhere
 from assetbuild.init.packages import files_named, is_file
 from assetbuild.init.patches import patched, retyped
 from assetbuild.init.source import UrdfSource
@@ -20,6 +22,7 @@ from assetbuild.robot.shapes import MeshFile
 from assetbuild.source.urdf.xml import parse
 
 BACKSLASH = "only Windows reads a backslash as the end of a folder"
+STRAY = "only from a folder further up does this name lead to a file"
 CASE = "Linux tells upper from lower case, and this is how the file is called"
 
 
@@ -34,7 +37,7 @@ def mended(source: UrdfSource) -> UrdfSource:
     absent = [mesh for mesh in meshes if not is_file(source.root / mesh["path"])]
     if not absent:
         return source
-    source = patched(source, _cases(source, absent))
+    source = patched(source, (*_cases(source, absent), *_strays(source)))
     meshes, solid = _meshes(source)
     absent = [mesh for mesh in meshes if not is_file(source.root / mesh["path"])]
     needed = [mesh for mesh in absent if mesh["path"] in solid]
@@ -93,6 +96,17 @@ def _cases(source: UrdfSource, absent: Sequence[dict[str, str]]) -> Iterator[Pat
             if same and own.parts[:-same] == stated[:-same]:
                 named = "/".join((*said[:-same], *own.parts[-same:]))
                 yield _renaming(source, mesh["uri"], named, CASE)
+
+
+def _strays(source: UrdfSource) -> Iterator[Patch | None]:
+    """A patch for each relative name that starts from another folder than most of them do."""
+    if source.key != "urdf":
+        return
+    file = source.root / source.file
+    start = None if source.relative_to is None else source.root / source.relative_to
+    for uri, path in elsewhere(files_named(parse(source.data, source.shown)), file, start).items():
+        named = os.path.relpath(path, start or file.parent)
+        yield _renaming(source, uri, named.replace(os.sep, "/"), STRAY)
 
 
 def _other_case(root: Path, path: PurePosixPath) -> PurePosixPath | None:

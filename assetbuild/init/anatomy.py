@@ -6,6 +6,7 @@ recipe for the user to judge.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -59,6 +60,12 @@ class Leg:
     X_tip_foot: Pose
     X_root_foot: Pose
     soles: tuple[str, ...]
+
+    @property
+    def length(self) -> float:
+        """From the first joint to the foot, stretched out, m."""
+        ways = [joint.X_parent_joint.xyz for joint in self.joints[1:]]
+        return math.fsum(math.hypot(*way) for way in (*ways, self.X_tip_foot.xyz))
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,21 @@ def relative_start(uses: Uses, file: Path) -> Path | None:
     return best
 
 
+def elsewhere(uses: Uses, file: Path, start: Path | None) -> dict[str, Path]:
+    """Relative names that lead nowhere from `start`, by the one file that they mean from above.
+
+    start: as `relative_start` found it; None: the folder of the URDF.
+    """
+    found: dict[str, Path] = {}
+    for uri, _ in uses:
+        if ":" in uri or uri.startswith("/") or is_file((start or file.parent) / uri):
+            continue
+        held = [folder / uri for folder in above(file) if is_file(folder / uri)]
+        if held and all(_same(held[0], other) for other in held):
+            found[uri] = Path(os.path.normpath(held[0]))
+    return found
+
+
 def absolute_folders(uses: Uses, file: Path) -> dict[str, Path]:
     """Folder of the author's machine -> the folder here, for absolute names of files.
 

@@ -20,6 +20,8 @@ from assetbuild.robot.tree import forward_kinematics
 
 CROUCH = 0.75
 """Height of the hips of a walker on four legs or more, as a share of the stretched legs'."""
+FOLDED = 0.25
+"""Height of a hip at the zero pose, as a share of the leg's length, below which a leg is folded."""
 SETTLE = 0.97
 """The same on two legs, where a joint of the leg cannot be 0."""
 MARGIN_RAD = 0.02
@@ -95,9 +97,12 @@ def _room(joint: Joint) -> tuple[float, float]:
 def _floor(legs: tuple[Leg, ...], at_zero: Mapping[str, Pose]) -> float:
     """Height of the ground that all feet meet, in the root's frame, m."""
     share = CROUCH if len(legs) >= 4 else SETTLE
-    hips = [at_zero[leg.joints[0].child].xyz[2] for leg in legs]
-    feet = [leg.X_root_foot.xyz[2] for leg in legs]
-    return float(np.mean([h - share * (h - f) for h, f in zip(hips, feet, strict=True)]))
+    heights = []
+    for leg in legs:
+        hip = at_zero[leg.joints[0].child].xyz[2]
+        reach, length = hip - leg.X_root_foot.xyz[2], leg.length
+        heights.append(hip - share * (reach if reach > FOLDED * length else length))
+    return float(np.mean(heights))
 
 
 def _pitches(at_zero: Mapping[str, Pose], joint: Joint) -> float:

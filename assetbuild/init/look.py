@@ -14,6 +14,7 @@ from assetbuild.robot.codec import encode
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.model import Base, Tree
 from assetbuild.robot.shapes import SourceShapes
+from assetbuild.robot.split_joints import split
 from assetbuild.robot.tree import merge_fixed_joints
 from assetbuild.source.urdf.tidy import WORLD_JOINT
 
@@ -22,7 +23,8 @@ from assetbuild.source.urdf.tidy import WORLD_JOINT
 class InspectedRobot:
     """links: before merging fixed joints; tree: after; link_findings, body_findings: the lints'.
 
-    source_findings: what the reader of the source said.
+    source_findings: what the reader of the source said. planar: joints of the source that are split
+    into joints of one coordinate, which all formats hold.
     """
 
     links: Tree
@@ -31,6 +33,7 @@ class InspectedRobot:
     link_findings: tuple[Finding, ...] = ()
     body_findings: tuple[Finding, ...] = ()
     source_findings: tuple[Finding, ...] = ()
+    planar: tuple[str, ...] = ()
 
     @property
     def floats(self) -> bool:
@@ -54,8 +57,10 @@ def look(source: UrdfSource) -> InspectedRobot:
         ports.put("robot.urdf", source.data)
         told = ports.run(source.reader())
         read = RobotFiles(ports.folder)
-        tree, _ = merge_fixed_joints(read.links, True, ())
-        return InspectedRobot(read.links, tree, read.source_shapes, source_findings=told)
+        planar = tuple(joint.name for joint in read.links.joints if joint.kind == "planar")
+        links = split(read.links, frozenset(planar))
+        tree, _ = merge_fixed_joints(links, True, ())
+        return InspectedRobot(links, tree, read.source_shapes, source_findings=told, planar=planar)
 
 
 def judge(
@@ -63,14 +68,14 @@ def judge(
     shapes: SourceShapes,
     base: Base,
     source_findings: tuple[Finding, ...] = (),
-    kept: Collection[str] = (),
+    kept: Collection[str] | None = None,
 ) -> InspectedRobot:
     """The robot on this base, with what the lints say of it there.
 
-    kept: links that stay bodies on their fixed joint.
+    kept: of an MJCF, links that stay bodies on their fixed joint, and the root stays the root.
     """
     links = replace(links, base=base)
-    tree, _ = merge_fixed_joints(links, True, kept)
+    tree, _ = merge_fixed_joints(links, True, kept or (), keep_root=kept is not None)
     with scratch() as ports:
         for name, value in (("links", links), ("tree", tree), ("shapes", shapes)):
             ports.put(f"{name}.json", encode(value))

@@ -4,29 +4,29 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from assetbuild.engine.scratch import Scratch, scratch
 from assetbuild.errors import SourceError, Where
-from assetbuild.findings import Finding
 from assetbuild.init.anatomy import Anatomy, study
 from assetbuild.init.collision import soles_of
 from assetbuild.init.home import home_pose
 from assetbuild.init.look import InspectedRobot, judge
 from assetbuild.init.packages import above, is_file
+from assetbuild.init.patterns import patterns_of
 from assetbuild.init.repairs import repairs, repairs_text
 from assetbuild.init.strength import strengthened
-from assetbuild.init.targets import targets
+from assetbuild.init.targets import carried, not_in_usd, targets
 from assetbuild.init.text import Recipe, actuators, head, home, validation
 from assetbuild.init.trial import Trial, tables, try_to_stand
 from assetbuild.init.tune import Tuning, tune
 from assetbuild.init.wheels import wheel_radii
-from assetbuild.init.words import plain, quoted, some, source_section, written
+from assetbuild.init.words import inline, quoted, some, source_section, written
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.joint_springs import no_drives
-from assetbuild.robot.model import Control
+from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
 from assetbuild.source.mjcf.includes import ListIncludes
@@ -42,16 +42,17 @@ DRIVES = "# The source drives no joint; mjlab's robots, for one, are driven from
 class MjcfSource:
     """An MJCF that can be read. root: the lowest folder that holds it and its meshes.
 
-    robot, kept: with merged fixed joints, and with all that the source calls a body, which is what
-    the build keeps unless the recipe says `merge`.
+    robot, built: with merged fixed joints, and as the recipe has it built: with all that the source
+    calls a body, except what is merged into the bodies `weak`.
     bodies: of the robots in its world, where there are several; the first is read.
     """
 
     root: Path
     file: str
     robot: InspectedRobot
-    kept: InspectedRobot
+    built: InspectedRobot
     control: Control
+    weak: tuple[str, ...] = ()
     bodies: tuple[str, ...] = ()
 
 
@@ -102,8 +103,33 @@ def _read(root: Path, name: str, bodies: tuple[str, ...] = ()) -> MjcfSource:
         read = RobotFiles(ports.folder)
         said = read.source_control or SourceControl()
         links, shapes = read.links, read.source_shapes
-        robot, kept = (judge(links, shapes, links.base, kept=k) for k in ((), said.bodies))
-    return MjcfSource(root, name, robot, kept, said.control, bodies)
+        robot, built = (judge(links, shapes, links.base, kept=k) for k in ((), said.bodies))
+        weak = _weak(built)
+        if weak:
+            kept = _without_held(links, said.bodies, weak)
+            mended = judge(links, shapes, links.base, kept=kept)
+            helps = not _weak(mended) and (bool(_wrong(built)) or not not_in_usd(mended))
+            built, weak = (mended, weak) if helps else (built, ())
+    return MjcfSource(root, name, robot, built, said.control, weak, bodies)
+
+
+def _weak(robot: InspectedRobot) -> tuple[str, ...]:
+    """Bodies that cannot be simulated alone: without mass, or with an inertia that is an error."""
+    return tuple(dict.fromkeys([*carried(robot), *_wrong(robot)]))
+
+
+def _wrong(robot: InspectedRobot) -> list[str]:
+    subjects = [finding.subject for finding in robot.body_findings if finding.severity == "error"]
+    return [text.removeprefix("link ") for text in subjects if text.startswith("link ")]
+
+
+def _without_held(links: Tree, bodies: Collection[str], weak: Collection[str]) -> list[str]:
+    """Bodies without those that fixed joints hold to weak ones."""
+    held = set(weak)
+    for joint in links.joints:  # a parent before its children
+        if joint.kind == "fixed" and joint.parent in held:
+            held.add(joint.child)
+    return [name for name in bodies if name not in held or name in weak]
 
 
 def _included(ports: Scratch, root: Path, name: str) -> bool:
@@ -118,8 +144,6 @@ def _included(ports: Scratch, root: Path, name: str) -> bool:
 def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
     """The whole recipe, as it will lie at `path`."""
     robot, control = found.robot, found.control
-    broken = _mended_by_merging(found)
-    built = robot if broken else found.kept
     anatomy = study(robot)
     idle = not _driven(control) and robot.tree.moving_joints
     tuning = _tuned(found, anatomy) if idle else None
@@ -129,11 +153,11 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
         source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
         _taken(found),
         repairs_text(robot, repairs(robot, found.root)),
-        _merging(broken),
+        _merging(found),
         _collision(robot),
         _drives(found, tuning),
         () if control.keyframes else home(robot, anatomy, _pose(found, anatomy, tuning)),
-        [targets(built, no_drives(control)), *_validate(found, anatomy)],
+        [targets(found.built, no_drives(control)), *_validate(found, anatomy)],
     )
     return Recipe(text, unmended)
 
@@ -176,17 +200,21 @@ def _taken(found: MjcfSource) -> Iterator[str]:
         yield f"# its sensors: {some([sensor.name for sensor in control.sensors])}"
 
 
-def _mended_by_merging(found: MjcfSource) -> list[Finding]:
-    """Errors of bodies that vanish where fixed joints hold them to others."""
-    errors = [f for f in found.kept.body_findings if f.severity == "error"]
-    left = any(f.severity == "error" for f in found.robot.body_findings)
-    return [] if left else errors
+def _merging(found: MjcfSource) -> Iterator[str]:
+    """Bodies that cannot be simulated alone become one with what fixed joints hold to them."""
+    if not found.weak:
+        return
+    tree = found.built.tree
+    kept = [body.name for body in tree.bodies if _is_fixed(tree, body.name)]
+    patterns = patterns_of(kept, list(found.robot.links.by_body))
+    more = f", keep_bodies: {inline(patterns)}" if kept else ""
+    yield f"# {some(found.weak)} cannot be simulated alone: no mass, or no inertia"
+    yield f"fixed_joints: {{merge: true{more}}}"
 
 
-def _merging(broken: Sequence[Finding]) -> Iterator[str]:
-    if broken:
-        yield f"# {some([f.subject for f in broken])}: {plain(broken[0].message, 160)}"
-        yield "fixed_joints: {merge: true}   # one body with what fixed joints hold to it"
+def _is_fixed(tree: Tree, body: str) -> bool:
+    above = tree.joint_above.get(body)
+    return above is not None and above.kind == "fixed"
 
 
 def _collision(robot: InspectedRobot) -> Iterator[str]:

@@ -50,12 +50,12 @@ class Repair:
     @property
     def kind(self) -> str:
         """What `on` names, as the edit's key spells it."""
-        return "joint" if self.edit == "set_limits" else "link"
+        return "joint" if self.edit in ("set_limits", "split_joint") else "link"
 
 
 def repairs(robot: InspectedRobot, root: Path) -> tuple[Repair, ...]:
     """What stops a build, mended; in the order of the recipe. root: of the source's files."""
-    return (*_inertias(robot, root), *_shares(robot), *_limits(robot))
+    return (*_splits(robot), *_inertias(robot, root), *_shares(robot), *_limits(robot))
 
 
 def repairs_text(robot: InspectedRobot, found: Sequence[Repair]) -> Iterator[str]:
@@ -69,7 +69,8 @@ def repairs_text(robot: InspectedRobot, found: Sequence[Repair]) -> Iterator[str
         names = tuple(dict.fromkeys(repair.on for repair in (first, *others)))
         yield f"  # {some(names)}: {plain(first.finding, 300)}"
         yield f"  # {first.why}"
-        known = robot.links.by_joint if first.kind == "joint" else robot.links.by_body
+        joints = (*robot.links.by_joint, *robot.planar)
+        known = joints if first.kind == "joint" else tuple(robot.links.by_body)
         for pattern in patterns_of(names, list(known)):
             yield f"  - {first.edit}: {inline({first.kind: pattern, **first.keys})}"
     yield from _hints(robot, {repair.on for repair in found if repair.kind == "joint"})
@@ -164,12 +165,18 @@ def _ball(link: str, mass: float, finding: Finding) -> Repair:
     return Repair(link, "set_inertia", keys, why, finding.message)
 
 
+def _splits(robot: InspectedRobot) -> Iterator[Repair]:
+    why = "two slides and a hinge move alike, in every format, and actuators can drive them"
+    for joint in robot.planar:
+        yield Repair(joint, "split_joint", {}, why, "MJCF and USD have no planar joint")
+
+
 def _shares(robot: InspectedRobot) -> Iterator[Repair]:
     if not_in_usd(robot):
         return  # MuJoCo needs none: several joints on one body
     why = (
-        "PhysX wants mass on every body: some is moved here from the body beyond, to where "
-        "the axes meet, which changes no motion; without the target usd, leave it out"
+        "PhysX wants mass on every body: some is moved here from the body beyond, where it "
+        "changes no motion; without the target usd, leave it out"
     )
     for finding in robot.link_findings:
         if finding.rule == "inertia.between":

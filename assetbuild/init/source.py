@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from assetbuild.errors import SourceError, UsageError, Where
-from assetbuild.init.file_names import absolute_folders, relative_start
+from assetbuild.init.file_names import absolute_folders, elsewhere, relative_start
 from assetbuild.init.packages import (
     common_folder,
     files_named,
@@ -87,7 +87,8 @@ def find_source(
     used = {**folders, **read.packages}
     used |= find_packages(uses, real, used)
     start, absolute = relative_start(uses, real), absolute_folders(uses, real)
-    root = common_folder(real, (*used.values(), *absolute.values()), uses, start)
+    strays = [stray.parent for stray in elsewhere(uses, real, start).values()]
+    root = common_folder(real, (*used.values(), *absolute.values(), *strays), uses, start)
     return UrdfSource(
         key="xacro" if by_xacro else "urdf",
         root=root,

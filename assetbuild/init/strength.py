@@ -300,10 +300,7 @@ def _own_length(tree: Tree, body: str) -> float:
 
 def _standing_load(leg: Leg, weight: float) -> float:
     """N m of a leg that carries its share on half of the legs, half its length off its foot."""
-    ways = [joint.X_parent_joint.xyz for joint in leg.joints[1:]]
-    ways.append(leg.X_tip_foot.xyz)
-    length = math.fsum(math.dist(way, (0.0, 0.0, 0.0)) for way in ways)
-    return weight * length / 2.0
+    return weight * leg.length / 2.0
 
 
 def limb_of(tree: Tree, joint: Joint) -> str:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from assetbuild.edits.share_mass import meeting_point
-from assetbuild.errors import RecipeError
 from assetbuild.init.look import InspectedRobot
 from assetbuild.init.words import plain, some
 from assetbuild.robot.chains import find_chains, is_massless, weighs
@@ -15,7 +13,8 @@ def targets(robot: InspectedRobot, springs: Collection[str] = ()) -> str:
     """The line of the recipe. springs: joints with one that the USD cannot hold."""
     free = next((joint.name for joint in robot.tree.joints if joint.kind == "floating"), None)
     if free is not None:
-        reason = f"joint {plain(free)} is floating, which only a base can be in MJCF and USD"
+        reason = f"joint {plain(free)} is floating, which only a base can be in MJCF and USD; "
+        reason += "the edit `split_joint` makes six joints of it"
         return f"targets: [urdf]   # {reason}"
     reason = not_in_usd(robot)
     if springs and not reason:
@@ -27,26 +26,29 @@ def targets(robot: InspectedRobot, springs: Collection[str] = ()) -> str:
 
 def not_in_usd(robot: InspectedRobot) -> str:
     """Why no articulation of PhysX is this robot, exactly; "" when one is."""
-    for joint in robot.tree.joints:
-        if joint.kind == "planar":
-            return f"joint {joint.name} is planar, which no articulation holds"
     shown = {shape.link for shape in robot.shapes.shapes}
     for chain in find_chains(robot.links, shown):
         # Edits come before merging: an end that fixed joints will give a mass has none to share.
         if is_massless(robot.links.by_body[chain.body]):
             return f"bodies without mass between the joints of {chain.body}"
-        for link in chain.between:
-            try:
-                meeting_point(link, chain.joints[chain.between.index(link) + 1 :])
-            except RecipeError as error:
-                return f"a body without mass: {error.message.partition(': ')[2]}"
+    for name in carried(robot):
+        return f"{name} has no mass but for the bodies that fixed joints hold to it"
     for body in robot.tree.bodies:
-        moves = robot.tree.base == "floating" or body.name != robot.tree.root
-        if not moves or not is_massless(body):
-            continue
-        if weighs(robot.tree, body.name):
-            return f"{body.name} has no mass but for the bodies that fixed joints hold to it"
         above = robot.tree.joint_above.get(body.name)
-        if above is not None and above.kind == "fixed" and body.name in shown:
+        if above is None or above.kind != "fixed":
+            continue
+        if is_massless(body) and body.name in shown:
             return f"{body.name} has no mass, and is excluded from other pairs than {above.parent}"
     return ""
+
+
+def carried(robot: InspectedRobot) -> list[str]:
+    """Moving bodies without mass, to which fixed joints hold bodies that have some."""
+    tree = robot.tree
+    return [
+        body.name
+        for body in tree.bodies
+        if (tree.base == "floating" or body.name != tree.root)
+        and is_massless(body)
+        and weighs(tree, body.name)
+    ]

@@ -14,10 +14,11 @@ from typing import Protocol
 
 import numpy as np
 
+from assetbuild.mesh.cover import Reference
 from assetbuild.mesh.hull import convex_hull
 from assetbuild.mesh.primitives import resized, signed_distance, sizes_of, volume_of
 from assetbuild.mesh.quality import surface_samples
-from assetbuild.mesh.solid import ConvexPiece, Solid, sobol
+from assetbuild.mesh.solid import ConvexPiece, sobol
 from assetbuild.mesh.triangles import TriangleMesh
 from assetbuild.mesh.volume import face_areas
 from assetbuild.robot.pose import Array, Pose, quat_between, quat_of, vec3
@@ -38,10 +39,10 @@ FIBONACCI = 24
 Fitted = tuple[Primitive, Pose]
 
 
-def best_primitive(mesh: TriangleMesh, kinds: Sequence[type[Primitive]] = KINDS) -> Fitted:
+def best_primitive(reference: Reference, kinds: Sequence[type[Primitive]] = KINDS) -> Fitted:
     """(primitive, X_frame_primitive) with the lowest over + 2 under of the asked kinds."""
-    score = _Score(mesh)
-    points = convex_hull(mesh.vertices).vertices
+    score, mesh = _Score(reference), reference.mesh
+    points = reference.hull.vertices
     search = convex_hull(points, max_vertices=SEARCHED)
     axes = candidate_axes(mesh, search)
     samples, _ = surface_samples(mesh, SAMPLES, 0)
@@ -65,11 +66,11 @@ def first_best(fits: Iterable[Fitted], score: Callable[[Fitted], float]) -> Fitt
 class _Score:
     """over + 2 under of a primitive against a mesh, on one seeded cloud of points."""
 
-    def __init__(self, mesh: TriangleMesh) -> None:
-        lower, upper = mesh.bounds
+    def __init__(self, reference: Reference) -> None:
+        lower, upper = reference.mesh.bounds
         cloud = sobol(POINTS, lower, upper)
-        self._inside = cloud[Solid(mesh).contains(cloud)]
-        if not len(self._inside):  # an open sheet: its hull is all there is to compare with
+        self._inside = cloud[reference.solid.contains(cloud)]
+        if not len(self._inside):  # thinner than the points are apart
             self._inside = cloud
         self._volume = float(np.prod(upper - lower)) * len(self._inside) / POINTS
 

@@ -209,7 +209,12 @@ def _merge(recipe: Recipe, ready: Ready, p: Planner) -> Node:
     keeps = any(side.keeps for side in ready.sides)
     if ready.read.control is not None and keeps:
         inputs["source_control.json"] = ready.read.control
-    step = MergeFixedJoints(merge=fixed.merge, keep_bodies=fixed.keep_bodies, keep_source=keeps)
+    step = MergeFixedJoints(
+        merge=fixed.merge,
+        keep_bodies=fixed.keep_bodies,
+        keep_source=keeps,
+        keep_root=ready.sides[0].from_mjcf,
+    )
     tree = p.add("merge_fixed_joints", step, inputs)
     linted = {"tree.json": tree["tree.json"], "shapes.json": edited["shapes.json"]}
     p.add("lint_bodies", LintBodies(bounds=recipe.validate_.inertia), linted)

@@ -23,7 +23,7 @@ from assetbuild.robot.shapes import Shape
 from assetbuild.robot.simulation import Simulation as Simulation
 
 Base = Literal["floating", "fixed"]
-JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
+JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "ball"]
 
 MOVING: frozenset[str] = frozenset({"revolute", "continuous", "prismatic"})
 """Joint kinds with one coordinate, which the actuator table must cover."""

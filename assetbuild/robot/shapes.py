@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from assetbuild.robot.pose import IDENTITY, Pose, Vec3
@@ -142,3 +142,21 @@ class Shapes:
     def of(self, role: Role) -> tuple[Shape, ...]:
         """The shapes of one role, in order."""
         return tuple(shape for shape in self.shapes if shape.role == role)
+
+    @property
+    def all_coloured(self) -> Shapes:
+        """The same with a grey material, MuJoCo's, for each visual shape that has none.
+
+        For formats in which a shape without a material looks different in every program.
+        """
+        if all(shape.material is not None for shape in self.of("visual")):
+            return self
+        taken = {material.name for material in self.materials}
+        name = next(n for n in ("grey", *(f"grey_{i}" for i in range(99))) if n not in taken)
+        shapes = (
+            replace(shape, material=name)
+            if shape.role == "visual" and shape.material is None
+            else shape
+            for shape in self.shapes
+        )
+        return replace(self, shapes=tuple(shapes), materials=(*self.materials, Material(name)))

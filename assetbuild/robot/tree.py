@@ -123,13 +123,14 @@ def sample_positions(tree: Tree, count: int, seed: int) -> list[dict[str, float]
 
 
 def merge_fixed_joints(
-    tree: Tree, merge: bool, keep_bodies: Collection[str]
+    tree: Tree, merge: bool, keep_bodies: Collection[str], *, keep_root: bool = False
 ) -> tuple[Tree, tuple[Merged, ...]]:
     """Make one body of all links that fixed joints hold together; nothing is lost.
 
     A body is named after its topmost link and keeps that link's frame; a root link without mass
     (`PLACEHOLDER_KG`) hands both to the heaviest link merged into it, unless that would move a
     fixed base off the place where the source mounts it. The other links become frames.
+    keep_root: it keeps them, as in MJCF, whose keyframes say where the root's own frame stands.
     keep_bodies: links that stay bodies of their own on their fixed joint. Exact: only poses that
     are not the identity change a number.
     """
@@ -139,7 +140,7 @@ def merge_fixed_joints(
     placed: dict[str, tuple[str, Pose]] = {}
     facts: list[Merged] = []
     for members in groups:
-        name = _name_giver(tree, members)
+        name = members[0] if keep_root else _name_giver(tree, members)
         poses = _poses_from(name, tree, members)
         placed |= {link: (name, poses[link]) for link in members}
         inertials = [

@@ -70,6 +70,14 @@ def test_a_placeholder_root_is_told(robots: Path, tmp_path: Path):
     assert findings[0].data == {"body": "trunk", "mass_kg": 1e-6}
 
 
+def test_the_root_of_an_mjcf_stays_the_root_whatever_it_weighs(robots: Path, tmp_path: Path):
+    """Its keyframes say where its own frame stands."""
+    folder = read(robots / "placeholder_root.urdf", tmp_path)
+    tree, findings = merge(folder, MergeFixedJoints(keep_root=True))
+    assert [b.name for b in tree.bodies] == ["base", "arm"]
+    assert [f.rule for f in findings] == ["merge.fixed_joints"]
+
+
 def test_go1_becomes_thirteen_bodies_with_all_its_mass(go1_root: Path, tmp_path: Path):
     path = go1_root / "robots/go1_description/urdf/go1.urdf"
     tree, findings = merge(read(path, tmp_path), MergeFixedJoints())

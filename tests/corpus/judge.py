@@ -103,8 +103,8 @@ _LISTS = ("xyz", "rpy", "size", "scale", "rgba")
 def readable(source: Path) -> str:
     """The URDF without what pinocchio alone refuses and no pose or mass depends on.
 
-    Commas beside numbers are blanks, a negative effort or velocity is none, and a revolute joint
-    without a limit turns without end. A text that is no XML stays as it is.
+    Commas beside numbers are blanks, a missing or negative effort or velocity is 0, and a revolute
+    joint without a limit turns without end. A text that is no XML stays as it is.
     """
     text = re.sub(r"<\?xml.*?\?>", "", source.read_text())
     try:
@@ -120,7 +120,7 @@ def readable(source: Path) -> str:
         if limit is None and joint.get("type") == "revolute":
             joint.set("type", "continuous")
         for key in ("effort", "velocity"):
-            if limit is not None and (value(limit.get(key)) or 0.0) < 0.0:
+            if limit is not None and (value(limit.get(key)) or 0.0) <= 0.0:
                 limit.set(key, "0")
     return tostring(robot, encoding="unicode")
 
@@ -266,7 +266,8 @@ def links(urdf: Path, find: Callable[[str], Path | None]) -> Mapping[str, tuple[
             if mesh is None or path is None:
                 continue
             corners, counts = polygons(path)
-            scale = [float(v) for v in (mesh.get("scale") or "1").replace(",", " ").split()]
+            scale = [float(v) for v in (mesh.get("scale") or "1").split()]
+            scale = scale[:3] if len(set(scale)) == 1 else scale
             X = origin(visual.find("origin"))
             corners = corners * scale @ X[:3, :3].T + X[:3, 3]
             seen.append(polygons_measured(corners, counts))

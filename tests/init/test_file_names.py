@@ -241,6 +241,14 @@ def test_a_robot_of_which_no_mesh_is_there_is_refused(tmp_path: Path):
         built(tmp_path, "arm.urdf")
 
 
+def test_a_name_that_starts_from_another_folder_than_the_others_is_patched(tmp_path: Path):
+    lay(tmp_path, {"car/arm.urdf": arm("a.obj", "gear/b.obj"), "car/a.obj": OBJ, "gear/b.obj": OBJ})
+    source, findings = built(tmp_path, "car/arm.urdf")
+    (patch,) = source["patches"]
+    assert (patch["find"], patch["replace"]) == ('"gear/b.obj"', '"../gear/b.obj"')
+    assert said(findings, "source.patch").data["file"] == "car/arm.urdf"
+
+
 @pytest.mark.parametrize(
     ("name", "own"),
     [("meshes/A.OBJ", "meshes/a.obj"), ("Meshes/a.obj", "meshes/a.obj"), ("meshes\\a.obj",) * 2],

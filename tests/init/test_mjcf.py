@@ -140,13 +140,16 @@ def proposed(tmp_path: Path, bodies: str, more: str = "") -> tuple[tuple[str, ..
     return load_recipe(out).recipe.targets, out.read_text()
 
 
-def test_a_root_that_weighs_by_a_fixed_body_alone_is_not_proposed_as_usd(tmp_path: Path):
+def test_a_root_that_weighs_by_a_fixed_body_alone_becomes_one_with_it(tmp_path: Path):
     """The build keeps the bodies of an MJCF, and PhysX would make up a mass for the root."""
-    leg = '<body name="leg"><joint name="j"/><geom size=".1"/></body>'
-    pelvis = f'<body name="pelvis"><geom size=".1"/>{leg}</body>'
+    head = '<body name="head" pos="0 0 1"><geom size=".1"/></body>'
+    foot = '<body name="foot"><geom size=".1"/></body>'
+    leg = f'<body name="leg"><joint name="j"/><geom size=".1"/>{foot}</body>'
+    pelvis = f'<body name="pelvis"><geom size=".1"/>{head}{leg}</body>'
     targets, text = proposed(tmp_path, f'<body name="root"><freejoint/>{pelvis}</body>')
-    assert targets == ("urdf", "mjcf")
-    assert "root has no mass but for the bodies" in text
+    assert targets == ("urdf", "mjcf", "usd")
+    assert "fixed_joints: {merge: true, keep_bodies: [foot]}" in text
+    assert "# root cannot be simulated alone" in text
 
 
 def test_a_foot_that_touches_on_its_own_is_not_proposed_as_usd(tmp_path: Path):

@@ -96,6 +96,22 @@ def test_a_robot_that_stands_on_its_shins_is_not_asked_to_stand_on_its_feet(
     assert "  # stand: {keyframe: home" in text
 
 
+def test_a_dog_that_is_folded_at_zero_stands_up_at_home(robots: Path, tmp_path: Path):
+    """Its shins lie along its thighs there, with the feet not far below the hips."""
+    lines = []
+    for line in (robots / DOG).read_text().splitlines():
+        if "_calf" in line and "<link" in line:
+            line = line.replace('"0 0 -0.1"', '"0 0 0.05"')
+        if "_foot_fixed" in line:
+            line = line.replace('"0 0 -0.2"', '"0 0 0.12"')
+        if "_calf_joint" in line:
+            line = line.replace('lower="-2.7" upper="-0.9"', 'lower="-3.1" upper="3.1"')
+        lines.append(line)
+    (tmp_path / "folded.urdf").write_text("\n".join(lines))
+    text = propose(tmp_path / "folded.urdf", tmp_path / "folded.yaml", {}).text
+    assert "it stands for 2 s: base height 0.3" in text
+
+
 def test_an_arm_is_not_asked_to_stand(robots: Path, tmp_path: Path):
     assert "stand:" not in propose(robots / "odd_arm.urdf", tmp_path / "arm.yaml", {}).text
 

@@ -133,11 +133,10 @@ def test_a_strange_robot_gets_a_recipe_that_loads(name: str, tmp_path: Path):
 @pytest.mark.parametrize(
     ("targets", "parts"),
     [
-        (("urdf", "mjcf"), (joint("p", "a", "b", "planar"), joint("j", "b", "c"))),
         (("urdf",), (joint("p", "a", "b", "floating", ""), joint("j", "b", "c"))),
         (("urdf", "mjcf", "usd"), (joint("p", "a", "b"), joint("j", "b", "c"))),
     ],
-    ids=["planar", "floating", "revolute"],
+    ids=["floating", "revolute"],
 )
 def test_a_target_that_cannot_hold_a_joint_is_left_out(
     targets: tuple[str, ...], parts: tuple[str, ...], tmp_path: Path
@@ -149,8 +148,19 @@ def test_a_target_that_cannot_hold_a_joint_is_left_out(
     assert reason == (len(targets) < 3)
 
 
-@pytest.mark.parametrize(("x", "usd"), [(0.0, True), (0.1, False)], ids=["meet", "pass by"])
-def test_massless_links_share_mass_where_their_axes_meet(x: float, usd: bool, tmp_path: Path):
+def test_a_planar_base_is_split_and_keeps_its_usd(tmp_path: Path):
+    text = robot(
+        link("a"), link("b"), link("c"), joint("p", "a", "b", "planar"), joint("j", "b", "c")
+    )
+    recipe = initialised(text, tmp_path)
+    assert recipe.targets == ("urdf", "mjcf", "usd")
+    text = (tmp_path / "r.yaml").read_text()
+    assert "- split_joint: {joint: p}" in text
+    assert "- share_mass: {link:" in text
+
+
+@pytest.mark.parametrize("x", [0.0, 0.1], ids=["meet", "pass by"])
+def test_massless_links_share_mass(x: float, tmp_path: Path):
     last = joint("k", "between", "end", x=x).replace('"0 0 1"', '"0 1 0"')
     third = joint("l", "end", "tip").replace('"0 0 1"', '"1 0 0"')
     second = link("between", "")
@@ -161,11 +171,11 @@ def test_massless_links_share_mass_where_their_axes_meet(x: float, usd: bool, tm
         link("tip"),
         joint("j", "base", "between"),
         last.replace("0.2", "0"),
-        third.replace("0.2", "0" if usd else "0.1"),
+        third.replace("0.2", str(x)),
     )
     recipe = initialised(text, tmp_path)
-    assert ("usd" in recipe.targets) == usd
-    assert bool(recipe.edits) == usd
+    assert "usd" in recipe.targets
+    assert recipe.edits
 
 
 REFUSED = {

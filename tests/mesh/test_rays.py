@@ -44,6 +44,32 @@ def test_long_slivers_are_found_wherever_they_lie():
     assert missed(middles - 5.0 * DOWN, np.tile(-DOWN, (400, 1)), mesh).all()
 
 
+def test_a_few_rays_strike_what_they_strike_among_many():
+    """Few rays look at the triangles near them alone: the same strikes, number by number."""
+    ball = tessellate(Sphere(0.5))
+    while len(ball.faces) < 5000:
+        ball = split(ball)
+    rng = np.random.default_rng(3)
+    origins = np.column_stack(
+        [rng.uniform(-0.6, 0.6, (len(ball.faces), 2)), np.full(len(ball.faces), 2.0)]
+    )
+    origins[:3, :2] = ball.vertices[:3, :2]  # and through corners
+    view = Across(ball, np.array([0.2, 0.1, -1.0]))
+    many, few = view.strike(origins), view.strike(origins[:40])
+    first = many.ray < 40
+    for name in ("ray", "depth", "front"):
+        assert np.array_equal(getattr(many, name)[first], getattr(few, name))
+
+
+def split(mesh: TriangleMesh) -> TriangleMesh:
+    """Four triangles for each."""
+    a, b, c = np.moveaxis(mesh.corners, 1, 0)
+    ab, bc, ca = (a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0
+    corners = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    points = np.concatenate([np.stack(three, axis=1) for three in corners]).reshape(-1, 3)
+    return TriangleMesh(points, np.arange(len(points)).reshape(-1, 3))
+
+
 def test_rays_of_several_directions_miss_what_lies_behind_or_beside_them():
     origins = np.array([[0.0, 0.0, 2.0], [0.0, 0.0, 2.0], [2.0, 0.0, 0.0], [2.0, 0.0, 0.6]])
     directions = np.array([DOWN, -DOWN, [-1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])

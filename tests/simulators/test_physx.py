@@ -6,16 +6,21 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from pxr import Usd as UsdCore
 from tiny import TinyRobot, box_inertial, check_inputs, kept_feet, pendulum, tiny_quadruped
 
+from assetbuild.edits.share_mass import ShareMass
+from assetbuild.edits.split_joint import SplitJoint
+from assetbuild.engine.step import Files
 from assetbuild.robot.model import Actuator, Body, Control, Joint, Keyframe, Limits, Mimic, Tree
 from assetbuild.robot.pose import Pose, Vec3
-from assetbuild.robot.shapes import Shapes, Sphere
+from assetbuild.robot.shapes import Shapes, SourceShapes, Sphere
 from assetbuild.simulators import physx
 from assetbuild.simulators.experiments import Motion, Sine, compare_response, sine_of
+from assetbuild.targets.mjcf import Mjcf
 from assetbuild.targets.usd import Usd
 
 needs_physx = pytest.mark.skipif(
@@ -46,6 +51,39 @@ def coupled(axis: Vec3) -> TinyRobot:
     drives = (Actuator("lead", "pd", kp=200.0, kd=10.0, effort=50.0), Actuator("follow", "passive"))
     home = Keyframe("home", (("lead", 0.0), ("follow", 0.2)))
     return TinyRobot(tree, tree, Shapes(), Control(drives, (home,)))
+
+
+def car() -> TinyRobot:
+    """A planar base on drives, split into two slides and a hinge whose links share its mass."""
+    body = box_inertial(10.0, (0.6, 0.4, 0.2), (0.1, 0.05, 0.2))
+    planar = Joint("base", "planar", "floor", "car", axis=(0.0, 0.0, 1.0))
+    tree = Tree("car", "fixed", (Body("floor"), Body("car", body)), (planar,))
+    for edit in (SplitJoint(joint="base"), ShareMass(link="base_._link")):
+        tree = edit.edit(tree, SourceShapes(), Files(Path(), Path())).tree
+    drives = tuple(
+        Actuator(joint.name, "pd", kp=kp, kd=kp / 10.0)
+        for joint, kp in zip(tree.joints, (2000.0, 2000.0, 200.0), strict=True)
+    )
+    home = Keyframe("home", tuple((joint.name, 0.0) for joint in tree.joints))
+    return TinyRobot(tree, tree, Shapes(), Control(drives, (home,)))
+
+
+@needs_physx
+def test_a_planar_base_drives_in_physx_as_in_mujoco(tmp_path: Path) -> None:
+    robot, names = car(), ("base_x", "base_y", "base_yaw")
+    sine = Sine(dict.fromkeys(names, 0.0), dict(zip(names, (0.5, 0.3, 0.8), strict=True)), 1.0, 1.0)
+    setting = physx.Setting(0.001, GRAVITY)
+    run = physx.Experiment("m", setting, steps=1000, every=1000, sine=sine)
+    motion = physx.perform(built(robot, tmp_path / "usd"), [run])["m"].motion
+    assert motion is not None
+    inputs = check_inputs(tmp_path / "mjcf", robot, Mjcf(robot="robot"), "mjcf")
+    model = mujoco.MjModel.from_xml_path(str(inputs / "mjcf/robot.xml"))
+    model.opt.timestep, data = 0.001, mujoco.MjData(model)
+    for step in range(1000):
+        data.ctrl[:] = [sine.target(name, 0.001 * (step + 1)) for name in names]
+        mujoco.mj_step(model, data)
+    for name in names:
+        assert motion.joints[name][-1] == pytest.approx(data.joint(name).qpos[0], abs=2e-3)
 
 
 @needs_physx

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -91,4 +92,5 @@ class UsdReader(Reader):
         """The robot as USD can hold it, with the words of the format."""
         from assetbuild.facts.usd_expected import usd_table
 
+        reference = replace(reference, shapes=reference.shapes.all_coloured)
         return usd_table(self.robot, robot_table(reference).only(self.holds), reference)

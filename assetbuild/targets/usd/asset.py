@@ -38,6 +38,7 @@ def write_asset(
     options: UsdOptions,
 ) -> Iterator[Finding]:
     """`<robot>.usda`, its payloads and `scene.usda`."""
+    shapes = shapes.all_coloured
     names = PrimPaths.of(robot, tree, shapes)
     payloads, main = folder / PAYLOADS, f"{robot}.usda"
     write_library(payloads, names, shapes, meshes)
