@@ -213,6 +213,7 @@ def names_of(said: SourceControl) -> Iterator[tuple[str, str]]:
             yield "actuator", actuator.name
     yield from (("sensor", sensor.name) for sensor in said.control.sensors)
     yield from (("camera", camera.name) for camera in said.control.cameras)
+    yield from (("equality", loop.name) for loop in said.control.loops)
     for item in said.control.mjcf_only:
         element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
         if item.place in ("actuator", "sensor", "tendon", "equality") and element.get("name"):
