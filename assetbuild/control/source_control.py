@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 from assetbuild.control.only_mjcf import explain_gears, explain_opaque
 from assetbuild.control.senses import changed
+from assetbuild.control.wider_excludes import wider_excludes
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.contact import Surface
@@ -29,6 +30,7 @@ from assetbuild.robot.model import (
 from assetbuild.robot.shapes import Shapes
 from assetbuild.robot.sides import Side, side_of
 from assetbuild.robot.source import SourceControl
+from assetbuild.robot.split_joints import ROWS, angles_of
 from assetbuild.source.mjcf.text import DROPPED
 
 BODY_NAMES = ("body", "body1", "body2", "target")
@@ -103,6 +105,7 @@ def join(
         mjcf_only=mjcf_only,
     )
     findings += [*explain_gears(actuators), *explain_opaque(mjcf_only)]
+    findings += wider_excludes(said.excludes, tree, shapes)
     return JoinedControl(joined, findings)
 
 
@@ -147,10 +150,22 @@ def joined_keyframes(
     more = []
     for key in said:
         if key.name not in taken:
-            values = dict(key.joints) | dict(poses.get(key.name, {}))
+            values = _split_balls(key, tree) | dict(key.joints) | dict(poses.get(key.name, {}))
             joints = tuple((name, values.get(name, 0.0)) for name in order)
-            more.append(Keyframe(key.name, joints, key.base if tree.base == "floating" else None))
+            base = key.base if tree.base == "floating" else None
+            turns = tuple(row for row in key.turns if row[0] in tree.by_joint)
+            more.append(Keyframe(key.name, joints, base, turns))
     return (*own, *more)
+
+
+def _split_balls(key: Keyframe, tree: Tree) -> dict[str, float]:
+    """Positions of the hinges that an edit made of the source's ball joints, rad."""
+    return {
+        f"{name}_{suffix}": angle
+        for name, turn in key.turns
+        if name not in tree.by_joint
+        for (suffix, _), angle in zip(ROWS["ball"], angles_of(turn), strict=True)
+    }
 
 
 def _commands(
@@ -279,6 +294,8 @@ def _kept(
             continue
         elif item.place == "option":
             yield _unsaid(item, stated.base.stated)
+        elif item.place == "joint" and item.owner not in bodies.joints:
+            findings.append(_of_split_joint(item))
         elif bodies.keeps(item):
             yield item
         elif item.place == "camera":
@@ -325,6 +342,16 @@ def _sensor_of_drive(item: MjcfOnly) -> Finding:
     )
 
 
+def _of_split_joint(item: MjcfOnly) -> Finding:
+    return DROPPED(
+        f"joint {item.owner}",
+        f"an edit replaced the joint: what its MJCF says of it was left out: {item.element}",
+        "state damping, friction and armature of the new joints in `actuators`",
+        severity="warning",
+        data={"element": "joint", "count": 1},
+    )
+
+
 def _is_piece(name: str, source: str) -> bool:
     """Whether a shape is one of the source or a piece of it: `trunk`, `trunk_2`."""
     return name == source or re.fullmatch(re.escape(source) + r"_\d+", name) is not None
@@ -344,7 +371,7 @@ class _Bodies:
     """Which bodies of the source are still bodies."""
 
     def __init__(self, tree: Tree, findings: list[Finding]) -> None:
-        self._tree, self._findings = tree, findings
+        self._tree, self._findings, self.joints = tree, findings, tree.by_joint
         self._frames = {frame.name for frame in tree.frames}
 
     def pairs(self, pairs: tuple[tuple[str, str], ...]) -> Iterator[tuple[str, str]]:

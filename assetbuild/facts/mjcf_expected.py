@@ -18,7 +18,7 @@ from assetbuild.facts.table import Key, Table, Value, pair_name, pair_of
 from assetbuild.robot.chains import axis_in_body, find_chains
 from assetbuild.robot.loops import site_names
 from assetbuild.robot.model import Actuator, Joint, Tree
-from assetbuild.robot.pose import quat_between, rotation_of
+from assetbuild.robot.pose import IDENTITY, quat_between, rotation_of
 
 MOTORS = ("ideal_pd", "dc_motor", "motor")
 AT_SITE = ("accelerometer", "gyro", "velocimeter", "magnetometer", "force", "torque", "touch",
@@ -78,7 +78,7 @@ def _structure(reference: Reference, facts: dict[Key, Value]) -> dict[Key, Value
             }
     in_chain = {joint.name for chain in chains for joint in chain.joints}
     for joint in tree.joints:
-        if joint.kind == "planar" and joint.name not in in_chain:
+        if joint.kind in ("planar", "ball") and joint.name not in in_chain:
             place = {"body": joint.child, "parent": joint.parent}
             made |= {Key("joint", name, quantity): value
                      for name, facts_of in _joints(joint, place)
@@ -96,6 +96,9 @@ def _structure(reference: Reference, facts: dict[Key, Value]) -> dict[Key, Value
 
 def _joints(joint: Joint, place: Mapping[str, Value]) -> Iterator[tuple[str, dict[str, Value]]]:
     """(name in MJCF, facts): a planar joint is two slides across its normal and a hinge."""
+    if joint.kind == "ball":
+        yield joint.name, {q: v for q, v in place.items() if q != "axis"} | {"type": "ball"}
+        return
     if joint.kind != "planar":
         yield joint.name, dict(place)
         return
@@ -298,7 +301,11 @@ def _senses(reference: Reference, facts: dict[Key, Value]) -> None:
                 aimed = value * row.gear if row.model == "pd" else 0.0
                 aimed = commands.get((key.name, drives.get(joint, joint)), aimed)
                 facts[Key("keyframe", f"{key.name}/{joint}", "target")] = aimed
+        turns = dict(key.turns)
         for joint_ in tree.joints:
+            if joint_.kind == "ball":
+                turn = turns.get(joint_.name, IDENTITY.quat)
+                facts[Key("keyframe", f"{key.name}/{joint_.name}", "mjcf:orientation")] = turn
             if joint_.kind == "planar":
                 for suffix in ("x", "y", "yaw"):
                     facts[Key("keyframe", f"{key.name}/{joint_.name}_{suffix}", "position")] = 0.0

@@ -17,7 +17,13 @@ from assetbuild.facts.table import Value, Writer, pair_name
 from assetbuild.simulators.joint_drives import Drive, read_drives
 from assetbuild.simulators.mujoco import Model, inertia_of, name_of, passes
 
+<<<<<<< HEAD
 JOINTS = {0: "floating", 1: "ball", 2: "linear", 3: "rotary"}
+=======
+BALL = 1
+JOINTS = {0: "floating", BALL: "ball", 2: "linear", 3: "rotary"}
+LOOPS = {0: "connect", 1: "weld"}
+>>>>>>> main
 GROUPS = {2: "visual", 3: "collision"}
 """Menagerie's groups of geoms."""
 OBJECTS = {
@@ -40,10 +46,11 @@ def read_model(
     subjects that the book now tells whole.
     """
     moving = [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) in (2, 3)]
+    balls = [joint for joint in range(model.njnt) if int(model.jnt_type[joint]) == BALL]
     _root(model, book)
     for body in range(1, model.nbody):
         book.put("body", _name(model, "body", body), _body(model, body))
-    for joint in moving:
+    for joint in (*moving, *balls):
         book.put("joint", _name(model, "joint", joint), _joint(model, joint))
     drives = [
         drive
@@ -138,7 +145,9 @@ def _joint(model: Model, joint: int) -> dict[str, Value]:
         "model": "passive",
     }
     rest = float(model.qpos_spring[int(model.jnt_qposadr[joint])])
-    if facts["stiffness"]:
+    if int(model.jnt_type[joint]) == BALL:
+        del facts["axis"]
+    elif facts["stiffness"]:
         facts["spring reference"] = rest
     if model.jnt_actfrclimited[joint]:
         facts["mjcf:actuatorfrcrange"] = _numbers(model.jnt_actfrcrange[joint])
@@ -380,6 +389,12 @@ def _keyframe(model: Model, key: int, moving: list[int], drives: list[Drive], bo
     for joint in moving:
         value = float(qpos[int(model.jnt_qposadr[joint])])
         book.put("keyframe", f"{name}/{_name(model, 'joint', joint)}", {"position": value})
+    for joint in range(model.njnt):
+        if int(model.jnt_type[joint]) == BALL:
+            address = int(model.jnt_qposadr[joint])
+            turn = pose_of((0.0, 0.0, 0.0), qpos[address : address + 4]).quat
+            subject = f"{name}/{_name(model, 'joint', joint)}"
+            book.put("keyframe", subject, {"mjcf:orientation": turn})
     for drive in drives:
         subject = f"{name}/{drive.joint_name}"
         book.put("keyframe", subject, {"target": float(ctrl[drive.ctrl_index])})

@@ -22,7 +22,9 @@ MEANS: Mapping[str, tuple[str, ...]] = {
     "ctrllimited": ("command range",),
     "resolution": ("resolution",), "polycoef": ("mimic multiplier", "mimic offset"),
     "stiffness": ("stiffness", "spring reference"),
-    "springref": ("spring reference",), "group": ("role", "mjcf:group"),
+    "damping": ("damping",), "frictionloss": ("friction",), "armature": ("armature",),
+    "range": ("lower", "upper"), "springref": ("spring reference",),
+    "group": ("role", "mjcf:group"),
     "rgba": ("rgba",), "mode": ("tracking",), "gear": ("gear", "kp", "kd", "effort"),
 }  # fmt: skip
 """Attribute that only MJCF says -> quantities of the owner that it changes."""

@@ -16,6 +16,11 @@ def targets(robot: InspectedRobot, springs: Collection[str] = ()) -> str:
         reason = f"joint {plain(free)} is floating, which only a base can be in MJCF and USD; "
         reason += "the edit `split_joint` makes six joints of it"
         return f"targets: [urdf]   # {reason}"
+    ball = next((joint.name for joint in robot.tree.joints if joint.kind == "ball"), None)
+    if ball is not None:
+        reason = f"joint {plain(ball)} is a ball, which MJCF alone has here"
+        hint = "the edit `split_joint` makes three hinges of it, if it never turns to 90 degrees"
+        return f"targets: [mjcf]   # {reason}; {hint}"
     reason = not_in_usd(robot)
     if springs and not reason:
         reason = f"it cannot hold the springs of {some(list(springs))}; see `usd.spring`"

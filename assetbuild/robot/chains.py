@@ -16,7 +16,7 @@ from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
 MAX_DOFS = 6
 """A free body has no more; with more the mass matrix is singular, and MuJoCo refuses."""
 
-_DOFS = {"planar": 3, **dict.fromkeys(MOVING, 1)}
+_DOFS = {"planar": 3, "ball": 3, **dict.fromkeys(MOVING, 1)}
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from typing import Literal
 from assetbuild.robot.actuator_table import ActuatorModel as ActuatorModel
 from assetbuild.robot.actuator_table import General as General
 from assetbuild.robot.contact import Contact as Contact
-from assetbuild.robot.pose import IDENTITY, Pose, Vec3
+from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3
 from assetbuild.robot.shapes import Shape
 from assetbuild.robot.simulation import Simulation as Simulation
 
@@ -221,11 +221,13 @@ class Keyframe:
     """A pose of the whole robot. base: X_world_root of a floating base, None when fixed.
 
     joints: (name, value) of every moving joint in tree order, rad or m.
+    turns: (name, R_parent_child) of ball joints that are turned.
     """
 
     name: str
     joints: tuple[tuple[str, float], ...]
     base: Pose | None = None
+    turns: tuple[tuple[str, Quat], ...] = ()
 
 
 @dataclass(frozen=True)

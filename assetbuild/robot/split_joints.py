@@ -6,11 +6,12 @@ have a pose (the second at 90 degrees) in which two of them turn about one axis.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
 from assetbuild.robot.model import Body, Joint, JointKind, Tree
-from assetbuild.robot.pose import IDENTITY, Pose, Vec3, quat_between, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, Quat, Vec3, quat_between, rotation_of, vec3
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 ROWS: Mapping[str, tuple[tuple[str, Vec3], ...]] = {
@@ -39,6 +40,13 @@ def split(tree: Tree, names: frozenset[str]) -> Tree:
 def between(joint: Joint) -> tuple[str, ...]:
     """Names of the links that a split puts between the joints."""
     return tuple(each.child for each in _row(joint)[:-1])
+
+
+def angles_of(turn: Quat) -> tuple[float, float, float]:
+    """Angles of the three hinges of a ball: R = Rx(a) Ry(b) Rz(c), rad."""
+    r = rotation_of(turn)
+    x = math.atan2(-r[1, 2], r[2, 2])
+    return x, math.atan2(r[0, 2], math.hypot(r[0, 0], r[0, 1])), math.atan2(-r[0, 1], r[0, 0])
 
 
 def _row(joint: Joint) -> tuple[Joint, ...]:

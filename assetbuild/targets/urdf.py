@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from assetbuild.engine.step import Files
+from assetbuild.errors import StepError
 from assetbuild.findings import Finding, Rule
 from assetbuild.kinds import Target
 from assetbuild.robot.files import RobotFiles
@@ -232,6 +233,12 @@ def _add_geometry(parent: ET.Element, geometry: Geometry, file: str) -> None:
 
 
 def _add_joint(robot: ET.Element, joint: Joint, actuator: Actuator | None) -> None:
+    if joint.kind == "ball":
+        raise StepError(
+            f"joint `{joint.name}` is a ball joint, which URDF does not have",
+            hint="leave `urdf` out of `targets`, or make three hinges of it by `edits: "
+            f"[split_joint: {{joint: {joint.name}}}]`",
+        )
     element = ET.SubElement(robot, "joint", name=joint.name, type=joint.kind)
     _add_origin(element, joint.X_parent_joint)
     ET.SubElement(element, "parent", link=joint.parent)

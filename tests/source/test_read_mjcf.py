@@ -321,7 +321,6 @@ def test_a_comment_changes_only_the_lines(tmp_path: Path):
         ("<mujoco><worldbody>", "robot.xml:1: not readable as XML"),
         ('<!DOCTYPE m [<!ENTITY a "b">]><mujoco/>', "a DOCTYPE is not allowed"),
         (robot(""), "a robot without bodies"),
-        (robot('<body name="a"><geom size=".1"/>\n<body name="b"><joint type="ball"/><geom size=".1"/></body></body>'), "robot.xml:2: body `b`: ball joints are not read\nhint: write it as three hinges"),
         (robot('<body name="a"><freejoint/><geom size=".1"/></body>\n<body name="c"><freejoint/><geom size=".1"/></body>'), "robot.xml:2: 2 bodies, none of them driven, in the world, and a recipe builds one"),
         (robot('<body name="a">\n<geom size=".1" sise="3"/></body>'), "robot.xml:2: MuJoCo does not compile it: Schema violation: unrecognized attribute: 'sise'"),
         (robot('<body name="a">\n<joint/></body>'), "MuJoCo does not compile it: mass and inertia of moving bodies"),
@@ -446,6 +445,24 @@ def test_models_with_classes_of_one_name_are_attached_without_a_prefix(tmp_path:
     body = '<body name="arm" childclass="c"><geom/><frame><attach model="h" body="palm" prefix=""/></frame></body>'
     reading = read(robot(body, head=head), tmp_path, hand_xml=child)
     assert [s.geometry.radius for s in reading.shapes.shapes] == [0.1, 0.3]  # type: ignore[union-attr] # spheres
+
+
+PLUGIN = '<extension><plugin plugin="mujoco.sensor.touch_grid"/></extension>'
+
+
+def test_a_sensor_of_a_plugin_is_left_out_and_told(tmp_path: Path):
+    grid = '<plugin name="grid" plugin="mujoco.sensor.touch_grid" objtype="site" objname="s"><config key="size" value="7 7"/></plugin>'
+    body = '<body name="a"><geom size=".1"/><site name="s"/></body>'
+    found = read(robot(body, f"<sensor>{grid}<gyro name='w' site='s'/></sensor>", PLUGIN), tmp_path)
+    (told,) = [f for f in found.findings if f.subject == "sensor grid"]
+    assert (told.rule, told.severity) == ("mjcf.dropped", "warning")
+    assert [sensor.name for sensor in found.control.sensors] == ["w"]
+
+
+def test_a_plugin_that_moves_something_is_refused(tmp_path: Path):
+    drive = '<actuator>\n<plugin name="p" plugin="mujoco.pid" joint="j"/></actuator>'
+    message = refused(robot(ARM, drive, PLUGIN.replace("sensor.touch_grid", "pid")), tmp_path)
+    assert "<plugin> is not read" in message
 
 
 def test_copies_without_end_are_refused(tmp_path: Path):

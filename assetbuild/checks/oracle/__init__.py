@@ -79,7 +79,7 @@ class Oracle(Check):
         robot = RobotFiles(files.inputs)
         figures: dict[str, object] = {"poses": self.poses}
         findings: list[Finding] = []
-        odd = [j for j in robot.links.joints if j.kind in ("floating", "planar")]
+        odd = [j for j in robot.links.joints if j.kind in ("floating", "planar", "ball")]
         if odd:
             findings.append(_unsupported(odd[0].name, odd[0].kind))
         else:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from assetbuild.robot.model import Camera, MjcfOnly
 from assetbuild.robot.pose import IDENTITY
 from assetbuild.source.mjcf.compiled import pose_at
-from assetbuild.source.mjcf.links import Links
+from assetbuild.source.mjcf.links import BALL, Links
 from assetbuild.source.mjcf.opaque import attributes_of, body_element, keys, leftover, words
 from assetbuild.source.mjcf.text import WORLD, error_at, parts
 
@@ -79,6 +79,10 @@ def _joint(links: Links, name: str, said: Mapping[str, str]) -> Iterator[MjcfOnl
     model, index = links.source.model, links.source.id_of("joint", name)
     if said.get("type") == "free" or int(model.jnt_type[index]) == 0:
         return
+    if int(model.jnt_type[index]) == BALL:
+        if more := _ball(links, index, said):
+            yield MjcfOnly("joint", attributes_of("joint", more), name)
+        return
     more = leftover(said, _JOINT)
     for key in ("damping", "frictionloss"):
         if len(more.get(key, "0").split()) == 1:  # more numbers are a polynomial
@@ -94,6 +98,27 @@ def _joint(links: Links, name: str, said: Mapping[str, str]) -> Iterator[MjcfOnl
             more |= {"springref": words((rest,))} if rest else {}
     if more:
         yield MjcfOnly("joint", attributes_of("joint", more), name)
+
+
+def _ball(links: Links, index: int, said: Mapping[str, str]) -> dict[str, str]:
+    """As compiled, but for polynomials, which stand as they are."""
+    model, dof = links.source.model, int(links.source.model.jnt_dofadr[index])
+    more = leftover(said, _JOINT | {"springref"})
+    for key, value in (
+        ("damping", model.dof_damping[dof]),
+        ("frictionloss", model.dof_frictionloss[dof]),
+        ("armature", model.dof_armature[dof]),
+        ("stiffness", model.jnt_stiffness[index]),
+    ):
+        if len(more.get(key, "").split()) <= 1:
+            more |= {key: words((float(value),))}
+        if not any(float(number) for number in more[key].split()):
+            del more[key]
+    if model.jnt_limited[index]:
+        more["range"] = words(model.jnt_range[index])
+    elif said.get("limited") == "false":
+        more["limited"] = "false"
+    return more
 
 
 def _site(links: Links, element: _Element) -> Iterator[MjcfOnly]:

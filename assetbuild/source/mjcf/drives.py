@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from assetbuild.findings import Data, Finding
-from assetbuild.robot.model import Actuator, General, Joint, Limits, MjcfOnly
+from assetbuild.robot.model import MOVING, Actuator, General, Joint, Limits, MjcfOnly
 from assetbuild.source.mjcf.compiled import Model
 from assetbuild.source.mjcf.links import Links
 from assetbuild.source.mjcf.opaque import element_text, words
@@ -47,7 +47,7 @@ def read_drives(links: Links) -> Drives:
     """Every actuator of the source; joints without one are passive."""
     found, model = Drives(), links.source.model
     driven: dict[str, Actuator] = {}
-    moving = {joint.name: joint for joint in links.joints if joint.kind != "fixed"}
+    moving = {joint.name: joint for joint in links.joints if joint.kind in MOVING}
     joints = [_joint_of(model, index) for index in range(len(model.actuator_trntype))]
     for element in links.source.root.iterfind("actuator/*"):
         name = str(element.get("name"))

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from assetbuild.engine.step import Files, Limits, Step
-from assetbuild.findings import Finding
+from assetbuild.findings import Data, Finding
 from assetbuild.source.mjcf.copies import write_out
 from assetbuild.source.mjcf.includes import below, expanded, folder_of
 from assetbuild.source.mjcf.inline import write_inline
 from assetbuild.source.mjcf.names import name_all
 from assetbuild.source.mjcf.scenery import cut_scenery
-from assetbuild.source.mjcf.text import AT, bodies, error_at, parts, where_of
+from assetbuild.source.mjcf.text import AT, DROPPED, bodies, error_at, parts, remove, where_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element
@@ -53,12 +53,13 @@ class FlattenMjcf(Step):
 
         tree = files.inputs / "tree"
         root = write_out(_resolved(expanded(self.file, tree)), lambda asked: _attached(asked, tree))
+        findings = list(_without_sensors_of_plugins(root))
         for tag, hint in REFUSED.items():
             found = next(root.iter(tag), None)
             if found is not None:
                 raise error_at(found, f"<{tag}> is not read", hint)
         name_all(root)
-        findings = list(cut_scenery(root, self.body))
+        findings += cut_scenery(root, self.body)
         findings += write_inline(root, files.outputs / "inline")
         (files.outputs / "meshes.json").write_text(_json(_meshes(root)), encoding="ascii")
         lines = [str(element.get(AT)) for element in root.iter("*")]
@@ -69,6 +70,22 @@ class FlattenMjcf(Step):
             element.attrib.pop(AT, "")
         (files.outputs / "source.xml").write_bytes(etree.tostring(root, method="c14n"))
         yield from findings
+
+
+def _without_sensors_of_plugins(root: _Element) -> Iterator[Finding]:
+    """They measure and move nothing; nor does a plug-in that nothing else uses."""
+    for sensor in list(root.iterfind("sensor/plugin")):
+        name = sensor.get("name", "")
+        message = f"sensor `{name}` of the plug-in `{sensor.get('plugin', '')}` was left out "
+        message += f"({where_of(sensor)})"
+        data: Data = {"element": "sensor plugin", "count": 1}
+        hint = "read what it reports from the source's own MJCF"
+        yield DROPPED(f"sensor {name}", message, hint, severity="warning", data=data)
+        remove(sensor)
+    declared = root.findall("extension/plugin")
+    if len(declared) == len(list(root.iter("plugin"))):
+        for plugin in declared:
+            remove(plugin)
 
 
 def _json(value: object) -> str:

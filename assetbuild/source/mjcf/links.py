@@ -176,6 +176,8 @@ def _joints_to(
 
 def _joint(links: Links, name: str, parent: str, child: str, X: Pose) -> Joint:
     model, index = links.source.model, links.source.id_of("joint", name)
+    if int(model.jnt_type[index]) == BALL:  # what brakes it and holds it only MJCF can say
+        return Joint(name, "ball", parent, child, X)
     slide, dof = int(model.jnt_type[index]) == SLIDE, int(model.jnt_dofadr[index])
     ref = float(model.qpos0[int(model.jnt_qposadr[index])])
     if ref:
@@ -296,9 +298,6 @@ def tendon_rest(tendon: _Element, rest: Mapping[str, float]) -> float:
 
 
 def _refuse(element: _Element, name: str, kinds: list[int], is_root: bool) -> None:
-    if BALL in kinds:
-        hint = "write it as three hinges on the body, about x, y and z"
-        raise error_at(element, f"body `{name}`: ball joints are not read", hint)
     if FREE in kinds and not is_root:
         hint = "one recipe builds one robot; its root alone may float"
         raise error_at(element, f"body `{name}`: a free joint inside the robot", hint)

@@ -18,7 +18,7 @@ from assetbuild.robot.model import (
     Sensor,
     Simulation,
 )
-from assetbuild.robot.pose import Pose, Vec3, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, Vec3, vec3
 from assetbuild.source.mjcf.compiled import Model, pose_at
 from assetbuild.source.mjcf.drives import Drives
 from assetbuild.source.mjcf.links import FREE, JOINT_REF, Links, tendon_rest
@@ -294,12 +294,16 @@ class _Reader:
         base = links.mount if links.base == "floating" else None
         if base is not None and FREE in links.source.joint_kinds(links.root):
             base = pose_at(qpos[:3], qpos[3:7])
-        values = []
+        values, turns = [], []
         for joint in links.joints:
             if joint.kind != "fixed":
                 address = int(model.jnt_qposadr[links.source.id_of("joint", joint.name)])
+            if joint.kind == "ball":
+                turn = pose_at(ORIGIN, qpos[address : address + 4]).quat
+                turns += [(joint.name, turn)] if turn != IDENTITY.quat else []
+            elif joint.kind != "fixed":
                 values.append((joint.name, qpos[address] - links.rest.get(joint.name, 0.0)))
-        self.found.keyframes.append(Keyframe(name, tuple(values), base))
+        self.found.keyframes.append(Keyframe(name, tuple(values), base, tuple(turns)))
         if element.get("ctrl"):
             ctrl = enumerate(model.key_ctrl[index])
             commands = tuple((str(model.actuator(i).name), float(value)) for i, value in ctrl)

@@ -15,7 +15,7 @@ from assetbuild.robot.tree import depth_first
 from assetbuild.source.urdf.links import read_origin
 from assetbuild.source.urdf.xml import Node, Problems
 
-KINDS: tuple[str, ...] = get_args(JointKind)
+KINDS = tuple(kind for kind in get_args(JointKind) if kind != "ball")
 WITH_AXIS = ("revolute", "continuous", "prismatic", "planar")
 AXIS_TOLERANCE = 1e-6
 """An axis whose length is off by more was not meant as a unit vector: said as a finding."""

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from assetbuild.errors import StepError
 from assetbuild.robot.loops import site_names
 from assetbuild.robot.model import Control, Inertial, Joint, Keyframe, Tree
-from assetbuild.robot.pose import Pose, quat_between, rotation_of, vec3
+from assetbuild.robot.pose import IDENTITY, Pose, quat_between, rotation_of, vec3
 from assetbuild.robot.shapes import Mesh, Shapes
 from assetbuild.robot.tree import depth_first
 from assetbuild.simulators.mujoco import body_names
@@ -271,6 +271,9 @@ class RobotXml:
             return []
         if joint.kind == "planar":
             return _planar_elements(joint, X_body_joint)
+        if joint.kind == "ball":
+            said = {"name": joint.name, "class": "main", "type": "ball"}
+            return [element("joint", {**said, "pos": pose_attributes(X_body_joint)["pos"]})]
         if joint.kind == "floating":
             raise StepError(
                 f"joint {joint.name}: MJCF allows a floating joint on the root body only",
@@ -304,10 +307,12 @@ class RobotXml:
     def _qpos(self, key: Keyframe) -> list[float]:
         base = key.base or self.resting_pose()
         qpos = [*base.xyz, *base.quat] if self.tree.base == "floating" else []
-        values = dict(key.joints)
+        values, turns = dict(key.joints), dict(key.turns)
         for joint in self.joints:
             if joint.kind == "planar":
                 qpos += [0.0, 0.0, 0.0]
+            elif joint.kind == "ball":
+                qpos += turns.get(joint.name, IDENTITY.quat)
             elif joint.kind != "fixed":
                 qpos.append(values.get(joint.name, 0.0))
         return qpos

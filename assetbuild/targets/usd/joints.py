@@ -142,7 +142,8 @@ def _define_joint(stage: Usd.Stage, names: PrimPaths, joint: Joint) -> Usd.Prim:
     else:
         raise StepError(
             f"joint `{joint.name}` is {joint.kind}, which no USD articulation holds",
-            hint="replace it by revolute and prismatic joints in the source",
+            hint="make joints of one coordinate of it by `edits: "
+            f"[split_joint: {{joint: {joint.name}}}]`",
         )
     made.CreateBody0Rel().SetTargets([names.body(joint.parent)])
     made.CreateBody1Rel().SetTargets([names.body(joint.child)])
