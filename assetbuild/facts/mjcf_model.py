@@ -17,13 +17,8 @@ from assetbuild.facts.table import Value, Writer, pair_name
 from assetbuild.simulators.joint_drives import Drive, read_drives
 from assetbuild.simulators.mujoco import Model, inertia_of, name_of, passes
 
-<<<<<<< HEAD
-JOINTS = {0: "floating", 1: "ball", 2: "linear", 3: "rotary"}
-=======
 BALL = 1
 JOINTS = {0: "floating", BALL: "ball", 2: "linear", 3: "rotary"}
-LOOPS = {0: "connect", 1: "weld"}
->>>>>>> main
 GROUPS = {2: "visual", 3: "collision"}
 """Menagerie's groups of geoms."""
 OBJECTS = {
