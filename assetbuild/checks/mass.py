@@ -38,8 +38,9 @@ HEAVIEST_KG = 20e3
 """The strongest arm in series production, Fanuc's M-2000iA, weighs 12.5 t as a whole."""
 LONGEST_M = 20.0
 """The longest arm of all, Canadarm2, is 17.6 m as a whole."""
-LEAST_KG_M3 = 1.2
-"""Air. A robot whose bodies together weigh less would float; masses of 1e-5 kg are placeholders."""
+LEAST_KG_M3, MOST_KG_M3 = 5.0, 68e3
+"""Half of the lightest foam, three times osmium: masses of a robot outside are off by a hundred.
+The bodies of 265 public robots together have 60 to 3,700 kg/m3 of their hulls."""
 BROKEN = 5.0
 """Times the tolerance of the total mass that is no tolerance any more."""
 
@@ -70,7 +71,7 @@ AXES = Rule(
 ABSURD = Rule(
     "mass.absurd",
     "error",
-    "a body weighs more than 20 t, or the whole robot less than the air in its place",
+    "a body weighs more than 20 t, or the whole robot is lighter than foam or heavier than metal",
     "state the masses: `edits: set_mass`; check the units of the mesh from which they come",
 )
 SIZE = Rule(
@@ -134,7 +135,7 @@ class Mass(Check):
         write_figures(files, figures, limits)
         yield from self._judge_total(total)
         yield from _absurd(tree, hulls)
-        yield from _weightless(tree, hulls)
+        yield from _of_no_matter(tree, hulls)
         for name, row in found.items():
             yield from self._judge(name, row)
 
@@ -202,22 +203,30 @@ def _absurd(
             )
 
 
-def _weightless(
+def _of_no_matter(
     tree: Tree, hulls: Mapping[tuple[str, Role], Sequence[TriangleMesh]]
 ) -> Iterator[Finding]:
-    """Report placeholder masses: all bodies with a shape together are lighter than air."""
-    mass_kg, volume_m3 = 0.0, 0.0
+    """Report masses or lengths off by a hundred: of all bodies together, no mean of matter."""
+    whole_kg, shaped_kg, volume_m3 = 0.0, 0.0, 0.0
     for body in _loose_bodies(tree):
-        mass_kg += body.inertial.mass_kg if body.inertial else 0.0
-        volume_m3 += _hull_volume(body.name, hulls)
-    if volume_m3 > 0.0 and 0.0 < mass_kg < LEAST_KG_M3 * volume_m3:
-        yield ABSURD(
-            "robot",
-            f"its moving bodies weigh {mass_kg:.4g} kg in hulls of {1e3 * volume_m3:.4g} litres, "
-            f"less than air (limit {LEAST_KG_M3:g} kg/m³)",
-            hint="are the masses placeholders? state them by `edits: set_mass`",
-            data={"mass_kg": mass_kg, "volume_m3": volume_m3, "limit_kg_m3": LEAST_KG_M3},
-        )
+        mass_kg, own_m3 = body.inertial.mass_kg if body.inertial else 0.0, _hull_volume(body, hulls)
+        whole_kg, volume_m3 = whole_kg + mass_kg, volume_m3 + own_m3
+        shaped_kg += mass_kg if own_m3 else 0.0
+    if 0.0 < whole_kg < LEAST_KG_M3 * volume_m3:
+        mass_kg, limit, hint = whole_kg, LEAST_KG_M3, "are the masses placeholders?"
+        said = "lighter than foam"
+    elif volume_m3 > 0.0 and shaped_kg > MOST_KG_M3 * volume_m3:
+        mass_kg, limit, hint = shaped_kg, MOST_KG_M3, "are the shapes or the masses in other units?"
+        said = "heavier than any metal"
+    else:
+        return
+    yield ABSURD(
+        "robot",
+        f"its moving bodies weigh {mass_kg:.4g} kg in hulls of {1e3 * volume_m3:.4g} litres, "
+        f"{mass_kg / volume_m3:.3g} kg/m³: {said} (limit {limit:g} kg/m³)",
+        hint=f"{hint} State masses by `edits: set_mass`, a mesh's size by its `scale`",
+        data={"mass_kg": mass_kg, "volume_m3": volume_m3, "limit_kg_m3": limit},
+    )
 
 
 def _loose_bodies(tree: Tree) -> list[Body]:
@@ -225,9 +234,9 @@ def _loose_bodies(tree: Tree) -> list[Body]:
     return [b for b in tree.bodies if tree.base == "floating" or b.name != tree.root]
 
 
-def _hull_volume(name: str, hulls: Mapping[tuple[str, Role], Sequence[TriangleMesh]]) -> float:
+def _hull_volume(body: Body, hulls: Mapping[tuple[str, Role], Sequence[TriangleMesh]]) -> float:
     """m3 of what is seen of a body, else of what collides; 0 where there is neither."""
-    parts = hulls.get((name, "visual")) or hulls.get((name, "collision"))
+    parts = hulls.get((body.name, "visual")) or hulls.get((body.name, "collision"))
     try:
         return float(solid_moments(common_hull(parts))[0]) if parts else 0.0
     except StepError:

@@ -29,7 +29,7 @@ MOST_ERRORS = 20
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns its exit code."""
     _print_any_name()
-    parser = _parser()
+    parser = make_parser()
     arguments = parser.parse_args(argv)
     if arguments.verb is None:
         parser.print_help()
@@ -117,7 +117,8 @@ def print_error(error: AssetBuildError) -> None:
         print(f"and {more} more errors", file=sys.stderr)
 
 
-def _parser() -> Parser:
+def make_parser() -> Parser:
+    """Return the parser of all verbs."""
     parser = Parser(
         prog="assetbuild",
         description="A declarative build system for robot assets",

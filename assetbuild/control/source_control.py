@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 from assetbuild.control.only_mjcf import explain_gears, explain_opaque
 from assetbuild.control.senses import changed
+from assetbuild.control.wider_excludes import wider_excludes
 from assetbuild.findings import Finding, Rule
 from assetbuild.robot.actuator_table import ActuatorRow
 from assetbuild.robot.contact import Surface
@@ -104,6 +105,7 @@ def join(
         mjcf_only=mjcf_only,
     )
     findings += [*explain_gears(actuators), *explain_opaque(mjcf_only)]
+    findings += wider_excludes(said.excludes, tree, shapes)
     return JoinedControl(joined, findings)
 
 

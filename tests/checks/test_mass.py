@@ -89,7 +89,7 @@ def test_the_total_is_compared_with_the_datasheet(tmp_path: Path):
 def test_a_ball_has_no_long_direction_and_a_screw_is_too_small_to_judge(tmp_path: Path):
     flat = Inertial(WEIGHT, (0.0, 0.0, 0.0), (1e-3, 1e-3, 1e-3, 0.0, 0.0, 0.0))
     assert "mass.axes" not in rules(told(robot(flat), tmp_path / "a"))
-    tiny = replace(SOUND, mass_kg=1e-3, com_m=(5.0, 0.0, 0.0))
+    tiny = replace(SOUND, mass_kg=5e-3, com_m=(5.0, 0.0, 0.0))
     assert told(robot(tiny), tmp_path / "b") == []
 
 
@@ -118,14 +118,19 @@ def test_a_bolted_root_may_be_a_hall(tmp_path: Path):
     assert "mass.size" not in rules(found)
 
 
-def test_a_robot_lighter_than_air_is_an_error(tmp_path: Path):
+@pytest.mark.parametrize(
+    ("mass_kg", "says"),
+    [(1e-5, "lighter than foam"), (2e-3, "lighter than foam"), (200.0, "heavier than any metal")],
+)
+def test_a_robot_of_no_matter_is_an_error(mass_kg: float, says: str, tmp_path: Path):
     """Masses of 1e-5 kg are placeholders: every drive and every simulation would be one, too."""
-    made = robot(replace(SOUND, mass_kg=1e-5))
-    light = [
-        replace(b, inertial=replace(b.inertial, mass_kg=1e-5) if b.inertial else None)
+    made = robot(replace(SOUND, mass_kg=mass_kg))
+    bodies = [
+        replace(b, inertial=replace(b.inertial, mass_kg=mass_kg) if b.inertial else None)
         for b in made.tree.bodies
     ]
-    made = replace(made, tree=replace(made.tree, bodies=tuple(light)))
-    (found,) = told(made, tmp_path)
+    made = replace(made, tree=replace(made.tree, bodies=tuple(bodies)))
+    (found,) = (finding for finding in told(made, tmp_path) if finding.rule == "mass.absurd")
+    assert says in found.message
     assert (found.rule, found.severity, found.subject) == ("mass.absurd", "error", "robot")
     assert found.data["volume_m3"] == pytest.approx(8e-4)

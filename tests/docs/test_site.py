@@ -1,0 +1,42 @@
+"""The site builds without a warning: every page is in its menu and no link leads nowhere."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from assetbuild.cli.reference import verb_page
+
+ROOT = Path(__file__).parents[2]
+CONFIG = ROOT / "docs/site/mkdocs.yml"
+
+
+def built(config: Path, out: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", str(config), "-d", out]
+    quiet = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
+    return subprocess.run(command, capture_output=True, text=True, env=quiet)
+
+
+def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
+    done = built(CONFIG, tmp_path)
+    assert done.returncode == 0, done.stderr
+    pages = {page.parent.name for page in tmp_path.rglob("index.html")}
+    assert {"go1", "new-robot", "recipe", "verbs", "concepts"} <= pages
+
+
+def test_a_page_with_a_dead_link_fails_it(tmp_path: Path) -> None:
+    site = tmp_path / "docs/site"
+    site.mkdir(parents=True)
+    (tmp_path / "docs/index.md").write_text("# Home\n\n[gone](gone.md)\n")
+    menu = CONFIG.read_text().partition("nav:\n  - Home")[0]
+    (site / "mkdocs.yml").write_text(menu + "nav:\n  - Home: index.md\n")
+    done = built(site / "mkdocs.yml", tmp_path / "out")
+    assert done.returncode != 0
+    assert "gone.md" in done.stderr
+
+
+def test_the_page_of_verbs_is_what_the_parsers_say() -> None:
+    page = (ROOT / "docs/reference/verbs.md").read_text(encoding="utf-8")
+    assert page == verb_page(), "python -m assetbuild.cli.reference docs/reference/verbs.md"
