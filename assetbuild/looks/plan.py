@@ -1,7 +1,7 @@
 """How the robot looks: light meshes, pictures, the geometry of the 3D view. Nothing that trains.
 
     shapes, meshes -> light meshes -> viewer
-    tree, light meshes, pose -> picture model -> pictures
+    tree, shapes, meshes, pose -> picture model -> pictures
 
 No gain, no friction and no timestep reaches these steps, so a new one draws nothing anew.
 """
@@ -32,8 +32,8 @@ def looks(recipe: Recipe, robot: Mapping[str, Ref], pose: Ref, p: Planner) -> di
     nodes = {"viewer": p.add("viewer", Viewer(), shown)}
     if "mjcf" in recipe.targets:  # else the recipe may hold what MJCF refuses
         target = load_plugin(Target, "mjcf")
-        shown |= {"control.json": pose}
-        model = p.add(PICTURE_MODEL, target.configure(recipe), shown)
+        drawn = ports | {"tree.json": robot["tree.json"], "control.json": pose}
+        model = p.add(PICTURE_MODEL, target.configure(recipe), drawn)
         step = Render(renderer=renderer(p.world))
         nodes["pictures"] = p.add("pictures", step, {"mjcf/": model["mjcf/"]})
     return nodes

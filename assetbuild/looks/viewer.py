@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import importlib.util
 import io
 import json
@@ -41,11 +42,12 @@ NO_VIEWER = Rule(
 class Viewer(Step):
     """`tree.json`, light `shapes.json` and `meshes/` -> `viewer.json` and `three.js`.
 
-    viewer.json: {"span_m", "meshes": {name: {"lower", "size", "points", "faces", "wide"}},
-    "shapes": [{"name", "link", "body", "role", "kind", ..., "distance"}]}. Poses are in the body's
-    frame. points: base64 of uint16 (n, 3), in `size / 65535` from `lower`; faces: uint16, or
-    uint32 where wide; distance: uint8 per point, 128 = on the collision surface, 255 = SPAN_M
-    outside it. m, quaternions wxyz.
+    viewer.json: {"gzip": base64 of a compressed JSON}, which holds {"span_m", "meshes": {name:
+    {"lower", "size", "points", "faces", "wide"}}, "shapes": [{"name", "link", "body", "role",
+    "kind", ..., "distance"}]}. Poses are in the body's frame. points:
+    base64 of uint16 (n, 3), in `size / 65535` from `lower`; faces: uint16, or uint32 where wide;
+    distance: uint8 per point, 128 = on the collision surface, 255 = SPAN_M outside it. m,
+    quaternions wxyz.
     """
 
     outputs = ("viewer.json", "three.js")
@@ -72,7 +74,9 @@ class Viewer(Step):
             "shapes": _shapes(robot.tree, robot.shapes, meshes),
         }
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
-        (files.outputs / "viewer.json").write_text(text, encoding="ascii")
+        packed = gzip.compress(text.encode("ascii"), compresslevel=6, mtime=0)
+        whole = json.dumps({"gzip": base64.b64encode(packed).decode("ascii")})
+        (files.outputs / "viewer.json").write_text(whole, encoding="ascii")
         (files.outputs / "three.js").write_text(library or "", encoding="utf-8")
 
 

@@ -49,7 +49,7 @@ def visit(tmp_path: Path) -> Callable[[str, str], dict]:
         tail = f"""<pre id="result"></pre><script>
         (async () => {{
           const result = {{}};
-          try {{ {script} }} catch (e) {{ result.thrown = String(e); }}
+          try {{ await assetbuildReady; {script} }} catch (e) {{ result.thrown = String(e); }}
           result.told = told;
           document.getElementById("result").textContent = JSON.stringify(result);
         }})();</script>"""

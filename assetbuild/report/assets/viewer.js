@@ -1,14 +1,22 @@
 // The report's 3D view: a robot that is posed by sliders. Needs three.js (THREE) and two JSON
 // blocks of the page: #viewer-geometry (meshes, shapes) and #viewer-robot (bodies, joints, poses).
 "use strict";
-(function () {
+window.assetbuildReady = (async function () {
   const root = document.getElementById("viewer");
   if (!root) return;
   const canvas = root.querySelector("canvas");
   const note = root.querySelector(".viewer-note");
   const read = (id) => JSON.parse(document.getElementById(id).textContent);
-  const geometry = read("viewer-geometry");
   const robot = read("viewer-robot");
+  let geometry;
+  try {
+    const packed = new Blob([bytes(read("viewer-geometry").gzip)]).stream();
+    geometry = await new Response(packed.pipeThrough(new DecompressionStream("gzip"))).json();
+  } catch (error) {
+    root.classList.add("no-webgl");
+    note.textContent = "This browser cannot unpack the 3D view: see the pictures below.";
+    return;
+  }
 
   // --- decoding -----------------------------------------------------------------------------
 
@@ -25,10 +33,51 @@
     for (let i = 0; i < packed.length; i++) {
       points[i] = row.lower[i % 3] + (row.size[i % 3] * packed[i]) / 65535;
     }
-    const made = new THREE.BufferGeometry();
-    made.setAttribute("position", new THREE.BufferAttribute(points, 3));
     const Faces = row.wide ? Uint32Array : Uint16Array;
-    made.setIndex(new THREE.BufferAttribute(new Faces(bytes(row.faces).buffer), 1));
+    return creased(points, new Faces(bytes(row.faces).buffer));
+  }
+
+  const CREASE = Math.cos((35 * Math.PI) / 180);
+
+  // Smooth where faces meet at less than the crease angle, sharp where they meet at more.
+  function creased(points, corners) {
+    const faces = corners.length / 3, count = points.length / 3;
+    const normals = new Float32Array(corners.length); // of the faces; as long as twice their area
+    const units = new Float32Array(corners.length);
+    const starts = new Uint32Array(count + 1);
+    for (let f = 0; f < faces; f++) {
+      const [a, b, c] = [3 * corners[3 * f], 3 * corners[3 * f + 1], 3 * corners[3 * f + 2]];
+      const ux = points[b] - points[a], uy = points[b + 1] - points[a + 1], uz = points[b + 2] - points[a + 2];
+      const vx = points[c] - points[a], vy = points[c + 1] - points[a + 1], vz = points[c + 2] - points[a + 2];
+      const n = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx];
+      const long = Math.hypot(...n) || 1;
+      for (let i = 0; i < 3; i++) {
+        normals[3 * f + i] = n[i];
+        units[3 * f + i] = n[i] / long;
+        starts[corners[3 * f + i] + 1]++;
+      }
+    }
+    for (let v = 0; v < count; v++) starts[v + 1] += starts[v];
+    const around = new Uint32Array(corners.length), filled = starts.slice();
+    for (let i = 0; i < corners.length; i++) around[filled[corners[i]]++] = (i / 3) | 0;
+    const places = new Float32Array(3 * corners.length), smooth = new Float32Array(3 * corners.length);
+    for (let i = 0; i < corners.length; i++) {
+      const v = corners[i], own = 3 * ((i / 3) | 0);
+      let x = 0, y = 0, z = 0;
+      for (let k = starts[v]; k < starts[v + 1]; k++) {
+        const f = 3 * around[k];
+        const turn = units[f] * units[own] + units[f + 1] * units[own + 1] + units[f + 2] * units[own + 2];
+        if (turn < CREASE) continue;
+        x += normals[f]; y += normals[f + 1]; z += normals[f + 2];
+      }
+      const long = Math.hypot(x, y, z) || 1;
+      smooth[3 * i] = x / long; smooth[3 * i + 1] = y / long; smooth[3 * i + 2] = z / long;
+      for (let j = 0; j < 3; j++) places[3 * i + j] = points[3 * v + j];
+    }
+    const made = new THREE.BufferGeometry();
+    made.setAttribute("position", new THREE.BufferAttribute(places, 3));
+    made.setAttribute("normal", new THREE.BufferAttribute(smooth, 3));
+    made.userData.corners = corners;
     return made;
   }
 
@@ -52,11 +101,11 @@
   }
 
   // Red: the visual surface is not covered. Blue: collision lies in front of it. White: they meet.
-  function distanceColours(text) {
+  function distanceColours(text, corners) {
     const values = bytes(text);
-    const colours = new Float32Array(values.length * 3);
-    for (let i = 0; i < values.length; i++) {
-      const t = Math.max(-1, Math.min(1, (values[i] - 128) / 127));
+    const colours = new Float32Array(corners.length * 3);
+    for (let i = 0; i < corners.length; i++) {
+      const t = Math.max(-1, Math.min(1, (values[corners[i]] - 128) / 127));
       const fade = 1 - Math.abs(t);
       colours[3 * i] = t > 0 ? 0.85 : 0.15 + 0.75 * fade;
       colours[3 * i + 1] = 0.12 + 0.78 * fade;
@@ -80,9 +129,15 @@
   renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
   if ("outputEncoding" in renderer) renderer.outputEncoding = THREE.sRGBEncoding;
   const scene = new THREE.Scene();
-  scene.add(new THREE.HemisphereLight(0xffffff, 0x667788, 0.75));
-  const lamp = new THREE.DirectionalLight(0xffffff, 0.75);
-  scene.add(lamp);
+  renderer.shadowMap.enabled = true;
+  renderer.shadowMap.type = THREE.PCFSoftShadowMap;
+  scene.add(new THREE.HemisphereLight(0xffffff, 0x8090a0, 0.55));
+  const lamp = new THREE.DirectionalLight(0xffffff, 0.7);
+  lamp.castShadow = true;
+  lamp.shadow.mapSize.set(1024, 1024);
+  lamp.shadow.radius = 4;
+  const fill = new THREE.DirectionalLight(0xffffff, 0.3);
+  scene.add(lamp, lamp.target, fill);
   const camera = new THREE.PerspectiveCamera(40, 4 / 3, 0.01, 200);
   camera.up.set(0, 0, 1);
 
@@ -105,7 +160,7 @@
   const cache = {};
   const lambert = (options) =>
     new THREE.MeshStandardMaterial(
-      Object.assign({ flatShading: true, roughness: 0.85, metalness: 0, side: 2 }, options)
+      Object.assign({ roughness: 0.7, metalness: 0, side: 2 }, options)
     );
 
   geometry.shapes.forEach((shape, number) => {
@@ -113,8 +168,9 @@
     if (isMesh && !cache[shape.mesh]) cache[shape.mesh] = meshGeometry(geometry.meshes[shape.mesh]);
     let form = isMesh ? cache[shape.mesh] : primitiveGeometry(shape);
     if (shape.distance) {
+      const { corners } = form.userData;
       form = form.clone();
-      form.setAttribute("color", distanceColours(shape.distance));
+      form.setAttribute("color", distanceColours(shape.distance, corners));
     }
     const collision = shape.role === "collision";
     const [r, g, b, a] = shape.rgba;
@@ -123,6 +179,7 @@
     const material = lambert({ color: own, opacity: alpha, transparent: alpha < 1 });
     const object = place(new THREE.Mesh(form, material), shape.xyz, shape.quat);
     object.userData = { body: shape.body, shape, own: own.clone(), alpha };
+    object.castShadow = !collision && alpha >= 1;
     bodies[shape.body].add(object);
     layers[shape.role].push(object);
   });
@@ -158,6 +215,9 @@
   grid.material.opacity = 0.25;
   grid.material.transparent = true;
   scene.add(grid);
+  const shade = new THREE.Mesh(new THREE.PlaneGeometry(1, 1), new THREE.ShadowMaterial({ opacity: 0.28 }));
+  shade.receiveShadow = true;
+  scene.add(shade);
 
   // --- posing -------------------------------------------------------------------------------
 
@@ -325,6 +385,18 @@
     eye.target.copy(ball.center);
     eye.distance = Math.max(ball.radius, 0.02) * 2.7;
     grid.visible = robot.floating;
+    const reach = ball.radius;
+    shade.position.set(ball.center.x, ball.center.y, box.min.z - 1e-3 * reach);
+    shade.scale.set(12 * reach, 12 * reach, 1);
+    lamp.target.position.copy(ball.center);
+    lamp.position.copy(ball.center).add(new THREE.Vector3(reach, -1.6 * reach, 4 * reach));
+    lamp.shadow.bias = -0.002;
+    lamp.shadow.normalBias = 0.004 * reach;
+    Object.assign(lamp.shadow.camera, {
+      left: -1.5 * reach, right: 1.5 * reach, top: 1.5 * reach, bottom: -1.5 * reach,
+      near: 0.5 * reach, far: 9 * reach,
+    });
+    lamp.shadow.camera.updateProjectionMatrix();
   }
 
   function draw() {
@@ -350,7 +422,7 @@
       eye.target.z + Math.sin(eye.elevation) * eye.distance
     );
     camera.lookAt(eye.target);
-    lamp.position.copy(camera.position).add(new THREE.Vector3(0, 0, eye.distance));
+    fill.position.copy(camera.position).sub(eye.target);
     renderer.render(scene, camera);
     drawNames();
     root.dataset.frames = String(++stamp);
