@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 from assetbuild.findings import Finding
@@ -17,6 +17,7 @@ from assetbuild.init.mesh_points import is_flat
 from assetbuild.init.patterns import patterns_of
 from assetbuild.init.targets import not_in_usd
 from assetbuild.init.words import inline, plain, some
+from assetbuild.robot.model import Tree
 from assetbuild.robot.shapes import MeshFile
 from assetbuild.source.urdf.joints import LIMIT_OMITTED
 
@@ -185,14 +186,19 @@ def _shares(robot: InspectedRobot) -> Iterator[Repair]:
 
 
 def _limits(robot: InspectedRobot) -> Iterator[Repair]:
+    turn = {"lower": -HALF_TURN, "upper": HALF_TURN}
     for finding in robot.source_findings:
         if finding.rule == LIMIT_OMITTED.id and _has_no_range(robot, finding):
             why = (
                 "a guess, half a turn each way: without a range urdfdom locks it at 0, and MuJoCo, "
                 "PyBullet and Isaac Sim let it turn"
             )
-            turn = {"lower": -HALF_TURN, "upper": HALF_TURN}
             yield Repair(_subject(finding), "set_limits", turn, why, "<limit> states no range")
+    for name in _zeros(robot.links):
+        why = (
+            "a guess, half a turn each way: zeros are what exporters write where nobody states any"
+        )
+        yield Repair(name, "set_limits", turn, why, "all limits of all joints are 0")
     for finding in robot.link_findings:
         name = _subject(finding)
         if finding.rule == "joint.limits":
@@ -210,6 +216,15 @@ def _has_no_range(robot: InspectedRobot, finding: Finding) -> bool:
     joint, missing = robot.links.by_joint[_subject(finding)], finding.data.get("missing", ())
     both = isinstance(missing, tuple) and {"lower", "upper"} <= set(missing)
     return both and joint.kind == "revolute" and joint.mimic is None
+
+
+def _zeros(tree: Tree) -> list[str]:
+    """Hinges of a robot that could move nothing, as all its limits are stated as 0."""
+    moving = [joint for joint in tree.moving_joints if joint.mimic is None]
+    stated = [value for joint in moving for value in astuple(joint.limits)]
+    if any(value != 0.0 for value in stated):
+        return []
+    return [joint.name for joint in moving if joint.kind == "revolute"]
 
 
 def _hints(robot: InspectedRobot, mended: Collection[str]) -> Iterator[str]:

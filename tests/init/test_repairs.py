@@ -70,6 +70,13 @@ def test_a_hinge_without_a_range_turns_half_way_each_way(tmp_path: Path):
     assert edits_for(chain(inertial(1.0), limits=held), tmp_path) == []
 
 
+def test_a_robot_whose_limits_are_all_zero_turns_half_way_each_way(tmp_path: Path):
+    zeros = '<limit lower="0" upper="0" effort="0" velocity="0"/>'
+    assert edits_for(chain(inertial(1.0), inertial(1.0), limits=zeros), tmp_path) == [
+        {"set_limits": {"joint": ".*", "lower": -3.14, "upper": 3.14}}
+    ]
+
+
 def test_the_inertia_of_a_turned_mesh_is_tried_as_it_is_turned(tmp_path: Path):
     rod = trimesh.creation.box((0.1, 1.0, 0.1))
     rod.apply_translation((0.0, 0.5, 0.0))
