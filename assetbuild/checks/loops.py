@@ -42,7 +42,8 @@ class Loops(Check):
             write_figures(files, {"skipped": "the robot has no loops"})
             return
         asked = loop_swing.trial(tree, control, self.wish)
-        model = mujoco_motion.held_model(files.inputs / "mjcf" / f"{self.robot}.xml")
+        path = files.inputs / "mjcf" / f"{self.robot}.xml"
+        model = mujoco_motion.held_model(path, asked.servos)
         mujoco_motion.drive_as(model, asked.servos)
         step = control.simulation.timestep
         motion = mujoco_motion.held_sine(

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from assetbuild.errors import RecipeError
-from assetbuild.robot.model import Actuator, Camera, MjcfOnly, Place, Sensor
+from assetbuild.robot.model import Actuator, Camera, Loop, MjcfOnly, Place, Sensor
 from assetbuild.robot.pose import IDENTITY, Pose, normalised_quat, vec3
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.opaque import keys, words
@@ -65,6 +65,7 @@ class PartControl:
                 sensors=tuple(self._sensor(sensor) for sensor in control.sensors),
                 cameras=tuple(self._camera(camera) for camera in control.cameras),
                 mjcf_only=tuple(self._items()),
+                loops=tuple(self._loop(loop) for loop in control.loops),
             ),
             bodies=tuple(prefix + name for name in self.said.bodies) if self.keeps else (),
             ctrl=tuple(self._commands()),
@@ -85,6 +86,10 @@ class PartControl:
         relative = self._place(sensor.relative_to) if sensor.relative_to else None
         name = self.prefix + sensor.name
         return replace(sensor, name=name, at=self._place(sensor.at), relative_to=relative)
+
+    def _loop(self, loop: Loop) -> Loop:
+        a, b = (replace(end, body=self.prefix + end.body) for end in loop.ends)
+        return replace(loop, name=self.prefix + loop.name, a=a, b=b)
 
     def _items(self) -> Iterator[MjcfOnly]:
         for item in self.said.control.mjcf_only:
@@ -193,6 +198,7 @@ def joined(base: SourceControl | None, parts: Mapping[str, SourceControl]) -> So
             sensors=tuple(each for control in controls for each in control.sensors),
             cameras=tuple(each for control in controls for each in control.cameras),
             mjcf_only=tuple(each for control in controls for each in control.mjcf_only),
+            loops=tuple(each for control in controls for each in control.loops),
         ),
         bodies=(*first.bodies, *(body for part in parts.values() for body in part.bodies)),
         ctrl=tuple((key, values) for key, values in ctrl.items() if values),
@@ -207,6 +213,7 @@ def names_of(said: SourceControl) -> Iterator[tuple[str, str]]:
             yield "actuator", actuator.name
     yield from (("sensor", sensor.name) for sensor in said.control.sensors)
     yield from (("camera", camera.name) for camera in said.control.cameras)
+    yield from (("equality", loop.name) for loop in said.control.loops)
     for item in said.control.mjcf_only:
         element = ElementTree.fromstring(item.element)  # noqa: S314 # our own reader wrote it
         if item.place in ("actuator", "sensor", "tendon", "equality") and element.get("name"):

@@ -16,6 +16,7 @@ from assetbuild.facts.mjcf_words import SURFACE
 from assetbuild.facts.reference import Reference, filtered_pairs, pose_value, robot_table
 from assetbuild.facts.table import Key, Table, Value, pair_name, pair_of
 from assetbuild.robot.chains import axis_in_body, find_chains
+from assetbuild.robot.loops import site_names
 from assetbuild.robot.model import Actuator, Joint, Tree
 from assetbuild.robot.pose import IDENTITY, quat_between, rotation_of
 
@@ -41,10 +42,11 @@ def mjcf_table(reference: Reference) -> Table:
     _limits(tree, facts)
     _shapes(reference, facts)
     _senses(reference, facts)
+    sites = site_names(tree, reference.control.loops)
     for loop in reference.control.loops:  # by sites, which are frames to every reader
-        for side, end in zip("ab", loop.ends, strict=True):
-            facts[Key("frame", f"{loop.name}_{side}", "body")] = end.body
-            facts[Key("frame", f"{loop.name}_{side}", "pose")] = pose_value(end.X_body_end)
+        for site, end in zip(sites[loop.name], loop.ends, strict=True):
+            facts[Key("frame", site, "body")] = end.body
+            facts[Key("frame", site, "pose")] = pose_value(end.X_body_end)
     return Table(_renamed(facts, mjcf_names(tree)))
 
 

@@ -20,12 +20,16 @@ from assetbuild.mesh.obj import read_triangles
 from assetbuild.robot.pose import Pose, normalised_quat, vec3
 from assetbuild.simulators.mujoco import Model, name_of
 
+NO_LENGTH = 1e-6
+"""Of an edge, relative to the longest of the mesh: ten times what float32 rounds."""
+
 
 class Meshes:
     """The meshes of a model in their own frames.
 
     copies: what its files hold that were left out. stated: meshes whose files state normals; of
-    the others MuJoCo makes its own. welded: leave out triangles with two corners in one point.
+    the others MuJoCo makes its own. welded: leave out triangles with an edge of `NO_LENGTH`, which
+    float32 may make none.
     """
 
     def __init__(
@@ -58,8 +62,11 @@ class Meshes:
             normals = own[model.mesh_facenormal[faces]]
         corners = np.asarray(vertices, dtype=np.float64)[model.mesh_face[faces]]
         # The build drops triangles that use one vertex twice: they have no area.
-        a, b, c = corners.transpose(1, 2, 0) if self._welded else model.mesh_face[faces].T[:, None]
-        whole = (a != b).any(axis=0) & (b != c).any(axis=0) & (c != a).any(axis=0)
+        a, b, c = model.mesh_face[faces].T
+        whole = (a != b) & (b != c) & (c != a)
+        if self._welded:
+            edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+            whole &= edges.min(axis=1) > NO_LENGTH * edges.max(initial=0.0)
         uv = None if uv is None else uv[whole]
         return measure(corners[whole], uv, None if normals is None else normals[whole])
 

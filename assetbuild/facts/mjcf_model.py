@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from assetbuild.facts.mjcf_loops import LOOPS, loop_facts
 from assetbuild.facts.mjcf_meshes import Meshes, pose_of
 from assetbuild.facts.table import Value, Writer, pair_name
 from assetbuild.simulators.joint_drives import Drive, read_drives
@@ -18,7 +19,6 @@ from assetbuild.simulators.mujoco import Model, inertia_of, name_of, passes
 
 BALL = 1
 JOINTS = {0: "floating", BALL: "ball", 2: "linear", 3: "rotary"}
-LOOPS = {0: "connect", 1: "weld"}
 GROUPS = {2: "visual", 3: "collision"}
 """Menagerie's groups of geoms."""
 OBJECTS = {
@@ -207,7 +207,7 @@ def _equality(model: Model, index: int, followers: set[str], book: Writer) -> bo
     """
     kind = int(model.eq_type[index])
     if kind in LOOPS and model.eq_active0[index]:
-        book.put("loop", str(model.eq(index).name), _loop(model, index, LOOPS[kind]))
+        book.put("loop", str(model.eq(index).name), loop_facts(model, index))
         return True
     if kind != 2:  # mjEQ_JOINT
         return False
@@ -229,24 +229,6 @@ def _equality(model: Model, index: int, followers: set[str], book: Writer) -> bo
         facts["mjcf:active"] = False
     book.put("joint", name, facts)
     return True
-
-
-def _loop(model: Model, index: int, kind: str) -> dict[str, Value]:
-    """Of two sites, or of two bodies with an anchor in each, and of a weld their relative turn."""
-    data = _numbers(model.eq_data[index])
-    by_site = int(model.eq_objtype[index]) == 6  # mjOBJ_SITE
-    facts: dict[str, Value] = {"type": kind}
-    anchors = (data[3:6], data[:3]) if kind == "weld" else (data[:3], data[3:6])
-    turns = (data[6:10] if kind == "weld" else (1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-    for side, which, anchor, turn in zip("ab", (1, 2), anchors, turns, strict=True):
-        body = int(getattr(model, f"eq_obj{which}id")[index])
-        pose = pose_of(anchor, turn)
-        if by_site:
-            pose = pose_of(model.site_pos[body], model.site_quat[body])
-            body = int(model.site_bodyid[body])
-        turned = pose.quat if kind == "weld" else (1.0, 0.0, 0.0, 0.0)
-        facts |= {f"body {side}": _body_name(model, body), f"end {side}": (*pose.xyz, *turned)}
-    return facts | ({"torque scale": data[10]} if kind == "weld" else {})
 
 
 def _site(model: Model, site: int, book: Writer) -> None:

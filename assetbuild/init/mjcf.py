@@ -26,6 +26,7 @@ from assetbuild.init.wheels import wheel_radii
 from assetbuild.init.words import inline, quoted, some, source_section, written
 from assetbuild.robot.files import RobotFiles
 from assetbuild.robot.joint_springs import no_drives
+from assetbuild.robot.lost_motion import lost_in_usd
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.source import SourceControl
 from assetbuild.source.mjcf.flatten_mjcf import FlattenMjcf
@@ -148,6 +149,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
     idle = not _driven(control) and robot.tree.moving_joints
     tuning = _tuned(found, anatomy) if idle else None
     unmended = tuning.unmended if tuning else ()
+    lost = lost_in_usd(control.mjcf_only)
     text = written(
         head(robot, anatomy, path, unmended),
         source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
@@ -157,7 +159,7 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
         _collision(robot),
         _drives(found, tuning),
         () if control.keyframes else home(robot, anatomy, _pose(found, anatomy, tuning)),
-        [targets(found.built, no_drives(control)), *_validate(found, anatomy)],
+        [targets(found.built, no_drives(control), lost), *_validate(found, anatomy)],
     )
     return Recipe(text, unmended)
 

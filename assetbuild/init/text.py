@@ -23,6 +23,7 @@ from assetbuild.init.drives import (
 )
 from assetbuild.init.joint_range import resting
 from assetbuild.init.look import InspectedRobot
+from assetbuild.init.loops import NO_LOOPS, FoundLoops, find_loops
 from assetbuild.init.mend import mended
 from assetbuild.init.patterns import pattern_of, patterns_of
 from assetbuild.init.repairs import repairs, repairs_text
@@ -64,15 +65,18 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
     up_axis, turn = turned(source, robot)
     whole = mended(robot, source.root, edits, turn)
     tree, guesses = strengthened(whole.tree, anatomy, wheel_radii(whole, source.root))
-    soles = soles_of(whole, anatomy)
+    soles, loops = soles_of(whole, anatomy), find_loops(whole)
 
     def attempt(tuning: Tuning) -> Trial:
         step = {"timestep": tuning.timestep}
-        control = tables(tree, tuning.drives, tuning.pose, step)
+        drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
+        control = tables(tree, drives, pose, step, loops.rows)
         return try_to_stand(whole, source.root, soles, control, turned=turn)
 
     tuning, trial = tune(tree, anatomy, guesses, attempt)
-    chosen = tables(tree, tuning.drives, tuning.pose, {"timestep": tuning.timestep})
+    drives, pose = loops.drives(tuning.drives), loops.pose(tuning.pose)
+    tuning = replace(tuning, drives=drives, pose=pose)
+    chosen = tables(tree, drives, pose, {"timestep": tuning.timestep}, loops.rows)
     pairs = Exclude(adjacent=True, pairs=tuple(compound_pairs(robot.tree, anatomy.size_m)))
     chosen = chosen.model_copy(update={"exclude": pairs})
     trial = try_whole(whole, source.root, soles, chosen, trial, turn)
@@ -84,10 +88,11 @@ def recipe_text(robot: InspectedRobot, anatomy: Anatomy, source: UrdfSource, pat
         [f"base: {anatomy.base}   # {plain(anatomy.base_reason, 200)}"],
         _fixed_joints(robot),
         repairs_text(robot, edits),
+        loops.text(),
         ["visual:", "  max_faces: 20000   # finer meshes are thinned, each with a finding"],
         collision(robot, anatomy, source.root, trial.overlaps),
         actuators(tree, tuning),
-        home(robot, anatomy, tuning.pose),
+        home(robot, anatomy, tuning.pose, loops),
         _simulation(whole, anatomy, tuning, trial),
         _variants(robot, anatomy),
     )
@@ -219,6 +224,10 @@ def _row(pattern: str, row: DriveRow) -> Iterator[str]:
         yield f"  # {count} locked by equal limits: a drive would move nothing"
         yield f"  - {line}"
         return
+    if row.role == "loop":
+        yield f"  # {count} that the loops move"
+        yield f"  - {line}"
+        return
     if row.effort is None:
         yield f"  # {count} without effort that nothing seems to drive: casters, springs"
         yield f"  - {line}"
@@ -233,10 +242,15 @@ def _row(pattern: str, row: DriveRow) -> Iterator[str]:
     yield f"  - {line}"
 
 
-def home(robot: InspectedRobot, anatomy: Anatomy, pose: Mapping[str, float]) -> Iterator[str]:
+def home(
+    robot: InspectedRobot,
+    anatomy: Anatomy,
+    pose: Mapping[str, float],
+    loops: FoundLoops = NO_LOOPS,
+) -> Iterator[str]:
     """The keyframe `home`."""
     tree = robot.tree
-    if not pose and tree.base == "fixed":
+    if not pose and tree.base == "fixed" and not loops.rows:
         return
     legged = {joint.name for leg in anatomy.legs for joint in leg.joints}
     shown = {n: v for n, v in pose.items() if v != 0.0 or (n in legged and any(pose.values()))}
@@ -245,7 +259,8 @@ def home(robot: InspectedRobot, anatomy: Anatomy, pose: Mapping[str, float]) -> 
     if robot.links.base == "floating":
         yield "    base: on_ground   # the lowest collision point touches z = 0"
     if not shown:
-        yield "    joints: {}   # all joints at 0, which the limits allow"
+        how = "from where a build closes the loops" if loops.rows else "which the limits allow"
+        yield f"    joints: {{}}   # all joints at 0, {how}"
         return
     if legged & shown.keys():
         yield "    # each foot below its hip, all at one height"

@@ -32,6 +32,7 @@ from assetbuild.robot.actuators import RowError
 from assetbuild.robot.codec import encode
 from assetbuild.robot.contact import Exclude
 from assetbuild.robot.files import RobotFiles
+from assetbuild.robot.loops import LoopRow
 from assetbuild.robot.model import Control, Tree
 from assetbuild.robot.poses import Keyframe
 from assetbuild.robot.shapes import Geometry, Mesh, MeshAsset, MeshFile, Shape, Shapes, SourceShape
@@ -202,6 +203,7 @@ def tables(
     drives: Sequence[DriveRow],
     pose: Mapping[str, float],
     simulation: Mapping[str, object],
+    loops: tuple[LoopRow, ...] = (),
 ) -> ControlStep:
     """The step that a build of the recipe would run, with a row for each drive's pattern."""
     everything = [joint.name for joint in tree.moving_joints]
@@ -216,6 +218,7 @@ def tables(
         rows=tuple(rows),
         keyframes={"home": home},
         simulation=Simulation.model_validate(simulation),
+        loops=loops,
     )
 
 

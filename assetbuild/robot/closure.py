@@ -7,12 +7,13 @@ frame a, where the base's own motion does not show.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from assetbuild.robot.dynamics import Dynamics, dynamics
+from assetbuild.robot.dynamics import Dynamics, Motion, motions
 from assetbuild.robot.loops import path_of
 from assetbuild.robot.mimic import with_mimics
 from assetbuild.robot.model import Joint, Loop, Tree
@@ -26,6 +27,8 @@ LARGEST_STEP = 0.3
 STEPS = 100
 DAMPING = 0.1
 """Of a step, for each metre of gap: a chain stretched out towards a far point comes to rest."""
+BETTER, PATIENCE = 0.99, 8
+"""A start is given up after so many steps that leave this share of the gap or more."""
 STARTS = 24
 SEED = 7
 RANK = 1e-8
@@ -69,23 +72,27 @@ def gaps(tree: Tree, loops: Sequence[Loop], q: Mapping[str, float]) -> dict[str,
     return found
 
 
-def constraint_jacobian(loops: Sequence[Loop], robot: Dynamics) -> Array:
+def constraint_jacobian(loops: Sequence[Loop], bodies: Mapping[str, Motion]) -> Array:
     """(rows, nv) of all loops: d gap / d v, for closed loops, in the axes of each frame a."""
-    rows = [np.zeros((0, len(robot.gravity)))]
+    rows = []
     for loop in loops:
-        motions = [robot.motions[end.body] for end in loop.ends]
-        places = [m.pose @ end.X_body_end for m, end in zip(motions, loop.ends, strict=True)]
+        moving = [bodies[end.body] for end in loop.ends]
+        places = [m.pose @ end.X_body_end for m, end in zip(moving, loop.ends, strict=True)]
         into_a = places[0].rotation.T
         # Of body a as well where b is: seen from there, b alone moves.
         at_b = np.asarray(places[1].xyz)
-        rows.append(into_a @ (motions[1].at(at_b) - motions[0].at(at_b)))
+        rows.append(into_a @ (moving[1].at(at_b) - moving[0].at(at_b)))
         if loop.kind == "weld":
-            rows.append(into_a @ (motions[1].angular - motions[0].angular))
+            rows.append(into_a @ (moving[1].angular - moving[0].angular))
     return np.vstack(rows)
 
 
 def close(
-    tree: Tree, loops: Sequence[Loop], start: Mapping[str, float], free: Collection[str]
+    tree: Tree,
+    loops: Sequence[Loop],
+    start: Mapping[str, float],
+    free: Collection[str],
+    starts: int = STARTS,
 ) -> Solution:
     """Move the `free` joints from `start` until all loops close, by as little as it takes.
 
@@ -98,7 +105,7 @@ def close(
     if best.closed:
         return best
     inside = False
-    for guess in _starts(chosen, known):
+    for guess in itertools.islice(_starts(chosen, known), starts):
         found = _descend(tree, loops, guess, [joint.name for joint in chosen])
         fits = found.closed and all(_within(joint, found.positions[joint.name]) for joint in chosen)
         if (not best.closed and found.residual < best.residual) or (fits and not inside):
@@ -140,13 +147,13 @@ def _descend(
 ) -> Solution:
     """Levenberg and Marquardt: damped by the gap, so that it ends as fast as Newton."""
     q = with_mimics(tree, start)
-    best = Solution(q, _residual(tree, loops, q))
+    best, since = Solution(q, _residual(tree, loops, q)), 0
     for _ in range(STEPS):
-        robot = dynamics(tree, q, {})
-        poses = {name: motion.pose for name, motion in robot.motions.items()}
+        moving = motions(tree, q)
+        poses = {name: motion.pose for name, motion in moving.bodies.items()}
         open_by = np.concatenate([gap(loop, poses) for loop in loops])
-        columns = [robot.column(name) for name in free]
-        jacobian = constraint_jacobian(loops, robot)[:, columns]
+        columns = [moving.free + moving.joints.index(name) for name in free]
+        jacobian = constraint_jacobian(loops, moving.bodies)[:, columns]
         damping = DAMPING * float(np.linalg.norm(open_by)) * np.eye(len(free))
         rows = np.vstack([jacobian, damping])
         step = -np.linalg.lstsq(rows, np.pad(open_by, (0, len(free))), rcond=RANK**2)[0]
@@ -155,9 +162,9 @@ def _descend(
         moved = {name: q[name] + float(d) for name, d in zip(free, step, strict=True)}
         q = with_mimics(tree, {**q, **moved})
         found = Solution(q, _residual(tree, loops, q))
-        if found.residual < best.residual:
-            best = found
-        elif best.closed or largest < CLOSED * RANK:
+        since = 0 if found.residual < best.residual * BETTER else since + 1
+        best = found if found.residual < best.residual else best
+        if since and (best.closed or since > PATIENCE or largest < CLOSED * RANK):
             break
     return best
 
@@ -165,9 +172,9 @@ def _descend(
 # --- what can move ------------------------------------------------------------------------------
 
 
-def free_motions(loops: Sequence[Loop], robot: Dynamics) -> Array:
+def free_motions(loops: Sequence[Loop], bodies: Mapping[str, Motion]) -> Array:
     """(nv, k): an orthonormal basis of the velocities that keep all loops closed."""
-    jacobian = constraint_jacobian(loops, robot)
+    jacobian = constraint_jacobian(loops, bodies)
     _, sizes, rows = np.linalg.svd(jacobian, full_matrices=True)
     rank = int((sizes > RANK * max(float(sizes.max(initial=0.0)), 1.0)).sum())
     basis: Array = rows[rank:].T
@@ -185,15 +192,15 @@ def locked_joints(
     if not locked:
         return ()
     names = [joint.name for joint in tree.moving_joints if joint.mimic is None]
-    robot = dynamics(tree, q, {})
-    for motion in free_motions(loops, robot)[robot.free :].T:
+    moving = motions(tree, q)
+    for motion in free_motions(loops, moving.bodies)[moving.free :].T:
         size = float(np.abs(motion).max(initial=0.0))
         if size < STILL:
             continue
         moved = {
             name: q[name] + 0.05 * float(d) / size for name, d in zip(names, motion, strict=True)
         }
-        found = close(tree, loops, {**q, **moved}, names)
+        found = close(tree, loops, {**q, **moved}, names, 1)
         if found.closed:
             locked = tuple(j for j in locked if j in _still(tree, loops, found.positions, locked))
     return locked
@@ -202,15 +209,15 @@ def locked_joints(
 def _still(
     tree: Tree, loops: Sequence[Loop], q: Mapping[str, float], joints: Collection[str]
 ) -> tuple[str, ...]:
-    robot = dynamics(tree, q, {})
-    motions = free_motions(loops, robot)
+    moving = motions(tree, q)
+    basis = free_motions(loops, moving.bodies)[moving.free :]
     held = {joint.name for loop in loops for joint in path_of(tree, loop)}
     return tuple(
         name
         for name in joints
         if name in held
-        and name in robot.joints
-        and float(np.linalg.norm(motions[robot.column(name)])) < STILL
+        and name in moving.joints
+        and float(np.linalg.norm(basis[moving.joints.index(name)])) < STILL
     )
 
 
@@ -220,9 +227,9 @@ def constrained_mass(loops: Sequence[Loop], robot: Dynamics, chosen: Sequence[in
     M = N^T M N with the free motions N scaled so that its rows of the chosen coordinates are the
     identity; the coordinates must be as many as the robot can move in.
     """
-    basis = free_motions(loops, robot)
-    motions = basis @ np.linalg.inv(basis[list(chosen)])
-    mass: Array = motions.T @ robot.mass @ motions
+    basis = free_motions(loops, robot.motions)
+    moved = basis @ np.linalg.inv(basis[list(chosen)])
+    mass: Array = moved.T @ robot.mass @ moved
     return mass
 
 
@@ -231,7 +238,7 @@ def coordinates(loops: Sequence[Loop], robot: Dynamics, first: Collection[str]) 
 
     Joints of `first`, the driven ones, are taken before all others as long as they are independent.
     """
-    basis = free_motions(loops, robot)
+    basis = free_motions(loops, robot.motions)
     order = [*range(robot.free)]
     order += [robot.column(name) for name in robot.joints if name in first]
     order += [column for column in range(len(basis)) if column not in set(order)]

@@ -81,26 +81,41 @@ def dynamics(
     base: X_world_root; None = where a fixed root is held, a floating one in the origin.
     Planar and floating joints inside the tree stand still.
     """
-    free = 6 if tree.base == "floating" else 0
-    leaders = [joint.name for joint in tree.moving_joints if joint.mimic is None]
-    gains = _coordinates(tree, leaders)
-    X_world_root = base or tree.X_world_root
-    motions = _motions(tree, with_mimics(tree, positions), X_world_root, free, gains)
+    moving = motions(tree, positions, base)
+    leaders, free = moving.joints, moving.free
     nv = free + len(leaders)
     mass, held = np.zeros((nv, nv)), np.zeros(nv)
     for body in tree.bodies:
         inertial = body.inertial
         if inertial is None:
             continue
-        motion = motions[body.name]
+        motion = moving.bodies[body.name]
         linear = motion.at(motion.pose.apply(inertial.com_m))
         turn = motion.pose.rotation
         tensor = turn @ matrix_of(inertial.inertia_com_kg_m2) @ turn.T
         mass += inertial.mass_kg * linear.T @ linear + motion.angular.T @ tensor @ motion.angular
         held -= inertial.mass_kg * np.asarray(gravity) @ linear
-    for name, gain in gains.items():
+    for name, gain in _coordinates(tree, leaders).items():
         mass += armature.get(name, 0.0) * np.outer(*[np.pad(gain, (free, 0))] * 2)
-    return Dynamics(tuple(leaders), free, mass, held, motions)
+    return Dynamics(leaders, free, mass, held, moving.bodies)
+
+
+@dataclass(frozen=True)
+class Motions:
+    """How the bodies of a tree move. joints: names by column after the base's `free`; by body."""
+
+    joints: tuple[str, ...]
+    free: int
+    bodies: Mapping[str, Motion]
+
+
+def motions(tree: Tree, positions: Mapping[str, float], base: Pose | None = None) -> Motions:
+    """Jacobians of every body in one pose; the arguments are those of `dynamics`."""
+    free = 6 if tree.base == "floating" else 0
+    leaders = tuple(joint.name for joint in tree.moving_joints if joint.mimic is None)
+    gains = _coordinates(tree, leaders)
+    q, X_world_root = with_mimics(tree, positions), base or tree.X_world_root
+    return Motions(leaders, free, _motions(tree, q, X_world_root, free, gains))
 
 
 def _coordinates(tree: Tree, leaders: Sequence[str]) -> dict[str, Array]:

@@ -47,18 +47,13 @@ class LoopRow(Model):
 def resolve_loops(tree: Tree, rows: Sequence[LoopRow]) -> tuple[Loop, ...]:
     """The loops on the bodies that their links became part of.
 
-    Raises RowError for an unknown link, a name that is taken, and ends that nothing moves apart.
+    Raises RowError for an unknown link, a second loop of a name, and ends that nothing moves apart.
     """
     wrong, found = Gather(RowError), list[Loop]()
-    taken = {body.name for body in tree.bodies} | {frame.name for frame in tree.frames}
     for index, row in enumerate(rows):
         with wrong:
             if row.name in {loop.name for loop in found}:
                 message = f"loops[{index}]: a second loop is named `{row.name}`"
-                raise RowError(message, key=("loops", index, "name"), hint="choose another name")
-            if clash := taken & {f"{row.name}_a", f"{row.name}_b"}:
-                message = f"loops[{index}]: the robot has a link `{min(clash)}` already, which is "
-                message += "the name of a site of this loop"
                 raise RowError(message, key=("loops", index, "name"), hint="choose another name")
             a, b = _end(tree, index, "a", row.a), _end(tree, index, "b", row.b)
             loop = Loop(row.name, row.kind, a, b, row.solref, row.solimp)
@@ -82,6 +77,19 @@ def _end(tree: Tree, index: int, side: str, frame: LoopFrame) -> LoopEnd:
             hint=did_you_mean(frame.link, known),
         ) from None
     return LoopEnd(body, X_body_link @ Pose(frame.xyz, quat_of_rpy(*frame.rpy)))
+
+
+def site_names(tree: Tree, loops: Sequence[Loop]) -> dict[str, tuple[str, str]]:
+    """The names of the sites at both ends of each loop in MJCF, none of which a frame has."""
+    taken = {body.name for body in tree.bodies} | {frame.name for frame in tree.frames}
+    found = {}
+    for loop in loops:
+        tail = ""
+        while taken & {f"{loop.name}_a{tail}", f"{loop.name}_b{tail}"}:
+            tail += "_"
+        found[loop.name] = (f"{loop.name}_a{tail}", f"{loop.name}_b{tail}")
+        taken |= set(found[loop.name])
+    return found
 
 
 def path_of(tree: Tree, loop: Loop) -> tuple[Joint, ...]:

@@ -32,7 +32,7 @@ class Setting:
     contacts: False switches every collider off. rubbing: False takes joint friction and damping.
     limited: False takes the limits of effort and speed. drives: gains to write over the asset's
     own, by joint name; drive_type: of these, per unit of inertia where it is `acceleration`.
-    unhurried: joints whose limit of speed is taken.
+    unhurried: joints whose limit of speed is taken. loops: False opens every loop.
     """
 
     timestep: float
@@ -45,6 +45,7 @@ class Setting:
     limited: bool = True
     drives: Mapping[str, Actuator] | None = None
     unhurried: tuple[str, ...] = ()
+    loops: bool = True
     drive_type: Literal["force", "acceleration"] = "force"
 
 
@@ -185,6 +186,8 @@ def _change(prim: Usd.Prim, names: StageNames, setting: Setting) -> None:
         UsdPhysics.CollisionAPI(prim).CreateCollisionEnabledAttr(False)
     name = names.joints.get(str(prim.GetPath()))
     if name is None:
+        if not setting.loops and prim.IsA(UsdPhysics.Joint) and _closes_loop(prim):
+            prim.SetActive(False)
         return
     if not setting.rubbing:
         for attribute in prim.GetAttributes():

@@ -33,10 +33,10 @@ OPENS = Rule(
     "`usd.articulation.solver_position_iterations` for PhysX",
 )
 HANGS = Rule(
-    "loop.undriven",
+    "loop.rigid",
     "info",
-    "no drive can swing the loops, so they were tried under gravity alone",
-    "nothing, where the robot has no drives",
+    "the loops leave no joint a motion, so they were tried under gravity alone",
+    "nothing, where that is meant",
 )
 
 
@@ -58,23 +58,25 @@ class Trial:
 
 
 def trial(tree: Tree, control: Control, wish: LoopSwing) -> Trial:
-    """Independent driven joints swing about the initial pose, as wide as all loops stay closed.
+    """Independent joints swing about the initial pose, as wide as all loops stay closed.
 
-    A drive without a gain gets a servo; one that the others' motion decides lets go.
+    Driven joints do; where none of them is part of a loop, joints of loops too. A joint without a
+    gain gets a servo; a drive whose motion the others decide lets go.
     """
     home = with_mimics(tree, dict(initial_pose(tree, control).joints))
     armature = {row.joint: row.armature for row in control.actuators}
-    robot = dynamics(tree, home, armature)
-    driven = [a for a in control.actuators if a.model != "passive" and a.joint in robot.joints]
-    leading = _leading(control, robot, [row.joint for row in driven])
+    robot = dynamics(replace(tree, base="fixed"), home, armature)
+    driven = {a.joint for a in control.actuators if a.model != "passive"} & set(robot.joints)
+    chain = {joint.name for loop in control.loops for joint in path_of(tree, loop)}
+    chosen = coordinates(control.loops, robot, driven)
+    free = {name for name in robot.joints if robot.column(name) in chosen}
+    leading = free & (driven if driven & chain & free else driven | chain)
     felt = _felt_inertia(control, robot)
     servos, table = {}, {row.joint: row for row in control.actuators}
-    for row in driven:
-        servo = replace(_servo(row, felt[row.joint]), effort=None, velocity=None)
-        if row.joint not in leading:
-            servo = Actuator(row.joint, "pd")
-        servos[row.joint] = servo
-        table[row.joint] = replace(servo, velocity=row.velocity)
+    for name in (joint.name for joint in tree.moving_joints if joint.name in driven | leading):
+        row = table.get(name) or Actuator(name, "passive")
+        servos[name] = _servo(row, felt[name]) if name in leading else Actuator(name, "pd")
+        table[name] = replace(servos[name], velocity=row.velocity)
     made = sine_of(
         tree, replace(control, actuators=tuple(table.values())), home, wish.frequency, wish.seconds
     )
@@ -82,14 +84,9 @@ def trial(tree: Tree, control: Control, wish: LoopSwing) -> Trial:
     return Trial(replace(made, middle=home, swing=_closable(tree, control, home, swing)), servos)
 
 
-def _leading(control: Control, robot: Dynamics, driven: list[str]) -> set[str]:
-    chosen = set(coordinates(control.loops, robot, driven))
-    return {name for name in driven if robot.column(name) in chosen}
-
-
 def _felt_inertia(control: Control, robot: Dynamics) -> dict[str, float]:
     """What a torque at each joint accelerates while the loops stay closed, kg m2 or kg."""
-    basis = free_motions(control.loops, robot)
+    basis = free_motions(control.loops, robot.motions)
     compliance = basis @ np.linalg.pinv(basis.T @ robot.mass @ basis, hermitian=True) @ basis.T
     found = {}
     for name in robot.joints:
@@ -119,7 +116,7 @@ def _closable(
             {name: q + sign * share * swing.get(name, 0.0) for name, q in home.items()}
             for sign in (-1.0, 1.0)
         ]
-        if all(close(tree, control.loops, end, free).closed for end in ends):
+        if all(close(tree, control.loops, end, free, 1).closed for end in ends):
             break
         share /= 2.0
     return {name: share * width for name, width in swing.items()}
@@ -156,7 +153,7 @@ def judge(
 ) -> Iterator[Finding]:
     """engine: its name in sentences."""
     if not any(asked.sine.swing.values()):
-        yield HANGS("robot", f"no drive swings the loops: in {engine} gravity alone moved them")
+        yield HANGS("robot", f"no joint of the loops can swing: in {engine} gravity alone pulled")
     for name, size in worst.items():
         if not size <= wish.gap:
             told = f"opened by {size:.3g} m or rad" if math.isfinite(size) else "went to infinity"

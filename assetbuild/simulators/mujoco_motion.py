@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +26,12 @@ HARD = 0.9999
 """Impedance of hard constraints: a ten thousandth of what loads them moves them."""
 
 
-def held_model(path: Path) -> Model:
+def held_model(path: Path, driven: Collection[str] = ()) -> Model:
     """The robot of an MJCF file with its floating base bolted to the origin; no keyframes.
 
     The joint goes: a huge inertia on it instead would cost the constraints of light fingers the
-    solver's digits.
+    solver's digits. driven: joints that get a drive where they have none, for `drive_as`; then
+    nothing else of the file pulls.
     """
     import mujoco
 
@@ -43,10 +44,31 @@ def held_model(path: Path) -> Model:
         still, moving = _held_together(joint.parent, joint)
         for one, other in itertools.product(still, moving):
             spec.add_exclude(bodyname1=one.name, bodyname2=other.name)
-    for gone in (*free, *spec.keys):
+    other = [a for a in spec.actuators if driven and not _drives(a, driven)]
+    for gone in (*free, *spec.keys, *(_watching(spec, other)), *other):
         spec.delete(gone)
+    for joint in driven:
+        if not any(_drives(actuator, (joint,)) for actuator in spec.actuators):
+            made = spec.add_actuator(name=f"{joint} servo", target=joint)
+            made.trntype = mujoco.mjtTrn.mjTRN_JOINT
     with caught_warnings():
         return spec.compile()
+
+
+def _drives(actuator: Any, joints: Collection[str]) -> bool:  # Any: mujoco.MjsActuator
+    import mujoco
+
+    is_joint = actuator.trntype == mujoco.mjtTrn.mjTRN_JOINT
+    return is_joint and str(actuator.target) in joints
+
+
+def _watching(spec: Any, actuators: list[Any]) -> list[Any]:
+    """Sensors of actuators. Any: mujoco.MjSpec, its actuators and sensors."""
+    import mujoco
+
+    names = {actuator.name for actuator in actuators}
+    kind = mujoco.mjtObj.mjOBJ_ACTUATOR
+    return [s for s in spec.sensors if s.objtype == kind and s.objname in names]
 
 
 def _held_together(body: Any, free: Any) -> tuple[list[Any], list[Any]]:

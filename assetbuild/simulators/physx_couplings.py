@@ -85,7 +85,7 @@ def experiments(tree: Tree, control: Control) -> tuple[physx.Experiment, ...]:
     start = with_mimics(tree, {**dict(initial_pose(tree, control).joints), **middle})
     setting = physx.Setting(
         STEP_S, (0.0, 0.0, 0.0), contacts=False, rubbing=False, limited=False, drives=drives,
-        drive_type="acceleration",
+        drive_type="acceleration", loops=False,
     )  # fmt: skip
     sine = Sine(middle, swing, FREQUENCY_HZ, STEPS * STEP_S)
     return (physx.Experiment(NAME, setting, STEPS, every=5, start=start, sine=sine),)

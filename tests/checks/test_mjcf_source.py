@@ -61,7 +61,7 @@ def test_triangles_without_area_are_no_difference(tmp_path: Path):
 
 
 def test_triangles_with_two_corners_in_one_point_are_no_difference(tmp_path: Path):
-    flat = TET + "v 0 0 0\nf 1 5 2\n"
+    flat = TET + "v 0 0 0\nv 0 2 1e-8\nf 1 5 2\nf 3 6 4\n"
     reading = read(FLOATING, tmp_path / "read", tet_obj=flat)
     assert compared(write(reading, tmp_path / "out")) == []
 

@@ -81,21 +81,29 @@ def test_commands_of_joints_that_the_recipe_moves_are_left_out(tmp_path: Path):
 
 
 @pytest.mark.parametrize("loop", ['<weld body1="b"/>', '<connect body1="b" anchor="0 0 0"/>'])
-def test_a_part_that_is_held_to_the_world_is_refused(tmp_path: Path, loop: str):
-    text = HEAD + '<body name="a"><geom size=".1"/><body name="b"><joint name="j"/>'
+def test_a_floating_part_that_is_held_to_the_world_is_refused(tmp_path: Path, loop: str):
+    text = HEAD + '<body name="a"><freejoint/><geom size=".1"/><body name="b"><joint name="j"/>'
     text += f'<geom size=".1"/></body></body></worldbody><equality>{loop}</equality></mujoco>'
     with pytest.raises(RecipeError, match="to the world") as caught:
         part(read(text, tmp_path)).prefixed()
     assert caught.value.hint
 
 
+def test_what_is_held_to_the_world_of_a_fixed_part_is_held_to_its_root(tmp_path: Path):
+    text = HEAD + '<body name="a" pos="0 0 1"><geom size=".1"/><body name="b"><joint name="j"/>'
+    text += '<geom size=".1"/></body></body></worldbody><equality>'
+    text += '<connect name="pin" body1="b" anchor=".1 0 0"/></equality></mujoco>'
+    (loop,) = part(read(text, tmp_path)).prefixed().control.loops
+    assert (loop.name, loop.a.body, loop.b.body) == ("p_pin", "p_b", "p_a")
+    assert loop.b.X_body_end.xyz == pytest.approx((0.1, 0.0, 0.0))
+
+
 def test_where_the_world_is_the_root_it_is_the_root_of_the_part(tmp_path: Path):
     text = HEAD + '<body name="b"><joint name="j"/><geom size=".1"/></body></worldbody>'
     text += '<equality><weld name="w" body1="b"/></equality></mujoco>'
     made = part(read(text, tmp_path)).prefixed()
-    (weld,) = [i for i in made.control.mjcf_only if i.place == "equality"]
-    said = parsed(weld)
-    assert (said.get("body1"), said.get("body2")) == ("p_b", "p_world")
+    (weld,) = made.control.loops
+    assert (weld.kind, weld.a.body, weld.b.body) == ("weld", "p_b", "p_world")
 
 
 def test_options_that_are_not_taken_are_named(tmp_path: Path):

@@ -7,6 +7,7 @@
 - A camera that looks at such a body looks ahead.
 - A site with the name of a body is called `<site>_site`; a body `world` has MuJoCo's name.
 - Bodies that a joint connects are excluded.
+- A loop holds two sites, `<loop>_a` and `<loop>_b`, whatever the source holds together.
 """
 
 from __future__ import annotations
@@ -163,6 +164,9 @@ def _move(facts: Subjects, model: Model, tree: Tree, *, merges: bool) -> None:
         if parent:
             own |= {"parent": into[parent], "pose": pose_value(X_parent_body @ anchor)}
     for (kind, _), own in facts.items():
+        if kind == "loop":
+            _move_loop(own, into, X_new_old, facts["robot", ""].get("base pose"), tree.root)
+            continue
         if "mjcf:weld pose" in own:
             first, second = (X_new_old[str(own[f"body{side}"])] for side in (1, 2))
             X = first @ _pose(own["mjcf:weld pose"]) @ second.inverse()
@@ -193,6 +197,23 @@ def _join_pairs(facts: Subjects, into: Mapping[str, str], solid: set[str]) -> No
         pairs = product(parts[first], parts[second])
         if all(pair_name(*pair) in apart for pair in pairs):
             facts["pair", pair_name(first, second)] = {"filtered": True}
+
+
+def _move_loop(
+    own: dict[str, Value],
+    into: Mapping[str, str],
+    X_new_old: Mapping[str, Pose],
+    base: Value,
+    root: str,
+) -> None:
+    """What is held to the world of a fixed robot is held to its root. base: X_world_root."""
+    for side in "ab":
+        body = str(own[f"body {side}"])
+        X = X_new_old[body] @ _pose(own[f"end {side}"])
+        if not body and base and root in into:
+            body, X = root, X_new_old[root] @ _pose(base).inverse() @ X
+        own[f"body {side}"] = into[body]
+        own[f"end {side}"] = pose_value(X if own["type"] == "weld" else Pose(X.xyz))
 
 
 def _moved(own: Mapping[str, Value], X: Pose, side: str = "") -> dict[str, Value]:
@@ -315,6 +336,9 @@ def _is_added(kind: str, name: str, ours: Subjects, stated: frozenset[str]) -> b
         bodies = set(pair_of(name))
         above = {str(ours["body", body]["parent"]) for body in bodies}
         return bool(above & bodies) or "exclude" in stated
+    loops = {loop for other, loop in ours if other == "loop"}
+    if kind == "frame" and name.rstrip("_")[-2:] in ("_a", "_b"):  # a site at the end of a loop
+        return name.rstrip("_")[:-2] in loops
     return kind in ("sensor", "frame", "camera") and "senses" in stated
 
 

@@ -179,7 +179,10 @@ def _couplings(model: Model, facts: Subjects) -> None:
     for first, second in _apart(model):
         facts["pair", pair_name(first, second)] = {"filtered": True}
     for index in range(model.neq):
-        own = facts.get(("equality", name_of(model, "eq", index)), {})
+        name = name_of(model, "eq", index)
+        if ("loop", name) in facts:
+            continue
+        own = facts.get(("equality", name), {})
         kind, connects = int(model.eq_objtype[index]), mujoco.mjtEq.mjEQ_CONNECT
         welds = mujoco.mjtEq.mjEQ_WELD
         if own and kind == mujoco.mjtObj.mjOBJ_SITE:

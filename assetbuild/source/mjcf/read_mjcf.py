@@ -67,6 +67,7 @@ class ReadMjcf(Step):
             simulation=sections.simulation,
             sensors=tuple(sections.sensors),
             cameras=tuple(details.cameras),
+            loops=tuple(sections.loops),
             mjcf_only=(
                 *details.mjcf_only, *geoms.mjcf_only, *sections.mjcf_only, *drives.mjcf_only
             ),

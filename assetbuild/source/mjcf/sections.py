@@ -10,6 +10,8 @@ from assetbuild.findings import Data, Finding, Rule
 from assetbuild.robot.model import (
     Joint,
     Keyframe,
+    Loop,
+    LoopEnd,
     Mimic,
     MjcfOnly,
     Place,
@@ -43,6 +45,14 @@ ORDER = Rule(
 )
 
 
+TETHER = Rule(
+    "mjcf.tether",
+    "warning",
+    "a `connect` or `weld` holds a floating robot to the world, in the MJCF only",
+    "remove it from the source, or write `base: fixed`",
+)
+
+
 @dataclass
 class Sections:
     """What stands after the bodies. joints: those of the robot, with their mimics."""
@@ -54,6 +64,7 @@ class Sections:
     excludes: list[tuple[str, str]] = field(default_factory=list)
     simulation: Simulation = field(default_factory=Simulation)
     mjcf_only: list[MjcfOnly] = field(default_factory=list)
+    loops: list[Loop] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
 
 
@@ -63,6 +74,10 @@ _PLACES: Mapping[str, _Kind] = {
     "body": "body", "geom": "shape", "camera": "camera", "xbody": "frame",
 }  # fmt: skip
 ORIGIN: Vec3 = (0.0, 0.0, 0.0)
+LOOP_WORDS = keys(
+    "name class body1 body2 site1 site2 anchor relpose solref solimp torquescale active"
+)
+"""Attributes of a `connect` or `weld` that a loop of the robot holds."""
 _SAID = keys("name cutoff noise objtype objname reftype refname")
 
 
@@ -122,8 +137,10 @@ class _Reader:
     # --- equalities and tendons ---------------------------------------------------------------
 
     def equality(self, element: _Element, said: dict[str, str]) -> None:
-        """A coupled joint may be a mimic; the frames of bodies may have moved."""
+        """A coupled joint may be a mimic, and two bodies a loop; frames may have moved."""
         if element.tag == "joint" and self._mimic(element, said):
+            return
+        if element.tag in ("connect", "weld") and self._loop(element, said):
             return
         if element.tag == "connect" and "anchor" in said:
             x, y, z = (float(word) for word in said["anchor"].split())
@@ -148,6 +165,56 @@ class _Reader:
         more["name"] = str(element.get("name"))
         self.found.mjcf_only.append(MjcfOnly("mimic", element_text("joint", more), follower))
         return True
+
+    def _loop(self, element: _Element, said: Mapping[str, str]) -> bool:
+        """Two bodies that are held together; False of one that is switched off, and of a tether."""
+        links, model, name = self.links, self.model, str(element.get("name"))
+        index = links.source.id_of("equality", name)
+        if not bool(model.eq_active0[index]) or leftover(said, LOOP_WORDS):
+            return False
+        ends = [self._loop_end(index, side) for side in (0, 1)]
+        if None in ends:
+            self.found.findings.append(_tether(element))
+            return False
+        a, b = (end for end in ends if end is not None)
+        data = model.eq_data[index]
+        kind: Literal["connect", "weld"] = "weld" if element.tag == "weld" else "connect"
+        self.found.loops.append(
+            Loop(
+                name,
+                kind,
+                a,
+                b,
+                tuple(float(v) for v in model.eq_solref[index]),
+                tuple(float(v) for v in model.eq_solimp[index]),
+                float(data[10]) if kind == "weld" else 1.0,
+            )
+        )
+        return True
+
+    def _loop_end(self, index: int, side: int) -> LoopEnd | None:
+        """What MuJoCo holds: a site, or a point or frame of a body; None in a floating one's world.
+
+        Of a weld the first body carries the relative pose, the second the anchor.
+        """
+        import mujoco
+
+        links, model = self.links, self.model
+        at = int((model.eq_obj1id, model.eq_obj2id)[side][index])
+        data, turn = model.eq_data[index], (1.0, 0.0, 0.0, 0.0)
+        if int(model.eq_objtype[index]) == mujoco.mjtObj.mjOBJ_SITE:
+            X, body = pose_at(model.site_pos[at], model.site_quat[at]), int(model.site_bodyid[at])
+        elif int(model.eq_type[index]) == mujoco.mjtEq.mjEQ_WELD:
+            place, turn = (data[:3], turn) if side else (data[3:6], data[6:10])
+            X, body = pose_at(place, turn), at
+        else:
+            X, body = pose_at(data[3 * side : 3 * side + 3], turn), at
+        name = str(model.body(body).name)
+        if body == 0 and WORLD not in links.shift:
+            if links.base == "floating":
+                return None
+            return LoopEnd(links.root, links.mount.inverse() @ X)
+        return LoopEnd(name, links.in_link(name, X))
 
     def _weld(self, element: _Element, said: dict[str, str]) -> None:
         """State the relative pose of bodies whose frames have moved, as compiled."""
@@ -264,6 +331,16 @@ def _follows(joints: Mapping[str, Joint], name: str, leader: str) -> bool:
         if name == leader:
             return True
     return False
+
+
+def _tether(element: _Element) -> Finding:
+    return TETHER(
+        "robot",
+        f"<{element.tag}> `{element.get('name')}` holds the floating robot to the world "
+        f"({where_of(element)}): in the MJCF only, every other format lets it go",
+        "remove it, or write `base: fixed`",
+        data={"name": str(element.get("name"))},
+    )
 
 
 def _plain_tendon(element: _Element) -> Finding:

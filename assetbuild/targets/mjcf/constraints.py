@@ -27,10 +27,13 @@ def contact_section(
     return element("contact", None, pairs)
 
 
-def equality_section(joints: Iterable[Joint], loops: Iterable[Loop]) -> Element:
+def equality_section(
+    joints: Iterable[Joint], loops: Iterable[Loop], sites: Mapping[str, tuple[str, str]]
+) -> Element:
     """Mimic joints: q = offset + multiplier * q(leader). Locked ones: q = a constant.
 
     Loops hold two sites together: of two bodies and one anchor MuJoCo holds what meets at qpos0.
+    sites: names by that of the loop.
     """
     held: list[Element] = []
     for joint in joints:
@@ -50,8 +53,8 @@ def equality_section(joints: Iterable[Joint], loops: Iterable[Loop]) -> Element:
         is_weld = loop.kind == "weld"
         attributes = {
             "name": loop.name,
-            "site1": f"{loop.name}_a",
-            "site2": f"{loop.name}_b",
+            "site1": sites[loop.name][0],
+            "site2": sites[loop.name][1],
             "torquescale": number(loop.torque_scale) if is_weld else None,
             "solref": numbers(loop.solref),
             "solimp": numbers(loop.solimp),

@@ -12,6 +12,7 @@ from xml.etree.ElementTree import Element
 from pydantic import BaseModel
 
 from assetbuild.errors import StepError
+from assetbuild.robot.loops import site_names
 from assetbuild.robot.model import Control, Inertial, Joint, Keyframe, Tree
 from assetbuild.robot.pose import IDENTITY, Pose, quat_between, rotation_of, vec3
 from assetbuild.robot.shapes import Mesh, Shapes
@@ -78,6 +79,7 @@ class RobotXml:
         self.robot, self.solver, self.max_vertices = robot, solver, max_vertices
         self.body_sites = tuple(dict.fromkeys((*extra_sites(tree, control), *sites)))
         self.tree, self.shapes, self.control = tree, shapes, control
+        self.loop_sites = site_names(tree, control.loops)
         above = tree.joint_above
         carried = [above[body.name] for body in tree.bodies if body.name in above]
         # Bodies and joints in the order in which MuJoCo numbers them.
@@ -109,7 +111,7 @@ class RobotXml:
             self.asset(),
             self.worldbody(),
             contact_section(self.tree, self.shapes, self.control, self.seats, self.body_names),
-            equality_section(self.joints, self.control.loops),
+            equality_section(self.joints, self.control.loops, self.loop_sites),
             self.actuator(),
             sensor_section(self.control, self.body_names, self.drive_names),
             *([] if bare else [self.keyframe()]),
@@ -241,9 +243,9 @@ class RobotXml:
                 yield self.tree.placement(shape.link)[0], self.geoms.geom(shape)
         yield from site_elements(self.tree, self.body_sites, self.body_names)
         for loop in self.control.loops:
-            for side, end in zip("ab", loop.ends, strict=True):
+            for site, end in zip(self.loop_sites[loop.name], loop.ends, strict=True):
                 place = pose_attributes(end.X_body_end)
-                yield end.body, element("site", {"name": f"{loop.name}_{side}", **place})
+                yield end.body, element("site", {"name": site, **place})
 
     def _body_attributes(self, name: str) -> dict[str, str | None]:
         is_root = name == self.tree.root

@@ -1,0 +1,159 @@
+"""Loops that the names or places of a URDF's frames show, and which of their joints are driven.
+
+Exporters that cut a loop leave a frame on both sides of the cut: `closedloop1_A` and `_B`,
+`closing_knee_1` and `_2`, `constraint_A`.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from assetbuild.init.drives import DriveRow
+from assetbuild.init.look import InspectedRobot
+from assetbuild.init.words import inline, plain, quoted, some
+from assetbuild.robot.closure import close, coordinates, locked_joints
+from assetbuild.robot.dynamics import dynamics
+from assetbuild.robot.loops import LoopRow, path_of, resolve_loops
+from assetbuild.robot.model import Loop, LoopEnd, Tree
+from assetbuild.robot.motors import RowError
+from assetbuild.robot.tree import forward_kinematics
+
+LOOP = re.compile(r"clos|loop|constraint|fermeture", re.IGNORECASE)
+MOTOR = re.compile(r"mot|act|driv|crank|servo", re.IGNORECASE)
+SIDES = (("A", "B"), ("a", "b"), ("1", "2"))
+COINCIDENT_M = 1e-6
+
+
+@dataclass(frozen=True)
+class FoundLoops:
+    """What is proposed. rows: of the recipe; passive: joints that the loops move.
+
+    chain: all joints of the loops; remarks: what else looks like a loop, for comments.
+    """
+
+    rows: tuple[LoopRow, ...] = ()
+    passive: frozenset[str] = frozenset()
+    chain: frozenset[str] = frozenset()
+    remarks: tuple[str, ...] = ()
+
+    def drives(self, rows: tuple[DriveRow, ...]) -> tuple[DriveRow, ...]:
+        """The drives of all other joints, and one row for those that the loops move."""
+        kept = [
+            replace(r, joints=tuple(j for j in r.joints if j not in self.passive)) for r in rows
+        ]
+        moved = tuple(j for row in rows for j in row.joints if j in self.passive)
+        own = DriveRow(moved, None, None, "rad", 0.0, role="loop")
+        return (*(row for row in kept if row.joints), *((own,) if moved else ()))
+
+    def pose(self, pose: Mapping[str, float]) -> dict[str, float]:
+        """The pose without joints of loops, which a build moves until these close."""
+        return {name: value for name, value in pose.items() if name not in self.chain}
+
+    def text(self) -> Iterator[str]:
+        """The section `loops:`."""
+        if self.rows:
+            yield "loops:   # by the names of the frames; joints of loops without a drive follow"
+        for row in self.rows:
+            a, b = quoted(row.a.link), quoted(row.b.link)
+            head = f"  - {{name: {quoted(row.name)}, kind: {row.kind}"
+            yield f"{head}, a: {{link: {a}}}, b: {{link: {b}}}}}"
+        yield from (f"# {plain(remark, 300)}" for remark in self.remarks)
+
+
+NO_LOOPS = FoundLoops()
+
+
+def find_loops(robot: InspectedRobot) -> FoundLoops:
+    """Pairs of frames that are named as the two sides of a cut and can meet; all others said."""
+    tree, rows, remarks = robot.tree, list[LoopRow](), list[str]()
+    for stem, one, other in _pairs(robot.links):
+        row, why = _row(tree, stem, one, other)
+        if row is not None:
+            rows.append(row)
+        else:
+            remarks.append(f"`{one}` and `{other}` are named as the ends of a loop, but {why}")
+    if not rows:
+        return FoundLoops(remarks=(*remarks, *_coincident(robot)))
+    loops = resolve_loops(tree, rows)
+    chain = {joint.name for loop in loops for joint in path_of(tree, loop)}
+    found = close(tree, loops, {}, chain)
+    if not found.closed:
+        names = some([row.name for row in rows])
+        remark = f"loops {names} each close, together they stay open by {found.residual:.3g} m"
+        return FoundLoops(remarks=(*remarks, remark))
+    motors = {name for name in chain if MOTOR.search(name)}
+    robot_now = dynamics(tree, found.positions, {})
+    chosen = coordinates(loops, robot_now, motors)
+    free = {name for name in chain & set(robot_now.joints) if robot_now.column(name) in chosen}
+    driven = (free & motors) or free
+    led = {joint.name for joint in tree.moving_joints if joint.mimic is not None}
+    return FoundLoops(
+        tuple(rows), frozenset(chain - driven - led), frozenset(chain), tuple(remarks)
+    )
+
+
+def _pairs(links: Tree) -> Iterator[tuple[str, str, str]]:
+    """(name of the loop, link, link) of two links whose names differ in the side alone."""
+    names = {body.name for body in links.bodies if LOOP.search(body.name)}
+    taken: set[str] = set()
+    for first, second in SIDES:
+        for name in sorted(names):
+            for at in [m.start() for m in re.finditer(re.escape(first), name)]:
+                if not _stands_alone(name, at, first):
+                    continue
+                other = name[:at] + second + name[at + 1 :]
+                if other in names and not {name, other} & taken:
+                    taken |= {name, other}
+                    stem = (name[:at].rstrip("_-") + name[at + 1 :]).strip("_-")
+                    yield re.sub(r"[^A-Za-z0-9_.-]", "_", stem), name, other
+
+
+def _stands_alone(name: str, at: int, side: str) -> bool:
+    """A side is a letter or digit of its own: `_A`, `1A`, `_2`, not one of a word or number."""
+    before, after = name[at - 1 : at], name[at + 1 : at + 2]
+    if side.isdigit():
+        return before in ("_", "-") and not after
+    return not before.isalpha() and not after.isalnum()
+
+
+def _row(tree: Tree, stem: str, one: str, other: str) -> tuple[LoopRow | None, str]:
+    """A weld where that leaves every joint of the loop a motion, else a connect; or why not."""
+    why = ""
+    for kind in ("weld", "connect"):
+        said = {"name": stem, "kind": kind, "a": {"link": one}, "b": {"link": other}}
+        row = LoopRow.model_validate(said)
+        try:
+            loops = resolve_loops(tree, (row,))
+        except RowError:
+            return None, "no joint moves between them"
+        chain = [joint.name for joint in path_of(tree, loops[0])]
+        found = close(tree, loops, {}, chain)
+        if not found.closed:
+            why = f"they come no nearer than {found.residual:.3g} m"
+        elif kind == "connect" or not locked_joints(tree, loops, found.positions, chain):
+            return row, ""
+    return None, why
+
+
+def _coincident(robot: InspectedRobot) -> Iterator[str]:
+    """Empty leaf links of different bodies in one place at 0, as touching fingertips are too."""
+    tree, links = robot.tree, robot.links
+    drawn = {shape.link for shape in robot.shapes.shapes}
+    parents = {joint.parent for joint in links.joints}
+    poses = forward_kinematics(tree, {})
+    ends = []
+    for body in links.bodies:
+        if body.is_massless and body.name not in parents | drawn and body.name != links.root:
+            base, X = tree.placement(body.name)
+            ends.append((body.name, base, poses[base] @ X))
+    for (one, first, X_a), (other, second, X_b) in itertools.combinations(ends, 2):
+        apart = (X_a.inverse() @ X_b).xyz
+        if first != second and max(map(abs, apart)) < COINCIDENT_M:
+            a, b = (LoopEnd(*tree.placement(name)) for name in (one, other))
+            ends_of = Loop("", "connect", a, b)
+            if len(path_of(tree, ends_of)) > 2:
+                entry = inline([{"name": one, "a": {"link": one}, "b": {"link": other}}])
+                yield f"`{one}` and `{other}` coincide: if they close a loop, `loops: {entry}`"
