@@ -52,7 +52,9 @@ class SetLimits(Edit):
         kind, old, new = joint.kind, joint.limits, replace(joint.limits, **given)
         if self.unlimited:
             if kind == "prismatic":
-                raise RecipeError(f"set_limits: joint `{joint.name}` slides: it cannot be unlimited")
+                raise RecipeError(
+                    f"set_limits: joint `{joint.name}` slides: it cannot be unlimited"
+                )
             kind, new = "continuous", replace(new, lower=None, upper=None)
         if new.lower is not None and new.upper is not None and new.lower >= new.upper:
             raise RecipeError(
