@@ -94,6 +94,16 @@ def test_the_inertia_of_a_turned_mesh_is_tried_as_it_is_turned(tmp_path: Path):
     assert rod_inertia.com_m == pytest.approx((0.0, 0.0, 0.5))
 
 
+def test_a_drawer_of_flat_boards_weighs_more_than_a_screw(tmp_path: Path):
+    """Boards of 0.5 x 0.4 m and 0.5 x 0.2 m: the box around them has 40 litres."""
+    for name, edge in (("bottom", (0.0, 0.4, 0.0)), ("side", (0.0, 0.0, 0.2))):
+        corners = [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.5, *edge[1:]), edge]
+        trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]]).export(tmp_path / f"{name}.stl")
+    boards = shape("visual", mesh("bottom.stl")) + shape("visual", mesh("side.stl"))
+    (edit,) = edits_for(chain(boards), tmp_path)
+    assert edit["set_inertia"]["mass"] == 4.0
+
+
 def test_a_point_mass_is_computed_from_the_shapes(tmp_path: Path):
     point = inertial(1.5, tensor(1e-18, 1e-18, 1e-18)) + shape("visual", box())
     (edit,) = edits_for(chain(point), tmp_path)
