@@ -25,8 +25,6 @@ GUESSED_DENSITY = 1000
 """kg/m3, of links without a mass: water's, and that of many a printed or hollow part."""
 GUESSED_MASS = 0.01
 """kg, of a moving link that has neither a mass nor a shape."""
-HALF_TURN = 3.14
-"""rad, of a joint that states no range."""
 DUMMY_DENSITY = 1e6
 """kg/m3: fifty times the densest matter. Below, a small inertia is odd but can be simulated."""
 
@@ -186,19 +184,20 @@ def _shares(robot: InspectedRobot) -> Iterator[Repair]:
 
 
 def _limits(robot: InspectedRobot) -> Iterator[Repair]:
-    turn = {"lower": -HALF_TURN, "upper": HALF_TURN}
+    free = {"unlimited": True}
     for finding in robot.source_findings:
         if finding.rule == LIMIT_OMITTED.id and _has_no_range(robot, finding):
             why = (
-                "a guess, half a turn each way: without a range urdfdom locks it at 0, and MuJoCo, "
-                "PyBullet and Isaac Sim let it turn"
+                "without a range urdfdom locks it at 0; MuJoCo, PyBullet and Isaac Sim let it "
+                "turn: put `lower` and `upper` here when you know them"
             )
-            yield Repair(_subject(finding), "set_limits", turn, why, "<limit> states no range")
+            yield Repair(_subject(finding), "set_limits", free, why, "<limit> states no range")
     for name in _zeros(robot.links):
         why = (
-            "a guess, half a turn each way: zeros are what exporters write where nobody states any"
+            "exporters write zeros where nobody states limits, and MuJoCo lets it turn: put "
+            "`lower` and `upper` here when you know them"
         )
-        yield Repair(name, "set_limits", turn, why, "all limits of all joints are 0")
+        yield Repair(name, "set_limits", free, why, "all limits of all joints are 0")
     for finding in robot.link_findings:
         name = _subject(finding)
         if finding.rule == "joint.limits":

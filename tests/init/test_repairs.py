@@ -60,20 +60,20 @@ def test_a_broken_tensor_is_computed_from_the_shapes(tmp_path: Path):
     ]  # fmt: skip
 
 
-def test_a_hinge_without_a_range_turns_half_way_each_way(tmp_path: Path):
+def test_a_hinge_without_a_range_turns_without_end(tmp_path: Path):
     """urdfdom locks it at 0; one whose range is 0 by its own words stays locked."""
     free, held = '<limit effort="9" velocity="3"/>', '<limit lower="0" upper="0" effort="9"/>'
     assert edits_for(chain(inertial(1.0), limits=free), tmp_path) == [
-        {"set_limits": {"joint": "joint0", "lower": -3.14, "upper": 3.14}}
+        {"set_limits": {"joint": "joint0", "unlimited": True}}
     ]
     assert "Equal limits" not in (tmp_path / "bot.yaml").read_text()
     assert edits_for(chain(inertial(1.0), limits=held), tmp_path) == []
 
 
-def test_a_robot_whose_limits_are_all_zero_turns_half_way_each_way(tmp_path: Path):
+def test_hinges_whose_limits_are_all_zero_turn_without_end(tmp_path: Path):
     zeros = '<limit lower="0" upper="0" effort="0" velocity="0"/>'
     assert edits_for(chain(inertial(1.0), inertial(1.0), limits=zeros), tmp_path) == [
-        {"set_limits": {"joint": ".*", "lower": -3.14, "upper": 3.14}}
+        {"set_limits": {"joint": ".*", "unlimited": True}}
     ]
 
 
