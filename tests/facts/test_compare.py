@@ -49,7 +49,7 @@ def test_an_area_off_by_a_thousandth_is_found(tolerances: Mapping[Comparison, fl
 def test_a_part_drawn_far_from_the_origin_of_its_file_is_the_same_in_float32() -> None:
     """A cap of 0.3 mm, 0.37 m from the origin of its file and 0.3 mm from that of its body."""
     rng = np.random.default_rng(4)
-    corners = rng.uniform(-1.5e-4, 1.5e-4, (40, 3, 3)) + (0.3, 0.2, 0.1)
+    corners = rng.uniform(-1.5e-4, 1.5e-4, (40, 3, 3)) + np.array((0.3, 0.2, 0.1))
     back = Pose((-0.3003, -0.2, -0.1))
     exact, rounded = (
         measure(points).moved(back)
