@@ -149,17 +149,17 @@ def mjcf_text(found: MjcfSource, path: Path) -> Recipe:
     idle = not _driven(control) and robot.tree.moving_joints
     tuning = _tuned(found, anatomy) if idle else None
     unmended = tuning.unmended if tuning else ()
-    lost = lost_in_usd(control.mjcf_only)
+    lost, springs = lost_in_usd(control.mjcf_only), no_drives(control)
     text = written(
         head(robot, anatomy, path, unmended),
         source_section(found.root, path, "mjcf", found.file, *_chosen(found.bodies)),
         _taken(found),
-        repairs_text(robot, repairs(robot, found.root)),
+        repairs_text(robot, repairs(robot, found.root, usd=not (lost or springs))),
         _merging(found),
         _collision(robot),
         _drives(found, tuning),
         () if control.keyframes else home(robot, anatomy, _pose(found, anatomy, tuning)),
-        [targets(found.built, no_drives(control), lost), *_validate(found, anatomy)],
+        [targets(found.built, springs, lost), *_validate(found, anatomy)],
     )
     return Recipe(text, unmended)
 

@@ -26,7 +26,7 @@ import numpy as np
 STEPS, CLOSE = 200, 1e-6
 WIDTHS = {0: 7, 1: 4, 2: 1, 3: 1}
 """Positions of a joint by MuJoCo's number of its type: free, ball, slide, hinge."""
-CAUSES = ("mjcf.dropped", "mjcf.scenery", "mjcf.uneven", "equal.", "mjcf.inertia", "inertia.")
+CAUSES = ("mjcf.dropped", "mjcf.scenery", "mjcf.uneven", "equal.", "actuator.guessed")
 """Starts of the rules that name a cause of another motion."""
 Model = Any  # mujoco.MjModel, whose extension module has no types
 
