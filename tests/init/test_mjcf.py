@@ -184,3 +184,11 @@ def test_a_robot_without_a_usd_shares_no_mass(tmp_path: Path):
         text = out.read_text()
         assert ("share_mass" in text) == shares
         assert ("targets: [urdf, mjcf, usd]" in text) == shares
+
+
+def test_springs_beside_guessed_drives_are_not_proposed_as_usd(tmp_path: Path):
+    arm = '<body name="a"><joint name="j" axis="0 1 0" stiffness="3" range="-1 1"/>'
+    base = f'<body name="b"><geom size=".1"/>{arm}<geom size=".1"/></body></body>'
+    targets, text = proposed(tmp_path, base)
+    assert "actuators:" in text
+    assert targets == ("urdf", "mjcf")
